@@ -1,0 +1,60 @@
+#include "base/memory.h"
+
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *not_null(void *p)
+{
+    if (!p) {
+        fputs("hexad: out of memory\n", stderr);
+        abort();
+    }
+    return p;
+}
+
+void *mem_alloc(size_t bytes)
+{
+    return not_null(calloc(1, bytes ? bytes : 1));
+}
+
+void *mem_resize(void *old, size_t bytes)
+{
+    return not_null(realloc(old, bytes ? bytes : 1));
+}
+
+char *mem_strdup(const char *text)
+{
+    return not_null(strdup(text));
+}
+
+char *mem_strndup(const char *text, size_t length)
+{
+    return not_null(strndup(text, length));
+}
+
+char *mem_printf(const char *format, ...)
+{
+    char *text = NULL;
+    va_list arguments;
+    va_start(arguments, format);
+    int length = vasprintf(&text, format, arguments);
+    va_end(arguments);
+    return not_null(length < 0 ? NULL : text);
+}
+
+void *mem_array(size_t count, size_t size, const char *what, error *e)
+{
+    size_t bytes;
+    if (!__builtin_mul_overflow(count, size, &bytes) && bytes <= SIZE_MAX - 128) {
+        bytes = (bytes + 64) & ~(size_t)63;
+        void *p = aligned_alloc(64, bytes);
+        if (p) return memset(p, 0, bytes);
+    }
+    error_set(e, ERROR_LIMIT_MEMORY,
+              "no memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask for fewer points",
+              what, count, size);
+    return NULL;
+}

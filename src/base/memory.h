@@ -1,0 +1,25 @@
+/* memory: allocation in two kinds.
+ *
+ * mem_* are for small things (text, JSON nodes, tables): they never return NULL; when the machine
+ * has no memory left they say so on standard error and abort, since nothing useful can be done.
+ * mem_array is for what grows with a job: sizes are checked for overflow and failure is an error
+ * with code limit_memory. Everything is released with free().
+ */
+#ifndef HEXAD_BASE_MEMORY_H
+#define HEXAD_BASE_MEMORY_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+
+void *mem_alloc(size_t bytes); /* zeroed; never NULL */
+void *mem_resize(void *old, size_t bytes);
+char *mem_strdup(const char *text);
+char *mem_strndup(const char *text, size_t length);
+char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* `count` zeroed elements of `size` bytes, aligned for any vector unit (64 bytes); NULL and an
+ * error that names `what` when they are not to be had. A count of 0 gives a pointer to free. */
+void *mem_array(size_t count, size_t size, const char *what, error *e);
+
+#endif

@@ -1,0 +1,73 @@
+/* field: a scalar field F of three-space whose zero set is the surface.
+ *
+ * Convention: F < 0 inside the solid, so the normal, out of the solid, is +grad F / |grad F|
+ * whatever the source; who builds a field from "inside is above the isovalue" negates it. All
+ * positions, gradients and second derivatives are in world space and world units; F may have any
+ * unit, since only its zero set and ratios of its derivatives are used.
+ *
+ * A field is immutable once built: any number of threads may sample it at once. It is an interface:
+ * an implementation puts `field` first in its own struct and fills in `ops`; who makes the
+ * implementation owns it and releases it.
+ */
+#ifndef HEXAD_FIELD_FIELD_H
+#define HEXAD_FIELD_FIELD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "geometry/bbox.h"
+#include "geometry/sym3.h"
+#include "geometry/vec3.h"
+
+typedef struct field field;
+
+/* How much of a sample is wanted. */
+typedef enum field_order { FIELD_GRADIENT = 1, FIELD_HESSIAN = 2 } field_order;
+
+typedef struct field_sample {
+    double value;  /* F */
+    vec3 gradient; /* grad F, per world unit */
+    sym3 hessian;  /* second derivatives; untouched with FIELD_GRADIENT */
+} field_sample;
+
+/* A hexahedral cell that the surface may cross: corner k has bit 0 of k along the first axis, bit 1
+ * along the second, bit 2 along the third. The cell is a parallelepiped (an affine image of a box).*/
+typedef struct field_cell {
+    vec3 corner[8];
+    double value[8]; /* F at the corners */
+} field_cell;
+
+typedef struct field_ops {
+    /* F and its derivatives at x. False (out untouched) where the field is not defined: outside the
+     * band of a volume, or at a point where it has no derivative. */
+    bool (*sample)(const field *f, vec3 x, field_order order, field_sample *out);
+
+    /* The cells that the surface crosses: every cell with corners of both signs (zero counts as
+     * outside). Their order is fixed. They are small enough to see the surface's features: a voxel
+     * for volumes, a fixed fraction of the shape for formulas. */
+    size_t (*cell_count)(const field *f);
+    void (*cell)(const field *f, size_t k, field_cell *out);
+} field_ops;
+
+struct field {
+    const field_ops *ops;
+    bbox domain;      /* world box that holds the surface; where `open`, the surface ends at its faces */
+    double extent;    /* L of the curvature scale: longest side of the surface's box (volumes) or of
+                       * the domain (formulas) */
+    double cell_size; /* longest edge of a cell, world units */
+    bool open;        /* the surface is cut by the faces of the domain and has rims there */
+};
+
+static inline bool field_sample_at(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    return f->ops->sample(f, x, order, out);
+}
+
+/* Principal curvatures of the level set through a sample taken with FIELD_HESSIAN:
+ * the eigenvalues in the tangent plane of P H P / |grad F|, P = I - n n'.
+ * *kappa1 >= *kappa2, positive where the solid is convex (sphere of radius R: both 1/R); the
+ * returned kappa is the Frobenius norm sqrt(kappa1^2 + kappa2^2). 0 where the gradient vanishes.
+ * Source: Kindlmann et al. 2003, "Curvature-Based Transfer Functions", section 3. */
+double field_curvature(const field_sample *s, double *kappa1, double *kappa2);
+
+#endif

@@ -1,0 +1,41 @@
+/* bbox: an axis-aligned box, min <= max in each axis; an empty one has min = +inf, max = -inf. */
+#ifndef HEXAD_GEOMETRY_BBOX_H
+#define HEXAD_GEOMETRY_BBOX_H
+
+#include <stdbool.h>
+
+#include "geometry/vec3.h"
+
+typedef struct bbox {
+    vec3 min, max;
+} bbox;
+
+static inline bbox bbox_empty(void)
+{
+    return (bbox){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+}
+
+static inline bool bbox_is_empty(bbox b) { return !(b.min.x <= b.max.x); }
+
+static inline bbox bbox_include(bbox b, vec3 p)
+{
+    return (bbox){{fmin(b.min.x, p.x), fmin(b.min.y, p.y), fmin(b.min.z, p.z)},
+                  {fmax(b.max.x, p.x), fmax(b.max.y, p.y), fmax(b.max.z, p.z)}};
+}
+
+static inline bool bbox_contains(bbox b, vec3 p)
+{
+    return p.x >= b.min.x && p.x <= b.max.x && p.y >= b.min.y && p.y <= b.max.y && p.z >= b.min.z &&
+           p.z <= b.max.z;
+}
+
+static inline vec3 bbox_size(bbox b) { return vec3_sub(b.max, b.min); }
+static inline vec3 bbox_center(bbox b) { return vec3_scale(vec3_add(b.min, b.max), 0.5); }
+
+static inline double bbox_longest(bbox b)
+{
+    vec3 s = bbox_size(b);
+    return fmax(s.x, fmax(s.y, s.z));
+}
+
+#endif

@@ -1,0 +1,28 @@
+/* sym3: a symmetric 3x3 matrix. Pure functions, safe in any thread. */
+#ifndef HEXAD_GEOMETRY_SYM3_H
+#define HEXAD_GEOMETRY_SYM3_H
+
+#include "geometry/vec3.h"
+
+typedef struct sym3 {
+    double xx, yy, zz, xy, xz, yz;
+} sym3;
+
+static inline vec3 sym3_apply(sym3 m, vec3 v)
+{
+    return (vec3){m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z,
+                  m.xz * v.x + m.yz * v.y + m.zz * v.z};
+}
+
+/* a' M b */
+static inline double sym3_form(sym3 m, vec3 a, vec3 b) { return vec3_dot(a, sym3_apply(m, b)); }
+
+/* The eigenvalues of the 2x2 matrix ((a, b), (b, c)), *high >= *low. */
+static inline void sym2_eigenvalues(double a, double b, double c, double *high, double *low)
+{
+    double mean = 0.5 * (a + c), half = 0.5 * (a - c), radius = sqrt(half * half + b * b);
+    *high = mean + radius;
+    *low = mean - radius;
+}
+
+#endif

@@ -1,0 +1,126 @@
+/* spec: a job's specification, parsed, checked and with every default filled in.
+ *
+ * One table of parameters (spec_table.c) gives parsing, defaults, ranges, messages and help; this
+ * header is what the rest of the program reads. World space and world units, radians, seconds.
+ * A spec is immutable after parsing and may be read by any thread.
+ */
+#ifndef HEXAD_SPEC_SPEC_H
+#define HEXAD_SPEC_SPEC_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "geometry/vec3.h"
+#include "json/json.h"
+
+typedef enum spec_surface_kind { SPEC_SURFACE_VDB, SPEC_SURFACE_ANALYTIC } spec_surface_kind;
+
+typedef enum spec_reconstruction {
+    SPEC_RECONSTRUCTION_INTERPOLATING,
+    SPEC_RECONSTRUCTION_SMOOTHING
+} spec_reconstruction;
+
+typedef struct spec_vdb {
+    char *path;         /* as given; "" is refused */
+    char *grid;         /* NULL: the only scalar grid of the file */
+    bool has_isovalue;  /* level sets default to 0, fog volumes require it */
+    double isovalue;
+    spec_reconstruction reconstruction;
+} spec_vdb;
+
+typedef enum spec_shape {
+    SPEC_SHAPE_SPHERE,
+    SPEC_SHAPE_TORUS,
+    SPEC_SHAPE_BOX,
+    SPEC_SHAPE_ELLIPSOID,
+    SPEC_SHAPE_QUARTIC,
+    SPEC_SHAPE_GYROID
+} spec_shape;
+
+/* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis
+ * (0, 0, 1); a box' rounding 0; the quartic's r 0.13; the gyroid's size (1, 1, 1). */
+typedef struct spec_analytic {
+    spec_shape shape;
+    vec3 center;
+    double radius;                     /* sphere, > 0 */
+    vec3 axis;                         /* torus, not zero; need not be a unit vector */
+    double major_radius, minor_radius; /* torus, 0 < minor < major */
+    vec3 half_size;                    /* box, > 0 */
+    double rounding;                   /* box, 0 <= rounding <= smallest half size */
+    vec3 radii;                        /* ellipsoid, > 0 */
+    double r;                          /* quartic of (15), > 0 */
+    vec3 size;                         /* gyroid: lengths of its box, > 0 */
+    double period;                     /* gyroid: length of one period, > 0 */
+} spec_analytic;
+
+typedef struct spec_alpha { /* (14) */
+    double d, gamma, nu, kappa_max;
+} spec_alpha;
+
+typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
+typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
+typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
+typedef enum spec_color { SPEC_COLOR_ALPHA, SPEC_COLOR_CURVATURE } spec_color;
+
+typedef struct spec {
+    char *name; /* NULL: none */
+
+    spec_surface_kind surface_kind;
+    spec_vdb vdb;
+    spec_analytic analytic;
+
+    int64_t count; /* sampling.count, 4 .. 1e8 */
+    bool has_alpha;
+    spec_alpha alpha;
+
+    double sigma; /* solver.sigma: initial support; 0: chosen from count and area */
+    spec_init init;
+    uint64_t seed;
+    int threads; /* 0: the worker's share */
+    int max_sweeps;
+    double step_tolerance, energy_tolerance;
+
+    spec_ply_format ply_format;
+    spec_precision ply_precision;
+    bool has_preview; /* true by default */
+    int preview_width, preview_height; /* pixels */
+    spec_color preview_color;          /* default: alpha with alpha, else curvature */
+
+    int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
+    double timeout_s, stall_s;
+    int max_attempts;
+
+    int priority;
+    char **labels;
+    size_t label_count;
+
+    json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
+} spec;
+
+/* What is wrong with a spec: every fault found (up to SPEC_MAX_FAULTS), each with the JSON Pointer
+ * of the member concerned. */
+#define SPEC_MAX_FAULTS 16
+
+typedef struct spec_fault {
+    char pointer[256];
+    char detail[384];
+    error_code code; /* ERROR_SPEC_INVALID or ERROR_NOT_SUPPORTED */
+} spec_fault;
+
+typedef struct spec_faults {
+    size_t count;
+    spec_fault item[SPEC_MAX_FAULTS];
+} spec_faults;
+
+/* Checks a document and builds the spec. On failure NULL; *faults holds what was found and *e sums
+ * it up: code spec_invalid if any fault is, else not_supported. `faults` may be NULL. */
+spec *spec_parse(const json *document, spec_faults *faults, error *e);
+void spec_free(spec *s);
+
+/* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
+void spec_print_help(FILE *file);
+
+#endif

@@ -1,0 +1,60 @@
+/* volume: a grid of a file as a field: C2 tricubic splines over sparse bricks around the isosurface.
+ *
+ * A volume is read whole, in one call, through the shim in src/vdb; once it is open no file and no
+ * library object is left, only bricks (8^3 cells plus the apron of coefficients that their splines
+ * need) wherever the surface passes, with a margin in which Newton's method and a particle's trial
+ * steps stay defined. Sampling allocates nothing and is safe in any number of threads.
+ */
+#ifndef HEXAD_VOLUME_VOLUME_H
+#define HEXAD_VOLUME_VOLUME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "field/field.h"
+
+typedef struct volume volume;
+
+typedef enum volume_reconstruction {
+    VOLUME_INTERPOLATING, /* the spline goes through every sample */
+    VOLUME_SMOOTHING      /* the samples are the spline's coefficients: blurs, for noisy data */
+} volume_reconstruction;
+
+typedef struct volume_request {
+    int fd;             /* the file, open for reading, at any offset; stays the caller's */
+    const char *path;   /* for messages only */
+    const char *grid;   /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
+    bool has_isovalue;
+    double isovalue;    /* in the grid's own unit */
+    volume_reconstruction reconstruction;
+    size_t memory_limit; /* bytes that opening and holding the volume may take */
+} volume_request;
+
+#define VOLUME_MAX_WARNINGS 8
+
+typedef struct volume_info {
+    char grid[256];          /* the grid's unique name */
+    bool level_set;          /* else fog: inside is above the isovalue */
+    double isovalue;
+    double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1) */
+    double voxel_size;       /* cube root of the volume of a voxel */
+    uint64_t active_voxels;
+    uint64_t crossing_cells;
+    uint64_t bricks;
+    size_t memory_bytes;     /* what the volume holds */
+    bbox surface_box;        /* of the crossing cells */
+    size_t warning_count;
+    char warning[VOLUME_MAX_WARNINGS][256];
+} volume_info;
+
+/* Memory is estimated from the grid's leaves before it is taken; over the limit is limit_memory.
+ * Errors: input_damaged, input_unsupported, grid_missing, grid_ambiguous, isovalue_required,
+ * no_surface, limit_memory; each names the file, the grid and the reason. */
+volume *volume_open(const volume_request *request, error *e);
+void volume_close(volume *v);
+const field *volume_field(const volume *v);
+const volume_info *volume_describe(const volume *v);
+
+#endif
