@@ -11,8 +11,9 @@
 static const double REACH = 3.0;
 /* A Voronoi edge is cut off this far from its middle, in units of h: nothing bounds it there. */
 static const double EDGE_LIMIT = 1.5;
-/* Voronoi edges shorter than this fraction of h are the rounding of four points on a circle. */
-static const double EDGE_FLOOR = 1e-9;
+/* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
+ * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
+static const double EDGE_DOUBT = 0.1;
 
 typedef struct measure_job {
     const quality_input *in;
@@ -29,8 +30,25 @@ static double alpha_of(const quality_input *in, size_t i)
     return in->alpha ? in->alpha[i] : 1;
 }
 
-/* Length of the Voronoi edge between a and b (a < b), 0 when others cut it away. */
-static double voronoi_edge(const measure_job *job, uint32_t a, uint32_t b)
+/* The angle at p under which a and b are seen. */
+static double angle_at(vec3 p, vec3 a, vec3 b)
+{
+    vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
+    return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
+}
+
+/* Of a quadrilateral a c b d that nearly lies on a circle: is ab its Delaunay diagonal, rather than cd?
+ * The same answer for either diagonal. */
+static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
+{
+    double opposite = angle_at(x[c], x[a], x[b]) + angle_at(x[d], x[a], x[b]);
+    double own = angle_at(x[a], x[c], x[d]) + angle_at(x[b], x[c], x[d]);
+    if (opposite != own) return opposite < own;
+    return (a < b ? a : b) < (c < d ? c : d);
+}
+
+/* Whether a < b are joined, and the length of the Voronoi edge between them. */
+static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double *length)
 {
     const quality_input *in = job->in;
     vec3 r = vec3_sub(in->position[b], in->position[a]);
@@ -39,6 +57,7 @@ static double voronoi_edge(const measure_job *job, uint32_t a, uint32_t b)
     vec3 d = vec3_unit(vec3_cross(n, r));
     double quarter = 0.25 * vec3_norm2(r);
     double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]), low = -limit, high = limit;
+    uint32_t low_by = a, high_by = a; /* a: nobody */
     const uint32_t *list = neighbours_list(job->near, a);
     for (uint32_t k = 0; k < job->near->list_count[a]; k++) {
         uint32_t c = list[k];
@@ -46,12 +65,18 @@ static double voronoi_edge(const measure_job *job, uint32_t a, uint32_t b)
         vec3 q = vec3_sub(in->position[c], m);
         double along = 2 * vec3_dot(d, q), rest = vec3_norm2(q) - quarter;
         /* points m + t d of the bisector are nearer to c where 2 t d.q > |q|^2 - |r|^2 / 4 */
-        if (along > 0) high = fmin(high, rest / along);
-        else if (along < 0) low = fmax(low, rest / along);
-        else if (rest < 0) return 0;
-        if (high <= low) return 0;
+        if (along > 0 && rest < along * high) {
+            high = rest / along;
+            high_by = c;
+        } else if (along < 0 && rest < along * low) {
+            low = rest / along;
+            low_by = c;
+        }
+        if (high - low < -EDGE_DOUBT * limit) return false;
     }
-    return high - low > EDGE_FLOOR * limit ? high - low : 0;
+    *length = fmax(high - low, 0);
+    if (high - low > EDGE_DOUBT * limit || low_by == a || high_by == a) return high > low;
+    return is_diagonal(in->position, a, b, low_by, high_by);
 }
 
 static void measure_point(const measure_job *job, uint32_t i)
@@ -68,8 +93,8 @@ static void measure_point(const measure_job *job, uint32_t i)
         job->energy[i] += 0.5 * (alpha_of(in, i) + alpha_of(in, j)) *
                           energy_cotangent.value(fmax(length / job->support, 1e-6));
         nearest = fmin(nearest, relative);
-        double edge = i < j ? voronoi_edge(job, i, j) : voronoi_edge(job, j, i);
-        if (!(edge > 0)) continue;
+        double edge;
+        if (!voronoi_edge(job, i < j ? i : j, i < j ? j : i, &edge)) continue;
         job->area[i] += 0.25 * length * edge;
         if (job->degree[i] < UINT8_MAX) job->degree[i]++;
         if (i > j || job->rim[i] || job->rim[j]) continue;

@@ -17,6 +17,7 @@ static const double TRIAL_REJECT = 0.01;
 static const double TRIAL_SHORTCUT = 0.02;
 static const double TRIAL_ACCEPT = 1e-4;
 static const int TRIAL_STEPS = 3;
+static const double STRAIGHT_ACCEPT = 1e-7;
 /* Keeps the 2x2 system solvable when all neighbours lie on one line. */
 static const double HESSIAN_FLOOR = 1e-9;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
@@ -203,6 +204,15 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
     return true;
 }
 
+/* A particle whose expected gain never comes is misled by a normal that is off by the last Newton step:
+ * put it on the surface to well below what `gain` can see. */
+static void straighten(const relax_params *params, vec3 *x, vec3 *normal)
+{
+    double h = params->spacing;
+    const project_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
+    project_point(params->field, &limits, x, normal);
+}
+
 static void update_particle(const sweep_job *job, int worker, size_t i)
 {
     particles *p = job->p;
@@ -224,6 +234,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
         double s1, s2, expected = damped_step(&f, pow(10, lambda), &s1, &s2);
         if (!(expected > params->gain * f.energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = RELAX_LAMBDA_CAP;
+            if (!first) straighten(params, &p->position[i], &p->normal[i]);
             return;
         }
         if (a.bound < STEP_FLOOR * params->spacing && room < nearest) {

@@ -12,12 +12,12 @@
 
 /* The paper's criterion for a system at rest (section 7, step 2). */
 static const double REST_LAMBDA = 14;
-static const double OMEGA = 2.2;
+static const double OMEGA = 2.6;
 
 /* A round relaxes until no particle can lower its energy by more than this fraction; each later one
  * looks closer. The first evens out the density, so that sigma is adapted before much work is done
  * under a wrong one. */
-static const double round_gain[] = {1e-4, 1e-6, 1e-9};
+static const double round_gain[] = {1e-4, 1e-6, 1e-8};
 enum { ROUNDS = sizeof round_gain / sizeof round_gain[0] };
 
 struct sampler {
