@@ -191,8 +191,8 @@ static bool is_action(const char *text, config_action *action)
 static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
 {
     for (int i = 1; i < argc; i++) {
-        const char *key, *value;
-        size_t length;
+        const char *key = "", *value = NULL;
+        size_t length = 0;
         if (is_action(argv[i], action)) continue;
         if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
         if (length == 6 && memcmp(key, "config", 6) == 0) {
