@@ -1,0 +1,490 @@
+#include "spec/spec.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "spec/spec_table.h"
+
+_Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
+
+enum { SHOWN_MAX = 64 };       /* bytes of a given text that a message repeats */
+enum { LABEL_LENGTH_MAX = 100 }; /* characters */
+
+typedef struct reading {
+    spec *s;
+    spec_faults faults;
+    size_t total;     /* faults found, kept or not */
+    bool any_invalid; /* a fault that is spec_invalid was found */
+    bool shape_known; /* s->analytic.shape holds what was given */
+} reading;
+
+static void read_group(reading *r, const json_at *at, const char *group, json *normal);
+
+/* ---- faults ---- */
+
+static void add_fault(reading *r, const json_at *at, error_code code, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+/* Past the list's end the first invalid one still gets a place, since it decides the code. */
+static void add_fault(reading *r, const json_at *at, error_code code, const char *format, ...)
+{
+    bool first_invalid = code == ERROR_SPEC_INVALID && !r->any_invalid;
+    r->total++;
+    r->any_invalid |= code == ERROR_SPEC_INVALID;
+    if (r->faults.count == SPEC_MAX_FAULTS && !first_invalid) return;
+    if (r->faults.count < SPEC_MAX_FAULTS) r->faults.count++;
+    spec_fault *fault = &r->faults.item[r->faults.count - 1];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+    va_end(arguments);
+    json_pointer(at, fault->pointer, sizeof fault->pointer);
+    fault->code = code;
+}
+
+/* Copies a text, at most SHOWN_MAX bytes of it and never a part of a character. */
+static void shorten(const char *text, char out[SHOWN_MAX + 4])
+{
+    size_t n = strlen(text);
+    if (n <= SHOWN_MAX) {
+        memcpy(out, text, n + 1);
+        return;
+    }
+    n = SHOWN_MAX;
+    while (n > 0 && ((unsigned char)text[n] & 0xC0) == 0x80) n--;
+    memcpy(out, text, n);
+    memcpy(out + n, "...", 4);
+}
+
+/* "7", "\"abc\"", "an object", for the end of a message */
+static void describe(json_at at, char out[SHOWN_MAX + 8])
+{
+    char *text;
+    switch (json_type_of(at)) {
+    case JSON_OBJECT: strcpy(out, "an object"); return;
+    case JSON_ARRAY: snprintf(out, SHOWN_MAX + 8, "an array of %zu", json_size(at)); return;
+    default:
+        text = json_print(at.node);
+        shorten(text, out);
+        free(text);
+    }
+}
+
+static void describe_range(const spec_row *row, char *out, size_t size)
+{
+    if (row->low == row->high) snprintf(out, size, "%.16g", row->low);
+    else if (row->flags & SPEC_LOW_OPEN) snprintf(out, size, "above %.16g and at most %.16g", row->low, row->high);
+    else snprintf(out, size, "from %.16g to %.16g", row->low, row->high);
+}
+
+static void wrong(reading *r, const json_at *at, const spec_row *row, const char *kind)
+{
+    char given[SHOWN_MAX + 8], range[96];
+    describe(*at, given);
+    describe_range(row, range, sizeof range);
+    if (row->low == row->high)
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be %s (given %s)", range, given);
+    else
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be %s %s (given %s)", kind, range, given);
+}
+
+/* ---- values ---- */
+
+static void *target(reading *r, size_t offset) { return (char *)r->s + offset; }
+
+static bool is_number(json_at at, const spec_row *row, bool whole)
+{
+    if (json_type_of(at) != JSON_NUMBER) return false;
+    double value = json_number(at, 0);
+    if (!isfinite(value) || value > row->high || value < row->low) return false;
+    if (value == row->low && row->flags & SPEC_LOW_OPEN) return false;
+    return !whole || value == floor(value);
+}
+
+static void read_number(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    bool whole = row->type != SPEC_TYPE_NUMBER;
+    double value = json_number(*at, 0);
+    if (!is_number(*at, row, whole)) {
+        wrong(r, at, row, whole ? "an integer" : "a number");
+        return;
+    }
+    if (value == 0) value = 0; /* -0 would print as such and be another text for the same job */
+    if (row->type == SPEC_TYPE_LARGE) json_put_integer(normal, spec_row_key(row), (int64_t)value);
+    else json_put_number(normal, spec_row_key(row), value);
+    if (row->has != SPEC_NOWHERE) *(bool *)target(r, row->has) = true;
+    if (row->offset == SPEC_NOWHERE) return;
+    if (row->type == SPEC_TYPE_NUMBER) {
+        memcpy(target(r, row->offset), &value, sizeof value);
+    } else if (row->type == SPEC_TYPE_INTEGER) {
+        int integer = (int)value;
+        memcpy(target(r, row->offset), &integer, sizeof integer);
+    } else {
+        int64_t large = (int64_t)value;
+        memcpy(target(r, row->offset), &large, sizeof large);
+    }
+}
+
+static void read_vector(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_ARRAY || json_size(*at) != 3) {
+        wrong(r, at, row, "an array of three numbers");
+        return;
+    }
+    vec3 v = {0, 0, 0};
+    bool good = true;
+    for (int i = 0; i < 3; i++) {
+        json_at element = json_element(at, (size_t)i);
+        if (is_number(element, row, false)) {
+            double value = json_number(element, 0);
+            vec3_set(&v, i, value == 0 ? 0 : value);
+        } else {
+            wrong(r, &element, row, "a number");
+            good = false;
+        }
+    }
+    if (!good) return;
+    memcpy(target(r, row->offset), &v, sizeof v);
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (int i = 0; i < 3; i++) json_append_number(list, vec3_get(v, i));
+}
+
+static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    int size[2];
+    bool pair = json_type_of(*at) == JSON_ARRAY && json_size(*at) == 2, good = true;
+    if (!pair && !is_number(*at, row, true)) {
+        wrong(r, at, row, "an integer, or an array [width, height] of integers,");
+        return;
+    }
+    for (size_t i = 0; i < 2; i++) {
+        json_at side = pair ? json_element(at, i) : *at;
+        if (!is_number(side, row, true)) {
+            wrong(r, &side, row, "an integer");
+            good = false;
+        } else {
+            size[i] = (int)json_number(side, 0);
+        }
+    }
+    if (!good) return;
+    memcpy(target(r, row->offset), size, sizeof size);
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (int i = 0; i < 2; i++) json_append_number(list, size[i]);
+}
+
+static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    char word[SHOWN_MAX], allowed[256] = "", given[SHOWN_MAX + 8];
+    const char *text = json_string(*at, "");
+    for (int i = 0; spec_word(row->words, (size_t)i, word, sizeof word); i++) {
+        if (strcmp(word, text) == 0) {
+            if (row->offset != SPEC_NOWHERE) memcpy(target(r, row->offset), &i, sizeof i);
+            if (row->offset == offsetof(spec, analytic.shape)) r->shape_known = true;
+            json_put_string(normal, spec_row_key(row), word);
+            return;
+        }
+        size_t n = strlen(allowed);
+        snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
+    }
+    describe(*at, given);
+    for (size_t i = 0; spec_word(row->words_later, i, word, sizeof word); i++) {
+        if (strcmp(word, text) != 0) continue;
+        add_fault(r, at, ERROR_NOT_SUPPORTED, "%s is not supported by this version: use %s", given, allowed);
+        return;
+    }
+    add_fault(r, at, ERROR_SPEC_INVALID, "must be %s%s (given %s)", strchr(allowed, ',') ? "one of " : "", allowed, given);
+}
+
+static size_t characters(const char *text)
+{
+    size_t n = 0;
+    for (; *text; text++) n += ((unsigned char)*text & 0xC0) != 0x80;
+    return n;
+}
+
+static void read_string(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    const char *text = json_string(*at, NULL);
+    size_t length = text ? characters(text) : 0;
+    if (!text) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be a string (given %s)", given);
+    } else if ((double)length < row->low || (double)length > row->high) {
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be a string of %.16g to %.16g characters (given %zu)", row->low,
+                  row->high, length);
+    } else {
+        *(char **)target(r, row->offset) = mem_strdup(text);
+        json_put_string(normal, spec_row_key(row), text);
+    }
+}
+
+static void read_labels(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    size_t count = json_size(*at);
+    if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of at most %.16g strings (given %s)", row->high, given);
+        return;
+    }
+    char **labels = mem_alloc(count * sizeof *labels);
+    *(char ***)target(r, row->offset) = labels; /* given to the spec at once, which frees them */
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (size_t i = 0; i < count; i++) {
+        json_at element = json_element(at, i);
+        const char *text = json_string(element, NULL);
+        if (!text || !*text || characters(text) > LABEL_LENGTH_MAX) {
+            char given[SHOWN_MAX + 8];
+            describe(element, given);
+            add_fault(r, &element, ERROR_SPEC_INVALID, "must be a string of 1 to %d characters (given %s)",
+                      LABEL_LENGTH_MAX, given);
+            continue;
+        }
+        labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);
+        json_append_string(list, text);
+    }
+}
+
+static void read_value(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    switch (row->type) {
+    case SPEC_TYPE_NUMBER:
+    case SPEC_TYPE_INTEGER:
+    case SPEC_TYPE_LARGE: read_number(r, at, row, normal); break;
+    case SPEC_TYPE_WORD: read_word(r, at, row, normal); break;
+    case SPEC_TYPE_STRING: read_string(r, at, row, normal); break;
+    case SPEC_TYPE_VECTOR: read_vector(r, at, row, normal); break;
+    case SPEC_TYPE_SIZE: read_size(r, at, row, normal); break;
+    case SPEC_TYPE_LABELS: read_labels(r, at, row, normal); break;
+    case SPEC_TYPE_GROUP:
+    case SPEC_TYPE_LATER: break; /* not values: see read_row and check_members */
+    }
+}
+
+/* ---- members ---- */
+
+static size_t least(size_t a, size_t b) { return a < b ? a : b; }
+
+/* Levenshtein's distance; texts longer than SHOWN_MAX count as far. */
+static size_t edit_distance(const char *a, const char *b)
+{
+    size_t row[SHOWN_MAX + 1], na = strlen(a), nb = strlen(b);
+    if (na > SHOWN_MAX || nb > SHOWN_MAX) return SHOWN_MAX;
+    for (size_t j = 0; j <= nb; j++) row[j] = j;
+    for (size_t i = 1; i <= na; i++) {
+        size_t diagonal = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= nb; j++) {
+            size_t replaced = diagonal + (a[i - 1] != b[j - 1]);
+            diagonal = row[j];
+            row[j] = least(replaced, 1 + least(row[j], row[j - 1]));
+        }
+    }
+    return row[nb];
+}
+
+/* A member of the group with nearly that name, else a member of that name elsewhere, else NULL.
+ * Nearly: a third of the letters may differ, and two of a short name. */
+static const char *suggestion(const char *group, const char *key)
+{
+    const char *best = NULL, *elsewhere = NULL;
+    size_t best_distance = 1 + (strlen(key) / 3 > 2 ? strlen(key) / 3 : strlen(key) > 3 ? 2 : 1);
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const char *name = spec_row_key(&spec_rows[i]);
+        size_t distance = edit_distance(key, name);
+        if (spec_row_is_member(&spec_rows[i], group) && distance < best_distance) {
+            best = name;
+            best_distance = distance;
+        }
+        if (distance == 0 && !elsewhere) elsewhere = spec_rows[i].pointer;
+    }
+    return best ? best : elsewhere;
+}
+
+static void unknown_member(reading *r, const json_at *at, const char *group)
+{
+    char key[SHOWN_MAX + 4];
+    const char *instead = suggestion(group, at->key);
+    shorten(at->key, key);
+    if (instead) add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s': did you mean '%s'?", key, instead);
+    else add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s'", key);
+}
+
+/* Members that are unknown or not supported. An object's names differ, so after as many unknown ones
+ * as there are places for faults the rest need not be looked at. */
+static void check_members(reading *r, const json_at *at, const char *group)
+{
+    size_t unknown = 0;
+    for (size_t i = 0; i < json_size(*at) && unknown < SPEC_MAX_FAULTS; i++) {
+        json_at member = json_element(at, i);
+        const spec_row *row = spec_row_find(group, member.key);
+        if (!row) {
+            unknown_member(r, &member, group);
+            unknown++;
+        } else if (row->type == SPEC_TYPE_LATER) {
+            add_fault(r, &member, ERROR_NOT_SUPPORTED, "'%s' is not supported by this version", member.key);
+        }
+    }
+}
+
+static void append(char *list, size_t size, const char *word)
+{
+    size_t n = strlen(list);
+    snprintf(list + n, size - n, "%s%s", n ? ", " : "", word);
+}
+
+static void check_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
+{
+    char all[192] = "", given[192] = "";
+    size_t rows = 0, count = 0;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->choice != choice || !spec_row_is_member(row, group)) continue;
+        rows++;
+        append(all, sizeof all, spec_row_key(row));
+        if (!json_member(at, spec_row_key(row)).node) continue;
+        append(given, sizeof given, spec_row_key(row));
+        count++;
+    }
+    if (rows == 0 || count == 1 || (count == 0 && choice == SPEC_CHOICE_GRADING)) return;
+    add_fault(r, at, ERROR_SPEC_INVALID, "needs %s one of %s (given %s)",
+              choice == SPEC_CHOICE_GRADING ? "at most" : "exactly", all, count ? given : "none");
+}
+
+static const char *default_of(const reading *r, const spec_row *row)
+{
+    if (row->offset == offsetof(spec, preview_color)) return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
+    return row->otherwise;
+}
+
+static void read_default(reading *r, const json_at *group, const spec_row *row, json *normal)
+{
+    const char *otherwise = default_of(r, row);
+    if (!otherwise) return;
+    json *root = json_parse(otherwise, strlen(otherwise), NULL);
+    json_at at = {root, group, spec_row_key(row), 0};
+    read_value(r, &at, row, normal);
+    json_free(root);
+}
+
+static void read_member_group(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    bool on = at->node || !(row->flags & SPEC_OPTIONAL);
+    json_at place = *at;
+    if (row->flags & SPEC_SWITCH && json_type_of(*at) == JSON_BOOL) {
+        on = json_bool(*at, true);
+        place.node = NULL; /* true: an object without members */
+        if (!on) json_put_bool(normal, spec_row_key(row), false);
+    }
+    if (row->has != SPEC_NOWHERE) *(bool *)target(r, row->has) = on;
+    if (!on) return;
+    if (!place.node && row->flags & SPEC_REQUIRED) {
+        add_fault(r, at, ERROR_SPEC_INVALID, "is required");
+        return;
+    }
+    read_group(r, &place, row->pointer, json_put_object(normal, spec_row_key(row)));
+}
+
+static void read_row(reading *r, const json_at *group, const spec_row *row, json *normal)
+{
+    json_at at = json_member(group, spec_row_key(row));
+    if (row->type == SPEC_TYPE_LATER) return;
+    if (row->type == SPEC_TYPE_GROUP) {
+        read_member_group(r, &at, row, normal);
+        return;
+    }
+    if (row->shapes) {
+        if (!r->shape_known) return; /* what belongs here is not known; the shape's fault says so */
+        if (!(row->shapes & 1u << r->s->analytic.shape)) {
+            char shape[SHOWN_MAX] = "";
+            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->s->analytic.shape, shape, sizeof shape);
+            if (at.node) add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the shape \"%s\"", shape);
+            return;
+        }
+    }
+    if (at.node) read_value(r, &at, row, normal);
+    else if (row->flags & SPEC_REQUIRED) add_fault(r, &at, ERROR_SPEC_INVALID, "is required");
+    else read_default(r, group, row, normal);
+}
+
+/* What no single row can say; only of values that are good by themselves. */
+static void check_analytic(reading *r, const json_at *at)
+{
+    const spec_analytic *a = &r->s->analytic;
+    json_at minor = json_member(at, "minor_radius"), axis = json_member(at, "axis"),
+            rounding = json_member(at, "rounding");
+    double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
+    if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
+        add_fault(r, &minor, ERROR_SPEC_INVALID, "must be less than major_radius, %.16g (given %.16g)",
+                  a->major_radius, a->minor_radius);
+    if (a->shape == SPEC_SHAPE_TORUS && !(vec3_norm2(a->axis) > 0))
+        add_fault(r, &axis, ERROR_SPEC_INVALID, "must not be the zero vector");
+    if (a->shape == SPEC_SHAPE_BOX && a->rounding > smallest)
+        add_fault(r, &rounding, ERROR_SPEC_INVALID, "must be at most the smallest half size, %.16g (given %.16g)",
+                  smallest, a->rounding);
+}
+
+/* Reads the members of a group; a place without a node stands for an object without members. */
+static void read_group(reading *r, const json_at *at, const char *group, json *normal)
+{
+    size_t before = r->total;
+    if (at->node && json_type_of(*at) != JSON_OBJECT) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be an object (given %s)", given);
+        return;
+    }
+    check_members(r, at, group);
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c <= SPEC_CHOICE_GRADING; c++) check_choice(r, at, group, c);
+    for (size_t i = 0; i < spec_row_count; i++)
+        if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
+    if (strcmp(group, "/surface/analytic") == 0) {
+        r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
+        if (r->total == before) check_analytic(r, at);
+    }
+}
+
+/* ---- the whole ---- */
+
+static void sum_up(const reading *r, error *e)
+{
+    error_code code = r->any_invalid ? ERROR_SPEC_INVALID : ERROR_NOT_SUPPORTED;
+    size_t i = 0;
+    while (r->faults.item[i].code != code) i++;
+    const spec_fault *fault = &r->faults.item[i];
+    const char *where = *fault->pointer ? fault->pointer : "the spec";
+    if (r->total > 1)
+        error_set(e, code, "%s: %s (and %zu more)", where, fault->detail, r->total - 1);
+    else
+        error_set(e, code, "%s: %s", where, fault->detail);
+}
+
+spec *spec_parse(const json *document, spec_faults *faults, error *e)
+{
+    reading r = {.s = mem_alloc(sizeof(spec))};
+    json_at root = json_root(document);
+    r.s->normalised = json_new_object();
+    if (document) read_group(&r, &root, "", r.s->normalised);
+    else add_fault(&r, &root, ERROR_SPEC_INVALID, "must be an object (given nothing)");
+    if (faults) *faults = r.faults;
+    if (r.total == 0) return r.s;
+    sum_up(&r, e);
+    spec_free(r.s);
+    return NULL;
+}
+
+void spec_free(spec *s)
+{
+    if (!s) return;
+    free(s->name);
+    free(s->vdb.path);
+    free(s->vdb.grid);
+    for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
+    free(s->labels);
+    json_free(s->normalised);
+    free(s);
+}

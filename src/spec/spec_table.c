@@ -1,0 +1,274 @@
+/* The table is one array on purpose, so this file may grow past a screen per "function". */
+#include "spec/spec_table.h"
+
+#include <stdio.h>
+#include <string.h>
+
+/* Coordinates and lengths stay where their cubes are far from the limits of a double. */
+#define WORLD_MAX 1e12
+
+#define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
+#define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
+#define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
+#define LATER(where, choose, words_)                                                               \
+    {                                                                                              \
+        .pointer = where, .type = SPEC_TYPE_LATER, .choice = choose, UNSTORED, .prose = words_     \
+    }
+#define GROUP(where, flags_, words_)                                                               \
+    {                                                                                              \
+        .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_      \
+    }
+#define SHAPE(s) (1u << SPEC_SHAPE_##s)
+
+const spec_row spec_rows[] = {
+    {.pointer = "/version", .type = SPEC_TYPE_INTEGER, .flags = SPEC_REQUIRED, .low = 1, .high = 1, UNSTORED,
+     .prose = "The version of this contract."},
+    {.pointer = "/name", .type = SPEC_TYPE_STRING, .low = 0, .high = 200, AT(name), .prose = "A name for people."},
+
+    GROUP("/surface", SPEC_REQUIRED, "The surface to sample: exactly one of its members."),
+    {.pointer = "/surface/vdb", .type = SPEC_TYPE_GROUP, .flags = SPEC_OPTIONAL, .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED, .prose = "A scalar grid of an OpenVDB file, at its isovalue."},
+    {.pointer = "/surface/vdb/path", .type = SPEC_TYPE_STRING, .flags = SPEC_REQUIRED, .low = 1, .high = 4096,
+     AT(vdb.path), .prose = "The file; below one of the service's input roots."},
+    {.pointer = "/surface/vdb/grid", .type = SPEC_TYPE_STRING, .low = 0, .high = 1000, AT(vdb.grid),
+     .prose = "The grid's name, \"name[1]\" among equals. May be absent when the file has just one scalar grid."},
+    {.pointer = "/surface/vdb/isovalue", .type = SPEC_TYPE_NUMBER, .low = -1e30, .high = 1e30,
+     AT_HAS(vdb.isovalue, vdb.has_isovalue), .unit = "the grid's",
+     .prose = "The value on the surface. Level sets have 0 without it; fog volumes need it."},
+    {.pointer = "/surface/vdb/reconstruction", .type = SPEC_TYPE_WORD, .words = "interpolating|smoothing",
+     .otherwise = "\"interpolating\"", AT(vdb.reconstruction),
+     .prose = "interpolating: the spline passes through the samples; smoothing: it takes them as its coefficients, "
+              "which blurs noise and moves the surface slightly."},
+
+    {.pointer = "/surface/analytic", .type = SPEC_TYPE_GROUP, .flags = SPEC_OPTIONAL, .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED, .prose = "A surface given by a formula."},
+    {.pointer = "/surface/analytic/shape", .type = SPEC_TYPE_WORD, .flags = SPEC_REQUIRED,
+     .words = "sphere|torus|box|ellipsoid|quartic|gyroid", AT(analytic.shape), .prose = "Which formula."},
+    {.pointer = "/surface/analytic/center", .type = SPEC_TYPE_VECTOR, .low = -WORLD_MAX, .high = WORLD_MAX,
+     .otherwise = "[0.5,0.5,0.5]",
+     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID),
+     AT(analytic.center), .unit = "world", .prose = "Every shape: its centre."},
+    {.pointer = "/surface/analytic/radius", .type = SPEC_TYPE_NUMBER, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(SPHERE), AT(analytic.radius), .unit = "world",
+     .prose = "sphere: its radius."},
+    {.pointer = "/surface/analytic/axis", .type = SPEC_TYPE_VECTOR, .low = -WORLD_MAX, .high = WORLD_MAX,
+     .otherwise = "[0,0,1]", .shapes = SHAPE(TORUS), AT(analytic.axis),
+     .prose = "torus: direction of its axis of rotation; not zero, of any length."},
+    {.pointer = "/surface/analytic/major_radius", .type = SPEC_TYPE_NUMBER, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(TORUS), AT(analytic.major_radius), .unit = "world",
+     .prose = "torus: from the centre to the middle of the tube."},
+    {.pointer = "/surface/analytic/minor_radius", .type = SPEC_TYPE_NUMBER, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(TORUS), AT(analytic.minor_radius), .unit = "world",
+     .prose = "torus: radius of the tube, less than major_radius."},
+    {.pointer = "/surface/analytic/half_size", .type = SPEC_TYPE_VECTOR, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(BOX), AT(analytic.half_size), .unit = "world",
+     .prose = "box: half of each side, rounding included."},
+    {.pointer = "/surface/analytic/rounding", .type = SPEC_TYPE_NUMBER, .low = 0, .high = WORLD_MAX,
+     .otherwise = "0", .shapes = SHAPE(BOX), AT(analytic.rounding), .unit = "world",
+     .prose = "box: radius of its edges and corners, at most the smallest half size."},
+    {.pointer = "/surface/analytic/radii", .type = SPEC_TYPE_VECTOR, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(ELLIPSOID), AT(analytic.radii), .unit = "world",
+     .prose = "ellipsoid: half of each axis."},
+    {.pointer = "/surface/analytic/r", .type = SPEC_TYPE_NUMBER, .flags = SPEC_LOW_OPEN, .low = 0, .high = WORLD_MAX,
+     .otherwise = "0.13", .shapes = SHAPE(QUARTIC), AT(analytic.r), .unit = "world",
+     .prose = "quartic: r of equation (15)."},
+    {.pointer = "/surface/analytic/size", .type = SPEC_TYPE_VECTOR, .flags = SPEC_LOW_OPEN, .low = 0,
+     .high = WORLD_MAX, .otherwise = "[1,1,1]", .shapes = SHAPE(GYROID), AT(analytic.size), .unit = "world",
+     .prose = "gyroid: sides of the box that cuts it."},
+    {.pointer = "/surface/analytic/period", .type = SPEC_TYPE_NUMBER, .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
+     .low = 0, .high = WORLD_MAX, .shapes = SHAPE(GYROID), AT(analytic.period), .unit = "world",
+     .prose = "gyroid: length of one period."},
+    LATER("/surface/bspline", SPEC_CHOICE_SURFACE, "A B-spline by its coefficients."),
+    LATER("/surface/mesh", SPEC_CHOICE_SURFACE, "A triangle mesh, turned into a level set."),
+    LATER("/surface/exr", SPEC_CHOICE_SURFACE, "A stack of EXR slices."),
+    LATER("/surface/volume", SPEC_CHOICE_SURFACE, "A dense volume, NRRD or NIfTI."),
+    LATER("/surface/union", SPEC_CHOICE_SURFACE, "The union of surfaces."),
+    LATER("/surface/intersection", SPEC_CHOICE_SURFACE, "The intersection of surfaces."),
+    LATER("/surface/difference", SPEC_CHOICE_SURFACE, "The first surface without the others."),
+    LATER("/surface/offset", SPEC_CHOICE_SURFACE, "A surface at a distance."),
+    LATER("/surface/transform", SPEC_CHOICE_SURFACE, "A surface moved by a matrix."),
+    LATER("/region", SPEC_CHOICE_NONE, "Only the surface inside a box."),
+
+    GROUP("/sampling", SPEC_REQUIRED, "How many points: exactly one target (count), and at most one grading (alpha)."),
+    {.pointer = "/sampling/count", .type = SPEC_TYPE_LARGE, .choice = SPEC_CHOICE_TARGET, .low = 4, .high = 1e8,
+     AT(count), .unit = "points", .prose = "Exactly this many points."},
+    LATER("/sampling/spacing", SPEC_CHOICE_TARGET, "The mean distance between neighbours."),
+    LATER("/sampling/density", SPEC_CHOICE_TARGET, "Points per unit of area."),
+    LATER("/sampling/control", SPEC_CHOICE_TARGET, "Bounds on count and sigma, section 6.1."),
+    LATER("/sampling/time_s", SPEC_CHOICE_TARGET, "The best that fits in this time."),
+    {.pointer = "/sampling/alpha", .type = SPEC_TYPE_GROUP, .flags = SPEC_OPTIONAL, .choice = SPEC_CHOICE_GRADING,
+     .offset = SPEC_NOWHERE, .has = offsetof(spec, has_alpha),
+     .prose = "Grading by curvature, equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu), with kappa made free "
+              "of scale by the longest side of the surface's box."},
+    {.pointer = "/sampling/alpha/d", .type = SPEC_TYPE_NUMBER, .low = 0, .high = 16, .otherwise = "2", AT(alpha.d),
+     .prose = "Exponent: larger follows the curvature more strongly, below 1 more softly."},
+    {.pointer = "/sampling/alpha/gamma", .type = SPEC_TYPE_NUMBER, .low = 0, .high = 1000, .otherwise = "0.1",
+     AT(alpha.gamma), .prose = "Lower bound of alpha, reached where the curvature is strong."},
+    {.pointer = "/sampling/alpha/nu", .type = SPEC_TYPE_NUMBER, .low = 0.001, .high = 1000, .otherwise = "0.75",
+     AT(alpha.nu), .prose = "1/nu + gamma is alpha where the surface is flat."},
+    {.pointer = "/sampling/alpha/kappa_max", .type = SPEC_TYPE_NUMBER, .flags = SPEC_LOW_OPEN, .low = 0, .high = 1e6,
+     .otherwise = "20", AT(alpha.kappa_max), .prose = "Larger values of the scale-free curvature count as this one."},
+    LATER("/sampling/curvature", SPEC_CHOICE_GRADING, "Spacing from curvature by chord error or by ratio."),
+    LATER("/sampling/grid", SPEC_CHOICE_GRADING, "Spacing from another grid of the file."),
+    LATER("/sampling/min_spacing", SPEC_CHOICE_NONE, "Least spacing of a grading."),
+    LATER("/sampling/max_spacing", SPEC_CHOICE_NONE, "Largest spacing of a grading."),
+    LATER("/sampling/gradation", SPEC_CHOICE_NONE, "How fast the spacing may grow."),
+
+    GROUP("/solver", 0, "How the points are found."),
+    {.pointer = "/solver/method", .type = SPEC_TYPE_WORD, .words = "paper", .words_later = "sized|witkin-heckbert",
+     .otherwise = "\"paper\"", UNSTORED,
+     .prose = "paper: the particle system of Meyer, Georgel and Whitaker (2005)."},
+    {.pointer = "/solver/energy", .type = SPEC_TYPE_WORD, .words = "cotangent",
+     .words_later = "gaussian|electrostatic", .otherwise = "\"cotangent\"", UNSTORED,
+     .prose = "cotangent: equations (6) and (7)."},
+    {.pointer = "/solver/minimiser", .type = SPEC_TYPE_WORD, .words = "lm", .words_later = "gradient",
+     .otherwise = "\"lm\"", UNSTORED, .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5."},
+    LATER("/solver/step", SPEC_CHOICE_NONE, "Step of the gradient minimiser."),
+    {.pointer = "/solver/sigma", .type = SPEC_TYPE_NUMBER, .low = 0, .high = WORLD_MAX, .otherwise = "0", AT(sigma),
+     .unit = "world", .prose = "Initial support of the potential; adapted to the count. 0: from count and area."},
+    {.pointer = "/solver/init", .type = SPEC_TYPE_WORD, .words = "surface|random", .otherwise = "\"surface\"",
+     AT(init),
+     .prose = "surface: spread over the surface by area; random: uniform in the domain or, for volumes, in the voxels "
+              "that the surface crosses."},
+    {.pointer = "/solver/seed", .type = SPEC_TYPE_LARGE, .low = 0, .high = 9007199254740992.0, .otherwise = "0",
+     AT(seed), .prose = "Seed of the random numbers: the same spec, seed and build give the same bytes."},
+    {.pointer = "/solver/threads", .type = SPEC_TYPE_INTEGER, .low = 0, .high = 1024, .otherwise = "0", AT(threads),
+     .prose = "Threads; 0: the worker's share. The result does not depend on it."},
+    LATER("/solver/isa", SPEC_CHOICE_NONE, "Which instruction set to use."),
+    {.pointer = "/solver/max_sweeps", .type = SPEC_TYPE_INTEGER, .low = 1, .high = 1e6, .otherwise = "5000",
+     AT(max_sweeps), .unit = "sweeps", .prose = "The solve ends after so many sweeps, converged or not."},
+    {.pointer = "/solver/step_tolerance", .type = SPEC_TYPE_NUMBER, .flags = SPEC_LOW_OPEN, .low = 0, .high = 1,
+     .otherwise = "0.001", AT(step_tolerance), .unit = "spacings",
+     .prose = "Converged needs an rms step below this. At a thousandth of the spacing a sweep no longer changes which "
+              "points are neighbours."},
+    {.pointer = "/solver/energy_tolerance", .type = SPEC_TYPE_NUMBER, .flags = SPEC_LOW_OPEN, .low = 0, .high = 10,
+     .otherwise = "0.05", AT(energy_tolerance),
+     .prose = "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed surface must have and "
+              "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
+
+    GROUP("/output", 0, "What is written."),
+    GROUP("/output/ply", 0, "points.ply"),
+    {.pointer = "/output/ply/format", .type = SPEC_TYPE_WORD, .words = "binary_little_endian|ascii",
+     .otherwise = "\"binary_little_endian\"", AT(ply_format), .prose = "Encoding of the PLY file."},
+    {.pointer = "/output/ply/precision", .type = SPEC_TYPE_WORD, .words = "float|double", .otherwise = "\"float\"",
+     AT(ply_precision), .prose = "Type of every property of the PLY file."},
+    {.pointer = "/output/preview", .type = SPEC_TYPE_GROUP, .flags = SPEC_SWITCH, .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_preview), .prose = "preview.png and preview.exr; false for none."},
+    {.pointer = "/output/preview/size", .type = SPEC_TYPE_SIZE, .low = 64, .high = 8192, .otherwise = "[1024,1024]",
+     AT(preview_width), .unit = "pixels", .prose = "Side of a square picture, or [width, height]."},
+    {.pointer = "/output/preview/color", .type = SPEC_TYPE_WORD, .words = "alpha|curvature", AT(preview_color),
+     .prose = "What the colours show. Default: alpha where sampling.alpha is given, else curvature."},
+    LATER("/output/preview/camera", SPEC_CHOICE_NONE, "Where the picture is taken from."),
+    LATER("/output/preview/turntable", SPEC_CHOICE_NONE, "A sequence of pictures around the surface."),
+    LATER("/output/points_vdb", SPEC_CHOICE_NONE, "The points as a VDB points grid."),
+    LATER("/output/mesh", SPEC_CHOICE_NONE, "A triangle mesh of the points."),
+    LATER("/output/directory", SPEC_CHOICE_NONE, "A copy of the results below an output root."),
+
+    GROUP("/limits", 0, "What the job may use; 0: the default of whoever runs it."),
+    {.pointer = "/limits/memory_mb", .type = SPEC_TYPE_LARGE, .low = 0, .high = 1 << 24, .otherwise = "0",
+     AT(memory_mb), .unit = "MiB", .prose = "Memory of the worker."},
+    {.pointer = "/limits/timeout_s", .type = SPEC_TYPE_NUMBER, .low = 0, .high = 1e7, .otherwise = "0",
+     AT(timeout_s), .unit = "s", .prose = "Time of one attempt."},
+    {.pointer = "/limits/stall_s", .type = SPEC_TYPE_NUMBER, .low = 0, .high = 1e7, .otherwise = "0", AT(stall_s),
+     .unit = "s", .prose = "Time without progress after which an attempt is ended."},
+    {.pointer = "/limits/max_attempts", .type = SPEC_TYPE_INTEGER, .low = 0, .high = 100, .otherwise = "0",
+     AT(max_attempts), .unit = "attempts", .prose = "How often the job is tried when a worker dies."},
+
+    GROUP("/queue", 0, "The job's place in the queue."),
+    {.pointer = "/queue/priority", .type = SPEC_TYPE_INTEGER, .low = -1000, .high = 1000, .otherwise = "0",
+     AT(priority), .prose = "Higher runs first."},
+    {.pointer = "/queue/labels", .type = SPEC_TYPE_LABELS, .low = 0, .high = 32, .otherwise = "[]",
+     AT_HAS(labels, label_count), .prose = "Words to find the job by, each of 1 to 100 characters."},
+    LATER("/queue/depends_on", SPEC_CHOICE_NONE, "Jobs that must have succeeded before."),
+    LATER("/queue/frames", SPEC_CHOICE_NONE, "One job per frame."),
+    LATER("/queue/coherent", SPEC_CHOICE_NONE, "Points that keep their identity over frames."),
+    LATER("/queue/retention_s", SPEC_CHOICE_NONE, "How long results are kept."),
+    LATER("/queue/webhook", SPEC_CHOICE_NONE, "An address that is told of the end."),
+};
+
+const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;
+
+const char *spec_row_key(const spec_row *row)
+{
+    return strrchr(row->pointer, '/') + 1;
+}
+
+bool spec_row_is_member(const spec_row *row, const char *group)
+{
+    size_t n = strlen(group);
+    return strncmp(row->pointer, group, n) == 0 && row->pointer + n + 1 == spec_row_key(row);
+}
+
+const spec_row *spec_row_find(const char *group, const char *key)
+{
+    for (size_t i = 0; i < spec_row_count; i++)
+        if (spec_row_is_member(&spec_rows[i], group) && strcmp(spec_row_key(&spec_rows[i]), key) == 0)
+            return &spec_rows[i];
+    return NULL;
+}
+
+bool spec_word(const char *list, size_t index, char *out, size_t size)
+{
+    if (!list) return false;
+    for (; index > 0; index--) {
+        list = strchr(list, '|');
+        if (!list) return false;
+        list++;
+    }
+    snprintf(out, size, "%.*s", (int)strcspn(list, "|"), list);
+    return true;
+}
+
+static void print_values(FILE *file, const spec_row *row)
+{
+    static const char *const types[] = {"object", "number",          "integer",    "integer", "word",
+                                        "string", "[number x 3]", "integer or [integer, integer]", "[string, ...]", ""};
+    fprintf(file, " (%s", types[row->type]);
+    if (row->words) {
+        fprintf(file, ":");
+        char word[64];
+        for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++) fprintf(file, " \"%s\"", word);
+    } else if (row->type != SPEC_TYPE_GROUP) {
+        const char *of = row->type == SPEC_TYPE_STRING ? " characters" : row->type == SPEC_TYPE_LABELS ? " labels" : "";
+        fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from", row->low, row->high, of);
+    }
+    if (row->unit) fprintf(file, ", %s%s", row->unit, strcmp(row->unit, "world") == 0 ? " units" : "");
+    if (row->otherwise) fprintf(file, ", default %s", row->otherwise);
+    if (row->flags & SPEC_REQUIRED) fprintf(file, row->shapes ? ", required for its shape" : ", required");
+    fprintf(file, ")");
+}
+
+/* The prose, indented and broken at spaces to fit a terminal of 80 columns. */
+static void print_prose(FILE *file, const char *prose)
+{
+    enum { width = 76 };
+    while (*prose) {
+        size_t n = strlen(prose);
+        if (n > width) {
+            n = width;
+            while (n > 0 && prose[n] != ' ') n--;
+            if (n == 0) n = strcspn(prose, " ");
+        }
+        fprintf(file, "    %.*s\n", (int)n, prose);
+        prose += n + (prose[n] == ' ');
+    }
+}
+
+void spec_print_help(FILE *file)
+{
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        fputs(row->pointer, file);
+        if (row->type == SPEC_TYPE_LATER) fprintf(file, " (not supported by this version)");
+        else print_values(file, row);
+        fputs("\n", file);
+        print_prose(file, row->prose);
+        if (row->words_later) {
+            char word[64];
+            fputs("    Not supported by this version:", file);
+            for (size_t k = 0; spec_word(row->words_later, k, word, sizeof word); k++) fprintf(file, " \"%s\"", word);
+            fputs("\n", file);
+        }
+        fputs("\n", file);
+    }
+}

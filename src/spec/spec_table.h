@@ -1,0 +1,74 @@
+/* spec_table: the one table of parameters of a job's spec, constant data.
+ *
+ * Private to src/spec and its tests. Rows stand in the order of the help and of the normalised spec,
+ * a group before its members. Parsing, defaults, ranges, messages and help all come from here.
+ */
+#ifndef HEXAD_SPEC_SPEC_TABLE_H
+#define HEXAD_SPEC_SPEC_TABLE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "spec/spec.h"
+
+typedef enum spec_type {
+    SPEC_TYPE_GROUP,   /* an object with members of its own */
+    SPEC_TYPE_NUMBER,  /* double */
+    SPEC_TYPE_INTEGER, /* int */
+    SPEC_TYPE_LARGE,   /* integer to 2^53: int64_t or uint64_t */
+    SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
+    SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
+    SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
+    SPEC_TYPE_SIZE,    /* pixels: one integer or [width, height]; two ints */
+    SPEC_TYPE_LABELS,  /* array of strings: char ** and, at `has`, their number */
+    SPEC_TYPE_LATER    /* in the contract but not built: refused with not_supported */
+} spec_type;
+
+/* "Exactly one of" and "at most one of" among the members of a group. */
+typedef enum spec_choice {
+    SPEC_CHOICE_NONE,
+    SPEC_CHOICE_SURFACE,
+    SPEC_CHOICE_TARGET,
+    SPEC_CHOICE_GRADING
+} spec_choice;
+
+enum {
+    SPEC_REQUIRED = 1,   /* must be given (where the shape has it) */
+    SPEC_LOW_OPEN = 2,   /* the low bound itself is not allowed */
+    SPEC_OPTIONAL = 4,   /* group: absent unless given; `has` notes that */
+    SPEC_SWITCH = 8      /* group: true or false may stand for it; `has` notes which */
+};
+
+#define SPEC_NOWHERE ((size_t)-1) /* not stored: only checked */
+
+typedef struct spec_row {
+    const char *pointer; /* JSON Pointer of the member */
+    spec_type type;
+    unsigned flags;
+    spec_choice choice;
+    unsigned shapes; /* bit per spec_shape that has the member; 0: no question of shape */
+    double low, high;
+    const char *otherwise; /* the default as JSON; NULL: none */
+    const char *words;       /* "a|b" */
+    const char *words_later; /* in the contract, not built */
+    size_t offset, has;      /* into struct spec; `has` is a bool (labels: a size_t) */
+    const char *unit;        /* NULL: none */
+    const char *prose;
+} spec_row;
+
+extern const spec_row spec_rows[];
+extern const size_t spec_row_count;
+
+/* The row of a group's member, NULL if there is none. `group` is a pointer ("" is the root). */
+const spec_row *spec_row_find(const char *group, const char *key);
+
+/* Whether the row is a direct member of the group. */
+bool spec_row_is_member(const spec_row *row, const char *group);
+
+/* The last part of the row's pointer. */
+const char *spec_row_key(const spec_row *row);
+
+/* Copies the index-th of "a|b|c" into out; false when there are fewer or `list` is NULL. */
+bool spec_word(const char *list, size_t index, char *out, size_t size);
+
+#endif

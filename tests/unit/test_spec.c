@@ -1,0 +1,553 @@
+/* spec: the table itself drives most of these tests: every row's default, bounds and types. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/memory.h"
+#include "spec/spec.h"
+#include "spec/spec_table.h"
+
+#define SPHERE "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},\"sampling\":{\"count\":100}"
+
+static json *document(const char *text)
+{
+    error e = {0};
+    json *root = json_parse(text, strlen(text), &e);
+    if (!root) fail_msg("%s: %s", text, e.message);
+    return root;
+}
+
+static spec *good(const char *text)
+{
+    error e = {0};
+    json *root = document(text);
+    spec *s = spec_parse(root, NULL, &e);
+    if (!s) fail_msg("%s refused: %s", text, e.message);
+    json_free(root);
+    return s;
+}
+
+static spec_faults bad(const char *text, error *e)
+{
+    spec_faults faults;
+    json *root = document(text);
+    spec *s = spec_parse(root, &faults, e);
+    if (s) fail_msg("accepted: %s", text);
+    json_free(root);
+    return faults;
+}
+
+static void expect_fault(const char *text, error_code code, const char *pointer, const char *words)
+{
+    error e = {0};
+    spec_faults faults = bad(text, &e);
+    for (size_t i = 0; i < faults.count; i++)
+        if (strcmp(faults.item[i].pointer, pointer) == 0 && strstr(faults.item[i].detail, words) &&
+            faults.item[i].code == code)
+            return;
+    fail_msg("%s: no fault %s '%s' but %s", text, pointer, words, e.message);
+}
+
+/* ---- the table ---- */
+
+static json *member(json *object, const char *key)
+{
+    json_at at = json_root(object);
+    return (json *)json_member(&at, key).node;
+}
+
+/* Puts a value at a pointer, making groups on the way; a NULL value just makes the groups. */
+static void put_at(json *root, const char *pointer, json *value)
+{
+    char *path = mem_strdup(pointer + 1), *save = NULL, *key = strtok_r(path, "/", &save), *next;
+    for (; (next = strtok_r(NULL, "/", &save)); key = next) {
+        json *child = member(root, key);
+        root = child ? child : json_put_object(root, key);
+    }
+    json_put(root, key, value);
+    free(path);
+}
+
+/* A good document in which the row may stand. */
+static json *document_for(const spec_row *row)
+{
+    static const char *const shapes[] = {
+        "\"sphere\",\"radius\":0.4",
+        "\"torus\",\"major_radius\":0.3,\"minor_radius\":0.1",
+        "\"box\",\"half_size\":[0.3,0.3,0.3]",
+        "\"ellipsoid\",\"radii\":[0.3,0.3,0.3]",
+        "\"quartic\"",
+        "\"gyroid\",\"period\":0.5",
+    };
+    if (strncmp(row->pointer, "/surface/vdb", 12) == 0)
+        return document("{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100}}");
+    int shape = row->shapes ? __builtin_ctz(row->shapes) : 0;
+    char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{\"count\":100}}",
+                            shapes[shape]);
+    json *root = document(text);
+    free(text);
+    return root;
+}
+
+static json *number_of(double value)
+{
+    json *list = json_new_array();
+    json_append_number(list, value);
+    json_at at = json_root(list);
+    json *number = json_copy(json_element(&at, 0).node);
+    json_free(list);
+    return number;
+}
+
+static json *numbers(double value, int count)
+{
+    json *list = json_new_array();
+    for (int i = 0; i < count; i++) json_append_number(list, value);
+    return list;
+}
+
+/* The row's value in a parsed spec's normalised text, or JSON_NONE. */
+static json_type normalised_type(const spec *s, const char *pointer, double *value)
+{
+    char *path = mem_strdup(pointer + 1), *save = NULL;
+    json_at chain[8] = {json_root(s->normalised)};
+    int depth = 0;
+    for (char *key = strtok_r(path, "/", &save); key; key = strtok_r(NULL, "/", &save), depth++)
+        chain[depth + 1] = json_member(&chain[depth], key);
+    json_at leaf = chain[depth];
+    json_type type = json_type_of(leaf);
+    *value = json_number(type == JSON_ARRAY ? json_element(&leaf, 0) : leaf, NAN);
+    free(path);
+    return type;
+}
+
+/* Parses a document with the row set to `value` (taken over) and checks what comes of it. */
+static void try_value(const spec_row *row, json *value, bool accepted, double expected)
+{
+    error e = {0};
+    spec_faults faults;
+    json *root = document_for(row);
+    put_at(root, row->pointer, value);
+    char *text = json_print(root);
+    spec *s = spec_parse(root, &faults, &e);
+    if (!s != !accepted) fail_msg("%s: %s %s", row->pointer, text, s ? "accepted" : e.message);
+    if (s) {
+        double normal;
+        assert_int_not_equal(normalised_type(s, row->pointer, &normal), JSON_NONE);
+        if (!isnan(expected) && normal != expected) fail_msg("%s: %g became %g", row->pointer, expected, normal);
+        assert_int_equal(faults.count, 0);
+    } else {
+        assert_true(faults.count >= 1);
+        size_t n = strlen(row->pointer);
+        if (strncmp(faults.item[0].pointer, row->pointer, n) != 0)
+            fail_msg("%s: fault at %s", row->pointer, faults.item[0].pointer);
+        assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    }
+    spec_free(s);
+    json_free(root);
+    free(text);
+}
+
+static json *numeric(const spec_row *row, double value)
+{
+    return row->type == SPEC_TYPE_VECTOR ? numbers(value, 3) : number_of(value);
+}
+
+/* Rows whose bounds another member narrows; they have a test of their own. */
+static bool is_bound_by_another(const spec_row *row)
+{
+    const char *key = spec_row_key(row);
+    return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 || strcmp(key, "rounding") == 0;
+}
+
+static double beyond(const spec_row *row, double bound, int direction)
+{
+    if (row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR) return nextafter(bound, direction * INFINITY);
+    return bound + direction * (fabs(bound) < 9e15 ? 1 : 2);
+}
+
+static void test_bounds_of_every_row(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        bool number = row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_INTEGER ||
+                      row->type == SPEC_TYPE_LARGE || row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_SIZE;
+        if (!number) continue;
+        bool open = row->flags & SPEC_LOW_OPEN;
+        if (!is_bound_by_another(row)) {
+            double low = open ? beyond(row, row->low, 1) : row->low;
+            try_value(row, numeric(row, low), true, low);
+            try_value(row, numeric(row, row->high), true, row->high);
+        }
+        try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
+        try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
+        if (row->type != SPEC_TYPE_NUMBER && row->type != SPEC_TYPE_VECTOR)
+            try_value(row, number_of(row->low + 0.25), false, NAN);
+    }
+}
+
+static void test_types_of_every_row(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->type == SPEC_TYPE_LATER) continue;
+        json *wrong[] = {number_of(1.5), numbers(1.5, 2), json_new_object(), document("true"), document("null"),
+                         document("\"no such word\"")};
+        for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+            bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) || (row->type == SPEC_TYPE_STRING && k == 5) ||
+                        (row->type == SPEC_TYPE_GROUP && k == 2) || (row->flags & SPEC_SWITCH && k == 3) ||
+                        is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
+            if (fits) json_free(wrong[k]);
+            else try_value(row, wrong[k], false, NAN);
+        }
+    }
+}
+
+static void test_defaults_and_presence(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->type == SPEC_TYPE_LATER || row->type == SPEC_TYPE_GROUP) continue;
+        json *root = document_for(row);
+        if (strncmp(row->pointer, "/sampling/alpha", 15) == 0) put_at(root, "/sampling/alpha", json_new_object());
+        spec *s = spec_parse(root, NULL, NULL);
+        assert_non_null(s);
+        double value;
+        json_type type = normalised_type(s, row->pointer, &value);
+        if (row->otherwise) {
+            json *expected = document(row->otherwise);
+            json_at at = json_root(expected);
+            assert_int_equal(type, json_type_of(at));
+            if (type == JSON_NUMBER && value != json_number(at, 0)) fail_msg("%s: default is %g", row->pointer, value);
+            json_free(expected);
+        }
+        spec_free(s);
+        json_free(root);
+    }
+}
+
+static void test_words_of_every_row(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        char word[64];
+        bool shape = strcmp(spec_row_key(row), "shape") == 0; /* other shapes need other members */
+        for (size_t k = 0; !shape && spec_word(row->words, k, word, sizeof word); k++) {
+            char *quoted = mem_printf("\"%s\"", word);
+            try_value(row, document(quoted), true, NAN);
+            free(quoted);
+        }
+        for (size_t k = 0; spec_word(row->words_later, k, word, sizeof word); k++) {
+            error e = {0};
+            spec_faults faults;
+            char *quoted = mem_printf("\"%s\"", word);
+            json *root = document_for(row);
+            put_at(root, row->pointer, document(quoted));
+            assert_null(spec_parse(root, &faults, &e));
+            assert_int_equal(e.code, ERROR_NOT_SUPPORTED);
+            assert_int_equal(faults.count, 1);
+            assert_string_equal(faults.item[0].pointer, row->pointer);
+            json_free(root);
+            free(quoted);
+        }
+    }
+}
+
+static void test_every_later_member_is_not_supported(void **state)
+{
+    (void)state;
+    int seen = 0;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->type != SPEC_TYPE_LATER) continue;
+        error e = {0};
+        spec_faults faults;
+        json *root = document_for(row);
+        if (row->choice == SPEC_CHOICE_SURFACE) json_put_object(root, "surface");
+        if (row->choice == SPEC_CHOICE_TARGET) json_put_object(root, "sampling");
+        put_at(root, row->pointer, json_new_object());
+        assert_null(spec_parse(root, &faults, &e));
+        if (e.code != ERROR_NOT_SUPPORTED) fail_msg("%s: %s", row->pointer, e.message);
+        assert_int_equal(faults.count, 1);
+        assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
+        assert_string_equal(faults.item[0].pointer, row->pointer);
+        json_free(root);
+        seen++;
+    }
+    assert_true(seen >= 30);
+}
+
+static void test_unknown_member_in_every_group(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->type != SPEC_TYPE_GROUP) continue;
+        error e = {0};
+        spec_faults faults;
+        char *pointer = mem_printf("%s/zzzzz", row->pointer);
+        json *root = document_for(row);
+        put_at(root, pointer, number_of(1));
+        assert_null(spec_parse(root, &faults, &e));
+        assert_int_equal(faults.count, 1);
+        assert_string_equal(faults.item[0].pointer, pointer);
+        assert_string_equal(faults.item[0].detail, "unknown member 'zzzzz'");
+        json_free(root);
+        free(pointer);
+    }
+    expect_fault(SPHERE ",\"solver\":{\"max_sweep\":1}}", ERROR_SPEC_INVALID, "/solver/max_sweep",
+                 "did you mean 'max_sweeps'?");
+    expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed", "did you mean '/solver/seed'?");
+    expect_fault(SPHERE ",\"\":1}", ERROR_SPEC_INVALID, "/", "unknown member ''");
+    expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b", "unknown member 'a/b'");
+}
+
+/* ---- the rest ---- */
+
+static void test_fields(void **state)
+{
+    (void)state;
+    spec *s = good(
+        "{\"version\":1,\"name\":\"n\",\"surface\":{\"vdb\":{\"path\":\"p\",\"grid\":\"g\",\"isovalue\":0.5,"
+        "\"reconstruction\":\"smoothing\"}},\"sampling\":{\"count\":5000,\"alpha\":{\"d\":3}},"
+        "\"solver\":{\"sigma\":0.125,\"init\":\"random\",\"seed\":9007199254740992,\"threads\":3},"
+        "\"output\":{\"ply\":{\"format\":\"ascii\",\"precision\":\"double\"},\"preview\":{\"size\":[640,480],"
+        "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_attempts\":2},"
+        "\"queue\":{\"priority\":-7,\"labels\":[\"a\",\"b\xc3\xa4\"]}}");
+    assert_int_equal(s->surface_kind, SPEC_SURFACE_VDB);
+    assert_string_equal(s->name, "n");
+    assert_string_equal(s->vdb.path, "p");
+    assert_string_equal(s->vdb.grid, "g");
+    assert_true(s->vdb.has_isovalue && s->vdb.isovalue == 0.5);
+    assert_int_equal(s->vdb.reconstruction, SPEC_RECONSTRUCTION_SMOOTHING);
+    assert_int_equal(s->count, 5000);
+    assert_true(s->has_alpha && s->alpha.d == 3 && s->alpha.gamma == 0.1 && s->alpha.nu == 0.75 &&
+                s->alpha.kappa_max == 20);
+    assert_true(s->sigma == 0.125 && s->seed == UINT64_C(9007199254740992) && s->threads == 3);
+    assert_int_equal(s->init, SPEC_INIT_RANDOM);
+    assert_int_equal(s->max_sweeps, 5000);
+    assert_true(s->step_tolerance == 1e-3 && s->energy_tolerance == 0.05);
+    assert_int_equal(s->ply_format, SPEC_PLY_ASCII);
+    assert_int_equal(s->ply_precision, SPEC_PRECISION_DOUBLE);
+    assert_true(s->has_preview && s->preview_width == 640 && s->preview_height == 480);
+    assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
+    assert_true(s->memory_mb == 512 && s->timeout_s == 1.5 && s->stall_s == 0 && s->max_attempts == 2);
+    assert_int_equal(s->priority, -7);
+    assert_int_equal(s->label_count, 2);
+    assert_string_equal(s->labels[1], "b\xc3\xa4");
+    spec_free(s);
+    s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_radius\":2,"
+             "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
+    assert_int_equal(s->surface_kind, SPEC_SURFACE_ANALYTIC);
+    assert_int_equal(s->analytic.shape, SPEC_SHAPE_TORUS);
+    assert_true(s->analytic.axis.y == 2 && s->analytic.center.x == 0.5 && s->analytic.radius == 0);
+    assert_int_equal(s->preview_height, 64);
+    assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
+    assert_true(!s->has_alpha && !s->name);
+    spec_free(s);
+    spec_free(NULL);
+}
+
+static void test_preview_switch(void **state)
+{
+    (void)state;
+    static const char *const values[] = {"true", "{}", "false"};
+    for (int i = 0; i < 3; i++) {
+        char *text = mem_printf(SPHERE ",\"output\":{\"preview\":%s}}", values[i]);
+        spec *s = good(text);
+        assert_int_equal(s->has_preview, i < 2);
+        if (i < 2) assert_int_equal(s->preview_width, 1024);
+        spec_free(s);
+        free(text);
+    }
+    spec *s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
+                   "\"sampling\":{\"count\":100,\"alpha\":{}}}");
+    assert_true(s->has_preview && s->preview_color == SPEC_COLOR_ALPHA && s->analytic.r == 0.13);
+    spec_free(s);
+}
+
+static void test_normalised_is_idempotent(void **state)
+{
+    (void)state;
+    static const char *const texts[] = {
+        SPHERE "}",
+        SPHERE ",\"output\":{\"preview\":false}}",
+        SPHERE ",\"output\":{\"preview\":true},\"queue\":{\"labels\":[\"x\"]},\"name\":\"\\\"\\u00e4\"}",
+        "{\"sampling\":{\"alpha\":{},\"count\":1e3},\"version\":1.0,\"solver\":{\"seed\":-0},"
+        "\"surface\":{\"vdb\":{\"path\":\"p\",\"isovalue\":-0.0}}}",
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"gyroid\",\"period\":0.3}},\"sampling\":{\"count\":9}}",
+    };
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        spec *s = good(texts[i]);
+        char *once = json_print(s->normalised);
+        spec *again = good(once);
+        char *twice = json_print(again->normalised);
+        assert_string_equal(once, twice);
+        assert_null(strstr(once, "-0,"));
+        spec_free(s);
+        spec_free(again);
+        free(once);
+        free(twice);
+    }
+    spec *s = good(SPHERE "}");
+    char *text = json_print(s->normalised);
+    assert_string_equal(
+        text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],\"radius\":0.4}},"
+              "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"paper\",\"energy\":\"cotangent\",\"minimiser\":"
+              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
+              "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
+              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],\"color\":"
+              "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
+              "\"queue\":{\"priority\":0,\"labels\":[]}}");
+    free(text);
+    spec_free(s);
+}
+
+static void test_faults(void **state)
+{
+    (void)state;
+    const error_code invalid = ERROR_SPEC_INVALID;
+    expect_fault("[]", invalid, "", "must be an object (given an array of 0)");
+    expect_fault("{}", invalid, "/version", "is required");
+    expect_fault("{}", invalid, "/surface", "is required");
+    expect_fault("{}", invalid, "/sampling", "is required");
+    expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
+    expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, analytic");
+    expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
+    expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
+    expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path", "characters (given 0)");
+    expect_fault("{\"sampling\":{}}", invalid, "/sampling", "exactly one of count, spacing, density, control, time_s");
+    expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling", "needs at most one of alpha");
+    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count", "from 4 to 100000000 (given 3)");
+    expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count", "must be an integer from");
+    expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count", "(given \"many\")");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0}}}", invalid,
+                 "/surface/analytic/radius", "must be a number above 0 and at most 1000000000000 (given 0)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}", invalid,
+                 "/surface/analytic/period", "is no member of the shape \"sphere\"");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid, "/surface/analytic/shape",
+                 "must be one of \"sphere\", \"torus\"");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}", invalid,
+                 "/surface/analytic/minor_radius", "less than major_radius, 1 (given 1)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
+                 "\"axis\":[0,0,0]}}}",
+                 invalid, "/surface/analytic/axis", "zero vector");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}", invalid,
+                 "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,
+                 "/surface/analytic/half_size/1", "(given -2)");
+    expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1", "8193");
+    expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"sized\"}}", ERROR_NOT_SUPPORTED, "/solver/method",
+                 "\"sized\" is not supported by this version: use \"paper\"");
+    assert_null(spec_parse(NULL, NULL, NULL));
+}
+
+static void test_all_faults_are_collected(void **state)
+{
+    (void)state;
+    error e = {0};
+    spec_faults faults = bad("{\"version\":1,\"surface\":{\"mesh\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
+                             "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
+                             &e);
+    assert_int_equal(faults.count, 6);
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    assert_string_equal(e.message, "/sampling/counts: unknown member 'counts': did you mean 'count'? (and 5 more)");
+    char *text = mem_strdup(SPHERE);
+    for (int i = 0; i < 500; i++) {
+        char *longer = mem_printf("%s,\"unknown%d\":1", text, i);
+        free(text);
+        text = longer;
+    }
+    char *closed = mem_printf("%s}", text);
+    faults = bad(closed, &e);
+    assert_int_equal(faults.count, SPEC_MAX_FAULTS);
+    free(text);
+    free(closed);
+}
+
+/* The code must be spec_invalid even when the list is full of members that are not supported. */
+static void test_invalid_fault_behind_a_full_list(void **state)
+{
+    (void)state;
+    error e = {0};
+    spec_faults faults =
+        bad("{\"version\":1,\"region\":1,\"surface\":{\"mesh\":1},\"sampling\":{\"count\":9,\"min_spacing\":1,"
+            "\"max_spacing\":1,\"gradation\":1,\"grid\":1},\"solver\":{\"isa\":1,\"step\":1},\"output\":{\"mesh\":1,"
+            "\"points_vdb\":1,\"directory\":1,\"preview\":{\"camera\":1,\"turntable\":1}},\"queue\":{\"frames\":1,"
+            "\"coherent\":1,\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
+            &e);
+    assert_int_equal(faults.count, SPEC_MAX_FAULTS);
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    assert_non_null(strstr(e.message, "/queue/priority"));
+}
+
+static void test_lengths(void **state)
+{
+    (void)state;
+    for (int over = 0; over <= 1; over++) {
+        char name[2 * 201 + 1] = "";
+        for (int i = 0; i < 200 + over; i++) strcat(name, "\xc3\xa4"); /* characters count, not bytes */
+        char *text = mem_printf(SPHERE ",\"name\":\"%s\"}", name);
+        json *root = document(text);
+        spec *s = spec_parse(root, NULL, NULL);
+        assert_int_equal(s != NULL, !over);
+        spec_free(s);
+        json_free(root);
+        free(text);
+        json *labels = json_new_array();
+        for (int i = 0; i < 32 + over; i++) json_append_string(labels, "label");
+        root = document(SPHERE "}");
+        put_at(root, "/queue/labels", labels);
+        s = spec_parse(root, NULL, NULL);
+        assert_int_equal(s != NULL, !over);
+        spec_free(s);
+        json_free(root);
+    }
+}
+
+static void test_help_names_every_row(void **state)
+{
+    (void)state;
+    char *text = NULL;
+    size_t size = 0;
+    FILE *file = open_memstream(&text, &size);
+    spec_print_help(file);
+    fclose(file);
+    for (size_t i = 0; i < spec_row_count; i++) assert_non_null(strstr(text, spec_rows[i].pointer));
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n"))
+        if (strncmp(line, "    ", 4) == 0 && strlen(line) > 80) fail_msg("too long: %s", line);
+    free(text);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_bounds_of_every_row),
+        cmocka_unit_test(test_types_of_every_row),
+        cmocka_unit_test(test_defaults_and_presence),
+        cmocka_unit_test(test_words_of_every_row),
+        cmocka_unit_test(test_every_later_member_is_not_supported),
+        cmocka_unit_test(test_unknown_member_in_every_group),
+        cmocka_unit_test(test_fields),
+        cmocka_unit_test(test_preview_switch),
+        cmocka_unit_test(test_normalised_is_idempotent),
+        cmocka_unit_test(test_faults),
+        cmocka_unit_test(test_all_faults_are_collected),
+        cmocka_unit_test(test_invalid_fault_behind_a_full_list),
+        cmocka_unit_test(test_lengths),
+        cmocka_unit_test(test_help_names_every_row),
+    };
+    return cmocka_run_group_tests_name("spec", tests, NULL, NULL);
+}
