@@ -1,4 +1,6 @@
 /* hexad-worker: runs one job and ends. Wiring only; see ARCHITECTURE.md for the contract. */
+#include "config.h"
+
 #include <errno.h>
 #include <getopt.h>
 #include <limits.h>
@@ -13,7 +15,9 @@
 #include "json/json.h"
 #include "run/run.h"
 #include "spec/spec.h"
+#include "store/file.h"
 #include "store/root.h"
+#include "volume/example.h"
 
 enum exit_code {
     EXIT_CONVERGED = 0,
@@ -224,11 +228,22 @@ done:
     return code;
 }
 
+static int make_example(const char *path)
+{
+    error e = {0};
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, &e) && example_write(fileno(file.stream), &e) &&
+              store_file_commit(&file, &e);
+    store_file_abort(&file);
+    return ok ? 0 : fail(&e, NULL);
+}
+
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
+    if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(command, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;

@@ -17,13 +17,13 @@ static void put_vec3(json *object, const char *key, vec3 v)
 
 static void put_surface(json *report, const report_facts *facts)
 {
-    json *surface = json_put_object(report, "surface");
-    json_put_number(surface, "area", facts->scan->area);
-    json *box = json_put_object(surface, "bounding_box");
+    json *object = json_put_object(report, "surface");
+    json_put_number(object, "area", facts->scan->area);
+    json *box = json_put_object(object, "bounding_box");
     put_vec3(box, "min", facts->scan->box.min);
     put_vec3(box, "max", facts->scan->box.max);
-    json *warnings = json_put_array(surface, "warnings");
-    source_describe(facts->source, report, surface, warnings);
+    json *warnings = json_put_array(object, "warnings");
+    source_describe(facts->source, report, object, warnings);
     if (facts->max_residual > RESIDUAL_WARNING)
         json_append_string(warnings, "single precision moves the points by more than 1e-3 h: ask for "
                                      "output.ply.precision \"double\"");

@@ -56,9 +56,9 @@ static bool load(job *j, error *e)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "%lld points need about %zu MB, the limit is %zu MB: raise limits.memory_mb",
                          (long long)s->count, particles >> 20, memory >> 20);
-    int threads = s->threads > 0 ? s->threads : threads_available();
-    if (s->threads == 0 && s->count < THREADS_FROM) threads = 1;
-    j->pool = threads_new(threads, e);
+    int workers = s->threads > 0 ? s->threads : threads_available();
+    if (s->threads == 0 && s->count < THREADS_FROM) workers = 1;
+    j->pool = threads_new(workers, e);
     return j->pool && source_open(s, j->options->roots, memory - particles, &j->source, e);
 }
 
