@@ -36,6 +36,7 @@ static bool split(const char *where, char **host, char **port)
     const char *colon = strrchr(where, ':');
     if (!colon || colon == where || !colon[1] || strspn(colon + 1, "0123456789") != strlen(colon + 1))
         return false;
+    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535) return false; /* getaddrinfo would wrap it */
     size_t length = (size_t)(colon - where);
     if (where[0] == '[' && where[length - 1] == ']')
         *host = mem_strndup(where + 1, length - 2);
