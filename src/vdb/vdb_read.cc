@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <istream>
@@ -452,7 +453,7 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
 extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
 {
     vdb_listing list = {nullptr, 0};
-    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading the list of grids; the file is cut short or damaged", [&] {
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the list of grids", [&] {
         vdb::initialize();
         reader file(fd);
         list.entries = array<vdb_entry>(size_t(file.count()));
@@ -489,7 +490,7 @@ extern "C" void vdb_listing_free(vdb_listing *listing)
 extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
 {
     vdb_grid *out = nullptr;
-    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading its voxels; the file is cut short or damaged", [&] {
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the voxels of the grid", [&] {
         vdb::initialize();
         out = array<vdb_grid>(1);
         reader file(fd);

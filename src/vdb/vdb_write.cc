@@ -101,7 +101,7 @@ void write_all(int fd, const std::string &bytes)
 extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                                 error *e)
 {
-    return shim::guard(e, ERROR_INTERNAL, "writing a volume", [&] {
+    return shim::guard(e, ERROR_INTERNAL, "a volume to write", [&] {
         vdb::initialize();
         vdb::GridCPtrVec grids;
         for (size_t i = 0; i < count; i++) grids.push_back(build_any(drafts[i]));
