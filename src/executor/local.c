@@ -290,7 +290,7 @@ static char *find_last_words(const engine_attempt *a)
     size_t last = a->log_used;
     while (last > 0 && (a->log[last - 1] == '\n' || a->log[last - 1] == '\r')) last--;
     size_t first = last;
-    while (first > 0 && a->log[first - 1] != '\n') first--;
+    while (first > 0 && a->log[first - 1] != '\n' && a->log[first - 1]) first--;
     return mem_strndup(a->log + first, last - first);
 }
 

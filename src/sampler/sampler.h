@@ -54,6 +54,9 @@ typedef struct sampler_sweep {
     uint64_t rejected;
 } sampler_sweep;
 
+/* E / E_ideal - 1 of a sweep. */
+double sampler_excess(const sampler_sweep *sweep);
+
 typedef struct sampler_round {
     int sweeps;
     size_t inserted, deleted;
@@ -73,6 +76,9 @@ void sampler_free(sampler *s);
 bool sampler_step(sampler *s, error *e); /* one sweep, and control when a round ends */
 bool sampler_ended(const sampler *s);
 sampler_outcome sampler_result(const sampler *s);
+
+/* An estimate of how much of the relaxation is done, 0 .. 1, never falling. */
+double sampler_fraction(const sampler *s);
 
 /* The record so far; arrays belong to the sampler and live until the next step. */
 const sampler_sweep *sampler_sweeps(const sampler *s, size_t *count);

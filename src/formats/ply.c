@@ -1,0 +1,311 @@
+#include "formats/ply.h"
+
+#include <endian.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+/* Points per block: 4096 * 13 * 8 bytes is what a second-level cache holds easily. */
+enum { BLOCK_POINTS = 4096 };
+
+/* Longest text of a double with %.17g: sign, 17 digits, point, e-308. */
+enum { NUMBER_TEXT_MAX = 26 };
+
+/* A header or ASCII line that ply_write makes is shorter. */
+enum { LINE_MAX_BYTES = 1024 };
+
+static const char *const property_names[PLY_PROPERTIES] = {
+    "x",      "y",      "z",     "nx",     "ny",      "nz",           "kappa",
+    "kappa1", "kappa2", "alpha", "energy", "spacing", "spacing_local"};
+static const char *const format_names[] = {"binary_little_endian", "ascii"};
+static const char *const precision_names[] = {"float", "double"};
+
+/* ---- writing ---- */
+
+static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES])
+{
+    row[0] = s->position[i].x;
+    row[1] = s->position[i].y;
+    row[2] = s->position[i].z;
+    row[3] = s->normal[i].x;
+    row[4] = s->normal[i].y;
+    row[5] = s->normal[i].z;
+    row[6] = s->kappa[i];
+    row[7] = s->kappa1[i];
+    row[8] = s->kappa2[i];
+    row[9] = s->alpha[i];
+    row[10] = s->energy[i];
+    row[11] = s->spacing[i];
+    row[12] = s->spacing_local[i];
+}
+
+static bool check_row(const double row[PLY_PROPERTIES], size_t i, ply_precision precision, error *e)
+{
+    for (int c = 0; c < PLY_PROPERTIES; c++)
+        if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
+            return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
+                             property_names[c], row[c], precision_names[precision]);
+    return true;
+}
+
+static size_t pack_row(const double row[PLY_PROPERTIES], ply_precision precision, char *out)
+{
+    for (int c = 0; c < PLY_PROPERTIES; c++) {
+        if (precision == PLY_FLOAT) {
+            float value = (float)row[c];
+            uint32_t bits;
+            memcpy(&bits, &value, sizeof bits);
+            bits = htole32(bits);
+            memcpy(out + 4 * c, &bits, sizeof bits);
+        } else {
+            uint64_t bits;
+            memcpy(&bits, &row[c], sizeof bits);
+            bits = htole64(bits);
+            memcpy(out + 8 * c, &bits, sizeof bits);
+        }
+    }
+    return PLY_PROPERTIES * (precision == PLY_FLOAT ? 4 : 8);
+}
+
+/* FLT_DIG and DBL_DIG digits may be enough, three more always are (IEEE 754). */
+static size_t print_number(double value, ply_precision precision, char *out)
+{
+    int digits = precision == PLY_FLOAT ? 6 : 15, n = 0;
+    for (int more = 0; more <= 3; more++) {
+        n = snprintf(out, NUMBER_TEXT_MAX, "%.*g", digits + more, value);
+        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value) break;
+    }
+    return (size_t)n;
+}
+
+static size_t print_row(const double row[PLY_PROPERTIES], ply_precision precision, char *out)
+{
+    size_t n = 0;
+    for (int c = 0; c < PLY_PROPERTIES; c++) {
+        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
+        out[n++] = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
+    }
+    return n;
+}
+
+static bool write_failed(error *e)
+{
+    return error_set(e, ERROR_INTERNAL, "cannot write the PLY file: %s", strerror(errno));
+}
+
+static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision, error *e)
+{
+    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format], count) > 0;
+    for (int c = 0; c < PLY_PROPERTIES; c++)
+        good = good && fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
+    good = good && fputs("end_header\n", file) >= 0;
+    return good || write_failed(e);
+}
+
+bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
+{
+    bool done = false;
+    double row[PLY_PROPERTIES];
+    char *block = mem_array(BLOCK_POINTS, PLY_PROPERTIES * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
+    if (!block) return false;
+    if (!write_header(file, set->count, format, precision, e)) goto end;
+    for (size_t start = 0; start < set->count; start += BLOCK_POINTS) {
+        size_t stop = set->count - start < BLOCK_POINTS ? set->count : start + BLOCK_POINTS, bytes = 0;
+        for (size_t i = start; i < stop; i++) {
+            load_row(set, i, row);
+            if (!check_row(row, i, precision, e)) goto end;
+            bytes += format == PLY_ASCII ? print_row(row, precision, block + bytes)
+                                         : pack_row(row, precision, block + bytes);
+        }
+        if (fwrite(block, 1, bytes, file) != bytes) {
+            write_failed(e);
+            goto end;
+        }
+    }
+    done = fflush(file) == 0 || write_failed(e);
+end:
+    free(block);
+    return done;
+}
+
+/* ---- reading ---- */
+
+static bool damaged(error *e, const char *words) { return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words); }
+
+/* One line without its line break; comments are passed over. */
+static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
+{
+    do {
+        if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it ends too early");
+        char *end = strchr(line, '\n');
+        if (!end) return damaged(e, feof(file) ? "it ends too early" : "a line is too long or holds a zero byte");
+        *end = '\0';
+    } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
+    return true;
+}
+
+static bool expect_line(FILE *file, const char *expected, error *e)
+{
+    char line[LINE_MAX_BYTES];
+    if (!read_line(file, line, e)) return false;
+    if (strcmp(line, expected) == 0) return true;
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'", expected, line);
+}
+
+static bool read_count(FILE *file, size_t *count, error *e)
+{
+    static const char start[] = "element vertex ";
+    char line[LINE_MAX_BYTES];
+    if (!read_line(file, line, e)) return false;
+    const char *digits = line + sizeof start - 1;
+    if (strncmp(line, start, sizeof start - 1) != 0 || !*digits || strspn(digits, "0123456789") != strlen(digits) ||
+        (digits[0] == '0' && digits[1]))
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'", line);
+    errno = 0;
+    uintmax_t value = strtoumax(digits, NULL, 10);
+    if (errno || value > SIZE_MAX) return damaged(e, "its count of points is too large");
+    *count = (size_t)value;
+    return true;
+}
+
+static bool read_header(FILE *file, ply_file *f, error *e)
+{
+    char line[LINE_MAX_BYTES], expected[LINE_MAX_BYTES];
+    if (!expect_line(file, "ply", e) || !read_line(file, line, e)) return false;
+    if (strcmp(line, "format ascii 1.0") == 0) f->format = PLY_ASCII;
+    else if (strcmp(line, "format binary_little_endian 1.0") == 0) f->format = PLY_BINARY_LITTLE_ENDIAN;
+    else return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
+    if (!read_count(file, &f->points.count, e) || !read_line(file, line, e)) return false;
+    f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
+    if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
+    for (int c = 1; c < PLY_PROPERTIES; c++) {
+        snprintf(expected, sizeof expected, "property %s %s", precision_names[f->precision], property_names[c]);
+        if (!expect_line(file, expected, e)) return false;
+    }
+    return expect_line(file, "end_header", e);
+}
+
+/* The bytes from here to the end must be able to hold the points: a count is never trusted alone. */
+static bool check_size(FILE *file, const ply_file *f, error *e)
+{
+    long at = ftell(file);
+    if (at < 0 || fseek(file, 0, SEEK_END) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    long end = ftell(file);
+    if (end < at || fseek(file, at, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    size_t left = (size_t)(end - at), value = f->precision == PLY_FLOAT ? 4 : 8;
+    size_t point = PLY_PROPERTIES * (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
+    size_t holds = left / point;
+    if (f->points.count > holds || (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %zu bytes of data cannot be the %zu points of its header",
+                         left, f->points.count);
+    return true;
+}
+
+static void unpack_row(const char *in, ply_precision precision, double row[PLY_PROPERTIES])
+{
+    for (int c = 0; c < PLY_PROPERTIES; c++) {
+        if (precision == PLY_FLOAT) {
+            uint32_t bits;
+            float value;
+            memcpy(&bits, in + 4 * c, sizeof bits);
+            bits = le32toh(bits);
+            memcpy(&value, &bits, sizeof value);
+            row[c] = value;
+        } else {
+            uint64_t bits;
+            memcpy(&bits, in + 8 * c, sizeof bits);
+            bits = le64toh(bits);
+            memcpy(&row[c], &bits, sizeof bits);
+        }
+    }
+}
+
+static bool parse_row(FILE *file, ply_precision precision, double row[PLY_PROPERTIES], error *e)
+{
+    char line[LINE_MAX_BYTES], *at = line;
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
+    for (int c = 0; c < PLY_PROPERTIES; c++) {
+        size_t n = strspn(at, "0123456789+-.eE");
+        char *end = at, stop = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
+        if (n > 0) row[c] = precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
+        if (end != at + n || *end != stop || n == 0) return damaged(e, "a line is not 13 numbers");
+        at = end + 1;
+    }
+    return !*at || damaged(e, "a line is not 13 numbers");
+}
+
+/* The arrays of a point set inside one allocation of `count` rows. */
+static void store_row(const points *set, size_t i, const double row[PLY_PROPERTIES])
+{
+    ((vec3 *)set->position)[i] = vec3_make(row[0], row[1], row[2]);
+    ((vec3 *)set->normal)[i] = vec3_make(row[3], row[4], row[5]);
+    ((double *)set->kappa)[i] = row[6];
+    ((double *)set->kappa1)[i] = row[7];
+    ((double *)set->kappa2)[i] = row[8];
+    ((double *)set->alpha)[i] = row[9];
+    ((double *)set->energy)[i] = row[10];
+    ((double *)set->spacing)[i] = row[11];
+    ((double *)set->spacing_local)[i] = row[12];
+}
+
+static void lay_out(ply_file *f)
+{
+    size_t n = f->points.count;
+    double *d = f->storage;
+    f->points.position = (const vec3 *)d;
+    f->points.normal = (const vec3 *)(d + 3 * n);
+    f->points.kappa = d + 6 * n;
+    f->points.kappa1 = d + 7 * n;
+    f->points.kappa2 = d + 8 * n;
+    f->points.alpha = d + 9 * n;
+    f->points.energy = d + 10 * n;
+    f->points.spacing = d + 11 * n;
+    f->points.spacing_local = d + 12 * n;
+}
+
+static bool read_rows(FILE *file, const ply_file *f, error *e)
+{
+    double row[PLY_PROPERTIES];
+    char packed[PLY_PROPERTIES * 8];
+    size_t bytes = PLY_PROPERTIES * (f->precision == PLY_FLOAT ? 4 : 8);
+    for (size_t i = 0; i < f->points.count; i++) {
+        if (f->format == PLY_ASCII) {
+            if (!parse_row(file, f->precision, row, e)) return error_prefix(e, "point %zu", i);
+        } else {
+            if (fread(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
+            unpack_row(packed, f->precision, row);
+        }
+        for (int c = 0; c < PLY_PROPERTIES; c++)
+            if (!isfinite(row[c]))
+                return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, property_names[c], row[c]);
+        store_row(&f->points, i, row);
+    }
+    return fgetc(file) == EOF || damaged(e, "there are bytes after its last point");
+}
+
+bool ply_read(FILE *file, ply_file *out, error *e)
+{
+    ply_file f = {0};
+    if (fseek(file, 0, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    if (!read_header(file, &f, e) || !check_size(file, &f, e)) return false;
+    f.storage = mem_array(f.points.count, PLY_PROPERTIES * sizeof(double), "the points of a PLY file", e);
+    if (!f.storage) return false;
+    lay_out(&f);
+    if (!read_rows(file, &f, e)) {
+        ply_file_free(&f);
+        return false;
+    }
+    *out = f;
+    return true;
+}
+
+void ply_file_free(ply_file *file)
+{
+    if (!file) return;
+    free(file->storage);
+    *file = (ply_file){0};
+}

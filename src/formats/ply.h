@@ -1,0 +1,42 @@
+/* ply: points.ply, written and, for verification, read back.
+ *
+ * One element `vertex` with the 13 properties of PLY_PROPERTIES, all of one type. The header holds
+ * neither a date nor a path: the same points give the same bytes. ASCII numbers are the shortest
+ * text that reads back to the same value of the property's type. Nothing here keeps state; a file
+ * belongs to one thread at a time. LC_NUMERIC must be the C locale.
+ */
+#ifndef HEXAD_FORMATS_PLY_H
+#define HEXAD_FORMATS_PLY_H
+
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "formats/points.h"
+
+enum { PLY_PROPERTIES = 13 };
+
+typedef enum ply_format { PLY_BINARY_LITTLE_ENDIAN, PLY_ASCII } ply_format;
+typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
+
+/* Writes at the file's position and flushes; the caller made the file and syncs and renames it.
+ * A value that is not finite, or not as a float, is an error that names point and property, found
+ * before anything is written beyond it: the file is then of no use. */
+bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, error *e);
+
+/* A point set as it stands in a file. */
+typedef struct ply_file {
+    points points; /* arrays owned by this struct */
+    ply_format format;
+    ply_precision precision;
+    void *storage; /* private */
+} ply_file;
+
+/* Reads a seekable file from its start to its end, strictly: only what ply_write writes (comments
+ * apart) is accepted. A wrong header, a count that is not the file's, bytes that are left over, and
+ * values that are not finite are errors (input_damaged). Memory is taken only after the size of the
+ * file has vouched for the count. On success the caller frees with ply_file_free. */
+bool ply_read(FILE *file, ply_file *out, error *e);
+void ply_file_free(ply_file *file); /* accepts NULL and a zeroed struct */
+
+#endif

@@ -1,0 +1,56 @@
+/* point_set: made-up points for the tests of the formats. */
+#ifndef HEXAD_TESTS_POINT_SET_H
+#define HEXAD_TESTS_POINT_SET_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "formats/points.h"
+
+typedef struct point_set {
+    points points;
+    vec3 *position, *normal;
+    double *scalar[7]; /* kappa .. spacing_local, in the order of `points` */
+} point_set;
+
+static inline point_set point_set_new(size_t count)
+{
+    point_set s = {0};
+    s.position = mem_alloc(count * sizeof *s.position);
+    s.normal = mem_alloc(count * sizeof *s.normal);
+    for (int k = 0; k < 7; k++) s.scalar[k] = mem_alloc(count * sizeof(double));
+    s.points = (points){count,       s.position,  s.normal,    s.scalar[0], s.scalar[1],
+                        s.scalar[2], s.scalar[3], s.scalar[4], s.scalar[5], s.scalar[6]};
+    return s;
+}
+
+static inline void point_set_free(point_set *s)
+{
+    free(s->position);
+    free(s->normal);
+    for (int k = 0; k < 7; k++) free(s->scalar[k]);
+}
+
+static inline void point_set_scalars(point_set *s, size_t i, double kappa1, double kappa2, double alpha, double spacing)
+{
+    double values[7] = {sqrt(kappa1 * kappa1 + kappa2 * kappa2), kappa1, kappa2, alpha, 0.71, spacing, spacing};
+    for (int k = 0; k < 7; k++) s->scalar[k][i] = values[k];
+}
+
+/* Fibonacci's lattice on a sphere: nearly even, good enough to look at. */
+static inline point_set point_set_sphere(size_t count, vec3 center, double radius)
+{
+    point_set s = point_set_new(count);
+    double spacing = radius * sqrt(8 * M_PI / (sqrt(3) * (double)count));
+    for (size_t i = 0; i < count; i++) {
+        double z = 1 - 2 * ((double)i + 0.5) / (double)count, r = sqrt(1 - z * z), turn = 2.399963229728653 * (double)i;
+        s.normal[i] = vec3_make(r * cos(turn), r * sin(turn), z);
+        s.position[i] = vec3_axpy(radius, s.normal[i], center);
+        point_set_scalars(&s, i, 1 / radius, 1 / radius, 1, spacing);
+    }
+    return s;
+}
+
+#endif

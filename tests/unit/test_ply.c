@@ -1,0 +1,230 @@
+/* ply: round trips, truncations, hostile headers. */
+#include <float.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "formats/ply.h"
+#include "point_set.h"
+
+typedef struct bytes {
+    char *data;
+    size_t length;
+} bytes;
+
+static bytes write_set(const points *set, ply_format format, ply_precision precision)
+{
+    bytes b = {NULL, 0};
+    error e = {0};
+    FILE *file = open_memstream(&b.data, &b.length);
+    if (!ply_write(file, set, format, precision, &e)) fail_msg("%s", e.message);
+    fclose(file);
+    return b;
+}
+
+static bool read_bytes(const char *data, size_t length, ply_file *out, error *e)
+{
+    char *copy = mem_alloc(length); /* exactly so long, so that a sanitizer sees an overrun */
+    memcpy(copy, data, length);
+    FILE *file = fmemopen(copy, length ? length : 1, "rb");
+    if (!length) fgetc(file);
+    bool good = ply_read(file, out, e);
+    fclose(file);
+    free(copy);
+    return good;
+}
+
+static void refuse(const char *data, size_t length, const char *words)
+{
+    error e = {0};
+    ply_file f = {0};
+    if (read_bytes(data, length, &f, &e)) fail_msg("accepted: %.400s", data);
+    if (!strstr(e.message, words)) fail_msg("'%s' does not say '%s'", e.message, words);
+    assert_null(f.storage);
+}
+
+static void check_equal(const points *a, const points *b, bool single)
+{
+    const double *x[9] = {&a->position->x, &a->normal->x, a->kappa,   a->kappa1,       a->kappa2,
+                          a->alpha,        a->energy,     a->spacing, a->spacing_local};
+    const double *y[9] = {&b->position->x, &b->normal->x, b->kappa,   b->kappa1,       b->kappa2,
+                          b->alpha,        b->energy,     b->spacing, b->spacing_local};
+    assert_int_equal(a->count, b->count);
+    for (int k = 0; k < 9; k++)
+        for (size_t i = 0; i < a->count * (k < 2 ? 3 : 1); i++)
+            if ((single ? (double)(float)x[k][i] : x[k][i]) != y[k][i])
+                fail_msg("array %d element %zu: %.17g became %.17g", k, i, x[k][i], y[k][i]);
+}
+
+static point_set awkward(void)
+{
+    point_set s = point_set_sphere(10007, vec3_make(0.1, -2e6, 1e-9), 1.0 / 3);
+    s.position[0] = vec3_make(-0.0, 1e-30, 12345678.9);
+    s.scalar[0][1] = 3e38;
+    s.scalar[1][1] = FLT_MIN / 4; /* a denormal */
+    s.scalar[2][1] = -1.0 / 3;
+    s.scalar[3][1] = 1e22;
+    return s;
+}
+
+static void test_round_trips(void **state)
+{
+    (void)state;
+    point_set s = awkward();
+    for (int format = PLY_BINARY_LITTLE_ENDIAN; format <= PLY_ASCII; format++) {
+        for (int precision = PLY_FLOAT; precision <= PLY_DOUBLE; precision++) {
+            error e = {0};
+            ply_file f = {0};
+            bytes b = write_set(&s.points, format, precision), again = write_set(&s.points, format, precision);
+            assert_int_equal(b.length, again.length);
+            assert_memory_equal(b.data, again.data, b.length);
+            if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
+            assert_int_equal(f.format, format);
+            assert_int_equal(f.precision, precision);
+            check_equal(&s.points, &f.points, precision == PLY_FLOAT);
+            ply_file_free(&f);
+            free(b.data);
+            free(again.data);
+        }
+    }
+    point_set_free(&s);
+    ply_file_free(NULL);
+}
+
+static void test_header(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
+    bytes b = write_set(&s.points, PLY_ASCII, PLY_FLOAT);
+    static const char expected[] =
+        "ply\nformat ascii 1.0\ncomment hexad\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty float kappa\n"
+        "property float kappa1\nproperty float kappa2\nproperty float alpha\nproperty float energy\n"
+        "property float spacing\nproperty float spacing_local\nend_header\n1 0 0 1 0 0 1.4142135 1 1 1 0.71 ";
+    assert_true(strncmp(b.data, expected, sizeof expected - 1) == 0);
+    free(b.data);
+    point_set_free(&s);
+}
+
+static void test_every_truncation_is_refused(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(3, vec3_make(1, 2, 3), 1);
+    for (int format = PLY_BINARY_LITTLE_ENDIAN; format <= PLY_ASCII; format++) {
+        for (int precision = PLY_FLOAT; precision <= PLY_DOUBLE; precision++) {
+            bytes b = write_set(&s.points, format, precision);
+            for (size_t n = 0; n < b.length; n++) refuse(b.data, n, "");
+            char *longer = mem_alloc(b.length + 1);
+            memcpy(longer, b.data, b.length);
+            longer[b.length] = '\n';
+            refuse(longer, b.length + 1, format == PLY_ASCII ? "after its last point" : "cannot be the 3 points");
+            free(longer);
+            free(b.data);
+        }
+    }
+    point_set_free(&s);
+}
+
+/* The header with one piece replaced. */
+static void refuse_with(const bytes *b, const char *from, const char *to, const char *words)
+{
+    char *where = memmem(b->data, b->length, from, strlen(from));
+    assert_non_null(where);
+    size_t before = (size_t)(where - b->data), after = b->length - before - strlen(from);
+    size_t length = before + strlen(to) + after;
+    char *data = mem_alloc(length);
+    memcpy(data, b->data, before);
+    memcpy(data + before, to, strlen(to));
+    memcpy(data + before + strlen(to), where + strlen(from), after);
+    refuse(data, length, words);
+    free(data);
+}
+
+static void test_hostile_headers(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(3, vec3_make(1, 2, 3), 1);
+    for (int format = PLY_BINARY_LITTLE_ENDIAN; format <= PLY_ASCII; format++) {
+        bytes b = write_set(&s.points, format, PLY_FLOAT);
+        refuse_with(&b, "vertex 3", "vertex 1000000000000", "cannot be the 1000000000000 points");
+        refuse_with(&b, "vertex 3", "vertex 99999999999999999999999", "too large");
+        refuse_with(&b, "vertex 3", "vertex 18446744073709551615", "cannot be the");
+        refuse_with(&b, "vertex 3", "vertex -1", "COUNT");
+        refuse_with(&b, "vertex 3", "vertex 03", "COUNT");
+        refuse_with(&b, "vertex 3", "vertex ", "COUNT");
+        refuse_with(&b, "vertex 3", "vertex 2", format == PLY_ASCII ? "after its last point" : "cannot be");
+        refuse_with(&b, "vertex 3", "vertex 4", format == PLY_ASCII ? "" : "cannot be");
+        refuse_with(&b, "float kappa1", "float kappaX", "'property float kappa1'");
+        refuse_with(&b, "float kappa1", "double kappa1", "'property float kappa1'");
+        refuse_with(&b, "ply\n", "plx\n", "'ply'");
+        refuse_with(&b, "1.0\n", "1.1\n", "its format");
+        free(b.data);
+    }
+    bytes b = write_set(&s.points, PLY_ASCII, PLY_FLOAT);
+    refuse_with(&b, "0.71", "nan", "13 numbers");
+    refuse_with(&b, "0.71", "1e99", "energy = inf");
+    refuse_with(&b, "0.71", "0x1", "13 numbers");
+    refuse_with(&b, "0.71 ", "0.71  ", "13 numbers");
+    refuse_with(&b, "0.71 ", "", "point 0: PLY file: a line is not 13 numbers");
+    refuse_with(&b, "0.71", "1 2", "13 numbers");
+    free(b.data);
+    point_set_free(&s);
+}
+
+static void test_values_that_cannot_be_written(void **state)
+{
+    (void)state;
+    static const double values[] = {NAN, INFINITY, 1e39};
+    point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
+    for (int k = 0; k < 3; k++) {
+        error e = {0};
+        char *data = NULL;
+        size_t length = 0;
+        FILE *file = open_memstream(&data, &length);
+        s.normal[4999].y = values[k];
+        assert_false(ply_write(file, &s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_FLOAT, &e));
+        assert_non_null(strstr(e.message, "point 4999 has ny = "));
+        fclose(file);
+        free(data);
+    }
+    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
+    double bad = NAN;
+    memcpy(b.data + b.length - 8, &bad, 8);
+    refuse(b.data, b.length, "point 4999 has spacing_local = ");
+    free(b.data);
+    point_set_free(&s);
+}
+
+static void test_full_disk(void **state)
+{
+    (void)state;
+    error e = {0};
+    point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
+    FILE *file = fopen("/dev/full", "wb");
+    if (file) {
+        assert_false(ply_write(file, &s.points, PLY_ASCII, PLY_FLOAT, &e));
+        assert_int_equal(e.code, ERROR_INTERNAL);
+        fclose(file);
+    }
+    point_set_free(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_round_trips),
+        cmocka_unit_test(test_header),
+        cmocka_unit_test(test_every_truncation_is_refused),
+        cmocka_unit_test(test_hostile_headers),
+        cmocka_unit_test(test_values_that_cannot_be_written),
+        cmocka_unit_test(test_full_disk),
+    };
+    return cmocka_run_group_tests_name("ply", tests, NULL, NULL);
+}
