@@ -73,10 +73,11 @@ static void check_derivatives(const field *f, vec3 x, double *worst_gradient, do
     const double d = 1e-4 * f->cell_size;
     field_sample s, low, high;
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
-    double scale = vec3_norm(s.gradient) + 1e-3;
     const double rows[3][3] = {{s.hessian.xx, s.hessian.xy, s.hessian.xz},
                                {s.hessian.xy, s.hessian.yy, s.hessian.yz},
                                {s.hessian.xz, s.hessian.yz, s.hessian.zz}};
+    double scale = vec3_norm(s.gradient) + 1e-3; /* the values are of size 1; beyond them F is flat */
+    for (int i = 0; i < 9; i++) scale += fabs(rows[i / 3][i % 3]) * f->cell_size;
     for (int axis = 0; axis < 3; axis++) {
         vec3 a = x, b = x;
         vec3_set(&a, axis, vec3_get(x, axis) - d);
@@ -185,7 +186,7 @@ static void a_clamped_band_does_not_ring(void **state)
 {
     (void)state;
     /* The same ball with a band of 3 voxels and with one of 9, which holds all that counts. */
-    const double tolerance_vox = 1e-3, curvature_tolerance = 0.02;
+    const double tolerance_vox = 1e-4, curvature_tolerance = 0.01;
     fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3), wide = fixture_make(fixture_uniform, 22, ball, 0.9);
     volume *a = fixture_volume(&narrow, NAN, VOLUME_INTERPOLATING), *b = fixture_volume(&wide, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(a), *g = volume_field(b);
@@ -225,7 +226,8 @@ static void edges_and_thin_walls_stay_tame(void **state)
 {
     (void)state;
     /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
-     * rounds and overshoots by a part of a voxel; in the middle of faces it is exact. */
+     * rounds and overshoots by a part of a voxel; the kink half way inside arrives at the faces with
+     * 0.268^3.3 of its bend. */
     fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
     volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(v);
@@ -238,7 +240,7 @@ static void edges_and_thin_walls_stay_tame(void **state)
         if (fabs(middle.x) < 0.5 && fabs(middle.y) < 0.4) flat = fmax(flat, miss);
     }
     print_message("# box: largest miss %.4f voxel, on the flat %.2e\n", worst, flat);
-    assert_true(worst < 0.25 && flat < 1e-3);
+    assert_true(worst < 0.1 && flat < 5e-3);
     volume_close(v);
     fixture_free(&g);
 }
