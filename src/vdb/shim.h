@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <string>
 
+#include <tbb/global_control.h>
+
 #include "vdb/vdb.h"
 
 namespace shim {
@@ -23,6 +25,9 @@ struct fault : std::runtime_error {
 template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
 {
     try {
+        /* The library frees trees in parallel. Reading gains nothing from that, and a worker whose
+         * address space is limited has no room for the stacks and heaps of a thread per core. */
+        tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
         body();
         return true;
     } catch (const fault &f) {

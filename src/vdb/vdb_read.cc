@@ -351,7 +351,12 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
         throw fault(ERROR_INPUT_UNSUPPORTED,
                     "its transform is a " + transform.mapType() +
                         " (a frustum); only affine transforms are supported: resample it to one");
-    vdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
+    vdb::math::Mat4d m;
+    try {
+        m = transform.baseMap()->getAffineMap()->getMat4();
+    } catch (const vdb::ArithmeticError &x) {
+        throw fault(ERROR_INPUT_UNSUPPORTED, std::string("its transform cannot be inverted (") + x.what() + ")");
+    }
     double size = 0;
     for (int row = 0; row < 4; row++)
         for (int column = 0; column < 4; column++) {

@@ -17,6 +17,7 @@
 #include "volume_fixture.h"
 
 #define SEED 777u
+#define FLIPS 120
 
 static double ball(vec3 p) { return vec3_norm(p) - 0.6; }
 static double fog_ball(vec3 p) { return fmin(1, fmax(0, 0.5 - 3 * ball(p))); }
@@ -245,6 +246,45 @@ static void the_limit_of_memory(void **state)
     fixture_free(&g);
 }
 
+static size_t slurp(int fd, unsigned char **bytes);
+
+/* Every occurrence of the doubles in the file becomes `to`. */
+static void patch(unsigned char *bytes, size_t size, const double *from, size_t count, double to)
+{
+    for (size_t at = 0; at + sizeof to <= size; at++)
+        for (size_t i = 0; i < count; i++)
+            if (memcmp(bytes + at, &from[i], sizeof to) == 0) memcpy(bytes + at, &to, sizeof to);
+}
+
+static void transforms_that_cannot_be(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_rotated, 6, fog_ball, 0);
+    vdb_draft d = draft_of(&g);
+    d.index_to_world = NULL;
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, false);
+    expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("surface", "frustum", "affine"));
+    close(fd);
+    /* Damaged matrices: the scales along the axes, and the first axis of the rotated one. */
+    const double *const matrices[] = {fixture_uniform, fixture_nonuniform, fixture_rotated};
+    const double values[] = {0, 1e-200, NAN, INFINITY};
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < 4; i++) {
+            unsigned char *bytes;
+            const double column[3] = {matrices[m][0], matrices[m][4], matrices[m][8]};
+            d.index_to_world = matrices[m];
+            int whole = fixture_write(&d, 1, VDB_SEEKABLE, false);
+            size_t size = slurp(whole, &bytes);
+            patch(bytes, size, column, m == 2 ? 3 : 1, values[i]);
+            fd = fixture_bytes(bytes, size);
+            expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("surface", "transform"));
+            close(fd);
+            close(whole);
+            free(bytes);
+        }
+    fixture_free(&g);
+}
+
 static size_t slurp(int fd, unsigned char **bytes)
 {
     size_t size = (size_t)lseek(fd, 0, SEEK_END);
@@ -256,7 +296,7 @@ static size_t slurp(int fd, unsigned char **bytes)
 static void every_truncation_is_noticed(void **state)
 {
     (void)state;
-    /* Every byte of the head and of the end, and steps in between, in each layout and compression. */
+    /* Dense in the head and at the end, with steps in between, in each layout and compression. */
     fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
     vdb_draft d = draft_of(&g);
     for (int variant = 0; variant < 4; variant++) {
@@ -264,7 +304,7 @@ static void every_truncation_is_noticed(void **state)
         int whole = fixture_write(&d, 1, variant & 1 ? VDB_STREAM : VDB_SEEKABLE, variant & 2);
         size_t size = slurp(whole, &bytes);
         close(whole);
-        for (size_t cut = 0; cut < size; cut += cut < 700 || size - cut <= 40 ? 1 : 397) {
+        for (size_t cut = 0; cut < size; cut += size - cut <= 40 ? 1 : cut < 700 ? 3 : 397) {
             error e = {0};
             int fd = fixture_bytes(bytes, cut);
             volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
@@ -312,7 +352,7 @@ static void flipped_bits_give_errors_or_volumes(void **state)
     uint64_t seed = SEED;
     close(whole);
     print_message("# seed %u\n", SEED);
-    for (int i = 0; i < 250; i++) {
+    for (int i = 0; i < FLIPS; i++) {
         /* Half of them in the first 2000 bytes, where the structure is. */
         size_t at = (size_t)(fixture_random(&seed) * (double)(i % 2 && size > 2000 ? 2000 : size));
         unsigned char old = bytes[at];
@@ -324,8 +364,8 @@ static void flipped_bits_give_errors_or_volumes(void **state)
         if (outcome < 0) died++;
         else tally[outcome < ERROR_CODE_COUNT ? outcome : ERROR_INTERNAL]++;
     }
-    print_message("# of 250 flips: %d opened, %d damaged, %d unsupported, %d memory, %d no surface, %d died\n",
-                  tally[ERROR_NONE], tally[ERROR_INPUT_DAMAGED], tally[ERROR_INPUT_UNSUPPORTED], tally[ERROR_LIMIT_MEMORY],
+    print_message("# of %d flips: %d opened, %d damaged, %d unsupported, %d memory, %d no surface, %d died\n",
+                  FLIPS, tally[ERROR_NONE], tally[ERROR_INPUT_DAMAGED], tally[ERROR_INPUT_UNSUPPORTED], tally[ERROR_LIMIT_MEMORY],
                   tally[ERROR_NO_SURFACE], died);
     free(bytes);
     fixture_free(&g);
@@ -337,7 +377,7 @@ int main(void)
         cmocka_unit_test(the_choice_of_the_grid), cmocka_unit_test(what_is_not_a_volume),
         cmocka_unit_test(volumes_without_a_surface), cmocka_unit_test(bands_that_do_not_hold_the_surface),
         cmocka_unit_test(values_that_are_not_finite), cmocka_unit_test(coordinates_at_the_limits_of_int32),
-        cmocka_unit_test(the_limit_of_memory), cmocka_unit_test(every_truncation_is_noticed),
+        cmocka_unit_test(transforms_that_cannot_be), cmocka_unit_test(the_limit_of_memory), cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
     };
     return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);
