@@ -24,7 +24,8 @@ camera camera_fit(const vec3 *position, size_t count, double radius, camera_fram
     c.center_x = frame.left + 0.5 * frame.width;
     c.center_y = frame.top + 0.5 * frame.height;
     double sx = 0.5 * frame.width / c.focal, sy = 0.5 * frame.height / c.focal;
-    double east = -INFINITY, west = -INFINITY, north = -INFINITY, south = -INFINITY, nearest = INFINITY;
+    double east = -INFINITY, west = -INFINITY, north = -INFINITY, south = -INFINITY,
+           nearest = INFINITY;
     c.origin = position[0];
     for (size_t i = 0; i < count; i++) {
         vec3 p = rotate(&c, vec3_sub(position[i], c.origin));
@@ -47,7 +48,10 @@ vec3 camera_point(const camera *c, vec3 world)
     return vec3_sub(rotate(c, vec3_sub(world, c->origin)), c->shift);
 }
 
-vec3 camera_direction(const camera *c, vec3 world) { return rotate(c, world); }
+vec3 camera_direction(const camera *c, vec3 world)
+{
+    return rotate(c, world);
+}
 
 vec3 camera_to_world(const camera *c, vec3 p)
 {

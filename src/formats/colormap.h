@@ -27,10 +27,11 @@ typedef struct colormap_scale {
 } colormap_scale;
 
 /* The scale of values that are finite (and not negative with `root`): from their 2nd to their 98th
- * percentile, so that a few outliers do not take all the colours; but at least `least` wide (> 0, in
- * the values' unit) and a twentieth of its middle, so that noise is not painted as structure. False:
- * no memory. */
-bool colormap_scale_of(const double *values, size_t count, bool root, double least, colormap_scale *out, error *e);
+ * percentile, so that a few outliers do not take all the colours; but at least `least` wide (> 0,
+ * in the values' unit) and a twentieth of its middle, so that noise is not painted as structure.
+ * False: no memory. */
+bool colormap_scale_of(const double *values, size_t count, bool root, double least,
+                       colormap_scale *out, error *e);
 
 double colormap_scale_place(const colormap_scale *s, double value); /* t, clamped to [0, 1] */
 double colormap_scale_value(const colormap_scale *s, double t);

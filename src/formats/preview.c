@@ -19,8 +19,9 @@ enum { BAND_SAMPLES = 1 << 22 };
 #define CODE_RING 0x40000000u
 #define CODE_INDEX 0x3FFFFFFFu
 
-/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and 1/sqrt(3)
- * closes the last gap between three: the body is more than that, for packings that are not ideal. */
+/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and
+ * 1/sqrt(3) closes the last gap between three: the body is more than that, for packings that are
+ * not ideal. */
 static const double disc_share = 0.47, body_share = 0.70;
 
 /* Radii in pixels between which a disc passes from covering everything to standing alone, and
@@ -35,7 +36,8 @@ static const double sink_share = 0.08, sink_max_share = 0.4;
  * radius. Coplanar discs would otherwise mix at random. */
 static const double cone_share = 0.1;
 
-/* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell. */
+/* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
+ */
 static const double radius_max_share = 0.35;
 
 /* Sets stay this far from what PREVIEW_FAR means, and their depths within a float. */
@@ -98,15 +100,20 @@ typedef struct band {
 } band;
 
 /* To int, within bounds also where the value is far outside. */
-static int whole(double value, int low, int high) { return (int)fmin(fmax(value, low), high); }
+static int whole(double value, int low, int high)
+{
+    return (int)fmin(fmax(value, low), high);
+}
 
 /* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
  * and a perspective picture of a box lies between the pictures of its corners. */
 static bool sample_range(const camera *c, const disc *d, const band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
-    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
-    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz), far = c->focal / (p.z + rz);
+    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)),
+           ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
+    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz),
+           far = c->focal / (p.z + rz);
     double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
     double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
     double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
@@ -118,7 +125,10 @@ static bool sample_range(const camera *c, const disc *d, const band *b, int rang
     return range[0] <= range[1] && range[2] <= range[3];
 }
 
-static double sample_place(int sample) { return (sample + 0.5) / SAMPLES; }
+static double sample_place(int sample)
+{
+    return (sample + 0.5) / SAMPLES;
+}
 
 /* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. */
 static void draw_disc(const camera *c, const disc *d, const band *b)
@@ -136,7 +146,8 @@ static void draw_disc(const camera *c, const disc *d, const band *b)
         for (int x = range[0]; x <= range[1]; x++) {
             ray.x = (sample_place(x) - c->center_x) / c->focal;
             double z = offset / (ray.x * n.x + row);
-            double dx = ray.x * z - p.x, dy = ray.y * z - p.y, dz = z - p.z, area = dx * dx + dy * dy + dz * dz;
+            double dx = ray.x * z - p.x, dy = ray.y * z - p.y, dz = z - p.z,
+                   area = dx * dx + dy * dy + dz * dz;
             if (!(area <= limit)) continue; /* also where the ray runs along the plane */
             float key = (float)(z + per_area * area);
             if (key >= depth[x]) continue;
@@ -149,8 +160,10 @@ static void draw_disc(const camera *c, const disc *d, const band *b)
 /* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
 static void draw_dot(const camera *c, const disc *d, const band *b)
 {
-    int x = whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
-    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
+    int x =
+        whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
+    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top,
+                  -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
     if ((float)d->center.z >= b->depth[at]) return;
@@ -158,7 +171,10 @@ static void draw_dot(const camera *c, const disc *d, const band *b)
     b->code[at] = d->code;
 }
 
-static bool faces_away(const disc *d) { return vec3_dot(d->center, d->normal) >= 0; }
+static bool faces_away(const disc *d)
+{
+    return vec3_dot(d->center, d->normal) >= 0;
+}
 
 static void draw_band(const image *m, const band *b)
 {
@@ -180,8 +196,8 @@ typedef struct color {
     float r, g, b;
 } color;
 
-/* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which leaves
- * nothing black. Directions point at the lights, in camera space. */
+/* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which
+ * leaves nothing black. Directions point at the lights, in camera space. */
 static double shade(vec3 n, vec3 up)
 {
     static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
@@ -225,7 +241,8 @@ static color sample_color(const image *m, const color *colors, uint32_t code, ve
     return (color){dark * colors[i].r, dark * colors[i].g, dark * colors[i].b};
 }
 
-/* Light to sRGB bytes by a table: near black, where sRGB is steepest, a step is a fifth of a byte. */
+/* Light to sRGB bytes by a table: near black, where sRGB is steepest, a step is a fifth of a byte.
+ */
 enum { TABLE_SIZE = 1 << 14 };
 
 static void make_table(unsigned char table[TABLE_SIZE])
@@ -250,14 +267,16 @@ static float background(const image *m, int y)
     return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
 }
 
-static void resolve_pixel(image *m, const band *b, const color *colors, const unsigned char *table, vec3 up, int x, int y)
+static void resolve_pixel(image *m, const band *b, const color *colors, const unsigned char *table,
+                          vec3 up, int x, int y)
 {
     color sum = {0, 0, 0}, last = {0, 0, 0};
     uint32_t previous = 0;
     int covered = 0;
     for (int j = 0; j < SAMPLES; j++)
         for (int i = 0; i < SAMPLES; i++) {
-            uint32_t code = b->code[(size_t)(y * SAMPLES + j - b->top) * (size_t)b->width + (size_t)(x * SAMPLES + i)];
+            uint32_t code = b->code[(size_t)(y * SAMPLES + j - b->top) * (size_t)b->width +
+                                    (size_t)(x * SAMPLES + i)];
             if (code == 0) continue;
             if (code != previous) last = sample_color(m, colors, code, up);
             previous = code;
@@ -271,7 +290,8 @@ static void resolve_pixel(image *m, const band *b, const color *colors, const un
     float behind = (1 - rgba[3]) * background(m, y);
     for (int k = 0; k < 3; k++) m->rgb[3 * pixel + (size_t)k] = to_byte(table, rgba[k] + behind);
     int middle = SAMPLES / 2;
-    m->hit[pixel] = b->code[(size_t)(y * SAMPLES + middle - b->top) * (size_t)b->width + (size_t)(x * SAMPLES + middle)];
+    m->hit[pixel] = b->code[(size_t)(y * SAMPLES + middle - b->top) * (size_t)b->width +
+                            (size_t)(x * SAMPLES + middle)];
 }
 
 static bool draw(image *m, preview_color which, error *e)
@@ -309,14 +329,20 @@ end:
 
 static bool check_points(const points *set, error *e)
 {
-    if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
-    if (set->count >= CODE_INDEX) return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
+    if (set->count == 0)
+        return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
+    if (set->count >= CODE_INDEX)
+        return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
     for (size_t i = 0; i < set->count; i++) {
         const vec3 *p = &set->position[i], *n = &set->normal[i];
-        double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
-        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->alpha[i]);
+        double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) +
+                       fabs(set->spacing_local[i]);
+        double rest =
+            fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->alpha[i]);
         if (!(world < world_max) || !(rest < (double)FLT_MAX))
-            return error_set(e, ERROR_INTERNAL, "point %zu has a value that is not finite or too large for a preview", i);
+            return error_set(e, ERROR_INTERNAL,
+                             "point %zu has a value that is not finite or too large for a preview",
+                             i);
     }
     return true;
 }
@@ -335,9 +361,11 @@ static void place_camera(image *m)
     }
     double half_diagonal = 0.5 * vec3_norm(vec3_sub(high, low));
     m->radius_max = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
-    if (!(m->radius_max > 0)) m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
+    if (!(m->radius_max > 0))
+        m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
     m->extent = fmax(half_diagonal, m->radius_max);
-    double legend = legend_height(m->width, m->height), margin = margin_share * fmin(m->width, m->height);
+    double legend = legend_height(m->width, m->height),
+           margin = margin_share * fmin(m->width, m->height);
     camera_frame frame = {margin, margin, m->width - 2 * margin, m->height - legend - 2 * margin};
     m->camera = camera_fit(set->position, set->count, m->radius_max, frame);
 }
@@ -359,18 +387,21 @@ static image *new_image(const points *set, const preview_options *options, error
 
 bool preview_render(const points *set, const preview_options *options, image **out, error *e)
 {
-    if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX || options->height < PREVIEW_SIZE_MIN ||
-        options->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", options->width, options->height);
+    if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
+        options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible",
+                         options->width, options->height);
     if (!check_points(set, e)) return false;
     image *m = new_image(set, options, e);
     if (!m) return false;
     bool curvature = options->color == PREVIEW_CURVATURE;
     char note[48];
     place_camera(m);
-    /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even. */
+    /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even.
+     */
     double least = curvature ? 0.01 / m->extent : 0.001;
-    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale, e) ||
+    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale,
+                           e) ||
         !draw(m, options->color, e)) {
         preview_free(m);
         return false;
@@ -418,7 +449,8 @@ uint16_t preview_half(float value)
     uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
     if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
     if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
-    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
+    if (magnitude <
+        0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
         float denormal;
         memcpy(&denormal, &magnitude, sizeof denormal);
         denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */

@@ -17,12 +17,12 @@ typedef struct channel {
 } channel;
 
 static const channel channels[CHANNELS] = {
-    [A] = {"A", EXR_PIXEL_HALF, 2},         [B] = {"B", EXR_PIXEL_HALF, 2},
-    [G] = {"G", EXR_PIXEL_HALF, 2},         [N_X] = {"N.X", EXR_PIXEL_FLOAT, 4},
-    [N_Y] = {"N.Y", EXR_PIXEL_FLOAT, 4},    [N_Z] = {"N.Z", EXR_PIXEL_FLOAT, 4},
-    [P_X] = {"P.X", EXR_PIXEL_FLOAT, 4},    [P_Y] = {"P.Y", EXR_PIXEL_FLOAT, 4},
-    [P_Z] = {"P.Z", EXR_PIXEL_FLOAT, 4},    [R] = {"R", EXR_PIXEL_HALF, 2},
-    [Z] = {"Z", EXR_PIXEL_FLOAT, 4},        [ID] = {"id", EXR_PIXEL_UINT, 4},
+    [A] = {"A", EXR_PIXEL_HALF, 2},          [B] = {"B", EXR_PIXEL_HALF, 2},
+    [G] = {"G", EXR_PIXEL_HALF, 2},          [N_X] = {"N.X", EXR_PIXEL_FLOAT, 4},
+    [N_Y] = {"N.Y", EXR_PIXEL_FLOAT, 4},     [N_Z] = {"N.Z", EXR_PIXEL_FLOAT, 4},
+    [P_X] = {"P.X", EXR_PIXEL_FLOAT, 4},     [P_Y] = {"P.Y", EXR_PIXEL_FLOAT, 4},
+    [P_Z] = {"P.Z", EXR_PIXEL_FLOAT, 4},     [R] = {"R", EXR_PIXEL_HALF, 2},
+    [Z] = {"Z", EXR_PIXEL_FLOAT, 4},         [ID] = {"id", EXR_PIXEL_UINT, 4},
     [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4},
 };
 
@@ -37,7 +37,8 @@ typedef struct planes {
 static void planes_make(planes *p, int width)
 {
     *p = (planes){.width = width};
-    for (int c = 0; c < CHANNELS; c++) p->plane[c] = mem_alloc((size_t)width * CHUNK_LINES * (size_t)channels[c].bytes);
+    for (int c = 0; c < CHANNELS; c++)
+        p->plane[c] = mem_alloc((size_t)width * CHUNK_LINES * (size_t)channels[c].bytes);
 }
 
 static void planes_free(planes *p)
@@ -71,18 +72,21 @@ static int fill_lines(planes *p, const image *m, int top)
 {
     int lines = m->height - top < CHUNK_LINES ? m->height - top : CHUNK_LINES;
     for (int y = 0; y < lines; y++)
-        for (int x = 0; x < m->width; x++) fill_pixel(p, (size_t)y * (size_t)m->width + (size_t)x, m, x, top + y);
+        for (int x = 0; x < m->width; x++)
+            fill_pixel(p, (size_t)y * (size_t)m->width + (size_t)x, m, x, top + y);
     return lines;
 }
 
-/* The library tells of faults through this; the first one is kept, since later ones follow from it. */
+/* The library tells of faults through this; the first one is kept, since later ones follow from it.
+ */
 static void on_error(exr_const_context_t context, exr_result_t code, const char *words)
 {
     void *place = NULL;
     if (exr_get_user_data(context, &place) != EXR_ERR_SUCCESS || !place) return;
     error *e = place;
     if (e->code == ERROR_NONE)
-        error_set(e, ERROR_INTERNAL, "EXR file: %s", words && *words ? words : exr_get_default_error_message(code));
+        error_set(e, ERROR_INTERNAL, "EXR file: %s",
+                  words && *words ? words : exr_get_default_error_message(code));
 }
 
 static exr_context_initializer_t initializer(error *e)
@@ -109,7 +113,9 @@ static bool attach(exr_coding_channel_info_t *info, int count, planes *p)
 {
     if (count != CHANNELS) return false;
     for (int c = 0; c < CHANNELS; c++) {
-        if (strcmp(info[c].channel_name, channels[c].name) != 0 || info[c].data_type != channels[c].type) return false;
+        if (strcmp(info[c].channel_name, channels[c].name) != 0 ||
+            info[c].data_type != channels[c].type)
+            return false;
         info[c].user_bytes_per_element = (int16_t)channels[c].bytes;
         info[c].user_data_type = (uint16_t)channels[c].type;
         info[c].user_pixel_stride = channels[c].bytes;
@@ -131,9 +137,12 @@ static exr_result_t write_head(exr_context_t file, const image *m)
                                (float)c->right.z, (float)c->up.z, (float)c->forward.z, 0,
                                (float)shift.x, (float)shift.y, (float)shift.z, 1}};
     exr_result_t r = exr_add_part(file, "preview", EXR_STORAGE_SCANLINE, &part);
-    if (!r) r = exr_initialize_required_attr_simple(file, part, m->width, m->height, EXR_COMPRESSION_ZIP);
+    if (!r)
+        r = exr_initialize_required_attr_simple(file, part, m->width, m->height,
+                                                EXR_COMPRESSION_ZIP);
     for (int k = 0; !r && k < CHANNELS; k++)
-        r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
+        r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR,
+                            1, 1);
     if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &matrix);
     return r ? r : exr_write_header(file);
 }
@@ -146,7 +155,9 @@ static exr_result_t write_chunks(exr_context_t file, const image *m, planes *p)
         exr_chunk_info_t chunk;
         fill_lines(p, m, y);
         r = exr_write_scanline_chunk_info(file, 0, y, &chunk);
-        if (!r) r = y == 0 ? exr_encoding_initialize(file, 0, &chunk, &pipe) : exr_encoding_update(file, 0, &chunk, &pipe);
+        if (!r)
+            r = y == 0 ? exr_encoding_initialize(file, 0, &chunk, &pipe)
+                       : exr_encoding_update(file, 0, &chunk, &pipe);
         if (!r && !attach(pipe.channels, pipe.channel_count, p)) r = EXR_ERR_INVALID_ARGUMENT;
         if (!r && y == 0) r = exr_encoding_choose_default_routines(file, 0, &pipe);
         if (!r) r = exr_encoding_run(file, 0, &pipe);
@@ -184,21 +195,25 @@ static bool check_head(exr_context_t file, const image *m, error *e)
     if (exr_get_count(file, &parts) || parts != 1 || exr_get_data_window(file, 0, &window) ||
         exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &lines))
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
-    if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 || window.max.y != m->height - 1 ||
-        compression != EXR_COMPRESSION_ZIP || lines != CHUNK_LINES)
-        return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
+    if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
+        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_ZIP || lines != CHUNK_LINES)
+        return error_set(e, ERROR_INTERNAL,
+                         "EXR file: it does not have the picture's size and compression");
     return true;
 }
 
 static bool same_lines(const planes *a, const planes *b, int lines, error *e)
 {
     for (int c = 0; c < CHANNELS; c++)
-        if (memcmp(a->plane[c], b->plane[c], (size_t)lines * (size_t)a->width * (size_t)channels[c].bytes) != 0)
-            return error_set(e, ERROR_INTERNAL, "EXR file: the channel %s is not what was written", channels[c].name);
+        if (memcmp(a->plane[c], b->plane[c],
+                   (size_t)lines * (size_t)a->width * (size_t)channels[c].bytes) != 0)
+            return error_set(e, ERROR_INTERNAL, "EXR file: the channel %s is not what was written",
+                             channels[c].name);
     return true;
 }
 
-static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wanted, planes *found, bool *same, error *e)
+static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wanted, planes *found,
+                                 bool *same, error *e)
 {
     exr_decode_pipeline_t pipe = EXR_DECODE_PIPELINE_INITIALIZER;
     exr_result_t r = EXR_ERR_SUCCESS;
@@ -207,9 +222,12 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wan
         exr_chunk_info_t chunk;
         int lines = fill_lines(wanted, m, y);
         r = exr_read_scanline_chunk_info(file, 0, y, &chunk);
-        if (!r) r = y == 0 ? exr_decoding_initialize(file, 0, &chunk, &pipe) : exr_decoding_update(file, 0, &chunk, &pipe);
+        if (!r)
+            r = y == 0 ? exr_decoding_initialize(file, 0, &chunk, &pipe)
+                       : exr_decoding_update(file, 0, &chunk, &pipe);
         if (!r && !attach(pipe.channels, pipe.channel_count, found)) {
-            *same = error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
+            *same = error_set(e, ERROR_INTERNAL,
+                              "EXR file: its channels are not those that were written");
             break;
         }
         if (!r && y == 0) r = exr_decoding_choose_default_routines(file, 0, &pipe);
@@ -230,7 +248,8 @@ bool preview_exr_verify(const char *path, const image *m, error *e)
     planes_make(&wanted, m->width);
     planes_make(&found, m->width);
     exr_result_t r = exr_start_read(&file, path, &init);
-    if (!r && check_head(file, m, &local)) r = check_chunks(file, m, &wanted, &found, &same, &local);
+    if (!r && check_head(file, m, &local))
+        r = check_chunks(file, m, &wanted, &found, &same, &local);
     if (file) exr_finish(&file);
     planes_free(&wanted);
     planes_free(&found);

@@ -25,11 +25,12 @@ static void on_warning(png_structp png, png_const_charp words)
 static void write_rows(png_structp png, png_infop info, const image *m)
 {
     png_set_compression_level(png, COMPRESSION_LEVEL);
-    png_set_IHDR(png, info, (png_uint_32)m->width, (png_uint_32)m->height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(png, info, (png_uint_32)m->width, (png_uint_32)m->height, 8, PNG_COLOR_TYPE_RGB,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_write_info(png, info);
-    for (int y = 0; y < m->height; y++) png_write_row(png, m->rgb + 3 * (size_t)y * (size_t)m->width);
+    for (int y = 0; y < m->height; y++)
+        png_write_row(png, m->rgb + 3 * (size_t)y * (size_t)m->width);
     png_write_end(png, info);
 }
 
@@ -44,8 +45,10 @@ bool preview_png_write(FILE *file, const image *m, error *e)
     } else if (setjmp(png_jmpbuf(png)) == 0) { /* libpng comes back here with 1 after on_error */
         png_init_io(png, file);
         write_rows(png, info, m);
-        if (fflush(file) == 0) done = true;
-        else error_set(&local, ERROR_INTERNAL, "PNG file: it cannot be written");
+        if (fflush(file) == 0)
+            done = true;
+        else
+            error_set(&local, ERROR_INTERNAL, "PNG file: it cannot be written");
     }
     png_destroy_write_struct(&png, &info);
     if (!done && e) *e = local;
@@ -55,7 +58,8 @@ bool preview_png_write(FILE *file, const image *m, error *e)
 static void compare_rows(png_structp png, png_infop info, const image *m, unsigned char *row)
 {
     png_read_info(png, info);
-    if (png_get_image_width(png, info) != (png_uint_32)m->width || png_get_image_height(png, info) != (png_uint_32)m->height ||
+    if (png_get_image_width(png, info) != (png_uint_32)m->width ||
+        png_get_image_height(png, info) != (png_uint_32)m->height ||
         png_get_bit_depth(png, info) != 8 || png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
         png_get_interlace_type(png, info) != PNG_INTERLACE_NONE)
         png_error(png, "it does not have the picture's size and type");

@@ -36,7 +36,10 @@ static void refuse(const points *set, int width, int height, const char *words)
     if (!strstr(e.message, words)) fail_msg("'%s' does not say '%s'", e.message, words);
 }
 
-static vec3 eye_of(const camera *c) { return camera_to_world(c, vec3_make(0, 0, 0)); }
+static vec3 eye_of(const camera *c)
+{
+    return camera_to_world(c, vec3_make(0, 0, 0));
+}
 
 static size_t count_covered(const image *m)
 {
@@ -54,7 +57,8 @@ static void test_pixels_are_the_discs(void **state)
     vec3 eye = eye_of(&m->camera);
     int checked = 0;
     for (size_t i = 0; i < s.points.count; i++) {
-        vec3 towards = vec3_unit(vec3_sub(eye, s.position[i])), q = camera_point(&m->camera, s.position[i]);
+        vec3 towards = vec3_unit(vec3_sub(eye, s.position[i])),
+             q = camera_point(&m->camera, s.position[i]);
         if (vec3_dot(towards, s.normal[i]) < 0.3) continue;
         int x = (int)floor(m->camera.center_x + m->camera.focal * q.x / q.z);
         int y = (int)floor(m->camera.center_y - m->camera.focal * q.y / q.z);
@@ -65,14 +69,16 @@ static void test_pixels_are_the_discs(void **state)
         assert_true(vec3_norm(from_center) < 0.5 * s.points.spacing_local[i]);
         assert_true(vec3_norm(vec3_sub(p.normal, s.normal[i])) == 0);
         assert_true(fabs((double)p.depth - vec3_dot(ray, m->camera.forward)) < 1e-5);
-        vec3 wanted = camera_ray(&m->camera, x + 0.5, y + 0.5), is = camera_direction(&m->camera, ray);
+        vec3 wanted = camera_ray(&m->camera, x + 0.5, y + 0.5),
+             is = camera_direction(&m->camera, ray);
         assert_true(vec3_norm(vec3_cross(vec3_unit(wanted), vec3_unit(is))) < 1e-9);
         assert_true(p.kappa == s.points.kappa[i] && p.spacing == s.points.spacing_local[i]);
         checked++;
     }
     assert_true(checked > 100);
     preview_sample none = preview_at(m, 0, 0);
-    assert_true(none.id == 0 && none.depth == PREVIEW_FAR && none.kappa == 0 && vec3_norm(none.position) == 0);
+    assert_true(none.id == 0 && none.depth == PREVIEW_FAR && none.kappa == 0 &&
+                vec3_norm(none.position) == 0);
     preview_free(m);
     preview_free(NULL);
     point_set_free(&s);
@@ -292,7 +298,8 @@ static void test_viridis(void **state)
     for (int i = 0; i <= 100; i++) {
         double c[3];
         colormap_color(i / 100.0, c);
-        double light = 0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) + 0.0722 * colormap_linear(c[2]);
+        double light = 0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) +
+                       0.0722 * colormap_linear(c[2]);
         assert_true(light > previous);
         previous = light;
     }
@@ -327,7 +334,8 @@ static void test_legend(void **state)
     static const struct {
         double value;
         const char *text;
-    } numbers[] = {{0, "0"}, {-0.0, "0"}, {1.0 / 3, "0.333"}, {2.5, "2.5"}, {1234567, "1.23e+06"}, {1.23456e-7, "1.23e-07"}};
+    } numbers[] = {{0, "0"},     {-0.0, "0"},           {1.0 / 3, "0.333"},
+                   {2.5, "2.5"}, {1234567, "1.23e+06"}, {1.23456e-7, "1.23e-07"}};
     char text[32];
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         legend_number(numbers[i].value, text, sizeof text);
@@ -342,11 +350,14 @@ static void test_legend(void **state)
     colormap_color(1, last);
     int width = (int)(0.4 * 512), left = (512 - width) / 2, rows = 0;
     for (int y = 512 - legend_height(512, 512); y < 512; y++) {
-        const unsigned char *a = m->rgb + 3 * (y * 512 + left), *b = m->rgb + 3 * (y * 512 + left + width - 1);
+        const unsigned char *a = m->rgb + 3 * (y * 512 + left),
+                            *b = m->rgb + 3 * (y * 512 + left + width - 1);
         bool bar = true;
-        for (int k = 0; k < 3; k++) bar = bar && a[k] == lround(255 * first[k]) && b[k] == lround(255 * last[k]);
+        for (int k = 0; k < 3; k++)
+            bar = bar && a[k] == lround(255 * first[k]) && b[k] == lround(255 * last[k]);
         rows += bar;
-        for (int x = 0; x < 512; x++) assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
+        for (int x = 0; x < 512; x++)
+            assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
     }
     assert_int_equal(rows, 6);
     preview_free(m);
@@ -358,8 +369,10 @@ static void test_halves(void **state)
     (void)state;
     for (uint32_t h = 0; h < 65536; h++) {
         float value = preview_float((uint16_t)h);
-        if (isnan(value)) assert_true(isnan(preview_float(preview_half(value))));
-        else assert_int_equal(preview_half(value), h);
+        if (isnan(value))
+            assert_true(isnan(preview_float(preview_half(value))));
+        else
+            assert_int_equal(preview_half(value), h);
     }
     for (uint32_t h = 0; h < 0x7BFF; h++) { /* half way between neighbours: to the even one */
         double a = preview_float((uint16_t)h), b = preview_float((uint16_t)(h + 1));
@@ -399,11 +412,13 @@ static void test_degenerate_sets(void **state)
     for (int what = 0; what < 8; what++) {
         size_t count = what == 0 ? 1 : what == 1 ? 4 : 500;
         double scale = what == 3 ? 1e24 : what == 4 ? 1e-30 : 1;
-        point_set s = point_set_sphere(count, what == 5 ? vec3_make(1e12, -1e12, 1e12) : vec3_make(0, 0, 0), scale);
+        point_set s = point_set_sphere(
+            count, what == 5 ? vec3_make(1e12, -1e12, 1e12) : vec3_make(0, 0, 0), scale);
         for (size_t i = 0; i < count; i++) {
-            if (what == 2) s.position[i] = vec3_make(1, 2, 3);                          /* all in one place */
-            if (what == 6) s.scalar[5][i] = s.scalar[6][i] = 0;                         /* discs of no size */
-            if (what == 7) s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20;     /* no plane, vast cells */
+            if (what == 2) s.position[i] = vec3_make(1, 2, 3);  /* all in one place */
+            if (what == 6) s.scalar[5][i] = s.scalar[6][i] = 0; /* discs of no size */
+            if (what == 7)
+                s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20; /* no plane, vast cells */
         }
         image *m = render(&s.points, 128, 96, PREVIEW_CURVATURE);
         size_t covered = count_covered(m);
@@ -424,7 +439,8 @@ static void test_one_point(void **state)
     preview_sample p = preview_at(m, 50, 50);
     assert_int_equal(p.id, 1);
     assert_true(vec3_norm(vec3_sub(p.position, s.position[0])) < 0.1 * s.points.spacing_local[0]);
-    double area = 0, pixel = (double)p.depth / m->camera.focal, radius = 0.70 * s.points.spacing_local[0];
+    double area = 0, pixel = (double)p.depth / m->camera.focal,
+           radius = 0.70 * s.points.spacing_local[0];
     for (int i = 0; i < 100 * 100; i++) area += (double)preview_float(m->rgba[4 * i + 3]);
     assert_true(fabs(area * pixel * pixel / (M_PI * radius * radius) - 1) < 0.1);
     preview_free(m);
