@@ -1,0 +1,19 @@
+/* clock: the time, in milliseconds.
+ *
+ * The monotonic clock is for durations and deadlines inside one process; the wall clock is for what
+ * is stored and shown. Any thread may call these.
+ */
+#ifndef HEXAD_BASE_CLOCK_H
+#define HEXAD_BASE_CLOCK_H
+
+#include <stdint.h>
+
+#define CLOCK_TEXT_SIZE 32
+
+int64_t clock_monotonic_ms(void);
+int64_t clock_wall_ms(void); /* since 1970-01-01T00:00:00Z */
+
+/* RFC 3339 in UTC, "2026-01-31T23:59:59.123Z"; writes into `buffer` and returns it. */
+char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE]);
+
+#endif

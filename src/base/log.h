@@ -1,0 +1,25 @@
+/* log: records of one line on standard error.
+ *
+ * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so records of
+ * several threads do not mix. Control characters are replaced, so text from outside cannot forge a
+ * record. Callers keep secrets (tokens, credentials) out. Any thread may log.
+ */
+#ifndef HEXAD_BASE_LOG_H
+#define HEXAD_BASE_LOG_H
+
+#include <stdarg.h>
+#include <stdbool.h>
+
+typedef enum log_level { LOG_LEVEL_ERROR, LOG_LEVEL_WARNING, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG } log_level;
+
+/* Records above the level are dropped; info at the start. */
+void log_set_level(log_level level);
+
+/* "error", "warning", "info", "debug"; false and *level untouched for any other name. */
+bool log_level_from_name(const char *name, log_level *level);
+
+void log_write(log_level level, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void log_write_list(log_level level, const char *format, va_list arguments)
+    __attribute__((format(printf, 2, 0)));
+
+#endif

@@ -1,0 +1,132 @@
+#include "base/threads.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+struct threads {
+    int count;
+    pthread_t *thread;
+    pthread_mutex_t lock;
+    pthread_cond_t start, finished;
+    unsigned generation; /* of the loop at hand; a change wakes the workers */
+    int running;         /* workers that have not finished it */
+    bool stop;
+    threads_work work;
+    void *context;
+    size_t end, grain;
+    atomic_size_t next;
+};
+
+typedef struct seat {
+    threads *pool;
+    int worker;
+} seat;
+
+static void take_chunks(threads *t, int worker)
+{
+    for (;;) {
+        size_t begin = atomic_fetch_add_explicit(&t->next, t->grain, memory_order_relaxed);
+        if (begin >= t->end) return;
+        size_t end = t->end - begin < t->grain ? t->end : begin + t->grain;
+        t->work(t->context, worker, begin, end);
+    }
+}
+
+static void *worker_main(void *argument)
+{
+    seat s = *(seat *)argument;
+    free(argument);
+    threads *t = s.pool;
+    unsigned seen = 0;
+    pthread_mutex_lock(&t->lock);
+    for (;;) {
+        while (t->generation == seen && !t->stop) pthread_cond_wait(&t->start, &t->lock);
+        if (t->stop) break;
+        seen = t->generation;
+        pthread_mutex_unlock(&t->lock);
+        take_chunks(t, s.worker);
+        pthread_mutex_lock(&t->lock);
+        if (--t->running == 0) pthread_cond_signal(&t->finished);
+    }
+    pthread_mutex_unlock(&t->lock);
+    return NULL;
+}
+
+threads *threads_new(int count, error *e)
+{
+    threads *t = mem_alloc(sizeof *t);
+    t->count = 1;
+    t->thread = mem_alloc((size_t)count * sizeof *t->thread);
+    pthread_mutex_init(&t->lock, NULL);
+    pthread_cond_init(&t->start, NULL);
+    pthread_cond_init(&t->finished, NULL);
+    for (int k = 1; k < count; k++) {
+        seat *s = mem_alloc(sizeof *s);
+        *s = (seat){t, k};
+        int fault = pthread_create(&t->thread[k], NULL, worker_main, s);
+        if (fault) {
+            free(s);
+            error_set(e, ERROR_INTERNAL, "cannot start thread %d of %d: %s", k + 1, count,
+                      strerror(fault));
+            threads_free(t);
+            return NULL;
+        }
+        t->count = k + 1;
+    }
+    return t;
+}
+
+void threads_free(threads *t)
+{
+    if (!t) return;
+    pthread_mutex_lock(&t->lock);
+    t->stop = true;
+    pthread_cond_broadcast(&t->start);
+    pthread_mutex_unlock(&t->lock);
+    for (int k = 1; k < t->count; k++) pthread_join(t->thread[k], NULL);
+    pthread_cond_destroy(&t->start);
+    pthread_cond_destroy(&t->finished);
+    pthread_mutex_destroy(&t->lock);
+    free(t->thread);
+    free(t);
+}
+
+int threads_count(const threads *t)
+{
+    return t->count;
+}
+
+void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context)
+{
+    if (t->count == 1 || count <= grain) {
+        if (count > 0) work(context, 0, 0, count);
+        return;
+    }
+    pthread_mutex_lock(&t->lock);
+    t->work = work;
+    t->context = context;
+    t->end = count;
+    t->grain = grain;
+    atomic_store(&t->next, 0);
+    t->running = t->count - 1;
+    t->generation++;
+    pthread_cond_broadcast(&t->start);
+    pthread_mutex_unlock(&t->lock);
+    take_chunks(t, 0);
+    pthread_mutex_lock(&t->lock);
+    while (t->running > 0) pthread_cond_wait(&t->finished, &t->lock);
+    pthread_mutex_unlock(&t->lock);
+}
+
+int threads_available(void)
+{
+    cpu_set_t set;
+    if (sched_getaffinity(0, sizeof set, &set) != 0) return 1;
+    int n = CPU_COUNT(&set);
+    return n > 0 ? n : 1;
+}

@@ -1,0 +1,325 @@
+#include "config/config.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <ini.h>
+
+#include "base/memory.h"
+#include "config/config_table.h"
+
+/* Where a value comes from: which keys it has set already, so that a key that stands twice is
+ * noticed and a list starts afresh. */
+typedef struct source {
+    config *c;
+    FILE *file;
+    const char *path;
+    int line;
+    bool line_too_long;
+    bool seen[64];
+    error *e;
+} source;
+
+_Static_assert(sizeof((source *)0)->seen >= 32, "one flag per setting");
+
+static bool bad(error *e, const config_row *row, const char *value, const char *expected)
+{
+    return error_set(e, ERROR_SPEC_INVALID, "%s: \"%s\" is not %s", row->key, value, expected);
+}
+
+static bool set_number(const config_row *row, const char *value, void *at, error *e)
+{
+    char expected[96], *end = NULL;
+    bool whole = row->type == CONFIG_INTEGER;
+    snprintf(expected, sizeof expected, "a%s number from %.10g to %.10g%s%s", whole ? " whole" : "",
+             row->low, row->high, *row->unit ? " " : "", row->unit);
+    errno = 0;
+    double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
+    if (errno || end == value || *end || !isfinite(number) || number < row->low || number > row->high)
+        return bad(e, row, value, expected);
+    if (whole)
+        *(int64_t *)at = (int64_t)number;
+    else
+        *(double *)at = number;
+    return true;
+}
+
+static void list_clear(config_list *list)
+{
+    for (size_t i = 0; i < list->count; i++) free(list->item[i]);
+    free(list->item);
+    *list = (config_list){0};
+}
+
+static void list_append(config_list *list, const char *value)
+{
+    while (*value) {
+        size_t length = strcspn(value, ":,");
+        const char *first = value;
+        value += length + (value[length] != '\0');
+        while (length && (*first == ' ' || *first == '\t')) first++, length--;
+        while (length && (first[length - 1] == ' ' || first[length - 1] == '\t')) length--;
+        if (!length) continue;
+        list->item = mem_resize(list->item, (list->count + 1) * sizeof *list->item);
+        list->item[list->count++] = mem_strndup(first, length);
+    }
+}
+
+static bool set_value(config *c, const config_row *row, const char *value, error *e)
+{
+    void *at = (char *)c + row->offset;
+    switch (row->type) {
+    case CONFIG_TEXT:
+        free(*(char **)at);
+        *(char **)at = mem_strdup(value);
+        return true;
+    case CONFIG_LIST:
+        list_append(at, value);
+        return true;
+    case CONFIG_INTEGER:
+    case CONFIG_REAL:
+        return set_number(row, value, at, e);
+    case CONFIG_LEVEL:
+        return log_level_from_name(value, at) || bad(e, row, value, "error, warning, info or debug");
+    }
+    return false;
+}
+
+static const config_row *find_row(const char *key, size_t length)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        const char *name = config_table[i].key;
+        size_t n = 0;
+        while (n < length && (name[n] == key[n] || (name[n] == '_' && key[n] == '-'))) n++;
+        if (n == length && !name[n]) return &config_table[i];
+    }
+    return NULL;
+}
+
+/* Sets a key from a source; the first value of a list replaces what an earlier source gave. */
+static bool set_from(source *s, const config_row *row, const char *value)
+{
+    bool *seen = &s->seen[row - config_table];
+    if (*seen && row->type != CONFIG_LIST)
+        return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
+    if (!*seen && row->type == CONFIG_LIST) list_clear((config_list *)((char *)s->c + row->offset));
+    *seen = true;
+    return set_value(s->c, row, value, s->e);
+}
+
+/* fgets that counts, so that a fault in a value can name its line. */
+static char *read_line(char *buffer, int size, void *context)
+{
+    source *s = context;
+    if (s->e->code) return NULL; /* the first fault is the one to tell */
+    char *line = fgets(buffer, size, s->file);
+    if (!line) return NULL;
+    s->line++;
+    size_t length = strlen(line);
+    if (length + 1 == (size_t)size && line[length - 1] != '\n') {
+        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path, s->line, size - 2);
+        return NULL;
+    }
+    return line;
+}
+
+static int take_pair(void *context, const char *section, const char *key, const char *value)
+{
+    source *s = context;
+    if (s->e->code) return 0;
+    const config_row *row = find_row(key, strlen(key));
+    if (*section && strcmp(section, "hexad") != 0)
+        error_set(s->e, ERROR_SPEC_INVALID, "there is no section [%s]", section);
+    else if (!row)
+        error_set(s->e, ERROR_SPEC_INVALID, "there is no setting %s", key);
+    else
+        set_from(s, row, value);
+    error_prefix(s->e, "%s:%d", s->path, s->line);
+    return !s->e->code;
+}
+
+static bool read_file(config *c, const char *path, error *e)
+{
+    error mine = {0};
+    source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
+    if (!s.file) return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    int line = ini_parse_stream(read_line, &s, take_pair, &s);
+    if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    fclose(s.file);
+    if (line != 0 && !mine.code)
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
+    if (mine.code && e) *e = mine;
+    return !mine.code;
+}
+
+/* An option and its value, `--key VALUE` or `--key=VALUE`; moves *index over both. */
+static bool split_option(int argc, char *const *argv, int *index, const char **key, size_t *length,
+                         const char **value, error *e)
+{
+    const char *text = argv[*index];
+    if (strncmp(text, "--", 2) != 0 || !text[2])
+        return error_set(e, ERROR_SPEC_INVALID, "%s is not an option; see --help", text);
+    *key = text + 2;
+    *length = strcspn(*key, "=");
+    *value = (*key)[*length] ? *key + *length + 1 : NULL;
+    if (*value) return true;
+    if (*index + 1 >= argc) return error_set(e, ERROR_SPEC_INVALID, "%s has no value", text);
+    *value = argv[++*index];
+    return true;
+}
+
+static bool is_action(const char *text, config_action *action)
+{
+    static const struct {
+        const char *text;
+        config_action action;
+    } actions[] = {{"--help", CONFIG_HELP}, {"-h", CONFIG_HELP}, {"--version", CONFIG_VERSION},
+                   {"--print-config", CONFIG_SAMPLE}};
+    for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
+        if (strcmp(text, actions[i].text) == 0) {
+            *action = actions[i].action;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Goes over the command line twice: first for the files, then for the options that win over them. */
+static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
+{
+    for (int i = 1; i < argc; i++) {
+        const char *key, *value;
+        size_t length;
+        if (is_action(argv[i], action)) continue;
+        if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
+        if (length == 6 && memcmp(key, "config", 6) == 0) {
+            if (files && !read_file(s->c, value, s->e)) return false;
+            continue;
+        }
+        if (files) continue;
+        const config_row *row = find_row(key, length);
+        if (!row)
+            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length, key);
+        if (!set_from(s, row, value)) return error_prefix(s->e, "command line");
+    }
+    return true;
+}
+
+bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e)
+{
+    config read = {0};
+    error mine = {0};
+    source s = {.c = &read, .e = &mine};
+    config_action what = CONFIG_RUN;
+    bool ok = true;
+    for (size_t i = 0; ok && i < config_table_size; i++)
+        ok = set_value(&read, &config_table[i], config_table[i].otherwise, &mine);
+    ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
+    if (!ok) {
+        config_clear(&read);
+        if (e) *e = mine;
+        return false;
+    }
+    if (!*read.state_dir) {
+        free(read.state_dir);
+        read.state_dir = mem_strdup(HEXAD_STATEDIR);
+    }
+    *c = read;
+    *action = what;
+    return true;
+}
+
+void config_clear(config *c)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        void *at = (char *)c + config_table[i].offset;
+        if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
+        if (config_table[i].type == CONFIG_LIST) list_clear(at);
+    }
+    *c = (config){0};
+}
+
+bool config_find_worker(config *c, error *e)
+{
+    if (!*c->worker) {
+        char own[4096];
+        ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
+        own[length > 0 ? length : 0] = '\0';
+        char *slash = strrchr(own, '/');
+        if (slash) *slash = '\0';
+        free(c->worker);
+        c->worker = mem_printf("%s/hexad-worker", own);
+        if (access(c->worker, X_OK) != 0) {
+            free(c->worker);
+            c->worker = mem_strdup(HEXAD_LIBEXECDIR "/hexad-worker");
+        }
+    }
+    if (access(c->worker, X_OK) == 0) return true;
+    return error_set(e, ERROR_INPUT_MISSING, "the worker program %s cannot be run: %s (setting worker)", c->worker,
+                     strerror(errno));
+}
+
+/* Prints prose in lines of at most 78 characters behind a prefix. */
+static void print_wrapped(FILE *file, const char *prefix, const char *prose)
+{
+    size_t room = 78 - strlen(prefix);
+    while (*prose) {
+        size_t length = strlen(prose);
+        if (length > room) {
+            length = room;
+            while (length > 0 && prose[length] != ' ') length--;
+        }
+        fprintf(file, "%s%.*s\n", prefix, (int)length, prose);
+        prose += length;
+        while (*prose == ' ') prose++;
+    }
+}
+
+static void print_facts(FILE *file, const char *prefix, const config_row *row)
+{
+    fprintf(file, "%sDefault: %s", prefix, *row->otherwise ? row->otherwise : "empty");
+    if (*row->unit) fprintf(file, " %s", row->unit);
+    if (row->high > row->low) fprintf(file, " (%.10g to %.10g)", row->low, row->high);
+    fputs(".\n", file);
+}
+
+void config_print_help(FILE *file)
+{
+    fputs("usage: hexad [--config FILE] [--KEY VALUE]...\n"
+          "\n"
+          "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
+          "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once.\n"
+          "\n"
+          "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
+          "  --print-config   a sample of that file\n"
+          "  --help           this text\n"
+          "  --version        the version\n"
+          "\n"
+          "Exit status: 0 drained, 1 failure, 2 bad settings.\n"
+          "\n"
+          "Settings, as options and as keys of the file; options win:\n",
+          file);
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        fprintf(file, "\n  --%s\n", row->key);
+        print_wrapped(file, "      ", row->prose);
+        print_facts(file, "      ", row);
+    }
+}
+
+void config_print_sample(FILE *file)
+{
+    fputs("# Settings of hexad. A line that is commented out shows the default.\n"
+          "# Made by `hexad --print-config`.\n",
+          file);
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        fputc('\n', file);
+        print_wrapped(file, "# ", row->prose);
+        print_facts(file, "# ", row);
+        fprintf(file, "#%s =%s%s\n", row->key, *row->otherwise ? " " : "", row->otherwise);
+    }
+}

@@ -1,0 +1,59 @@
+/* config: the daemon's settings.
+ *
+ * One table (config_table.c) has a row per setting: key, type, default, range, unit and what it
+ * means. The configuration file (INI, read by libinih), the command line, --help and the sample
+ * file etc/hexad.conf all follow from it. Every key is a key of the file and an option, `--key
+ * VALUE` or `--key=VALUE`, with `-` and `_` alike; an option wins over the file. Built by one
+ * thread at the start and not changed afterwards.
+ */
+#ifndef HEXAD_CONFIG_CONFIG_H
+#define HEXAD_CONFIG_CONFIG_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "base/log.h"
+
+typedef struct config_list {
+    char **item;
+    size_t count;
+} config_list;
+
+typedef struct config {
+    char *listen;    /* HOST:PORT or unix:/path */
+    char *port_file; /* "": none */
+    char *state_dir; /* never "" after config_parse */
+    char *worker;    /* "": config_find_worker looks for it */
+    config_list input_roots;
+    int64_t workers; /* 0: one per core */
+    int64_t memory_mb, max_attempts;
+    double timeout_s, stall_s; /* 0: none */
+    double grace_s, drain_s;
+    int64_t body_limit_bytes, connection_limit;
+    double connection_timeout_s;
+    log_level log_level;
+} config;
+
+typedef enum config_action {
+    CONFIG_RUN,
+    CONFIG_HELP,
+    CONFIG_VERSION,
+    CONFIG_SAMPLE
+} config_action;
+
+/* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
+ * spec_invalid) that names the file and line or the option. The caller clears. */
+bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
+void config_clear(config *c); /* accepts an empty one */
+
+/* Fills c->worker when it is empty: hexad-worker beside the running program, else where it was to
+ * be installed. An error (input_missing) when the worker is not an executable file. */
+bool config_find_worker(config *c, error *e);
+
+void config_print_help(FILE *file);
+void config_print_sample(FILE *file); /* what etc/hexad.conf holds */
+
+#endif

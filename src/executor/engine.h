@@ -1,0 +1,51 @@
+/* engine: one way to run attempts, as a table of operations. Local processes are the only one now.
+ *
+ * An attempt is started, watched by its descriptors, polled when one of them is ready, perhaps
+ * cancelled, and settled exactly once after poll said that it has ended. No operation waits. All
+ * calls for one attempt come from one thread.
+ */
+#ifndef HEXAD_EXECUTOR_ENGINE_H
+#define HEXAD_EXECUTOR_ENGINE_H
+
+#include <poll.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+
+#define ENGINE_MAX_FDS 3
+
+typedef struct engine_request {
+    const char *worker;    /* path of the worker program */
+    const char *directory; /* the attempt's own, there and empty; the output goes there */
+    const char *spec;      /* JSON text */
+    const char *const *input_roots;
+    size_t input_root_count; /* 0: no file may be read */
+    int64_t memory_mb;       /* > 0 */
+} engine_request;
+
+typedef struct engine_attempt engine_attempt; /* each engine has its own */
+
+typedef struct engine_ending {
+    int exit_status, signal;   /* one of them -1 */
+    int64_t peak_memory_bytes; /* 0: not known */
+    char *last_words;          /* last line of standard error, "" when there is none; to be freed */
+} engine_ending;
+
+typedef struct engine {
+    const char *name;
+    /* NULL and an error (internal) when the attempt did not start. */
+    engine_attempt *(*start)(const engine_request *request, error *e);
+    /* Writes what to wait for and returns how many. */
+    size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
+    /* Takes in what has come. *progress is the newest whole line since the last call or NULL; it
+     * lives until the next call. True when the attempt has ended. */
+    bool (*poll)(engine_attempt *attempt, const char **progress);
+    /* Asks the attempt to end, or with `force` ends it. */
+    void (*cancel)(engine_attempt *attempt, bool force);
+    /* Writes worker.log into the attempt's directory, fills *ending and frees the attempt. */
+    void (*settle)(engine_attempt *attempt, engine_ending *ending);
+} engine;
+
+#endif

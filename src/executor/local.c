@@ -1,0 +1,328 @@
+#include "executor/local.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/pidfd.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "store/file.h"
+
+#define PROGRESS_FD 3
+/* Descriptors for the child are put above the ones they will be copied to. */
+#define FIRST_SAFE_FD 10
+
+struct engine_attempt {
+    pid_t pid;
+    int pidfd, log_fd, progress_fd; /* -1: closed */
+    char *directory;
+    char *log; /* 2 * LOCAL_LOG_BYTES; the last half is what is kept */
+    size_t log_used;
+    char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
+    size_t line_used;
+    bool line_skipped; /* the line was too long: drop until its end */
+    char newest[LOCAL_LINE_BYTES];
+};
+
+/* What the child needs, all made before the fork. */
+typedef struct launch {
+    char **arguments;
+    int spec_fd, null_fd, log_fd, progress_fd, failure_fd;
+    pid_t parent;
+    rlim_t address_space; /* bytes; RLIM_INFINITY: no limit */
+} launch;
+
+static int raise_fd(int fd)
+{
+    if (fd < 0) return -1;
+    int raised = fcntl(fd, F_DUPFD_CLOEXEC, FIRST_SAFE_FD);
+    int why = errno;
+    close(fd);
+    errno = why;
+    return raised;
+}
+
+static int make_spec_fd(const char *spec)
+{
+    int fd = raise_fd(memfd_create("spec", MFD_CLOEXEC));
+    if (fd < 0) return -1;
+    size_t length = strlen(spec), done = 0;
+    while (done < length) {
+        ssize_t wrote = write(fd, spec + done, length - done);
+        if (wrote < 0 && errno == EINTR) continue;
+        if (wrote < 0) {
+            close(fd);
+            return -1;
+        }
+        done += (size_t)wrote;
+    }
+    lseek(fd, 0, SEEK_SET);
+    return fd;
+}
+
+/* A pipe whose reading end does not block. */
+static bool make_pipe(int *reading, int *writing)
+{
+    int ends[2];
+    if (pipe2(ends, O_CLOEXEC) != 0) return false;
+    *reading = raise_fd(ends[0]);
+    *writing = raise_fd(ends[1]);
+    return *reading >= 0 && *writing >= 0 && fcntl(*reading, F_SETFL, O_NONBLOCK) == 0;
+}
+
+static void close_fd(int *fd)
+{
+    if (*fd >= 0) close(*fd);
+    *fd = -1;
+}
+
+/* Runs in the child; only async-signal-safe calls. */
+static _Noreturn void run_child(const launch *l)
+{
+    sigset_t none;
+    sigemptyset(&none);
+    for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
+    sigprocmask(SIG_SETMASK, &none, NULL);
+    const struct rlimit no_core = {0, 0};
+    const struct rlimit space = {l->address_space, l->address_space};
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
+        setrlimit(RLIMIT_CORE, &no_core) == 0 &&
+        (l->address_space == RLIM_INFINITY || setrlimit(RLIMIT_AS, &space) == 0) &&
+        dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
+        dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
+        /* an older kernel has no such flag; every descriptor of ours is close-on-exec anyway */
+        close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+        execv(l->arguments[0], l->arguments);
+    }
+    int why = errno ? errno : ECHILD;
+    ssize_t written = write(l->failure_fd, &why, sizeof why);
+    (void)written;
+    _exit(127);
+}
+
+static char **make_arguments(const engine_request *request)
+{
+    size_t count = 0;
+    char **a = mem_alloc((12 + 2 * request->input_root_count) * sizeof *a);
+    a[count++] = mem_strdup(request->worker);
+    a[count++] = mem_strdup("run");
+    a[count++] = mem_strdup("-");
+    a[count++] = mem_strdup("--output");
+    a[count++] = mem_strdup(request->directory);
+    a[count++] = mem_strdup("--progress-fd");
+    a[count++] = mem_printf("%d", PROGRESS_FD);
+    a[count++] = mem_strdup("--memory-mb");
+    a[count++] = mem_printf("%" PRId64, request->memory_mb);
+    for (size_t i = 0; i < request->input_root_count; i++) {
+        a[count++] = mem_strdup("--input-root");
+        a[count++] = mem_strdup(request->input_roots[i]);
+    }
+    if (!request->input_root_count) {
+        /* without a root the worker would open any path: give it one that holds no input */
+        a[count++] = mem_strdup("--input-root");
+        a[count++] = mem_strdup(request->directory);
+    }
+    return a;
+}
+
+static void free_arguments(char **arguments)
+{
+    for (char **a = arguments; *a; a++) free(*a);
+    free(arguments);
+}
+
+static rlim_t address_space_of(int64_t memory_mb)
+{
+#ifdef __SANITIZE_ADDRESS__
+    (void)memory_mb;
+    return RLIM_INFINITY;
+#else
+    return ((rlim_t)memory_mb + LOCAL_HEADROOM_MB) * 1024 * 1024;
+#endif
+}
+
+/* Waits until the child has replaced itself, which closes the pipe, or says why it could not. */
+static int await_exec(int failure_fd)
+{
+    int why = 0;
+    ssize_t got;
+    do got = read(failure_fd, &why, sizeof why);
+    while (got < 0 && errno == EINTR);
+    return got == sizeof why ? why : 0;
+}
+
+static engine_attempt *start(const engine_request *request, error *e)
+{
+    engine_attempt *a = mem_alloc(sizeof *a);
+    a->pidfd = a->log_fd = a->progress_fd = -1;
+    a->directory = mem_strdup(request->directory);
+    a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
+    launch l = {make_arguments(request), -1, -1, -1, -1, -1, getpid(), address_space_of(request->memory_mb)};
+    int failure = -1;
+    int why = 0;
+    l.spec_fd = make_spec_fd(request->spec);
+    l.null_fd = raise_fd(open("/dev/null", O_WRONLY | O_CLOEXEC));
+    if (l.spec_fd < 0 || l.null_fd < 0 || !make_pipe(&a->log_fd, &l.log_fd) ||
+        !make_pipe(&a->progress_fd, &l.progress_fd) || !make_pipe(&failure, &l.failure_fd) ||
+        fcntl(failure, F_SETFL, 0) != 0 || (a->pid = fork()) < 0) {
+        why = errno;
+    } else {
+        if (a->pid == 0) run_child(&l);
+        close_fd(&l.failure_fd);
+        why = await_exec(failure);
+        a->pidfd = why ? -1 : pidfd_open(a->pid, 0);
+        if (!why && a->pidfd < 0) why = errno;
+        if (why) {
+            kill(a->pid, SIGKILL);
+            waitpid(a->pid, NULL, 0);
+        }
+    }
+    free_arguments(l.arguments);
+    close_fd(&l.spec_fd);
+    close_fd(&l.null_fd);
+    close_fd(&l.log_fd);
+    close_fd(&l.progress_fd);
+    close_fd(&l.failure_fd);
+    close_fd(&failure);
+    if (!why) return a;
+    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
+    close_fd(&a->log_fd);
+    close_fd(&a->progress_fd);
+    free(a->directory);
+    free(a->log);
+    free(a);
+    return NULL;
+}
+
+static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
+{
+    fds[0] = (struct pollfd){.fd = a->pidfd, .events = POLLIN};
+    fds[1] = (struct pollfd){.fd = a->log_fd, .events = POLLIN};
+    fds[2] = (struct pollfd){.fd = a->progress_fd, .events = POLLIN};
+    return 3;
+}
+
+/* Reads once. 0: nothing there now, or no more ever, and then the descriptor is closed. */
+static size_t read_some(int *fd, char *buffer, size_t room)
+{
+    if (*fd < 0) return 0;
+    ssize_t got = read(*fd, buffer, room);
+    if (got > 0) return (size_t)got;
+    if (got == 0 || (errno != EAGAIN && errno != EINTR)) close_fd(fd);
+    return 0;
+}
+
+static void keep_log(engine_attempt *a, const char *text, size_t length)
+{
+    if (a->log_used + length > 2 * LOCAL_LOG_BYTES) {
+        memmove(a->log, a->log + a->log_used - LOCAL_LOG_BYTES, LOCAL_LOG_BYTES);
+        a->log_used = LOCAL_LOG_BYTES;
+    }
+    memcpy(a->log + a->log_used, text, length);
+    a->log_used += length;
+}
+
+/* True when a whole line came; the newest stands in a->newest. */
+static bool keep_lines(engine_attempt *a, const char *text, size_t length)
+{
+    bool whole = false;
+    for (size_t i = 0; i < length; i++) {
+        if (text[i] != '\n') {
+            if (a->line_used < sizeof a->line - 1)
+                a->line[a->line_used++] = text[i];
+            else
+                a->line_skipped = true;
+            continue;
+        }
+        if (!a->line_skipped) {
+            memcpy(a->newest, a->line, a->line_used);
+            a->newest[a->line_used] = '\0';
+            whole = true;
+        }
+        a->line_used = 0;
+        a->line_skipped = false;
+    }
+    return whole;
+}
+
+/* A worker that writes without end must not hold the supervisor: it gets so many reads a turn. */
+#define READS_A_TURN 16
+
+static bool take_in(engine_attempt *a, int turns)
+{
+    char block[16384];
+    bool whole = false;
+    size_t got;
+    for (int i = 0; i < turns && (got = read_some(&a->log_fd, block, sizeof block)); i++)
+        keep_log(a, block, got);
+    for (int i = 0; i < turns && (got = read_some(&a->progress_fd, block, sizeof block)); i++)
+        whole |= keep_lines(a, block, got);
+    return whole;
+}
+
+static bool poll_attempt(engine_attempt *a, const char **progress)
+{
+    /* asked first: what the process wrote before it ended is in the pipes by then */
+    struct pollfd end = {.fd = a->pidfd, .events = POLLIN};
+    bool ended = poll(&end, 1, 0) > 0;
+    *progress = take_in(a, READS_A_TURN) ? a->newest : NULL;
+    return ended;
+}
+
+static void cancel(engine_attempt *a, bool force)
+{
+    /* not yet waited for, so neither the process nor its group can be another's */
+    if (kill(-a->pid, force ? SIGKILL : SIGTERM) != 0) kill(a->pid, force ? SIGKILL : SIGTERM);
+}
+
+static char *find_last_words(const engine_attempt *a)
+{
+    size_t last = a->log_used;
+    while (last > 0 && (a->log[last - 1] == '\n' || a->log[last - 1] == '\r')) last--;
+    size_t first = last;
+    while (first > 0 && a->log[first - 1] != '\n' && a->log[first - 1]) first--;
+    return mem_strndup(a->log + first, last - first);
+}
+
+static void write_log(const engine_attempt *a)
+{
+    size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
+    char *path = mem_printf("%s/worker.log", a->directory);
+    error e = {0};
+    if (!store_file_write(path, a->log + a->log_used - kept, kept, &e))
+        log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+    free(path);
+}
+
+static void settle(engine_attempt *a, engine_ending *ending)
+{
+    int status = 0;
+    struct rusage usage = {0};
+    kill(-a->pid, SIGKILL); /* what the worker may have started itself */
+    while (wait4(a->pid, &status, 0, &usage) < 0 && errno == EINTR) continue;
+    /* pipes hold 64 KiB each, so this takes all that the worker left there */
+    take_in(a, READS_A_TURN);
+    ending->exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;
+    ending->peak_memory_bytes = (int64_t)usage.ru_maxrss * 1024;
+    ending->last_words = find_last_words(a);
+    write_log(a);
+    close_fd(&a->pidfd);
+    close_fd(&a->log_fd);
+    close_fd(&a->progress_fd);
+    free(a->directory);
+    free(a->log);
+    free(a);
+}
+
+const engine engine_local = {"local", start, watch, poll_attempt, cancel, settle};

@@ -1,0 +1,23 @@
+/* local: the engine that runs an attempt as a process of this machine.
+ *
+ * The worker runs in a process group of its own, is killed when the daemon dies, holds no
+ * descriptor of the daemon, leaves no core file, and has an address space of its memory limit plus
+ * LOCAL_HEADROOM_MB (not under AddressSanitizer, whose shadow would not fit). Its spec comes on
+ * standard input, progress lines leave on descriptor 3; of standard error the last LOCAL_LOG_BYTES
+ * are kept. Only async-signal-safe calls stand between fork and exec, so the daemon may have
+ * threads; attempts must be started from a thread that lives as long as they do.
+ */
+#ifndef HEXAD_EXECUTOR_LOCAL_H
+#define HEXAD_EXECUTOR_LOCAL_H
+
+#include "executor/engine.h"
+
+/* Code, shared libraries, thread stacks and allocator arenas, which memory_mb does not speak of. */
+#define LOCAL_HEADROOM_MB 512
+#define LOCAL_LOG_BYTES (64 * 1024)
+/* Progress lines are some hundred bytes; a longer one is no progress line and is ignored. */
+#define LOCAL_LINE_BYTES 4096
+
+extern const engine engine_local;
+
+#endif

@@ -1,0 +1,135 @@
+#include "executor/result.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* A report has a line per sweep; this is a hundred times the longest one that a job can make. */
+#define REPORT_LIMIT_BYTES (256u << 20)
+#define MAX_OUTPUTS 64
+
+char *result_directory(const char *state_dir, const char *id)
+{
+    return mem_printf("%s/results/%s", state_dir, id);
+}
+
+char *result_attempt_directory(const char *state_dir, const char *id, int attempt)
+{
+    return mem_printf("%s/attempts/%s.%d", state_dir, id, attempt);
+}
+
+void result_clear(result *r)
+{
+    for (size_t i = 0; i < r->output_count; i++) free(r->output[i].name);
+    free(r->output);
+    *r = (result){0};
+}
+
+static bool is_plain_name(const char *name)
+{
+    if (!*name || *name == '.' || strlen(name) > 255) return false;
+    for (const char *c = name; *c; c++)
+        if (*c == '/' || (unsigned char)*c < 0x20 || *c == 0x7F) return false;
+    return true;
+}
+
+int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e)
+{
+    char *path = mem_printf("%s/%s", directory, name);
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    struct stat info;
+    if (fd < 0) {
+        error_set(e, ERROR_INTERNAL, "the result file %s cannot be opened: %s", name, strerror(errno));
+    } else if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
+        error_set(e, ERROR_INTERNAL, "the result file %s is not a regular file", name);
+        close(fd);
+        fd = -1;
+    } else {
+        *bytes = (int64_t)info.st_size;
+    }
+    free(path);
+    return fd;
+}
+
+static bool read_output(const char *directory, json_at at, result_output *output, error *e)
+{
+    json_at name = json_member(&at, "name"), bytes = json_member(&at, "bytes");
+    json_at sha256 = json_member(&at, "sha256");
+    const char *file = json_string(name, "");
+    const char *hash = json_string(sha256, "");
+    double size = json_number(bytes, -1);
+    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] || !(size >= 0) ||
+        size > 0x1p53 || size != floor(size))
+        return error_set(e, ERROR_INTERNAL, "report.json lists an output without name, bytes and sha256");
+    int64_t there = 0;
+    int fd = result_open_file(directory, file, &there, e);
+    if (fd < 0) return false;
+    close(fd);
+    if (there != (int64_t)size)
+        return error_set(e, ERROR_INTERNAL, "the result file %s has %lld bytes where its report says %.0f",
+                         file, (long long)there, size);
+    output->name = mem_strdup(file);
+    output->bytes = there;
+    memcpy(output->sha256, hash, sizeof output->sha256);
+    return true;
+}
+
+static bool read_report(const char *directory, const json *report, result *r, error *e)
+{
+    json_at root = json_root(report);
+    const char *outcome = json_string(json_member(&root, "outcome"), "");
+    double count = json_number(json_member(&root, "count"), -1);
+    json_at outputs = json_member(&root, "outputs");
+    if (strcmp(outcome, "converged") == 0)
+        r->outcome = QUEUE_CONVERGED;
+    else if (strcmp(outcome, "not_converged") == 0)
+        r->outcome = QUEUE_NOT_CONVERGED;
+    else
+        return error_set(e, ERROR_INTERNAL, "report.json has no outcome");
+    if (!(count >= 0) || count > 0x1p53 || count != floor(count))
+        return error_set(e, ERROR_INTERNAL, "report.json has no count");
+    r->count = (int64_t)count;
+    size_t listed = json_size(outputs);
+    if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
+        return error_set(e, ERROR_INTERNAL, "report.json has no list of outputs");
+    r->output = mem_alloc(listed * sizeof *r->output);
+    for (; r->output_count < listed; r->output_count++)
+        if (!read_output(directory, json_element(&outputs, r->output_count), &r->output[r->output_count], e))
+            return false;
+    return true;
+}
+
+bool result_read(const char *directory, result *r, error *e)
+{
+    char *path = mem_printf("%s/%s", directory, RESULT_REPORT_NAME);
+    size_t length = 0;
+    result read = {0};
+    json *report = NULL;
+    bool ok = false;
+    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, e);
+    if (!text) goto done;
+    report = json_parse(text, length, e);
+    if (!report) {
+        error_prefix(e, "%s", RESULT_REPORT_NAME);
+        goto done;
+    }
+    ok = read_report(directory, report, &read, e);
+    if (ok)
+        *r = read;
+    else
+        result_clear(&read);
+done:
+    json_free(report);
+    free(text);
+    free(path);
+    return ok;
+}

@@ -1,0 +1,44 @@
+/* result: what an attempt left in its directory, as far as the service looks into it.
+ *
+ * A directory is a result when it holds a report.json that parses, names an outcome and a count,
+ * and lists outputs that are there as regular files of the stated sizes. Everything in it was
+ * written by a worker and is checked like any input from outside. No state; any thread.
+ */
+#ifndef HEXAD_EXECUTOR_RESULT_H
+#define HEXAD_EXECUTOR_RESULT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "queue/queue.h"
+
+#define RESULT_REPORT_NAME "report.json"
+
+typedef struct result_output {
+    char *name; /* a plain file name */
+    int64_t bytes;
+    char sha256[65];
+} result_output;
+
+typedef struct result {
+    queue_outcome outcome;
+    int64_t count;
+    size_t output_count;
+    result_output *output; /* as the report lists them; report.json is not among them */
+} result;
+
+/* Reads and checks; an error (internal) says what is missing. The caller clears. */
+bool result_read(const char *directory, result *r, error *e);
+void result_clear(result *r); /* accepts an empty one */
+
+/* Opens a file of a result, following no link; -1 and an error when it is not there. `name` must be
+ * a plain file name that the caller took from the listing (or the report's). */
+int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e);
+
+/* "STATE_DIR/results/ID" and "STATE_DIR/attempts/ID.N"; to be freed. */
+char *result_directory(const char *state_dir, const char *id);
+char *result_attempt_directory(const char *state_dir, const char *id, int attempt);
+
+#endif

@@ -1,0 +1,249 @@
+#include "executor/settlement.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "executor/result.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* The worker's exit codes, ARCHITECTURE.md. */
+enum { EXIT_CONVERGED = 0, EXIT_CANCELLED = 6, EXIT_NOT_CONVERGED = 10 };
+
+static void set_end(settlement *s, queue_state state, const error *why)
+{
+    s->state = state;
+    s->code = why->code;
+    snprintf(s->message, sizeof s->message, "%s", why->message);
+}
+
+/* A crash is worth another attempt, so long as there are any left. */
+static void set_retry(settlement *s, const queue_job *job, const error *why)
+{
+    if (job->spent < job->max_attempts) {
+        s->requeue = s->counts = true;
+        return;
+    }
+    error e = *why;
+    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, job->spent, job->max_attempts);
+    set_end(s, QUEUE_FAILED, &e);
+}
+
+/* The worker's last line, when it is the JSON object of the contract. */
+static bool read_last_words(const char *words, error *said)
+{
+    json *document = json_parse(words, strlen(words), NULL);
+    json_at root = json_root(document);
+    const char *code = json_string(json_member(&root, "code"), NULL);
+    const char *message = json_string(json_member(&root, "message"), NULL);
+    bool ok = code && message;
+    if (ok) error_set(said, error_code_from_name(code), "%s", message);
+    json_free(document);
+    return ok;
+}
+
+static void decide_success(const queue_job *job, const char *directory, settlement *s)
+{
+    (void)job;
+    result r = {0};
+    error e = {0};
+    if (result_read(directory, &r, &e)) {
+        s->deliver = true;
+        s->state = QUEUE_SUCCEEDED;
+        s->outcome = r.outcome;
+        result_clear(&r);
+        return;
+    }
+    error_prefix(&e, "the worker reported success but left no valid result");
+    e.code = ERROR_INTERNAL;
+    set_end(s, QUEUE_FAILED, &e);
+}
+
+static void decide_exit(const queue_job *job, const engine_ending *ending, settlement *s)
+{
+    error said = {0};
+    bool spoke = read_last_words(ending->last_words, &said);
+    if (ending->exit_status == EXIT_CANCELLED) {
+        /* nobody here asked for it: a signal from outside, as good as a crash */
+        error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
+        set_retry(s, job, &said);
+        return;
+    }
+    if (!spoke)
+        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and said no reason%s%.200s",
+                  ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
+    set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
+}
+
+static void decide_signal(const queue_job *job, const engine_ending *ending, settlement *s)
+{
+    error e = {0};
+    const char *name = sigabbrev_np(ending->signal);
+    error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal, name ? name : "?");
+    set_retry(s, job, &e);
+}
+
+static bool is_success(const engine_ending *ending)
+{
+    return ending->exit_status == EXIT_CONVERGED || ending->exit_status == EXIT_NOT_CONVERGED;
+}
+
+static void describe(const engine_ending *ending, const char *prefix, settlement *s)
+{
+    if (ending->signal >= 0)
+        snprintf(s->reason, sizeof s->reason, "%ssignal %d", prefix, ending->signal);
+    else
+        snprintf(s->reason, sizeof s->reason, "%sexit status %d", prefix, ending->exit_status);
+}
+
+void settlement_decide(const queue_job *job, settlement_stop stop, double limit_s,
+                       const engine_ending *ending, const char *directory, settlement *s)
+{
+    *s = (settlement){0};
+    error e = {0};
+    switch (stop) {
+    case SETTLEMENT_CANCELLED:
+        describe(ending, "cancelled: ", s);
+        error_set(&e, ERROR_CANCELLED, "cancelled while it ran");
+        set_end(s, QUEUE_CANCELLED, &e);
+        return;
+    case SETTLEMENT_TIMED_OUT:
+        describe(ending, "timeout: ", s);
+        error_set(&e, ERROR_LIMIT_TIME, "the job ran longer than its timeout_s of %g s", limit_s);
+        set_end(s, QUEUE_TIMED_OUT, &e);
+        return;
+    case SETTLEMENT_STALLED:
+        describe(ending, "stalled: ", s);
+        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s", limit_s);
+        set_end(s, QUEUE_FAILED, &e);
+        return;
+    case SETTLEMENT_DRAINED:
+        describe(ending, "drained: ", s);
+        if (is_success(ending)) break;
+        s->requeue = true;
+        return;
+    case SETTLEMENT_NOT_STOPPED:
+        describe(ending, "", s);
+        break;
+    }
+    if (is_success(ending))
+        decide_success(job, directory, s);
+    else if (ending->signal >= 0)
+        decide_signal(job, ending, s);
+    else
+        decide_exit(job, ending, s);
+}
+
+void settlement_decide_unstarted(const queue_job *job, const error *why, settlement *s)
+{
+    *s = (settlement){0};
+    snprintf(s->reason, sizeof s->reason, "not started");
+    set_retry(s, job, why);
+}
+
+/* Moves the result into place. That it already is there is what a repetition finds. */
+static bool deliver(const char *from, const char *to, error *e)
+{
+    if (access(from, F_OK) != 0 && access(to, F_OK) == 0) return true;
+    return store_rename(from, to, e);
+}
+
+/* Of an attempt that failed nothing is kept but its log. */
+static void remove_leftovers(const char *directory)
+{
+    char *log = mem_printf("%s/worker.log", directory);
+    size_t length = 0;
+    error e = {0};
+    char *text = store_file_read(log, 1 << 20, &length, NULL);
+    if (!store_remove(directory, &e)) log_write(LOG_LEVEL_WARNING, "leftovers stay: %s", e.message);
+    if (text && length) {
+        if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
+            log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+    }
+    free(text);
+    free(log);
+}
+
+bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
+                      const engine_ending *ending, error *e)
+{
+    error trouble = {0};
+    bool accepted = false;
+    queue_ending end = {
+        .state = s->state,
+        .outcome = s->outcome,
+        .error_code = s->code == ERROR_NONE ? NULL : error_code_name(s->code),
+        .error_message = s->code == ERROR_NONE ? NULL : s->message,
+        .exit_status = ending ? ending->exit_status : -1,
+        .signal = ending ? ending->signal : -1,
+        .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
+        .reason = s->reason,
+    };
+    char *directory = result_attempt_directory(state_dir, job->id, job->attempt);
+    char *results = result_directory(state_dir, job->id);
+    if (s->deliver && !deliver(directory, results, &trouble)) {
+        end.state = QUEUE_FAILED;
+        end.outcome = QUEUE_NO_OUTCOME;
+        end.error_code = error_code_name(ERROR_INTERNAL);
+        end.error_message = trouble.message;
+    }
+    if (!s->deliver) remove_leftovers(directory);
+    bool ok = s->requeue ? queue_requeue(q, job->id, job->attempt, s->counts, &end, &accepted, e)
+                         : queue_finish(q, job->id, job->attempt, &end, &accepted, e);
+    if (ok && !accepted && s->requeue) {
+        /* cancelled between the decision and now: the cancellation was promised */
+        end.state = QUEUE_CANCELLED;
+        end.error_code = error_code_name(ERROR_CANCELLED);
+        end.error_message = "cancelled while it ran";
+        ok = queue_finish(q, job->id, job->attempt, &end, &accepted, e);
+    }
+    if (ok)
+        log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
+                  "attempt ended job=%s attempt=%d reason=\"%s\" state=%s%s%s", job->id, job->attempt,
+                  s->reason, s->requeue && end.state != QUEUE_CANCELLED ? "queued" : queue_state_name(end.state),
+                  end.error_code ? " code=" : "", end.error_code ? end.error_code : "");
+    free(directory);
+    free(results);
+    return ok;
+}
+
+static bool recover_job(queue *q, const char *state_dir, const queue_job *job, error *e)
+{
+    settlement s = {0};
+    result r = {0};
+    error why = {0};
+    char *results = result_directory(state_dir, job->id);
+    snprintf(s.reason, sizeof s.reason, "the daemon ended during the attempt");
+    if (access(results, F_OK) == 0 && result_read(results, &r, &why)) {
+        s.deliver = true;
+        s.state = QUEUE_SUCCEEDED;
+        s.outcome = r.outcome;
+        result_clear(&r);
+        snprintf(s.reason, sizeof s.reason, "the result was found at the start");
+    } else if (job->state == QUEUE_CANCELLING) {
+        error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
+        set_end(&s, QUEUE_CANCELLED, &why);
+    } else {
+        error_set(&why, ERROR_INTERNAL, "the daemon ended while the job ran");
+        set_retry(&s, job, &why);
+    }
+    bool ok = s.deliver || store_remove(results, e);
+    ok = ok && settlement_apply(q, state_dir, job, &s, NULL, e);
+    free(results);
+    return ok;
+}
+
+bool settlement_recover(queue *q, const char *state_dir, error *e)
+{
+    queue_job *jobs = NULL;
+    size_t count = 0;
+    if (!queue_list_unsettled(q, &jobs, &count, e)) return false;
+    bool ok = true;
+    for (size_t i = 0; ok && i < count; i++) ok = recover_job(q, state_dir, &jobs[i], e);
+    queue_jobs_free(jobs, count);
+    return ok;
+}

@@ -1,0 +1,283 @@
+#include "field/analytic.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+/* Cells along the longest side of the domain unless the shape has finer features; the area that is
+ * computed from the cells is then good to about 1e-5. */
+static const int CELLS_COARSE = 40;
+/* Cells are never finer than this fraction of the domain: 16 million values, a third of a second. */
+static const int CELLS_FINE = 256;
+
+static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    double length = vec3_norm(d);
+    if (!(length > 0)) return false;
+    vec3 n = vec3_scale(d, 1 / length);
+    out->value = length - p->radius;
+    out->gradient = n;
+    if (order == FIELD_HESSIAN) {
+        double k = 1 / length;
+        out->hessian = (sym3){k * (1 - n.x * n.x), k * (1 - n.y * n.y), k * (1 - n.z * n.z),
+                              -k * n.x * n.y,      -k * n.x * n.z,      -k * n.y * n.z};
+    }
+    return true;
+}
+
+static bool sample_torus(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    vec3 a = vec3_unit(p->axis);
+    double z = vec3_dot(d, a);
+    vec3 q = vec3_axpy(-z, a, d);
+    double rho = vec3_norm(q), u = rho - p->major_radius, length = sqrt(u * u + z * z);
+    if (!(rho > 0) || !(length > 0)) return false;
+    vec3 e = vec3_scale(q, 1 / rho);
+    vec3 n = vec3_add(vec3_scale(e, u / length), vec3_scale(a, z / length));
+    out->value = length - p->minor_radius;
+    out->gradient = n;
+    if (order == FIELD_HESSIAN) {
+        /* curvature of the tube along t = n x (a x e), and of the sweep along w = a x e */
+        vec3 w = vec3_cross(a, e), t = vec3_cross(n, w);
+        double kt = 1 / length, kw = u / (length * rho);
+        out->hessian = (sym3){kt * t.x * t.x + kw * w.x * w.x, kt * t.y * t.y + kw * w.y * w.y,
+                              kt * t.z * t.z + kw * w.z * w.z, kt * t.x * t.y + kw * w.x * w.y,
+                              kt * t.x * t.z + kw * w.x * w.z, kt * t.y * t.z + kw * w.y * w.z};
+    }
+    return true;
+}
+
+/* A box grown by `rounding` from a core: the distance to the core less the rounding. */
+static bool sample_box(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    vec3 core = vec3_sub(p->half_size, vec3_make(p->rounding, p->rounding, p->rounding));
+    vec3 q = {fabs(d.x) - core.x, fabs(d.y) - core.y, fabs(d.z) - core.z};
+    vec3 sign = {copysign(1, d.x), copysign(1, d.y), copysign(1, d.z)};
+    vec3 m = {fmax(q.x, 0), fmax(q.y, 0), fmax(q.z, 0)};
+    double length = vec3_norm(m);
+    sym3 hessian = {0};
+    if (length > 0) {
+        vec3 n = vec3_scale((vec3){m.x * sign.x, m.y * sign.y, m.z * sign.z}, 1 / length);
+        double k = 1 / length;
+        out->value = length - p->rounding;
+        out->gradient = n;
+        hessian = (sym3){k * ((q.x > 0) - n.x * n.x), k * ((q.y > 0) - n.y * n.y),
+                         k * ((q.z > 0) - n.z * n.z), -k * n.x * n.y, -k * n.x * n.z,
+                         -k * n.y * n.z};
+    } else {
+        int axis = q.x >= q.y && q.x >= q.z ? 0 : q.y >= q.z ? 1 : 2;
+        out->value = vec3_get(q, axis) - p->rounding;
+        out->gradient = (vec3){0, 0, 0};
+        vec3_set(&out->gradient, axis, vec3_get(sign, axis));
+    }
+    if (order == FIELD_HESSIAN) out->hessian = hessian;
+    return true;
+}
+
+/* (|x / radii|^2 - 1) times half the smallest radius, so that F is near the distance at the surface */
+static bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    vec3 w = {1 / (p->radii.x * p->radii.x), 1 / (p->radii.y * p->radii.y),
+              1 / (p->radii.z * p->radii.z)};
+    double scale = 0.5 * fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+    out->value = scale * (w.x * d.x * d.x + w.y * d.y * d.y + w.z * d.z * d.z - 1);
+    out->gradient = (vec3){2 * scale * w.x * d.x, 2 * scale * w.y * d.y, 2 * scale * w.z * d.z};
+    if (order == FIELD_HESSIAN)
+        out->hessian = (sym3){2 * scale * w.x, 2 * scale * w.y, 2 * scale * w.z, 0, 0, 0};
+    return true;
+}
+
+/* (15): sum x^4 - 10 r^2 sum x^2. The centre is a degenerate zero with no gradient. */
+static bool sample_quartic(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    double c = 10 * p->r * p->r;
+    vec3 s = {d.x * d.x, d.y * d.y, d.z * d.z};
+    out->value = s.x * s.x + s.y * s.y + s.z * s.z - c * (s.x + s.y + s.z);
+    out->gradient =
+        (vec3){(4 * s.x - 2 * c) * d.x, (4 * s.y - 2 * c) * d.y, (4 * s.z - 2 * c) * d.z};
+    if (order == FIELD_HESSIAN)
+        out->hessian = (sym3){12 * s.x - 2 * c, 12 * s.y - 2 * c, 12 * s.z - 2 * c, 0, 0, 0};
+    return true;
+}
+
+/* sin X cos Y + sin Y cos Z + sin Z cos X with X = 2 pi x / period */
+static bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+{
+    double k = 2 * M_PI / p->period;
+    double sx = sin(k * d.x), cx = cos(k * d.x), sy = sin(k * d.y), cy = cos(k * d.y),
+           sz = sin(k * d.z), cz = cos(k * d.z);
+    out->value = sx * cy + sy * cz + sz * cx;
+    out->gradient = (vec3){k * (cx * cy - sz * sx), k * (cy * cz - sx * sy), k * (cz * cx - sy * sz)};
+    if (order == FIELD_HESSIAN) {
+        double kk = k * k;
+        out->hessian = (sym3){-kk * (sx * cy + sz * cx), -kk * (sy * cz + sx * cy),
+                              -kk * (sz * cx + sy * cz), -kk * cx * sy,
+                              -kk * cz * sx,             -kk * cy * sz};
+    }
+    return true;
+}
+
+static bool analytic_sample(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const analytic_params *p = &((const analytic *)f)->params;
+    vec3 d = vec3_sub(x, p->center);
+    switch (p->shape) {
+    case ANALYTIC_SPHERE: return sample_sphere(p, d, order, out);
+    case ANALYTIC_TORUS: return sample_torus(p, d, order, out);
+    case ANALYTIC_BOX: return sample_box(p, d, order, out);
+    case ANALYTIC_ELLIPSOID: return sample_ellipsoid(p, d, order, out);
+    case ANALYTIC_QUARTIC: return sample_quartic(p, d, order, out);
+    case ANALYTIC_GYROID: return sample_gyroid(p, d, order, out);
+    }
+    return false;
+}
+
+static vec3 grid_corner(const analytic *a, int64_t i, int64_t j, int64_t k)
+{
+    vec3 s = bbox_size(a->base.domain);
+    return vec3_add(a->base.domain.min, (vec3){s.x * (double)i / (double)a->cells[0],
+                                               s.y * (double)j / (double)a->cells[1],
+                                               s.z * (double)k / (double)a->cells[2]});
+}
+
+/* A point without a derivative still has a side: the centre of a sphere or of a torus' tube is
+ * inside, the torus' axis outside. */
+static double corner_value(const analytic *a, vec3 x)
+{
+    field_sample s;
+    if (analytic_sample(&a->base, x, FIELD_GRADIENT, &s)) return s.value;
+    return a->params.shape == ANALYTIC_TORUS ? a->params.major_radius - a->params.minor_radius : -1;
+}
+
+static size_t analytic_cell_count(const field *f)
+{
+    return ((const analytic *)f)->crossing_count;
+}
+
+static void analytic_cell(const field *f, size_t index, field_cell *out)
+{
+    const analytic *a = (const analytic *)f;
+    int64_t linear = a->crossing[index];
+    int64_t i = linear % a->cells[0], j = linear / a->cells[0] % a->cells[1],
+            k = linear / (a->cells[0] * a->cells[1]);
+    for (int c = 0; c < 8; c++) {
+        out->corner[c] = grid_corner(a, i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
+        out->value[c] = corner_value(a, out->corner[c]);
+    }
+}
+
+static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell};
+
+static void slab_values(const analytic *a, int64_t k, double *values)
+{
+    for (int64_t j = 0; j <= a->cells[1]; j++)
+        for (int64_t i = 0; i <= a->cells[0]; i++)
+            *values++ = corner_value(a, grid_corner(a, i, j, k));
+}
+
+/* Walks the grid slab by slab and notes the cells with corners of both signs. */
+static bool find_crossing_cells(analytic *a, error *e)
+{
+    int64_t nx = a->cells[0], ny = a->cells[1], row = nx + 1;
+    size_t slab = (size_t)(row * (ny + 1)), capacity = 0;
+    double *below = mem_array(slab, sizeof *below, "the cells of the formula", e);
+    double *above = mem_array(slab, sizeof *above, "the cells of the formula", e);
+    bool ok = below && above;
+    if (ok) slab_values(a, 0, below);
+    for (int64_t k = 0; ok && k < a->cells[2]; k++) {
+        slab_values(a, k + 1, above);
+        for (int64_t j = 0; j < ny; j++)
+            for (int64_t i = 0; i < nx; i++) {
+                const double *b = below + j * row + i, *t = above + j * row + i;
+                int inside = (b[0] < 0) + (b[1] < 0) + (b[row] < 0) + (b[row + 1] < 0) +
+                             (t[0] < 0) + (t[1] < 0) + (t[row] < 0) + (t[row + 1] < 0);
+                if (inside == 0 || inside == 8) continue;
+                if (a->crossing_count == capacity) {
+                    capacity = capacity ? 2 * capacity : 4096;
+                    a->crossing = mem_resize(a->crossing, capacity * sizeof *a->crossing);
+                }
+                a->crossing[a->crossing_count++] = (k * ny + j) * nx + i;
+            }
+        double *swap = below;
+        below = above;
+        above = swap;
+    }
+    free(below);
+    free(above);
+    return ok;
+}
+
+static vec3 half_extent(const analytic_params *p)
+{
+    vec3 n = p->shape == ANALYTIC_TORUS ? vec3_unit(p->axis) : (vec3){0, 0, 0};
+    double quartic = 0.5 * p->r / 0.13, R = p->major_radius, m = p->minor_radius;
+    switch (p->shape) {
+    case ANALYTIC_SPHERE: return vec3_make(p->radius, p->radius, p->radius);
+    case ANALYTIC_TORUS: /* a circle of radius R about n reaches R sqrt(1 - n_k^2) along axis k */
+        return vec3_make(R * sqrt(fmax(0, 1 - n.x * n.x)) + m, R * sqrt(fmax(0, 1 - n.y * n.y)) + m,
+                         R * sqrt(fmax(0, 1 - n.z * n.z)) + m);
+    case ANALYTIC_BOX: return p->half_size;
+    case ANALYTIC_ELLIPSOID: return p->radii;
+    case ANALYTIC_QUARTIC: return vec3_make(quartic, quartic, quartic);
+    case ANALYTIC_GYROID: return vec3_scale(p->size, 0.5);
+    }
+    return (vec3){0, 0, 0};
+}
+
+/* The length that the cells must resolve. */
+static double feature_size(const analytic_params *p)
+{
+    switch (p->shape) {
+    case ANALYTIC_TORUS: return fmin(p->minor_radius, p->major_radius - p->minor_radius);
+    case ANALYTIC_BOX: return fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
+    case ANALYTIC_ELLIPSOID: return fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+    case ANALYTIC_GYROID: return p->period / 4;
+    default: return INFINITY;
+    }
+}
+
+static void lay_out_grid(analytic *a)
+{
+    const analytic_params *p = &a->params;
+    vec3 half = half_extent(p);
+    a->base.open = p->shape == ANALYTIC_GYROID;
+    /* a closed surface must not touch the faces: an irrational-looking margin also keeps symmetric
+     * shapes from putting their zeros exactly on corners */
+    double margin = a->base.open || p->shape == ANALYTIC_QUARTIC ? 0 : 0.0317;
+    half = vec3_add(half, vec3_scale((vec3){1, 1, 1}, margin * fmax(half.x, fmax(half.y, half.z))));
+    a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
+    a->base.extent = bbox_longest(a->base.domain);
+    double cell = fmin(a->base.extent / CELLS_COARSE, feature_size(p) / 6);
+    cell = fmax(cell, a->base.extent / CELLS_FINE);
+    vec3 size = bbox_size(a->base.domain);
+    for (int axis = 0; axis < 3; axis++)
+        a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / cell);
+    a->cell = cell;
+    a->base.cell_size = cell;
+}
+
+analytic *analytic_new(const analytic_params *params, error *e)
+{
+    analytic *a = mem_alloc(sizeof *a);
+    a->base.ops = &analytic_ops;
+    a->params = *params;
+    lay_out_grid(a);
+    assert(a->cells[0] > 0 && a->cells[1] > 0 && a->cells[2] > 0);
+    if (!find_crossing_cells(a, e)) goto fail;
+    if (a->crossing_count == 0) {
+        error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain");
+        goto fail;
+    }
+    return a;
+fail:
+    analytic_free(a);
+    return NULL;
+}
+
+void analytic_free(analytic *a)
+{
+    if (!a) return;
+    free(a->crossing);
+    free(a);
+}

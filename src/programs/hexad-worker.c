@@ -1,0 +1,253 @@
+/* hexad-worker: runs one job and ends. Wiring only; see ARCHITECTURE.md for the contract. */
+#include "config.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/error.h"
+#include "base/memory.h"
+#include "json/json.h"
+#include "run/run.h"
+#include "spec/spec.h"
+#include "store/file.h"
+#include "store/root.h"
+#include "volume/example.h"
+
+enum exit_code {
+    EXIT_CONVERGED = 0,
+    EXIT_INTERNAL = 1,
+    EXIT_SPEC = 2,
+    EXIT_INPUT = 3,
+    EXIT_SURFACE = 4,
+    EXIT_LIMIT = 5,
+    EXIT_CANCELLED = 6,
+    EXIT_NOT_CONVERGED = 10
+};
+
+/* A spec is text that somebody wrote; more than this is a mistake. */
+static const size_t SPEC_LIMIT = 16u << 20;
+static const int64_t DEFAULT_MEMORY_MB = 4096;
+
+static volatile sig_atomic_t cancel_requested;
+
+static void request_cancel(int number)
+{
+    cancel_requested = number;
+}
+
+static const char help_text[] =
+    "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
+    "       hexad-worker make-example FILE.vdb\n"
+    "       hexad-worker spec-help\n"
+    "\n"
+    "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
+    "previews and report.json into DIR. The directory is a result once report.json is there.\n"
+    "make-example: writes a small level set to try things with.\n"
+    "spec-help: lists every member of a job spec with type, range and default.\n"
+    "\n"
+    "  --output DIR       where results go; made if missing (required)\n"
+    "  --progress         a progress bar on standard error\n"
+    "  --progress-fd N    progress as JSON lines on descriptor N\n"
+    "  --input-root DIR   input files must lie below DIR; may be given several times\n"
+    "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
+    "  --help, --version\n"
+    "\n"
+    "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
+    "file, 4 no surface found, 5 limits exceeded, 6 cancelled, 1 anything else. The last line on\n"
+    "standard error of a failed run is a JSON object with code and message.\n";
+
+static int exit_code_of(error_code code)
+{
+    switch (code) {
+    case ERROR_SPEC_INVALID:
+    case ERROR_NOT_SUPPORTED: return EXIT_SPEC;
+    case ERROR_PATH_FORBIDDEN:
+    case ERROR_INPUT_MISSING:
+    case ERROR_INPUT_DAMAGED:
+    case ERROR_INPUT_UNSUPPORTED:
+    case ERROR_GRID_MISSING:
+    case ERROR_GRID_AMBIGUOUS:
+    case ERROR_ISOVALUE_REQUIRED: return EXIT_INPUT;
+    case ERROR_NO_SURFACE: return EXIT_SURFACE;
+    case ERROR_LIMIT_MEMORY:
+    case ERROR_LIMIT_TIME:
+    case ERROR_STALLED: return EXIT_LIMIT;
+    case ERROR_CANCELLED: return EXIT_CANCELLED;
+    default: return EXIT_INTERNAL;
+    }
+}
+
+/* The last line of a failed run. */
+static int fail(const error *e, const spec_faults *faults)
+{
+    json *line = json_new_object();
+    json_put_string(line, "code", error_code_name(e->code));
+    json_put_string(line, "message", e->message);
+    if (faults && faults->count > 0) {
+        json *array = json_put_array(line, "errors");
+        for (size_t k = 0; k < faults->count; k++) {
+            json *item = json_append_object(array);
+            json_put_string(item, "pointer", faults->item[k].pointer);
+            json_put_string(item, "detail", faults->item[k].detail);
+        }
+    }
+    char *text = json_print(line);
+    fprintf(stderr, "%s\n", text);
+    free(text);
+    json_free(line);
+    return exit_code_of(e->code);
+}
+
+typedef struct arguments {
+    const char *spec_path, *output;
+    const char **roots;
+    size_t root_count;
+    bool progress;
+    long progress_fd, memory_mb;
+} arguments;
+
+static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
+{
+    char *end;
+    errno = 0;
+    long value = strtol(text, &end, 10);
+    if (errno || end == text || *end || value < low || value > INT_MAX)
+        return error_set(e, ERROR_SPEC_INVALID, "--%s takes a whole number from %ld, not '%s'", option,
+                         low, text);
+    *out = value;
+    return true;
+}
+
+static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
+{
+    static const struct option options[] = {{"output", required_argument, NULL, 'o'},
+                                            {"progress", no_argument, NULL, 'p'},
+                                            {"progress-fd", required_argument, NULL, 'f'},
+                                            {"input-root", required_argument, NULL, 'r'},
+                                            {"memory-mb", required_argument, NULL, 'm'},
+                                            {NULL, 0, NULL, 0}};
+    *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
+    a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
+    for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
+        if (c == 'o') a->output = optarg;
+        else if (c == 'p') a->progress = true;
+        else if (c == 'r') a->roots[a->root_count++] = optarg;
+        else if (c == 'f') {
+            if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
+        } else if (c == 'm') {
+            if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
+    }
+    if (argc - optind != 1 || !a->output)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "run takes one SPEC.json (or -) and --output DIR: see hexad-worker --help");
+    a->spec_path = argv[optind];
+    return true;
+}
+
+/* The whole text of a spec; NULL and an error when it cannot be read. */
+static char *read_spec(const char *path, size_t *length, error *e)
+{
+    bool standard = strcmp(path, "-") == 0;
+    FILE *file = standard ? stdin : fopen(path, "rb");
+    if (!file) {
+        error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
+        return NULL;
+    }
+    char *text = NULL;
+    size_t room = 0;
+    *length = 0;
+    do {
+        room = room ? 2 * room : 1u << 14;
+        text = mem_resize(text, room);
+        *length += fread(text + *length, 1, room - *length, file);
+    } while (*length == room && room <= SPEC_LIMIT);
+    bool failed = ferror(file) != 0;
+    if (!standard) fclose(file);
+    if (!failed && *length <= SPEC_LIMIT) return text;
+    free(text);
+    error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large",
+              path);
+    return NULL;
+}
+
+static spec *load_spec(const char *path, spec_faults *faults, error *e)
+{
+    size_t length;
+    char *text = read_spec(path, &length, e);
+    if (!text) return NULL;
+    json *document = json_parse(text, length, e);
+    free(text);
+    if (!document) return NULL;
+    spec *s = spec_parse(document, faults, e);
+    json_free(document);
+    return s;
+}
+
+static void handle_signals(void)
+{
+    struct sigaction action = {.sa_handler = request_cancel};
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGINT, &action, NULL);
+    signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+}
+
+static int run_command(int argc, char **argv)
+{
+    error e = {0};
+    spec_faults faults = {0};
+    arguments a;
+    spec *s = NULL;
+    store_roots *roots = NULL;
+    run_summary summary;
+    int code;
+    handle_signals();
+    if (!parse_arguments(argc, argv, &a, &e)) goto fail;
+    if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
+    if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
+    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress,
+                           &cancel_requested};
+    if (!run_job(s, &options, &summary, &e)) goto fail;
+    printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
+           summary.converged ? "converged" : "not converged", summary.hex_fraction,
+           summary.max_residual, summary.total_s);
+    code = summary.converged ? EXIT_CONVERGED : EXIT_NOT_CONVERGED;
+    goto done;
+fail:
+    code = fail(&e, &faults);
+done:
+    spec_free(s);
+    store_roots_close(roots);
+    free(a.roots);
+    return code;
+}
+
+static int make_example(const char *path)
+{
+    error e = {0};
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, &e) && example_write(fileno(file.stream), &e) &&
+              store_file_commit(&file, &e);
+    store_file_abort(&file);
+    return ok ? 0 : fail(&e, NULL);
+}
+
+int main(int argc, char **argv)
+{
+    const char *command = argc > 1 ? argv[1] : "--help";
+    if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
+    if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
+    if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
+    if (strcmp(command, "spec-help") == 0) {
+        spec_print_help(stdout);
+        return 0;
+    }
+    fputs(help_text, strcmp(command, "--help") == 0 ? stdout : stderr);
+    return strcmp(command, "--help") == 0 ? 0 : EXIT_SPEC;
+}

@@ -1,0 +1,19 @@
+/* ulid: identifiers that sort by the time they were made.
+ *
+ * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in
+ * lower case (https://github.com/ulid/spec). Any thread.
+ */
+#ifndef HEXAD_QUEUE_ULID_H
+#define HEXAD_QUEUE_ULID_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define ULID_SIZE 27 /* with the final NUL */
+
+void ulid_make(int64_t wall_ms, char text[ULID_SIZE]);
+
+/* Whether a text has the form of one; anything else is nobody's identifier. */
+bool ulid_is_valid(const char *text);
+
+#endif

@@ -1,0 +1,102 @@
+#include "run/progress.h"
+
+#include <errno.h>
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "json/json.h"
+
+const char *const progress_phase_names[PROGRESS_PHASES] = {"load", "start", "relax", "measure",
+                                                           "write"};
+
+static const int64_t INTERVAL_MS = 100;
+
+progress progress_begin(int fd, bool bar)
+{
+    int64_t now = clock_monotonic_ms();
+    return (progress){.fd = fd, .bar = bar, .start_ms = now, .entered_ms = now, .phase = -1};
+}
+
+/* A line is far shorter than a pipe's atomic size, so that it is taken whole or not at all. */
+static void write_line(int fd, const char *text)
+{
+    struct pollfd ready = {fd, POLLOUT, 0};
+    if (poll(&ready, 1, 0) != 1 || !(ready.revents & POLLOUT)) return;
+    while (write(fd, text, strlen(text)) < 0 && errno == EINTR) continue;
+}
+
+static void draw_bar(const progress *p, const progress_numbers *n, double elapsed_s)
+{
+    enum { WIDTH = 30 };
+    char bar[WIDTH + 1];
+    int filled = (int)(WIDTH * fmin(fmax(n->fraction, 0), 1));
+    memset(bar, '.', WIDTH);
+    memset(bar, '#', (size_t)filled);
+    bar[WIDTH] = '\0';
+    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar,
+            100 * n->fraction);
+    if (n->sweep > 0)
+        fprintf(stderr, "  sweep %zu  energy %+.3f %%  step %.1e h", n->sweep,
+                100 * n->energy_excess, n->rms_step);
+    fprintf(stderr, "  %.1f s", elapsed_s);
+    fflush(stderr);
+}
+
+static void report(progress *p, const progress_numbers *n)
+{
+    int64_t now = clock_monotonic_ms();
+    double elapsed = 1e-3 * (double)(now - p->start_ms);
+    p->written_ms = now;
+    if (p->bar) draw_bar(p, n, elapsed);
+    if (p->fd < 0) return;
+    json *line = json_new_object();
+    json_put_string(line, "phase", progress_phase_names[p->phase]);
+    json_put_number(line, "fraction", n->fraction);
+    if (n->sweep > 0) {
+        json_put_integer(line, "round", (int64_t)n->round);
+        json_put_integer(line, "sweep", (int64_t)n->sweep);
+        json_put_integer(line, "count", (int64_t)n->count);
+        json_put_number(line, "energy_excess", n->energy_excess);
+        json_put_number(line, "rms_step", n->rms_step);
+        json_put_number(line, "mean_log10_lambda", n->mean_log10_lambda);
+        double spent = 1e-3 * (double)(now - p->entered_ms);
+        if (n->fraction > 0.02) json_put_number(line, "eta_s", spent * (1 / n->fraction - 1));
+    }
+    json_put_number(line, "elapsed_s", elapsed);
+    char *text = json_print(line), *with_end = NULL;
+    if (asprintf(&with_end, "%s\n", text) > 0) write_line(p->fd, with_end);
+    free(with_end);
+    free(text);
+    json_free(line);
+}
+
+static void leave(progress *p, int64_t now)
+{
+    if (p->phase >= 0) p->phase_ms[p->phase] += now - p->entered_ms;
+    p->entered_ms = now;
+}
+
+void progress_enter(progress *p, progress_phase phase)
+{
+    leave(p, clock_monotonic_ms());
+    p->phase = (int)phase;
+    report(p, &(progress_numbers){0});
+}
+
+void progress_update(progress *p, const progress_numbers *numbers)
+{
+    if ((p->fd >= 0 || p->bar) && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS)
+        report(p, numbers);
+}
+
+void progress_end(progress *p)
+{
+    leave(p, clock_monotonic_ms());
+    p->phase = -1;
+    if (p->bar) fputs("\r\033[K", stderr);
+}

@@ -1,0 +1,127 @@
+#include "run/report.h"
+
+#include <sys/resource.h>
+
+#include "sampler/energy.h"
+
+/* Above this fraction of h the rounding of single precision shows in the positions. */
+static const double RESIDUAL_WARNING = 1e-3;
+
+static void put_vec3(json *object, const char *key, vec3 v)
+{
+    json *array = json_put_array(object, key);
+    json_append_number(array, v.x);
+    json_append_number(array, v.y);
+    json_append_number(array, v.z);
+}
+
+static void put_surface(json *report, const report_facts *facts)
+{
+    json *object = json_put_object(report, "surface");
+    json_put_number(object, "area", facts->scan->area);
+    json *box = json_put_object(object, "bounding_box");
+    put_vec3(box, "min", facts->scan->box.min);
+    put_vec3(box, "max", facts->scan->box.max);
+    json *warnings = json_put_array(object, "warnings");
+    source_describe(facts->source, report, object, warnings);
+    if (facts->max_residual > RESIDUAL_WARNING)
+        json_append_string(warnings, "single precision moves the points by more than 1e-3 h: ask for "
+                                     "output.ply.precision \"double\"");
+}
+
+static void put_quality(json *report, const report_facts *facts)
+{
+    const quality *q = facts->quality;
+    json *object = json_put_object(report, "quality");
+    json_put_number(object, "hex_fraction", q->hex_fraction);
+    json_put_number(object, "edge_cv", q->edge_cv);
+    json_put_number(object, "area_cv", q->area_cv);
+    json_put_number(object, "energy_excess", q->energy_excess);
+    json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
+    json_put_number(object, "max_residual", facts->max_residual);
+    json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
+    json_put_integer(object, "removed_offsurface",
+                     (int64_t)sampler_removed_offsurface(facts->sampler));
+    json_put_integer(object, "rim_count", (int64_t)q->rim_count);
+    json_put_number(object, "euler", q->euler);
+    json *grading = json_put_object(object, "grading");
+    json_put_number(grading, "cv", q->grading_cv);
+    json_put_number(grading, "exponent", q->grading_exponent);
+}
+
+static void put_rounds(json *report, const sampler *s)
+{
+    size_t count;
+    const sampler_round *round = sampler_rounds(s, &count);
+    json *array = json_put_array(report, "rounds");
+    for (size_t k = 0; k < count; k++) {
+        json *object = json_append_object(array);
+        json_put_integer(object, "sweeps", round[k].sweeps);
+        json_put_integer(object, "inserted", (int64_t)round[k].inserted);
+        json_put_integer(object, "deleted", (int64_t)round[k].deleted);
+        json_put_number(object, "sigma", round[k].sigma);
+        json_put_integer(object, "count", (int64_t)round[k].count);
+        json_put_number(object, "energy", round[k].energy);
+    }
+}
+
+static void put_sweeps(json *report, const sampler *s)
+{
+    size_t count;
+    const sampler_sweep *sweep = sampler_sweeps(s, &count);
+    json *array = json_put_array(report, "sweeps");
+    for (size_t k = 0; k < count; k++) {
+        json *object = json_append_object(array);
+        json_put_number(object, "energy", sweep[k].energy);
+        json_put_number(object, "mean_log10_lambda", sweep[k].mean_log10_lambda);
+        json_put_number(object, "rms_step", sweep[k].rms_step);
+        json_put_integer(object, "count", (int64_t)sweep[k].count);
+        json_put_number(object, "sigma", sweep[k].sigma);
+        json_put_integer(object, "rejected", (int64_t)sweep[k].rejected);
+    }
+}
+
+static void put_timing(json *report, const progress *p)
+{
+    json *timing = json_put_object(report, "timing_s");
+    int64_t total = 0;
+    for (int k = 0; k < PROGRESS_PHASES; k++) {
+        json_put_number(timing, progress_phase_names[k], 1e-3 * (double)p->phase_ms[k]);
+        total += p->phase_ms[k];
+    }
+    json_put_number(timing, "total", 1e-3 * (double)total);
+}
+
+static int64_t peak_memory(void)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    return (int64_t)usage.ru_maxrss * 1024;
+}
+
+void report_fill(json *report, const report_facts *facts)
+{
+    const sampler_points *points = sampler_result_points(facts->sampler);
+    json_put_string(report, "schema", "hexad.report");
+    json_put_integer(report, "version", 1);
+    json_put_string(report, "outcome", facts->converged ? "converged" : "not_converged");
+    json_put_integer(report, "count", (int64_t)points->count);
+    json *requested = json_put_object(report, "requested");
+    json_put_integer(requested, "count", facts->spec->count);
+    put_surface(report, facts);
+    json_put_number(report, "sigma", points->sigma);
+    json_put_number(report, "spacing", sampler_spacing(facts->sampler));
+    json_put_number(report, "mean_neighbours", points->mean_neighbours);
+    json *energy = json_put_object(report, "energy");
+    json_put_number(energy, "mean", points->mean_energy);
+    json_put_number(energy, "ideal", energy_cotangent.ideal);
+    json_put_number(energy, "excess", points->mean_energy / energy_cotangent.ideal - 1);
+    put_quality(report, facts);
+    put_rounds(report, facts->sampler);
+    put_sweeps(report, facts->sampler);
+    put_timing(report, facts->progress);
+    json_put_integer(report, "peak_memory_bytes", peak_memory());
+    json_put_integer(report, "threads", facts->threads);
+    json_put_string(report, "isa", "double");
+    json_put(report, "spec", json_copy(facts->spec->normalised));
+}

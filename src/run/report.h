@@ -1,0 +1,28 @@
+/* report: report.json, built from what a job did. See SPEC `report.json`. */
+#ifndef HEXAD_RUN_REPORT_H
+#define HEXAD_RUN_REPORT_H
+
+#include "json/json.h"
+#include "run/progress.h"
+#include "run/source.h"
+#include "sampler/quality.h"
+#include "sampler/sampler.h"
+#include "sampler/surface.h"
+#include "spec/spec.h"
+
+typedef struct report_facts {
+    const spec *spec;
+    const source *source;
+    const surface *scan;
+    const sampler *sampler;
+    const quality *quality;
+    double max_residual; /* of the points as written, over h */
+    bool converged;
+    int threads;
+    const progress *progress; /* ended */
+} report_facts;
+
+/* All but `outputs`, which the caller has put into the object already. */
+void report_fill(json *report, const report_facts *facts);
+
+#endif

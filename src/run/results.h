@@ -1,0 +1,21 @@
+/* results: the files of a finished job, each written beside its place, re-read, verified, hashed and
+ * only then renamed. */
+#ifndef HEXAD_RUN_RESULTS_H
+#define HEXAD_RUN_RESULTS_H
+
+#include "base/error.h"
+#include "field/field.h"
+#include "formats/points.h"
+#include "json/json.h"
+#include "spec/spec.h"
+
+/* Writes what s->output asks for into `directory` and appends {name, bytes, sha256} of each file to
+ * `outputs`. *max_residual is the largest |F| / |grad F| of the positions as they stand in points.ply,
+ * over h. Errors: internal (the disk, or a file that does not read back as written). */
+bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
+                   json *outputs, double *max_residual, error *e);
+
+/* The same for the report itself, which comes last and makes the directory a result. */
+bool results_write_report(const char *directory, const json *report, error *e);
+
+#endif

@@ -1,0 +1,37 @@
+/* run: one job from start to end, without a daemon.
+ *
+ * run_job loads the surface, samples it, measures the points, writes the results into a directory and
+ * verifies them by reading them back; report.json comes last, by rename, so that a directory without
+ * it is no result. What a caller may do meanwhile: set *cancel.
+ */
+#ifndef HEXAD_RUN_RUN_H
+#define HEXAD_RUN_RUN_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "spec/spec.h"
+#include "store/root.h"
+
+typedef struct run_options {
+    const char *output;         /* directory; made if missing */
+    const store_roots *roots;   /* where inputs may lie; NULL: anywhere */
+    int64_t memory_mb;          /* when the spec does not say */
+    int progress_fd;            /* -1: no progress lines */
+    bool progress_bar;          /* on standard error */
+    const volatile sig_atomic_t *cancel; /* not 0: stop at the next sweep; may be NULL */
+} run_options;
+
+typedef struct run_summary {
+    bool converged;
+    size_t count;
+    double hex_fraction, max_residual, total_s;
+} run_summary;
+
+/* Errors: every code of the job contract. On failure no report.json is in the directory. */
+bool run_job(const spec *s, const run_options *options, run_summary *out, error *e);
+
+#endif

@@ -1,0 +1,92 @@
+#include "run/source.h"
+
+#include <unistd.h>
+
+static analytic_shape shape_of(spec_shape shape)
+{
+    static const analytic_shape shapes[] = {
+        [SPEC_SHAPE_SPHERE] = ANALYTIC_SPHERE,       [SPEC_SHAPE_TORUS] = ANALYTIC_TORUS,
+        [SPEC_SHAPE_BOX] = ANALYTIC_BOX,             [SPEC_SHAPE_ELLIPSOID] = ANALYTIC_ELLIPSOID,
+        [SPEC_SHAPE_QUARTIC] = ANALYTIC_QUARTIC,     [SPEC_SHAPE_GYROID] = ANALYTIC_GYROID,
+    };
+    return shapes[shape];
+}
+
+static bool open_analytic(const spec_analytic *a, source *out, error *e)
+{
+    const analytic_params params = {
+        .shape = shape_of(a->shape),
+        .center = a->center,
+        .radius = a->radius,
+        .axis = a->axis,
+        .major_radius = a->major_radius,
+        .minor_radius = a->minor_radius,
+        .half_size = a->half_size,
+        .rounding = a->rounding,
+        .radii = a->radii,
+        .r = a->r,
+        .size = a->size,
+        .period = a->period,
+    };
+    out->analytic = analytic_new(&params, e);
+    if (!out->analytic) return false;
+    out->field = &out->analytic->base;
+    return true;
+}
+
+static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memory, source *out,
+                        error *e)
+{
+    int fd = store_open_input(roots, v->path, e);
+    if (fd < 0) return false;
+    volume_request request = {
+        .fd = fd,
+        .path = v->path,
+        .grid = v->grid,
+        .has_isovalue = v->has_isovalue,
+        .isovalue = v->isovalue,
+        .reconstruction = v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING
+                                                                             : VOLUME_INTERPOLATING,
+        .memory_limit = memory,
+    };
+    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
+              (out->volume = volume_open(&request, e)) != NULL;
+    close(fd);
+    if (!ok) return false;
+    out->input_path = v->path;
+    out->field = volume_field(out->volume);
+    return true;
+}
+
+bool source_open(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
+{
+    *out = (source){0};
+    return s->surface_kind == SPEC_SURFACE_VDB ? open_volume(&s->vdb, roots, memory, out, e)
+                                               : open_analytic(&s->analytic, out, e);
+}
+
+void source_close(source *s)
+{
+    analytic_free(s->analytic);
+    volume_close(s->volume);
+    *s = (source){0};
+}
+
+void source_describe(const source *s, json *report, json *surface, json *warnings)
+{
+    json *inputs = json_put_array(report, "inputs");
+    if (!s->volume) return;
+    const volume_info *info = volume_describe(s->volume);
+    json_put_integer(surface, "voxels", (int64_t)info->active_voxels);
+    json_put_string(surface, "grid", info->grid);
+    json_put_number(surface, "isovalue", info->isovalue);
+    json_put_number(surface, "voxel_size", info->voxel_size);
+    json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
+    json_put_integer(surface, "bricks", (int64_t)info->bricks);
+    for (size_t k = 0; k < info->warning_count; k++)
+        json_append_string(warnings, info->warning[k]);
+    json *input = json_append_object(inputs);
+    json_put_string(input, "path", s->input_path);
+    json_put_integer(input, "bytes", (int64_t)s->input_bytes);
+    json_put_string(input, "sha256", s->input_sha256);
+}

@@ -1,0 +1,36 @@
+/* pair: the sums over a particle's neighbours, which is where the solver's time goes.
+ *
+ * The cotangent potential (6), its slope (7) and the first term of its Hessian (10), in the tangent
+ * frame of the particle: the Hessian in three dimensions leaks the normal part of the force into the
+ * step. Sums run over PAIR_LANES partial sums that are added in a fixed order, so that every vector
+ * width gives the same bits. Pure functions of their arguments.
+ */
+#ifndef HEXAD_SAMPLER_PAIR_H
+#define HEXAD_SAMPLER_PAIR_H
+
+#include <stddef.h>
+
+#include "geometry/vec3.h"
+
+#define PAIR_LANES 8
+
+/* Neighbours, gathered. `blocks` groups of PAIR_LANES; padding entries have weight 0 and lie at any
+ * place but the particle's. Aligned to 64 bytes. */
+typedef struct pair_list {
+    size_t blocks;
+    double *x, *y, *z; /* positions, world space */
+    double *weight;    /* pair weights: repulsion amplitude of (13) times the normals' weight */
+} pair_list;
+
+typedef struct pair_forces {
+    double energy;        /* E_i, the full sum (no 1/2) */
+    double d1, d2;        /* dE_i/dx along the frame's two axes */
+    double h11, h12, h22; /* first term of (10) in the frame */
+    double nearest2;      /* squared distance of the nearest neighbour of weight > 0; inf: none */
+} pair_forces;
+
+void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
+                    pair_forces *out);
+double pair_energy_at(const pair_list *list, vec3 x, double sigma);
+
+#endif

@@ -1,0 +1,29 @@
+/* particles: the state of the system, as arrays. World space. Index i is one particle throughout. */
+#ifndef HEXAD_SAMPLER_PARTICLES_H
+#define HEXAD_SAMPLER_PARTICLES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "geometry/vec3.h"
+
+typedef struct particles {
+    size_t count;
+    vec3 *position;
+    vec3 *normal;   /* unit; of the last projection */
+    vec3 *anchor;   /* position when the neighbour lists were built */
+    double *alpha;  /* repulsion amplitude (14), lagged to the last build; 1 without grading */
+    double *lambda; /* log10 of the damping of (11) */
+    double *energy; /* E_i at the last update, full sum, lagged weights */
+    double *step;   /* length of the last move */
+    bool *cramped;  /* the last move was cut short by the validity of the neighbour lists */
+    uint32_t *rejected; /* trials refused in the last update */
+} particles;
+
+/* Error: limit_memory. */
+particles *particles_new(size_t count, error *e);
+void particles_free(particles *p);
+
+#endif

@@ -1,0 +1,23 @@
+/* project: points onto the surface, by Newton's method along the gradient (9).
+ *
+ * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is
+ * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
+ * rim. Pure functions, safe in any thread.
+ */
+#ifndef HEXAD_SAMPLER_PROJECT_H
+#define HEXAD_SAMPLER_PROJECT_H
+
+#include "field/field.h"
+
+typedef struct project_limits {
+    int max_steps;
+    double accept;   /* a sample this close to the surface ends the iteration */
+    double shortcut; /* a step from this close ends it unseen: the error left is quadratic in it */
+    double reject;   /* farther than this after the last step is failure */
+} project_limits;
+
+/* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs
+ * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */
+bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *normal);
+
+#endif

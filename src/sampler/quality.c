@@ -1,0 +1,212 @@
+#include "sampler/quality.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "sampler/energy.h"
+#include "sampler/neighbours.h"
+
+/* Neighbours are looked for within this many times the largest requested spacing: wide enough for the
+ * cell of a point beside a vacancy. */
+static const double REACH = 3.0;
+/* A Voronoi edge is cut off this far from its middle, in units of h: nothing bounds it there. */
+static const double EDGE_LIMIT = 1.5;
+/* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
+ * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
+static const double EDGE_DOUBT = 0.1;
+
+typedef struct measure_job {
+    const quality_input *in;
+    const neighbours *near;
+    double support;
+    double *area, *energy, *nearest; /* per point; nearest over requested spacing */
+    double *edge_sum, *edge_squares; /* of relative lengths of the edges to points of higher index */
+    uint8_t *degree, *edges;         /* edges: number in the sums */
+    bool *rim;
+} measure_job;
+
+static double alpha_of(const quality_input *in, size_t i)
+{
+    return in->alpha ? in->alpha[i] : 1;
+}
+
+/* The angle at p under which a and b are seen. */
+static double angle_at(vec3 p, vec3 a, vec3 b)
+{
+    vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
+    return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
+}
+
+/* Of a quadrilateral a c b d that nearly lies on a circle: is ab its Delaunay diagonal, rather than cd?
+ * The same answer for either diagonal. */
+static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
+{
+    double opposite = angle_at(x[c], x[a], x[b]) + angle_at(x[d], x[a], x[b]);
+    double own = angle_at(x[a], x[c], x[d]) + angle_at(x[b], x[c], x[d]);
+    if (opposite != own) return opposite < own;
+    return (a < b ? a : b) < (c < d ? c : d);
+}
+
+/* Whether a < b are joined, and the length of the Voronoi edge between them. */
+static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double *length)
+{
+    const quality_input *in = job->in;
+    vec3 r = vec3_sub(in->position[b], in->position[a]);
+    vec3 n = vec3_add(in->normal[a], in->normal[b]);
+    vec3 m = vec3_axpy(0.5, r, in->position[a]);
+    vec3 d = vec3_unit(vec3_cross(n, r));
+    double quarter = 0.25 * vec3_norm2(r);
+    double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]), low = -limit, high = limit;
+    uint32_t low_by = a, high_by = a; /* a: nobody */
+    const uint32_t *list = neighbours_list(job->near, a);
+    for (uint32_t k = 0; k < job->near->list_count[a]; k++) {
+        uint32_t c = list[k];
+        if (c == b || vec3_dot(in->normal[c], n) <= 0) continue;
+        vec3 q = vec3_sub(in->position[c], m);
+        double along = 2 * vec3_dot(d, q), rest = vec3_norm2(q) - quarter;
+        /* points m + t d of the bisector are nearer to c where 2 t d.q > |q|^2 - |r|^2 / 4 */
+        if (along > 0 && rest < along * high) {
+            high = rest / along;
+            high_by = c;
+        } else if (along < 0 && rest < along * low) {
+            low = rest / along;
+            low_by = c;
+        }
+        if (high - low < -EDGE_DOUBT * limit) return false;
+    }
+    *length = fmax(high - low, 0);
+    if (high - low > EDGE_DOUBT * limit || low_by == a || high_by == a) return high > low;
+    return is_diagonal(in->position, a, b, low_by, high_by);
+}
+
+static void measure_point(const measure_job *job, uint32_t i)
+{
+    const quality_input *in = job->in;
+    const uint32_t *list = neighbours_list(job->near, i);
+    double nearest = INFINITY;
+    for (uint32_t k = 0; k < job->near->list_count[i]; k++) {
+        uint32_t j = list[k];
+        double facing = vec3_dot(in->normal[i], in->normal[j]);
+        if (facing <= 0) continue;
+        double length = vec3_norm(vec3_sub(in->position[i], in->position[j]));
+        double relative = length / (0.5 * (in->spacing[i] + in->spacing[j]));
+        job->energy[i] += 0.5 * (alpha_of(in, i) + alpha_of(in, j)) *
+                          energy_cotangent.value(fmax(length / job->support, 1e-6));
+        nearest = fmin(nearest, relative);
+        double edge;
+        if (!voronoi_edge(job, i < j ? i : j, i < j ? j : i, &edge)) continue;
+        job->area[i] += 0.25 * length * edge;
+        if (job->degree[i] < UINT8_MAX) job->degree[i]++;
+        if (i > j || job->rim[i] || job->rim[j]) continue;
+        job->edge_sum[i] += relative;
+        job->edge_squares[i] += relative * relative;
+        job->edges[i]++;
+    }
+    job->nearest[i] = nearest;
+}
+
+static void measure_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t i = begin; i < end; i++) measure_point(context, (uint32_t)i);
+}
+
+static void find_rim(const quality_input *in, bool *rim)
+{
+    if (!in->open) return;
+    vec3 margin = vec3_make(2 * in->h, 2 * in->h, 2 * in->h);
+    bbox inner = {vec3_add(in->domain.min, margin), vec3_sub(in->domain.max, margin)};
+    for (size_t i = 0; i < in->count; i++) rim[i] = !bbox_contains(inner, in->position[i]);
+}
+
+/* Coefficient of variation from sums over n values. */
+static double variation(double sum, double squares, double n)
+{
+    if (n < 1 || !(sum > 0)) return 0;
+    double mean = sum / n;
+    return sqrt(fmax(squares / n - mean * mean, 0)) / mean;
+}
+
+static void sum_up(const measure_job *job, const double *local, quality *out)
+{
+    const quality_input *in = job->in;
+    double n = 0, hex = 0, degrees = 0, alpha = 0, energy = 0;
+    double edge = 0, edge2 = 0, edges = 0, area = 0, area2 = 0, ratio = 0, ratio2 = 0;
+    double sx = 0, sy = 0, sxx = 0, sxy = 0;
+    *out = (quality){.min_spacing_ratio = INFINITY, .grading_exponent = 1};
+    for (size_t i = 0; i < in->count; i++) {
+        degrees += 6.0 - job->degree[i];
+        edge += job->edge_sum[i];
+        edge2 += job->edge_squares[i];
+        edges += job->edges[i];
+        if (job->rim[i]) {
+            out->rim_count++;
+            continue;
+        }
+        double cell = job->area[i] / (in->spacing[i] * in->spacing[i]);
+        double r = local[i] / in->spacing[i], x = log(in->spacing[i]), y = log(local[i]);
+        n++;
+        hex += job->degree[i] == 6;
+        alpha += alpha_of(in, i);
+        energy += job->energy[i];
+        area += cell;
+        area2 += cell * cell;
+        ratio += r;
+        ratio2 += r * r;
+        out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->nearest[i]);
+        if (!(local[i] > 0)) continue;
+        sx += x;
+        sy += y;
+        sxx += x * x;
+        sxy += x * y;
+    }
+    out->euler = degrees / 6;
+    if (n < 1) return;
+    out->hex_fraction = hex / n;
+    out->edge_cv = variation(edge, edge2, edges);
+    out->area_cv = variation(area, area2, n);
+    out->energy_excess = energy / alpha / energy_cotangent.ideal - 1;
+    out->grading_cv = variation(ratio, ratio2, n);
+    double spread = sxx - sx * sx / n;
+    /* an even request has no slope to speak of */
+    if (spread > 1e-9 * n) out->grading_exponent = (sxy - sx * sy / n) / spread;
+}
+
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
+                     quality *out, error *e)
+{
+    bool ok = false;
+    size_t n = in->count;
+    const char *what = "the quality measures";
+    measure_job job = {.in = in, .support = sqrt(3) * in->h};
+    double *column = mem_array(6 * n, sizeof *column, what, e), *local = column + 5 * n;
+    uint8_t *bytes = mem_array(3 * n, 1, what, e);
+    neighbours *near = neighbours_new(n, e);
+    if (!column || !bytes || !near) goto done;
+    double widest = 0;
+    for (size_t i = 0; i < n; i++) widest = fmax(widest, in->spacing[i]);
+    if (!neighbours_build(near, n, in->position, REACH * fmax(widest, in->h), pool, e)) goto done;
+    job.near = near;
+    job.area = column;
+    job.energy = column + n;
+    job.nearest = column + 2 * n;
+    job.edge_sum = column + 3 * n;
+    job.edge_squares = column + 4 * n;
+    job.degree = bytes;
+    job.edges = bytes + n;
+    job.rim = (bool *)(bytes + 2 * n);
+    find_rim(in, job.rim);
+    threads_run(pool, n, 256, measure_chunk, &job);
+    for (size_t i = 0; i < n; i++) {
+        local[i] = sqrt(2 * job.area[i] / sqrt(3));
+        if (spacing_local) spacing_local[i] = local[i];
+        if (degree) degree[i] = job.degree[i];
+    }
+    sum_up(&job, local, out);
+    ok = true;
+done:
+    free(column);
+    free(bytes);
+    neighbours_free(near);
+    return ok;
+}

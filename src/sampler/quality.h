@@ -1,0 +1,46 @@
+/* quality: measures of a finished point set, from its points alone.
+ *
+ * The Voronoi diagram restricted to the surface: two points are joined when their bisector, in the
+ * plane through their midpoint with their mean normal, is not cut away by a third. Seen from both
+ * ends the same, so that degrees agree and the sum of (6 - degree) tells the Euler characteristic.
+ * Neighbours whose normals differ by more than a right angle are on another sheet and do not count.
+ * See SPEC `report.json` for the meaning of each measure.
+ */
+#ifndef HEXAD_SAMPLER_QUALITY_H
+#define HEXAD_SAMPLER_QUALITY_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "geometry/bbox.h"
+#include "geometry/vec3.h"
+
+typedef struct quality_input {
+    size_t count;
+    const vec3 *position, *normal;
+    const double *alpha;   /* NULL: 1 everywhere */
+    const double *spacing; /* requested spacing of each, world units */
+    double h;              /* spacing of the ideal even packing, sqrt(2 A / (sqrt(3) N)) */
+    bool open;             /* rims at the faces of `domain` */
+    bbox domain;
+} quality_input;
+
+typedef struct quality {
+    double hex_fraction;      /* share with six neighbours */
+    double edge_cv, area_cv;
+    double energy_excess;     /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha */
+    double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
+    size_t rim_count;         /* points within 2 h of a rim, left out of the above */
+    double euler;             /* sum of (6 - degree) / 6 over all points */
+    double grading_cv;        /* of local over requested spacing */
+    double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */
+} quality;
+
+/* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), `degree` (or NULL) the number of
+ * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
+                     quality *out, error *e);
+
+#endif

@@ -1,0 +1,60 @@
+/* relax: sweeps. One sweep moves every particle once, Gauss-Seidel, by Levenberg-Marquardt (10)-(12)
+ * with the two-step motion (8)(9), each on the newest positions of its neighbours.
+ *
+ * Where the paper's text leads astray this follows measured facts: the Hessian is taken in the tangent
+ * frame; a trial must gain at least `gain` of the particle's energy, and a particle whose best step
+ * would gain less is settled (lambda at its cap), so that the mean of log10 lambda tells when the
+ * system is at rest; the step is over-relaxed; repulsion amplitudes and normals are lagged, and pairs
+ * on opposite sides of a thin sheet do not push each other.
+ */
+#ifndef HEXAD_SAMPLER_RELAX_H
+#define HEXAD_SAMPLER_RELAX_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "sampler/particles.h"
+
+typedef struct relax relax;
+
+typedef struct relax_params {
+    const field *field;
+    double sigma;   /* support of the potential */
+    double spacing; /* h, the scale of tolerances */
+    double omega;   /* over-relaxation of the step: 1 is the paper's */
+    double gain;    /* least relative decrease of a particle's energy that counts */
+} relax_params;
+
+typedef struct relax_sums {
+    double energy;            /* mean E_i, full sums, as the particles were visited */
+    double mean_log10_lambda;
+    double rms_step;          /* over h */
+    double max_step;          /* over h */
+    uint64_t rejected;        /* trials refused */
+    bool cramped;             /* a step was cut short by the lists' validity: build anew */
+} relax_sums;
+
+#define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
+
+/* Scratch for `capacity` particles, worked on by `pool` (not owned). Error: limit_memory. */
+relax *relax_new(size_t capacity, threads *pool, error *e);
+void relax_free(relax *r);
+
+/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, with
+ * the pair weights of the present normals and alphas. Error: limit_memory. */
+bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
+
+/* One sweep over lists built for at least params->sigma. Allocates nothing. */
+void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
+
+/* Mean of E_i over the mean of alpha, everyone where they are, for any support that the lists cover;
+ * `energy` (may be NULL) receives each E_i. */
+double relax_mean_energy(relax *r, const particles *p, double sigma, double *energy);
+
+/* The largest support that the lists at hand cover. */
+double relax_max_support(const relax *r);
+
+/* Mean number of neighbours within `sigma` (m of Table 1). */
+double relax_mean_neighbours(const relax *r, const particles *p, double sigma);
+
+#endif

@@ -1,0 +1,107 @@
+/* sampler: a particle system on a surface, from start to rest, under global control.
+ *
+ *     sampler *s = sampler_new(...);            // particles placed, lists built
+ *     while (!sampler_ended(s)) sampler_step(s, e);  // one sweep each; the caller may stop at any
+ *     sampler_finish(s, e);                     // exact projection, normals, curvature, energies
+ *
+ * The caller owns the loop, the progress and the cancellation. Steps allocate nothing, but for lists
+ * that grow where particles crowd. Same field, parameters and seed give the same result for any
+ * number of threads. Source: Meyer, Georgel, Whitaker 2005, sections 4 to 7.
+ */
+#ifndef HEXAD_SAMPLER_SAMPLER_H
+#define HEXAD_SAMPLER_SAMPLER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "sampler/surface.h"
+
+typedef enum sampler_start {
+    SAMPLER_START_SURFACE, /* in proportion to the area */
+    SAMPLER_START_RANDOM   /* uniform in the domain (formulas) or in the crossing cells (volumes) */
+} sampler_start;
+
+typedef struct sampler_params {
+    size_t count; /* exactly this many particles at the end, >= 4 */
+    sampler_start start;
+    bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
+    uint64_t seed;
+    bool graded; /* (13)(14) */
+    double d, gamma, nu, kappa_max;
+    double sigma; /* initial support, world units; 0: that of the ideal packing */
+    int max_sweeps;
+    double step_tolerance;   /* of the rms step over h */
+    double energy_tolerance; /* of |E / E_ideal - 1| */
+} sampler_params;
+
+typedef enum sampler_outcome {
+    SAMPLER_RUNNING,
+    SAMPLER_CONVERGED,
+    SAMPLER_OUT_OF_SWEEPS, /* max_sweeps done */
+    SAMPLER_STALLED        /* at rest, but the energy is off its target */
+} sampler_outcome;
+
+typedef struct sampler_sweep {
+    double energy; /* mean E_i over mean alpha */
+    double mean_log10_lambda;
+    double rms_step; /* over h */
+    size_t count;
+    double sigma;
+    uint64_t rejected;
+} sampler_sweep;
+
+/* E / E_ideal - 1 of a sweep. */
+double sampler_excess(const sampler_sweep *sweep);
+
+typedef struct sampler_round {
+    int sweeps;
+    size_t inserted, deleted;
+    double sigma; /* in force during the round */
+    size_t count;
+    double energy; /* at its end, under its sigma */
+} sampler_round;
+
+typedef struct sampler sampler;
+
+/* `f`, `scan` and `pool` stay the caller's and outlive the sampler. Errors: limit_memory, no_surface
+ * (particles cannot be placed). */
+sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params,
+                     threads *pool, error *e);
+void sampler_free(sampler *s);
+
+bool sampler_step(sampler *s, error *e); /* one sweep, and control when a round ends */
+bool sampler_ended(const sampler *s);
+sampler_outcome sampler_result(const sampler *s);
+
+/* An estimate of how much of the relaxation is done, 0 .. 1, never falling. */
+double sampler_fraction(const sampler *s);
+
+/* The record so far; arrays belong to the sampler and live until the next step. */
+const sampler_sweep *sampler_sweeps(const sampler *s, size_t *count);
+const sampler_round *sampler_rounds(const sampler *s, size_t *count);
+double sampler_spacing(const sampler *s);     /* h of the ideal packing */
+size_t sampler_removed_offsurface(const sampler *s);
+
+/* Puts every particle on the surface to rounding, and computes what the output holds. A particle that
+ * cannot be put there counts as lost. Errors: limit_memory. */
+bool sampler_finish(sampler *s, error *e);
+
+typedef struct sampler_points {
+    size_t count;
+    const vec3 *position, *normal;
+    const double *kappa, *kappa1, *kappa2, *alpha;
+    const double *energy;  /* E_i, full sum under the final sigma */
+    const double *spacing; /* requested */
+    size_t lost;
+    double max_residual; /* max |F| / |grad F|, over h */
+    double sigma, mean_energy, mean_neighbours;
+} sampler_points;
+
+/* After sampler_finish; the arrays belong to the sampler. */
+const sampler_points *sampler_result_points(const sampler *s);
+
+#endif

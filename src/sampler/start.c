@@ -1,0 +1,89 @@
+#include "sampler/start.h"
+
+#include "base/rng.h"
+#include "sampler/project.h"
+
+/* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
+static const int WALK_STEPS = 50;
+/* A start is good to this fraction of h; the relaxation does the rest. */
+static const double START_ACCEPT = 1e-3;
+/* Draws per particle before the surface is given up: a fifth of random starts may be lost. */
+static const size_t MAX_DRAWS = 1000;
+/* |H| h / |grad F| above this marks a degenerate zero, such as the centre of (15), where the gradient
+ * vanishes with F: Newton's method creeps there, but there is no surface. On a surface that h
+ * resolves the ratio is kappa h, below 2. */
+static const double DEGENERATE = 100;
+/* Newton's method that ends more than this many domain sizes away ran off. */
+static const double FARTHEST = 1.0;
+
+static vec3 random_in_domain(const field *f, rng *r)
+{
+    vec3 size = bbox_size(f->domain), u;
+    u.x = rng_uniform(r);
+    u.y = rng_uniform(r);
+    u.z = rng_uniform(r);
+    return vec3_add(f->domain.min, (vec3){u.x * size.x, u.y * size.y, u.z * size.z});
+}
+
+static vec3 random_in_cells(const field *f, size_t cells, rng *r)
+{
+    field_cell cell;
+    size_t k = (size_t)(rng_uniform(r) * (double)cells);
+    f->ops->cell(f, k < cells ? k : cells - 1, &cell);
+    vec3 p = cell.corner[0];
+    for (int axis = 0; axis < 3; axis++)
+        p = vec3_axpy(rng_uniform(r), vec3_sub(cell.corner[1 << axis], cell.corner[0]), p);
+    return p;
+}
+
+/* Draw number `draw` of particle i. The surface start takes its k-th stratum of area. */
+static vec3 draw_point(const field *f, const surface *scan, const sampler_params *params, size_t i,
+                       size_t draw, rng *r)
+{
+    if (params->start == SAMPLER_START_SURFACE) {
+        double where = ((double)i + rng_uniform(r)) / (double)params->count;
+        if (draw > 0) where = rng_uniform(r);
+        return surface_point(scan, where * scan->area, r);
+    }
+    return params->random_in_cells ? random_in_cells(f, scan->cells, r) : random_in_domain(f, r);
+}
+
+static bool is_degenerate(const field *f, vec3 x, double spacing)
+{
+    field_sample s;
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return true;
+    sym3 h = s.hessian;
+    double norm2 = h.xx * h.xx + h.yy * h.yy + h.zz * h.zz +
+                   2 * (h.xy * h.xy + h.xz * h.xz + h.yz * h.yz);
+    double limit = DEGENERATE / spacing;
+    return norm2 > limit * limit * vec3_norm2(s.gradient);
+}
+
+bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
+                 particles *p, size_t *removed, error *e)
+{
+    rng r = rng_seed(params->seed, 1);
+    const project_limits limits = {WALK_STEPS, START_ACCEPT * spacing, START_ACCEPT * spacing,
+                                   START_ACCEPT * spacing};
+    /* a point far outside of the surface's box has run along a degenerate gradient */
+    double reach = FARTHEST * fmax(spacing, f->cell_size);
+    bbox near = {vec3_sub(scan->box.min, vec3_make(reach, reach, reach)),
+                 vec3_add(scan->box.max, vec3_make(reach, reach, reach))};
+    size_t drawn_again = 0;
+    for (size_t i = 0; i < p->count; i++)
+        for (size_t draw = 0;; draw++) {
+            vec3 x = draw_point(f, scan, params, i, draw, &r);
+            if (project_point(f, &limits, &x, &p->normal[i]) && bbox_contains(near, x) &&
+                !is_degenerate(f, x, spacing)) {
+                p->position[i] = x;
+                break;
+            }
+            drawn_again++;
+            if (draw == MAX_DRAWS)
+                return error_set(e, ERROR_NO_SURFACE,
+                                 "particle %zu of %zu does not reach the surface in %zu draws: the field "
+                                 "has no usable gradient near its isosurface", i + 1, p->count, draw);
+        }
+    *removed = drawn_again;
+    return true;
+}

@@ -1,0 +1,14 @@
+/* start: the first positions of particles on a surface. */
+#ifndef HEXAD_SAMPLER_START_H
+#define HEXAD_SAMPLER_START_H
+
+#include "sampler/particles.h"
+#include "sampler/sampler.h"
+
+/* Places p->count particles on the surface, with normals. Those that do not reach it, or land where
+ * the field degenerates, are taken away and drawn again; *removed counts them. Deterministic in
+ * params->seed. Error: no_surface when too few reach the surface. */
+bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
+                 particles *p, size_t *removed, error *e);
+
+#endif

@@ -1,0 +1,194 @@
+#include "sampler/surface.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "sampler/project.h"
+
+/* A cell's surface has at most two triangles in each of six tetrahedra. */
+#define CELL_TRIANGLES 12
+#define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
+
+/* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to 7. */
+static const int tetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7},
+                                     {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}};
+
+static const size_t GRAIN = 256; /* cells in a chunk of work */
+
+/* Corners are projected to this fraction of the cell: its square is far below the area's error. */
+static const double CORNER_TOLERANCE = 1e-4;
+/* Normals that differ by more than this (cosine) belong to different parts of a rough surface; the
+ * correction for curvature would be meaningless there. */
+static const double CORRECTION_COSINE = 0.5;
+
+typedef struct corner {
+    vec3 position, normal;
+    bool known, smooth; /* smooth: projected, with a normal */
+} corner;
+
+typedef struct triangulation {
+    int count;
+    corner at[CELL_TRIANGLES][3];
+    double area[CELL_TRIANGLES];
+} triangulation;
+
+static const corner *cut_edge(const field *f, const field_cell *cell, corner *cache, int a, int b)
+{
+    if (a > b) {
+        int swap = a;
+        a = b;
+        b = swap;
+    }
+    corner *c = &cache[8 * a + b];
+    if (c->known) return c;
+    c->known = true;
+    double t = cell->value[a] / (cell->value[a] - cell->value[b]);
+    c->position = vec3_axpy(t, vec3_sub(cell->corner[b], cell->corner[a]), cell->corner[a]);
+    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
+                                   10 * CORNER_TOLERANCE * f->cell_size, 0.05 * f->cell_size};
+    vec3 p = c->position;
+    if (project_point(f, &limits, &p, &c->normal) &&
+        vec3_norm2(vec3_sub(p, c->position)) < f->cell_size * f->cell_size) {
+        c->position = p;
+        c->smooth = true;
+    }
+    return c;
+}
+
+/* Flat area times the mean of 1 / cos of the angle between the surface's normal and the triangle's:
+ * with the tilt t linear over the triangle, 1 + mean |t|^2 / 2. */
+static double curved_area(const corner *t)
+{
+    vec3 m = vec3_scale(vec3_cross(vec3_sub(t[1].position, t[0].position),
+                                   vec3_sub(t[2].position, t[0].position)), 0.5);
+    double area = vec3_norm(m);
+    if (!(area > 0) || !t[0].smooth || !t[1].smooth || !t[2].smooth) return area;
+    m = vec3_scale(m, 1 / area);
+    if (vec3_dot(m, t[0].normal) < 0) m = vec3_scale(m, -1);
+    vec3 tilt[3];
+    for (int k = 0; k < 3; k++) {
+        double along = vec3_dot(m, t[k].normal);
+        if (along < CORRECTION_COSINE) return area;
+        tilt[k] = vec3_axpy(-along, m, t[k].normal);
+    }
+    double mean = (vec3_norm2(tilt[0]) + vec3_norm2(tilt[1]) + vec3_norm2(tilt[2]) +
+                   vec3_dot(tilt[0], tilt[1]) + vec3_dot(tilt[1], tilt[2]) +
+                   vec3_dot(tilt[2], tilt[0])) / 6;
+    return area * (1 + 0.5 * mean);
+}
+
+static void add_triangle(triangulation *out, const corner *a, const corner *b, const corner *c)
+{
+    corner *t = out->at[out->count];
+    t[0] = *a;
+    t[1] = *b;
+    t[2] = *c;
+    out->area[out->count++] = curved_area(t);
+}
+
+static void cut_cell(const field *f, size_t index, triangulation *out)
+{
+    field_cell cell;
+    corner cache[EDGES];
+    memset(cache, 0, sizeof cache);
+    f->ops->cell(f, index, &cell);
+    out->count = 0;
+    for (int k = 0; k < 6; k++) {
+        int inside[4], outside[4], in = 0, ex = 0;
+        for (int v = 0; v < 4; v++) {
+            int c = tetrahedra[k][v];
+            if (cell.value[c] < 0) inside[in++] = c;
+            else outside[ex++] = c;
+        }
+        if (in == 0 || ex == 0) continue;
+        const corner *cut[4];
+        int n = 0;
+        for (int i = 0; i < in; i++) /* in the order of a ring round the section */
+            for (int j = 0; j < ex; j++)
+                cut[n++] = cut_edge(f, &cell, cache, inside[i],
+                                    outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+        add_triangle(out, cut[0], cut[1], cut[2]);
+        if (n == 4) add_triangle(out, cut[0], cut[2], cut[3]);
+    }
+}
+
+typedef struct scan_job {
+    surface *s;
+    bbox *box; /* of each chunk */
+} scan_job;
+
+static void scan_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    scan_job *job = context;
+    (void)worker;
+    triangulation t;
+    for (size_t chunk = begin; chunk < end; chunk++) {
+        size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
+        job->box[chunk] = bbox_empty();
+        for (size_t k = chunk * GRAIN; k < last; k++) {
+            double area = 0;
+            cut_cell(job->s->field, k, &t);
+            for (int i = 0; i < t.count; i++) {
+                area += t.area[i];
+                for (int v = 0; v < 3; v++)
+                    job->box[chunk] = bbox_include(job->box[chunk], t.at[i][v].position);
+            }
+            job->s->area_before[k + 1] = area;
+        }
+    }
+}
+
+surface *surface_scan(const field *f, threads *pool, error *e)
+{
+    surface *s = mem_alloc(sizeof *s);
+    s->field = f;
+    s->cells = f->ops->cell_count(f);
+    size_t chunks = (s->cells + GRAIN - 1) / GRAIN;
+    scan_job job = {s, mem_array(chunks, sizeof *job.box, "the scan of the surface", e)};
+    s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
+    if (!job.box || !s->area_before) goto fail;
+    threads_run(pool, chunks, 1, scan_chunk, &job);
+    s->box = bbox_empty();
+    for (size_t k = 0; k < chunks; k++)
+        if (!bbox_is_empty(job.box[k]))
+            s->box = bbox_include(bbox_include(s->box, job.box[k].min), job.box[k].max);
+    for (size_t k = 0; k < s->cells; k++) s->area_before[k + 1] += s->area_before[k];
+    s->area = s->area_before[s->cells];
+    if (!(s->area > 0)) {
+        error_set(e, ERROR_NO_SURFACE, "the surface has no area");
+        goto fail;
+    }
+    free(job.box);
+    return s;
+fail:
+    free(job.box);
+    surface_free(s);
+    return NULL;
+}
+
+void surface_free(surface *s)
+{
+    if (!s) return;
+    free(s->area_before);
+    free(s);
+}
+
+vec3 surface_point(const surface *s, double where, rng *r)
+{
+    size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
+    while (low < high) {
+        size_t middle = low + (high - low + 1) / 2;
+        if (s->area_before[middle] <= where) low = middle;
+        else high = middle - 1;
+    }
+    triangulation t;
+    cut_cell(s->field, low, &t);
+    double rest = where - s->area_before[low];
+    int k = 0;
+    while (k < t.count - 1 && rest >= t.area[k]) rest -= t.area[k++];
+    double u = sqrt(rng_uniform(r)), v = rng_uniform(r);
+    const corner *c = t.at[k];
+    return vec3_add(vec3_scale(c[0].position, 1 - u),
+                    vec3_add(vec3_scale(c[1].position, u * (1 - v)), vec3_scale(c[2].position, u * v)));
+}

@@ -1,0 +1,32 @@
+/* surface: what the crossing cells tell about a surface before any particle is there: its area, its
+ * box, and points on it in proportion to area.
+ *
+ * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
+ * moved onto the surface. A triangle's area is corrected for the curve above it by the tilt of the
+ * normals at its corners, which leaves an error of fourth order in cell size over radius of curvature.
+ */
+#ifndef HEXAD_SAMPLER_SURFACE_H
+#define HEXAD_SAMPLER_SURFACE_H
+
+#include "base/error.h"
+#include "base/rng.h"
+#include "base/threads.h"
+#include "field/field.h"
+
+typedef struct surface {
+    const field *field; /* not owned */
+    double area;        /* world units squared */
+    bbox box;           /* of the surface */
+    size_t cells;
+    double *area_before; /* cells + 1: area of the cells before each, the last is the whole */
+} surface;
+
+/* Errors: no_surface (area 0), limit_memory. Deterministic for any number of threads. */
+surface *surface_scan(const field *f, threads *pool, error *e);
+void surface_free(surface *s);
+
+/* A point of the surface's triangles at `where` in [0, area): equal lengths of `where` give equal areas. The
+ * point lies near the surface, within the cell; project it. */
+vec3 surface_point(const surface *s, double where, rng *r);
+
+#endif

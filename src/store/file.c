@@ -1,0 +1,226 @@
+#include "store/file.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <nettle/sha2.h>
+
+#include "base/memory.h"
+
+static bool fail(error *e, const char *what, const char *path)
+{
+    return error_set(e, ERROR_INTERNAL, "%s cannot be %s: %s", path, what, strerror(errno));
+}
+
+/* The directory that holds `path`; to be freed. */
+static char *parent_of(const char *path)
+{
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/') length--;
+    while (length > 0 && path[length - 1] != '/') length--;
+    while (length > 1 && path[length - 1] == '/') length--;
+    return length ? mem_strndup(path, length) : mem_strdup(".");
+}
+
+bool store_directory_sync(const char *path, error *e)
+{
+    int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return fail(e, "opened", path);
+    bool ok = fsync(fd) == 0 || fail(e, "flushed to disk", path);
+    close(fd);
+    return ok;
+}
+
+static bool parent_sync(const char *path, error *e)
+{
+    char *parent = parent_of(path);
+    bool ok = store_directory_sync(parent, e);
+    free(parent);
+    return ok;
+}
+
+bool store_file_begin(const char *path, store_file *file, error *e)
+{
+    uint64_t random = 0;
+    if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "created", path);
+    char *temporary = mem_printf("%s.%016" PRIx64, path, random);
+    /* not mkstemp, which would make it private whatever the umask says */
+    int fd = open(temporary, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd < 0) {
+        fail(e, "created", path);
+        free(temporary);
+        return false;
+    }
+    FILE *stream = fdopen(fd, "w+b");
+    if (!stream) {
+        fail(e, "created", path);
+        close(fd);
+        unlink(temporary);
+        free(temporary);
+        return false;
+    }
+    *file = (store_file){stream, mem_strdup(path), temporary};
+    return true;
+}
+
+void store_file_abort(store_file *file)
+{
+    if (file->stream) fclose(file->stream);
+    if (file->temporary) unlink(file->temporary);
+    free(file->temporary);
+    free(file->path);
+    *file = (store_file){0};
+}
+
+bool store_file_commit(store_file *file, error *e)
+{
+    bool ok = false;
+    /* ferror: a write that failed earlier may have been followed by a good flush */
+    if (ferror(file->stream) || fflush(file->stream) != 0 || fsync(fileno(file->stream)) != 0) {
+        if (!errno) errno = EIO;
+        fail(e, "written", file->path);
+        goto done;
+    }
+    int closed = fclose(file->stream);
+    file->stream = NULL;
+    if (closed != 0) {
+        fail(e, "written", file->path);
+        goto done;
+    }
+    if (rename(file->temporary, file->path) != 0) {
+        fail(e, "renamed into place", file->path);
+        goto done;
+    }
+    free(file->temporary);
+    file->temporary = NULL;
+    ok = parent_sync(file->path, e);
+done:
+    store_file_abort(file);
+    return ok;
+}
+
+bool store_file_write(const char *path, const void *bytes, size_t count, error *e)
+{
+    store_file file;
+    if (!store_file_begin(path, &file, e)) return false;
+    fwrite(bytes, 1, count, file.stream); /* commit looks at the stream's error flag */
+    return store_file_commit(&file, e);
+}
+
+char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
+{
+    FILE *stream = fopen(path, "rbe");
+    if (!stream) {
+        fail(e, "read", path);
+        return NULL;
+    }
+    size_t used = 0, room = 0, got;
+    char *text = NULL;
+    do {
+        if (room - used < 65536) text = mem_resize(text, (room = used * 2 + 65537));
+        got = fread(text + used, 1, room - used - 1, stream);
+        used += got;
+    } while (got > 0 && used <= limit);
+    bool failed = ferror(stream) != 0;
+    int why = errno;
+    fclose(stream);
+    if (failed || used > limit) {
+        free(text);
+        errno = failed ? why : EFBIG;
+        fail(e, "read", path);
+        return NULL;
+    }
+    text[used] = '\0';
+    *count = used;
+    return text;
+}
+
+bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
+{
+    struct sha256_ctx context;
+    sha256_init(&context);
+    size_t size = 256 * 1024;
+    uint8_t *block = mem_alloc(size);
+    uint64_t total = 0;
+    ssize_t got;
+    while ((got = pread(fd, block, size, (off_t)total)) != 0) {
+        if (got < 0 && errno == EINTR) continue;
+        if (got < 0) break;
+        sha256_update(&context, (size_t)got, block);
+        total += (uint64_t)got;
+    }
+    int why = errno;
+    free(block);
+    if (got < 0) return error_set(e, ERROR_INTERNAL, "a file cannot be read for its hash: %s", strerror(why));
+    uint8_t digest[SHA256_DIGEST_SIZE];
+    sha256_digest(&context, sizeof digest, digest);
+    for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+    *bytes = total;
+    return true;
+}
+
+bool store_directory_create(const char *path, error *e)
+{
+    if (mkdir(path, 0777) == 0) return parent_sync(path, e);
+    struct stat info;
+    if (errno == EEXIST && stat(path, &info) == 0) {
+        if (S_ISDIR(info.st_mode)) return true;
+        errno = ENOTDIR;
+    }
+    if (errno != ENOENT || !*path) return fail(e, "made a directory", path);
+    char *parent = parent_of(path);
+    bool ok = strcmp(parent, path) != 0 && store_directory_create(parent, e);
+    free(parent);
+    if (!ok) return false;
+    if (mkdir(path, 0777) != 0 && errno != EEXIST) return fail(e, "made a directory", path);
+    return parent_sync(path, e);
+}
+
+bool store_rename(const char *from, const char *to, error *e)
+{
+    if (rename(from, to) != 0)
+        return error_set(e, ERROR_INTERNAL, "%s cannot be renamed to %s: %s", from, to, strerror(errno));
+    return parent_sync(to, e) && parent_sync(from, e);
+}
+
+/* Takes `directory` over. Depth is bounded by the descriptors a process may hold, as with any tree
+ * that a worker can make. */
+static bool remove_contents(int directory)
+{
+    DIR *listing = fdopendir(directory);
+    if (!listing) {
+        close(directory);
+        return false;
+    }
+    bool ok = true;
+    struct dirent *entry;
+    while (ok && (entry = readdir(listing))) {
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0) continue;
+        if (unlinkat(directory, entry->d_name, 0) == 0 || errno == ENOENT) continue;
+        int inner = openat(directory, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        ok = inner >= 0 && remove_contents(inner) &&
+             (unlinkat(directory, entry->d_name, AT_REMOVEDIR) == 0 || errno == ENOENT);
+    }
+    int why = errno;
+    closedir(listing);
+    errno = why;
+    return ok;
+}
+
+bool store_remove(const char *path, error *e)
+{
+    if (unlink(path) == 0 || errno == ENOENT) return true;
+    int directory = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (directory < 0 || !remove_contents(directory) || rmdir(path) != 0) {
+        if (errno == ENOENT) return true;
+        return fail(e, "removed", path);
+    }
+    return true;
+}

@@ -1,0 +1,53 @@
+/* file: files and directories that the service owns, written so that a crash leaves the old or the
+ * new, never a part.
+ *
+ * A file is written beside its place under a temporary name, flushed to disk, renamed, and its
+ * directory flushed. Errors have code internal and name the path and the cause. The functions keep
+ * no state and may be called by any thread; a store_file belongs to one thread.
+ */
+#ifndef HEXAD_STORE_FILE_H
+#define HEXAD_STORE_FILE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "base/error.h"
+
+typedef struct store_file {
+    FILE *stream; /* where to write; owned by the store_file */
+    char *path, *temporary;
+} store_file;
+
+/* Opens the temporary file, readable and writable. After success exactly one of commit and abort
+ * follows; both leave *file empty. Commit that fails has aborted. Abort accepts an empty file. */
+bool store_file_begin(const char *path, store_file *file, error *e);
+bool store_file_commit(store_file *file, error *e);
+void store_file_abort(store_file *file);
+
+/* begin, write, commit. */
+bool store_file_write(const char *path, const void *bytes, size_t count, error *e);
+
+/* The whole of a file, NUL-terminated, to be freed; an error when it has more than `limit` bytes. */
+char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
+
+/* SHA-256 and length of an open file from its beginning; the offset of `fd` is not moved. */
+#define STORE_HASH_SIZE 65
+bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
+
+/* Makes a directory, and what is missing above it, with mode 0777 less the umask; one that is there
+ * is no error. */
+bool store_directory_create(const char *path, error *e);
+
+/* Flushes the names in a directory to disk. */
+bool store_directory_sync(const char *path, error *e);
+
+/* Renames and flushes both parent directories. `to` must not be there, or be an empty directory. */
+bool store_rename(const char *from, const char *to, error *e);
+
+/* Removes a file or a directory with all that is in it; symbolic links are not followed. Nothing
+ * there is no error. */
+bool store_remove(const char *path, error *e);
+
+#endif

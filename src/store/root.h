@@ -1,0 +1,37 @@
+/* root: input files, opened beneath configured directories.
+ *
+ * A path from outside may only reach regular files below one of the roots: a `..`, a symbolic link
+ * that is absolute or leads out of the root, and a magic link are refused by the kernel while it
+ * walks (openat2 with RESOLVE_BENEATH), so there is no moment between check and use. A kernel
+ * without openat2 gets a walk that follows no symbolic link at all, which is stricter.
+ *
+ * Roots are immutable once opened and may be used by any thread.
+ */
+#ifndef HEXAD_STORE_ROOT_H
+#define HEXAD_STORE_ROOT_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+
+typedef struct store_roots store_roots;
+
+/* Opens the directories. NULL and an error (input_missing) when one is not there. The caller
+ * releases with store_roots_close, which accepts NULL. A count of 0 gives an empty set, which
+ * admits nothing. */
+store_roots *store_roots_open(const char *const *paths, size_t count, error *e);
+void store_roots_close(store_roots *roots);
+
+/* Opens a file for reading and returns its descriptor (close-on-exec), or -1 and an error:
+ * path_forbidden   the path is outside the roots or leads out of them
+ * input_missing    nothing readable is there
+ * input_unsupported  not a regular file
+ * An absolute path belongs to the root that it begins with; a relative one is tried under each root
+ * in order. With `roots` NULL (a worker that stands alone) the path is opened as it is. */
+int store_open_input(const store_roots *roots, const char *path, error *e);
+
+/* The walk for kernels without openat2, here so that it is tested on every kernel: the file at the
+ * relative `path` beneath `directory`, or -1 and errno (EXDEV: leads out, or a symbolic link). */
+int store_open_walking(int directory, const char *path);
+
+#endif

@@ -1,0 +1,109 @@
+/* vdb: OpenVDB files to and from plain arrays; the only C++ of the project is behind this header.
+ *
+ * Files are read through a stream over a descriptor that fails at the first missing byte, whole and
+ * at once: no delayed loading, no memory map, nothing kept of the library's once a call returns.
+ * Sizes that the file states are held against its length and against a memory limit before they are
+ * believed. No exception crosses this boundary. The library can still abort or fault on a hostile
+ * file, so callers run it in a process of its own.
+ *
+ * Messages name the grid; the caller, who knows the file's name, puts it before them. Threads: calls
+ * share no state, but two calls must not use one descriptor at the same time.
+ */
+#ifndef HEXAD_VDB_VDB_H
+#define HEXAD_VDB_VDB_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "base/error.h"
+
+#define VDB_NAME_SIZE 256 /* longer names are refused as damage */
+#define VDB_TYPE_SIZE 64
+#define VDB_LEAF_SIDE 8
+#define VDB_LEAF_VOXELS 512
+
+typedef enum vdb_class { VDB_UNKNOWN, VDB_LEVEL_SET, VDB_FOG, VDB_STAGGERED } vdb_class;
+
+typedef struct vdb_entry {
+    char name[VDB_NAME_SIZE]; /* as written, without the suffix that tells equal names apart */
+    char type[VDB_TYPE_SIZE]; /* of a value: "float", "double", "int32", "vec3s", "ptdataidx32", ... */
+    bool scalar;              /* float or double: vdb_load_grid takes it */
+    vdb_class grid_class;
+} vdb_entry;
+
+typedef struct vdb_listing {
+    vdb_entry *entries; /* in the order of the file */
+    size_t count;
+} vdb_listing;
+
+/* What the file holds. Where the file has offsets no tree is read; otherwise (it was written to a
+ * pipe) one tree after the other. Errors: input_damaged (Git-LFS pointers are told apart),
+ * input_unsupported (format versions), limit_memory. */
+bool vdb_list_grids(int fd, vdb_listing *out, error *e);
+void vdb_listing_free(vdb_listing *listing);
+
+/* A cube of voxels with one value that differs from the background. */
+typedef struct vdb_tile {
+    int32_t origin[3];
+    int32_t side; /* 8, 128 or 4096 voxels */
+    float value;
+    bool active;
+} vdb_tile;
+
+/* A scalar grid. Within a leaf voxel (x, y, z) has offset 64 x + 8 y + z; its active flag is bit
+ * 8 y + z of word x. What is in no leaf and no tile has the background's value and is inactive. */
+typedef struct vdb_grid {
+    vdb_class grid_class;
+    float background;
+    double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
+    uint64_t active_voxels;
+    size_t leaf_count, tile_count;
+    int32_t (*leaf_origin)[3];  /* multiples of 8 */
+    float *leaf_values;         /* 512 a leaf */
+    uint64_t *leaf_active;      /* 8 words a leaf */
+    vdb_tile *tiles;
+} vdb_grid;
+
+/* Loads entry `index` of the listing. Doubles become floats. `memory_limit` bounds what the call takes
+ * at its peak, the library's tree and the arrays together. Errors: input_damaged; input_unsupported
+ * for a type that is not scalar and for a transform that is not affine or not invertible; limit_memory. */
+vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e);
+void vdb_grid_free(vdb_grid *grid);
+
+/* One grid to write. Voxels are given one by one, tiles after them. */
+typedef struct vdb_draft {
+    const char *name;
+    const char *type; /* "float", "double", "int32", "bool" or "vec3s" */
+    bool half;        /* store floats as 16 bits */
+    vdb_class grid_class;
+    double background;
+    const double *index_to_world; /* as in vdb_grid */
+    size_t voxel_count;
+    const int32_t (*voxels)[3];
+    const float *values;
+    const bool *active; /* NULL: all of them are */
+    size_t tile_count;
+    const vdb_tile *tiles;
+} vdb_draft;
+
+typedef enum vdb_layout {
+    VDB_SEEKABLE, /* with offsets, as openvdb::io::File writes */
+    VDB_STREAM    /* without, as openvdb::io::Stream writes */
+} vdb_layout;
+
+/* Writes a whole file at the descriptor's offset. The same drafts give the same bytes but for the
+ * 36 bytes of the format's random identifier. Errors: input_unsupported for a draft that cannot be;
+ * internal when writing fails. */
+bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
+                     error *e);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,519 @@
+/* Reading. The order of the parts of a file is that of openvdb::io::Stream and io::File, which this
+ * unit walks itself (through the base class of both) for three reasons: a grid that is not wanted is
+ * stepped over where the file has offsets, lengths are checked before they are believed, and the
+ * tree's topology can be held against the memory limit before its values are read. */
+#include "vdb/shim.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <istream>
+#include <streambuf>
+#include <vector>
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <openvdb/openvdb.h>
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/io.h>
+
+namespace vdb = openvdb;
+using shim::fault;
+
+namespace {
+
+const char *const half_suffix = "_HalfFloat";
+const char name_separator = 0x1e; /* OpenVDB writes equal names as NAME 0x1e NUMBER */
+
+/* A grid has a handful of strings (names, types); 64 kB is far beyond any that is meant. */
+const uint32_t longest_string = 1u << 16;
+/* A grid takes more than 40 bytes in a file; the count of grids is checked by that. */
+const int64_t smallest_grid = 40;
+/* Beyond this the inverse of the transform loses more than half of a double's digits. */
+const double largest_condition = 1e8;
+
+std::string format(const char *text, unsigned long long a, unsigned long long b)
+{
+    char line[256];
+    std::snprintf(line, sizeof line, text, a, b);
+    return line;
+}
+
+/* The bytes of a descriptor. It never moves the descriptor's own offset. */
+class fd_buffer : public std::streambuf {
+public:
+    fd_buffer(int fd, int64_t size) : fd_(fd), size_(size), next_(0), block_(1 << 16) {}
+
+protected:
+    int_type underflow() override
+    {
+        if (gptr() < egptr()) return traits_type::to_int_type(*gptr());
+        size_t got = fetch(block_.data(), block_.size());
+        if (got == 0) return traits_type::eof();
+        setg(block_.data(), block_.data(), block_.data() + got);
+        return traits_type::to_int_type(*gptr());
+    }
+    std::streamsize xsgetn(char *to, std::streamsize count) override
+    {
+        std::streamsize done = 0;
+        while (done < count) {
+            std::streamsize held = egptr() - gptr(), wanted = count - done;
+            if (held > 0) {
+                std::streamsize part = held < wanted ? held : wanted;
+                std::memcpy(to + done, gptr(), size_t(part));
+                gbump(int(part));
+                done += part;
+            } else if (wanted >= std::streamsize(block_.size())) {
+                size_t got = fetch(to + done, size_t(wanted));
+                if (got == 0) break;
+                done += std::streamsize(got);
+            } else if (underflow() == traits_type::eof()) {
+                break;
+            }
+        }
+        return done;
+    }
+    pos_type seekoff(off_type off, std::ios_base::seekdir way, std::ios_base::openmode) override
+    {
+        int64_t here = next_ - (egptr() - gptr());
+        int64_t base = way == std::ios_base::beg ? 0 : way == std::ios_base::cur ? here : size_, to;
+        if (__builtin_add_overflow(base, int64_t(off), &to) || to < 0 || to > size_)
+            return pos_type(off_type(-1));
+        if (to == here) return pos_type(to);
+        setg(nullptr, nullptr, nullptr);
+        next_ = to;
+        return pos_type(to);
+    }
+    pos_type seekpos(pos_type to, std::ios_base::openmode mode) override
+    {
+        return seekoff(off_type(to), std::ios_base::beg, mode);
+    }
+
+private:
+    size_t fetch(char *to, size_t count)
+    {
+        ssize_t got;
+        do got = pread(fd_, to, count, off_t(next_));
+        while (got < 0 && errno == EINTR);
+        if (got < 0) throw fault(ERROR_INPUT_DAMAGED, std::string("cannot be read: ") + std::strerror(errno));
+        next_ += got;
+        return size_t(got);
+    }
+    int fd_;
+    int64_t size_, next_;
+    std::vector<char> block_;
+};
+
+/* What stands before each grid. */
+struct descriptor {
+    std::string unique_name, name, type, parent;
+    bool half = false;
+    int64_t end = 0; /* where the next one begins; 0 in files without offsets */
+};
+
+class reader : public vdb::io::Archive {
+public:
+    explicit reader(int fd) : size_(size_of(fd)), buffer_(fd, size_), in_(&buffer_)
+    {
+        check_magic(fd);
+        in_.exceptions(std::ios_base::badbit | std::ios_base::failbit | std::ios_base::eofbit);
+        readHeader(in_);
+        metadata_.reset(new vdb::io::StreamMetadata);
+        vdb::io::setStreamMetadataPtr(in_, metadata_, /*transfer=*/false);
+        vdb::io::setVersion(in_, libraryVersion(), fileVersion());
+        vdb::io::setDataCompression(in_, compression());
+        check_metadata();
+        vdb::MetaMap ignored;
+        ignored.readMeta(in_);
+        count_ = readGridCount(in_);
+        if (count_ < 0 || count_ > size_ / smallest_grid)
+            throw fault(ERROR_INPUT_DAMAGED, format("says that it holds %llu grids in %llu bytes: it is damaged",
+                                                    (unsigned long long)count_, (unsigned long long)size_));
+    }
+    int32_t count() const { return count_; }
+
+    descriptor read_descriptor()
+    {
+        descriptor d;
+        d.unique_name = read_string();
+        d.name = d.unique_name.substr(0, d.unique_name.find(name_separator));
+        if (d.name.size() >= VDB_NAME_SIZE || d.name.find('\0') != std::string::npos)
+            throw fault(ERROR_INPUT_DAMAGED, "has a grid name that is too long or not text: it is damaged");
+        d.type = read_string();
+        size_t stem = d.type.size() - std::min(d.type.size(), std::strlen(half_suffix));
+        if (d.type.compare(stem, std::string::npos, half_suffix) == 0) {
+            d.half = true;
+            d.type.resize(stem);
+        }
+        d.parent = read_string();
+        int64_t offsets[3];
+        in_.read(reinterpret_cast<char *>(offsets), sizeof offsets);
+        if (inputHasGridOffsets()) {
+            d.end = offsets[2];
+            if (d.end < int64_t(in_.tellg()) || d.end > size_)
+                throw fault(ERROR_INPUT_DAMAGED,
+                            "grid \"" + d.name + "\": " +
+                                format("is said to end at byte %llu of a file of %llu bytes: the file was cut "
+                                       "short or is damaged", (unsigned long long)d.end, (unsigned long long)size_));
+        }
+        return d;
+    }
+
+    vdb::GridBase::Ptr create(const descriptor &d)
+    {
+        if (!vdb::GridBase::isRegistered(d.type)) return vdb::GridBase::Ptr();
+        vdb::GridBase::Ptr grid = vdb::GridBase::createGrid(d.type);
+        grid->setSaveFloatAsHalf(d.half);
+        return grid;
+    }
+
+    /* The part of a grid that does not depend on its type; leaves the stream before the transform. */
+    void read_metadata(vdb::GridBase &grid)
+    {
+        current_.reset(new vdb::io::StreamMetadata(*metadata_));
+        current_->setHalfFloat(grid.saveFloatAsHalf());
+        vdb::io::setStreamMetadataPtr(in_, current_, /*transfer=*/false);
+        vdb::io::setGridClass(in_, vdb::GRID_UNKNOWN);
+        vdb::io::setGridBackgroundValuePtr(in_, nullptr);
+        readGridCompression(in_);
+        check_metadata();
+        grid.clearMetadata();
+        grid.readMeta(in_);
+        current_->gridMetadata() = static_cast<vdb::MetaMap &>(grid);
+        vdb::io::setGridClass(in_, grid.getGridClass());
+    }
+
+    void read_transform(vdb::GridBase &grid)
+    {
+        try {
+            grid.readTransform(in_);
+        } catch (const vdb::ArithmeticError &x) {
+            throw fault(ERROR_INPUT_UNSUPPORTED, std::string("its transform cannot be inverted (") + x.what() + ")");
+        }
+    }
+
+    void skip(const descriptor &d, vdb::GridBase::Ptr grid)
+    {
+        if (inputHasGridOffsets()) {
+            in_.seekg(d.end);
+            return;
+        }
+        read_transform(*grid);
+        if (d.parent.empty()) {
+            grid->readTopology(in_);
+            grid->readBuffers(in_);
+        }
+    }
+
+    bool has_offsets() const { return inputHasGridOffsets(); }
+    std::istream &stream() { return in_; }
+
+private:
+    static int64_t size_of(int fd)
+    {
+        struct stat st;
+        if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
+            throw fault(ERROR_INPUT_DAMAGED, "is not a regular file");
+        return st.st_size;
+    }
+
+    void check_magic(int fd)
+    {
+        char head[64] = {0};
+        ssize_t got = pread(fd, head, sizeof head - 1, 0);
+        if (got < 0) throw fault(ERROR_INPUT_DAMAGED, std::string("cannot be read: ") + std::strerror(errno));
+        if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
+        if (std::strncmp(head, "version https://git-lfs", 23) == 0)
+            throw fault(ERROR_INPUT_DAMAGED, "is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
+                                             "where it came from");
+        int64_t magic;
+        uint32_t version;
+        std::memcpy(&magic, head, sizeof magic);
+        std::memcpy(&version, head + sizeof magic, sizeof version);
+        if (got < ssize_t(sizeof magic) || magic != vdb::OPENVDB_MAGIC)
+            throw fault(ERROR_INPUT_DAMAGED, "is not an OpenVDB file (its first bytes are not OpenVDB's)");
+        if (got < ssize_t(sizeof magic + sizeof version)) throw fault(ERROR_INPUT_DAMAGED, "was cut short after its first bytes");
+        if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING || version > vdb::OPENVDB_FILE_VERSION)
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        format("has format version %llu; versions up to %llu from 216 on are read: save it again "
+                               "with a current OpenVDB", version, vdb::OPENVDB_FILE_VERSION));
+    }
+
+    /* Walks over a block of metadata and comes back: the library allocates what the lengths say. */
+    void check_metadata()
+    {
+        std::streampos start = in_.tellg();
+        int32_t entries = read_int<int32_t>();
+        if (entries < 0) throw fault(ERROR_INPUT_DAMAGED, "has a negative count of metadata: it is damaged");
+        for (int32_t i = 0; i < entries; i++) {
+            read_string();
+            read_string();
+            uint32_t bytes = read_int<uint32_t>();
+            int64_t here = in_.tellg();
+            if (bytes > size_ - here)
+                throw fault(ERROR_INPUT_DAMAGED,
+                            format("has metadata of %llu bytes with %llu left in the file: it was cut short or is "
+                                   "damaged", bytes, (unsigned long long)(size_ - here)));
+            in_.seekg(here + bytes);
+        }
+        in_.seekg(start);
+    }
+
+    template <typename T> T read_int()
+    {
+        T value;
+        in_.read(reinterpret_cast<char *>(&value), sizeof value);
+        return value;
+    }
+
+    std::string read_string()
+    {
+        uint32_t length = read_int<uint32_t>();
+        if (length > longest_string)
+            throw fault(ERROR_INPUT_DAMAGED, format("has a name of %llu bytes (more than %llu): it is damaged",
+                                                    length, longest_string));
+        std::string text(length, '\0');
+        if (length) in_.read(&text[0], std::streamsize(length));
+        return text;
+    }
+
+    int64_t size_;
+    fd_buffer buffer_;
+    /* The stream keeps the addresses of these two pointers: they live as long as it does. */
+    vdb::io::StreamMetadata::Ptr metadata_, current_;
+    std::istream in_;
+    int32_t count_ = 0;
+};
+
+vdb_class class_of(const vdb::GridBase &grid)
+{
+    switch (grid.getGridClass()) {
+    case vdb::GRID_LEVEL_SET: return VDB_LEVEL_SET;
+    case vdb::GRID_FOG_VOLUME: return VDB_FOG;
+    case vdb::GRID_STAGGERED: return VDB_STAGGERED;
+    default: return VDB_UNKNOWN;
+    }
+}
+
+/* "Tree_float_5_4_3" to "float"; what has another shape is given whole. */
+std::string value_type(const std::string &type)
+{
+    if (type.compare(0, 5, "Tree_") != 0) return type;
+    size_t end = type.find('_', 5);
+    return type.substr(5, end == std::string::npos ? end : end - 5);
+}
+
+bool is_scalar(const std::string &type)
+{
+    return type == vdb::FloatGrid::gridType() || type == vdb::DoubleGrid::gridType();
+}
+
+template <size_t N> void copy_text(char (&to)[N], const std::string &from)
+{
+    size_t n = std::min(from.size(), N - 1);
+    std::memcpy(to, from.data(), n);
+    to[n] = '\0';
+}
+
+template <typename T> T *array(size_t count)
+{
+    void *p = std::calloc(count ? count : 1, sizeof(T));
+    if (!p) throw std::bad_alloc();
+    return static_cast<T *>(p);
+}
+
+/* The grid at `index`, or the parent of that name, with the stream before its transform. */
+vdb::GridBase::Ptr find(reader &file, size_t index, const std::string *parent, descriptor *d)
+{
+    for (int32_t i = 0; i < file.count(); i++) {
+        *d = file.read_descriptor();
+        bool wanted = parent ? d->unique_name == *parent : size_t(i) == index;
+        vdb::GridBase::Ptr grid = file.create(*d);
+        if (grid) file.read_metadata(*grid);
+        if (wanted) return grid;
+        if (!grid && !file.has_offsets())
+            throw fault(ERROR_INPUT_UNSUPPORTED, "grid \"" + d->name + "\" has the type " + value_type(d->type) +
+                                                     ", which cannot be stepped over in a file without offsets");
+        file.skip(*d, grid);
+    }
+    throw fault(ERROR_INPUT_DAMAGED, "refers to a grid that it does not hold: it is damaged");
+}
+
+void copy_transform(const vdb::GridBase &grid, double to[16])
+{
+    const vdb::math::Transform &transform = grid.transform();
+    if (!transform.isLinear())
+        throw fault(ERROR_INPUT_UNSUPPORTED,
+                    "its transform is a " + transform.mapType() +
+                        " (a frustum); only affine transforms are supported: resample it to one");
+    vdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
+    double size = 0;
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < 4; column++) {
+            double value = m(column, row); /* the library multiplies row vectors */
+            if (!std::isfinite(value))
+                throw fault(ERROR_INPUT_UNSUPPORTED, "its transform has values that are not finite");
+            to[4 * row + column] = value;
+            if (row < 3 && column < 3) size = std::max(size, std::fabs(value));
+        }
+    double det = m.getMat3().det();
+    if (!(std::fabs(det) * largest_condition > size * size * size))
+        throw fault(ERROR_INPUT_UNSUPPORTED, "its transform cannot be inverted: it is singular or nearly so");
+}
+
+template <typename Tree> void check_budget(const Tree &tree, size_t limit)
+{
+    typedef typename Tree::ValueType value;
+    unsigned long long leaves = tree.leafCount();
+    unsigned long long each = VDB_LEAF_VOXELS * (sizeof(value) + sizeof(float)) + 256;
+    if (leaves > limit / each)
+        throw fault(ERROR_LIMIT_MEMORY, format("its %llu leaves need %llu MB to be read", leaves,
+                                               (leaves * each) >> 20) +
+                                            format(" and the limit is %llu MB: raise limits.memory_mb",
+                                                   (unsigned long long)limit >> 20, 0));
+}
+
+template <typename Tree> void copy_leaves(const Tree &tree, vdb_grid *out)
+{
+    out->leaf_count = tree.leafCount();
+    out->leaf_origin = reinterpret_cast<int32_t(*)[3]>(array<int32_t>(out->leaf_count * 3));
+    out->leaf_values = array<float>(out->leaf_count * VDB_LEAF_VOXELS);
+    out->leaf_active = array<uint64_t>(out->leaf_count * 8);
+    size_t n = 0;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf, ++n) {
+        for (int axis = 0; axis < 3; axis++) out->leaf_origin[n][axis] = leaf->origin()[axis];
+        const auto *values = leaf->buffer().data();
+        if (!values) throw fault(ERROR_INPUT_DAMAGED, "a leaf of it has no values: it is damaged");
+        float *to = out->leaf_values + n * VDB_LEAF_VOXELS;
+        for (int i = 0; i < VDB_LEAF_VOXELS; i++) to[i] = float(values[i]);
+        for (int word = 0; word < 8; word++)
+            out->leaf_active[8 * n + size_t(word)] = leaf->valueMask().template getWord<uint64_t>(vdb::Index(word));
+    }
+}
+
+template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_grid *out)
+{
+    std::vector<vdb_tile> tiles;
+    auto it = tree.cbeginValueAll();
+    it.setMaxDepth(Tree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; it; ++it) {
+        float value = float(*it);
+        if (value == out->background) continue;
+        vdb::CoordBBox box;
+        it.getBoundingBox(box);
+        vdb_tile tile = {{box.min()[0], box.min()[1], box.min()[2]}, box.max()[0] - box.min()[0] + 1, value,
+                         it.isValueOn()};
+        tiles.push_back(tile);
+        if (tiles.size() > limit / (4 * sizeof tile))
+            throw fault(ERROR_LIMIT_MEMORY,
+                        format("it has more than %llu tiles, too many for the limit of %llu MB: raise "
+                               "limits.memory_mb", tiles.size(), (unsigned long long)limit >> 20));
+    }
+    out->tile_count = tiles.size();
+    out->tiles = array<vdb_tile>(tiles.size());
+    if (!tiles.empty()) std::memcpy(out->tiles, tiles.data(), tiles.size() * sizeof tiles[0]);
+}
+
+template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base,
+                                   int fd, size_t limit, vdb_grid *out)
+{
+    typename Grid::Ptr grid = vdb::gridPtrCast<Grid>(base);
+    file.read_transform(*grid);
+    out->grid_class = class_of(*grid);
+    copy_transform(*grid, out->index_to_world);
+    if (d.parent.empty()) {
+        grid->readTopology(file.stream());
+        check_budget(grid->tree(), limit);
+        grid->readBuffers(file.stream());
+    } else { /* the tree is shared with another grid, which stands elsewhere in the file */
+        reader again(fd);
+        descriptor owner;
+        vdb::GridBase::Ptr parent = find(again, index, &d.parent, &owner);
+        if (owner.type != d.type || !owner.parent.empty())
+            throw fault(ERROR_INPUT_DAMAGED, "shares the tree of a grid of another type: the file is damaged");
+        again.read_transform(*parent);
+        parent->readTopology(again.stream());
+        check_budget(vdb::gridPtrCast<Grid>(parent)->tree(), limit);
+        parent->readBuffers(again.stream());
+        grid->setTree(parent->baseTreePtr());
+    }
+    out->background = float(grid->background());
+    out->active_voxels = grid->activeVoxelCount();
+    copy_leaves(grid->tree(), out);
+    copy_tiles(grid->tree(), limit, out);
+}
+
+} // namespace
+
+extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
+{
+    vdb_listing list = {nullptr, 0};
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading the list of grids; the file is cut short or damaged", [&] {
+        vdb::initialize();
+        reader file(fd);
+        list.entries = array<vdb_entry>(size_t(file.count()));
+        for (int32_t i = 0; i < file.count(); i++) {
+            descriptor d = file.read_descriptor();
+            vdb_entry *entry = &list.entries[i];
+            copy_text(entry->name, d.name);
+            copy_text(entry->type, value_type(d.type));
+            entry->scalar = is_scalar(d.type);
+            vdb::GridBase::Ptr grid = file.create(d);
+            if (grid) {
+                file.read_metadata(*grid);
+                entry->grid_class = class_of(*grid);
+            } else if (!file.has_offsets()) {
+                throw fault(ERROR_INPUT_UNSUPPORTED, "grid \"" + d.name + "\" has the type " + value_type(d.type) +
+                                                         ", which is not known, in a file without offsets");
+            }
+            file.skip(d, grid);
+            list.count++;
+        }
+    });
+    if (ok) *out = list;
+    else vdb_listing_free(&list);
+    return ok;
+}
+
+extern "C" void vdb_listing_free(vdb_listing *listing)
+{
+    std::free(listing->entries);
+    listing->entries = nullptr;
+    listing->count = 0;
+}
+
+extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
+{
+    vdb_grid *out = nullptr;
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading its voxels; the file is cut short or damaged", [&] {
+        vdb::initialize();
+        out = array<vdb_grid>(1);
+        reader file(fd);
+        descriptor d;
+        vdb::GridBase::Ptr grid = find(file, index, nullptr, &d);
+        if (!is_scalar(d.type))
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        "its values are of type " + value_type(d.type) + "; only float and double can be sampled");
+        if (d.type == vdb::FloatGrid::gridType())
+            load<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit, out);
+        else
+            load<vdb::DoubleGrid>(file, index, d, grid, fd, memory_limit, out);
+    });
+    if (ok) return out;
+    vdb_grid_free(out);
+    return nullptr;
+}
+
+extern "C" void vdb_grid_free(vdb_grid *grid)
+{
+    if (!grid) return;
+    std::free(grid->leaf_origin);
+    std::free(grid->leaf_values);
+    std::free(grid->leaf_active);
+    std::free(grid->tiles);
+    std::free(grid);
+}

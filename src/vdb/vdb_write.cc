@@ -1,0 +1,115 @@
+/* Writing: small volumes that the project makes itself, for its example and its tests. */
+#include "vdb/shim.h"
+
+#include <cerrno>
+#include <cstring>
+#include <sstream>
+
+#include <unistd.h>
+
+#include <openvdb/openvdb.h>
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/Compression.h>
+
+namespace vdb = openvdb;
+using shim::fault;
+
+namespace {
+
+/* Archive's own write is protected; io::File and io::Stream are its two public faces, neither of
+ * which writes a seekable file to a stream in memory. */
+class writer : public vdb::io::Archive {
+public:
+    void write_all(std::ostream &out, const vdb::GridCPtrVec &grids, bool seekable) const
+    {
+        Archive::write(out, grids, seekable);
+    }
+};
+
+vdb::GridClass class_for(vdb_class c)
+{
+    switch (c) {
+    case VDB_LEVEL_SET: return vdb::GRID_LEVEL_SET;
+    case VDB_FOG: return vdb::GRID_FOG_VOLUME;
+    case VDB_STAGGERED: return vdb::GRID_STAGGERED;
+    default: return vdb::GRID_UNKNOWN;
+    }
+}
+
+/* Tree levels, from the leaves: 0 voxels, 1 cubes of 8, 2 of 128, 3 of 4096. */
+vdb::Index level_of(int32_t side)
+{
+    switch (side) {
+    case 8: return 1;
+    case 128: return 2;
+    case 4096: return 3;
+    default: throw fault(ERROR_INPUT_UNSUPPORTED, "a tile has a side of 8, 128 or 4096 voxels");
+    }
+}
+
+template <typename Grid> vdb::GridBase::Ptr build(const vdb_draft &draft)
+{
+    typedef typename Grid::ValueType value;
+    typename Grid::Ptr grid = Grid::create(value(draft.background));
+    auto &tree = grid->tree();
+    for (size_t i = 0; i < draft.voxel_count; i++) {
+        vdb::Coord at(draft.voxels[i][0], draft.voxels[i][1], draft.voxels[i][2]);
+        if (!draft.active || draft.active[i]) tree.setValueOn(at, value(draft.values[i]));
+        else tree.setValueOff(at, value(draft.values[i]));
+    }
+    for (size_t i = 0; i < draft.tile_count; i++) {
+        const vdb_tile &tile = draft.tiles[i];
+        tree.addTile(level_of(tile.side), vdb::Coord(tile.origin[0], tile.origin[1], tile.origin[2]),
+                     value(tile.value), tile.active);
+    }
+    return grid;
+}
+
+vdb::GridBase::Ptr build_any(const vdb_draft &draft)
+{
+    std::string type = draft.type;
+    vdb::GridBase::Ptr grid;
+    if (type == "float") grid = build<vdb::FloatGrid>(draft);
+    else if (type == "double") grid = build<vdb::DoubleGrid>(draft);
+    else if (type == "int32") grid = build<vdb::Int32Grid>(draft);
+    else if (type == "bool") grid = build<vdb::BoolGrid>(draft);
+    else if (type == "vec3s") grid = build<vdb::Vec3SGrid>(draft);
+    else throw fault(ERROR_INPUT_UNSUPPORTED, "grids of type " + type + " are not written");
+    vdb::math::Mat4d m;
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < 4; column++) m(column, row) = draft.index_to_world[4 * row + column];
+    grid->setTransform(vdb::math::Transform::createLinearTransform(m));
+    grid->setName(draft.name);
+    grid->setGridClass(class_for(draft.grid_class));
+    grid->setSaveFloatAsHalf(draft.half);
+    return grid;
+}
+
+void write_all(int fd, const std::string &bytes)
+{
+    size_t done = 0;
+    while (done < bytes.size()) {
+        ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) throw fault(ERROR_INTERNAL, std::string("cannot be written: ") + std::strerror(errno));
+        done += size_t(n);
+    }
+}
+
+} // namespace
+
+extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
+                                error *e)
+{
+    return shim::guard(e, ERROR_INTERNAL, "writing a volume", [&] {
+        vdb::initialize();
+        vdb::GridCPtrVec grids;
+        for (size_t i = 0; i < count; i++) grids.push_back(build_any(drafts[i]));
+        writer archive;
+        archive.setCompression(compressed ? vdb::io::COMPRESS_ZIP | vdb::io::COMPRESS_ACTIVE_MASK
+                                          : vdb::io::COMPRESS_NONE);
+        std::ostringstream out(std::ios_base::binary);
+        archive.write_all(out, grids, layout == VDB_SEEKABLE);
+        write_all(fd, out.str());
+    });
+}

@@ -1,0 +1,40 @@
+/* crossings: where the surface passes, found before anything large is allocated.
+ *
+ * A cell is the cube between voxels (i, j, k) and (i+1, j+1, k+1) and belongs to the block of its
+ * lowest voxel; it is crossed when F has both signs among its corners, zero counting as outside.
+ * Blocks come in an order that depends on the grid alone. Threads: none of its own; no shared state.
+ */
+#ifndef HEXAD_VOLUME_CROSSINGS_H
+#define HEXAD_VOLUME_CROSSINGS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "volume/lattice.h"
+
+typedef struct crossing_block {
+    int32_t block[3];
+    uint8_t low[3], high[3]; /* lowest and highest crossed cell in it, along each axis */
+    uint8_t rows[64];        /* bit z of rows[8 x + y]: cell (x, y, z) is crossed */
+} crossing_block;
+
+typedef struct crossings {
+    crossing_block *blocks;
+    size_t count, room;
+    uint64_t cells;
+    uint64_t open_cells;   /* crossed cells with a corner that is not known */
+    int32_t open_at[3];    /* the first of them */
+} crossings;
+
+/* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
+bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error *e);
+
+/* Adds a block whose corners are F at (x, y, z), 0..8 each, offset 81 x + 9 y + z; nothing is added
+ * where no cell is crossed. `known`, bit z of known[9 x + y], may be NULL: all of them. */
+bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known, error *e);
+
+void crossings_free(crossings *c);
+
+#endif

@@ -1,0 +1,152 @@
+#include "volume/lattice.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+/* Half floats carry 11 bits: a stored clamp may differ from the background by this part of it. */
+static const float half_step = 1.0f / 1024;
+
+static const int tile_shift[LATTICE_TILE_LEVELS] = {0, 4, 9}; /* block coordinates to the tile's */
+
+static float to_f(const lattice *l, float value)
+{
+    return (float)(l->level_set ? (double)value - l->isovalue : l->isovalue - (double)value);
+}
+
+static int level_of(int32_t side)
+{
+    return side == 8 ? 0 : side == 128 ? 1 : 2;
+}
+
+static void scan_range(lattice *l)
+{
+    const vdb_grid *g = l->grid;
+    l->lowest = l->highest = g->background;
+    for (size_t i = 0; i < g->tile_count; i++) {
+        l->lowest = fminf(l->lowest, g->tiles[i].value);
+        l->highest = fmaxf(l->highest, g->tiles[i].value);
+    }
+    for (size_t i = 0; i < g->leaf_count * LATTICE_VOXELS; i++) {
+        float v = g->leaf_values[i];
+        if (!isfinite(v)) {
+            l->not_finite++;
+            continue;
+        }
+        l->lowest = fminf(l->lowest, v);
+        l->highest = fmaxf(l->highest, v);
+    }
+}
+
+/* Some writers leave clamped voxels active. A grid with values beyond its background is not clamped
+ * there at all, and then only activity tells. */
+static void set_clamp(lattice *l)
+{
+    float b = fabsf(l->grid->background);
+    l->clamp_low = INFINITY;
+    l->clamp_high = -INFINITY;
+    if (!l->level_set || !(b > 0)) return;
+    float above = b * (1 + half_step);
+    if (l->lowest < -above || l->highest > above) return;
+    l->clamp_low = b * (1 - half_step);
+    l->clamp_high = above;
+}
+
+static bool add_tiles(lattice *l, error *e)
+{
+    size_t counts[LATTICE_TILE_LEVELS] = {0};
+    for (size_t i = 0; i < l->grid->tile_count; i++) counts[level_of(l->grid->tiles[i].side)]++;
+    for (int level = 0; level < LATTICE_TILE_LEVELS; level++) {
+        if (!blockmap_init(&l->tiles[level], counts[level], e)) return false;
+        l->tile_values[level] = mem_array(counts[level], sizeof(float), "the tiles of the grid", e);
+        if (!l->tile_values[level]) return false;
+    }
+    for (size_t i = 0; i < l->grid->tile_count; i++) {
+        const vdb_tile *t = &l->grid->tiles[i];
+        int level = level_of(t->side), shift = 3 + tile_shift[level];
+        uint32_t n;
+        if (!blockmap_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift, t->origin[2] >> shift,
+                          &n, e))
+            return false;
+        l->tile_values[level][n] = to_f(l, t->value);
+    }
+    return true;
+}
+
+bool lattice_init(lattice *l, const vdb_grid *grid, bool level_set, double isovalue, error *e)
+{
+    memset(l, 0, sizeof *l);
+    l->grid = grid;
+    l->level_set = level_set;
+    l->isovalue = isovalue;
+    scan_range(l);
+    set_clamp(l);
+    l->background = to_f(l, grid->background);
+    if (!blockmap_init(&l->leaves, grid->leaf_count, e) || !add_tiles(l, e)) {
+        lattice_free(l);
+        return false;
+    }
+    for (size_t i = 0; i < grid->leaf_count; i++) {
+        const int32_t *o = grid->leaf_origin[i];
+        uint32_t n;
+        if (!blockmap_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) {
+            lattice_free(l);
+            return false;
+        }
+        if (n != i) {
+            lattice_free(l);
+            return error_set(e, ERROR_INPUT_DAMAGED, "has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
+        }
+    }
+    return true;
+}
+
+void lattice_free(lattice *l)
+{
+    blockmap_free(&l->leaves);
+    for (int level = 0; level < LATTICE_TILE_LEVELS; level++) {
+        blockmap_free(&l->tiles[level]);
+        free(l->tile_values[level]);
+    }
+    memset(l, 0, sizeof *l);
+}
+
+lattice_block lattice_find(const lattice *l, int32_t x, int32_t y, int32_t z)
+{
+    lattice_block b = {blockmap_find(&l->leaves, x, y, z), l->background};
+    for (int level = 0; b.leaf == BLOCKMAP_NONE && level < LATTICE_TILE_LEVELS; level++) {
+        if (l->tiles[level].count == 0) continue;
+        int shift = tile_shift[level];
+        uint32_t n = blockmap_find(&l->tiles[level], x >> shift, y >> shift, z >> shift);
+        if (n == BLOCKMAP_NONE) continue;
+        b.constant = l->tile_values[level][n];
+        break;
+    }
+    return b;
+}
+
+static uint64_t clamped_bits(const lattice *l, const float *values)
+{
+    uint64_t bits = 0;
+    for (int i = 0; i < 64; i++) {
+        float v = fabsf(values[i]);
+        bits |= (uint64_t)(v >= l->clamp_low && v <= l->clamp_high) << i;
+    }
+    return bits;
+}
+
+void lattice_read(const lattice *l, lattice_block b, float f[LATTICE_VOXELS], uint64_t known[LATTICE_SIDE])
+{
+    if (b.leaf == BLOCKMAP_NONE) {
+        for (int i = 0; i < LATTICE_VOXELS; i++) f[i] = b.constant;
+        memset(known, l->level_set ? 0 : 0xFF, LATTICE_SIDE * sizeof *known);
+        return;
+    }
+    const float *values = l->grid->leaf_values + (size_t)b.leaf * LATTICE_VOXELS;
+    for (int i = 0; i < LATTICE_VOXELS; i++) f[i] = to_f(l, values[i]);
+    for (int x = 0; x < LATTICE_SIDE; x++)
+        known[x] = l->level_set ? l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x] & ~clamped_bits(l, values + 64 * x)
+                                : ~(uint64_t)0;
+}

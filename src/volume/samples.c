@@ -1,0 +1,295 @@
+#include "volume/samples.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+#define SIDE LATTICE_SIDE
+#define VOXELS LATTICE_VOXELS
+
+/* Beyond this sums of floats overflow; nothing that is meant comes near it. */
+static const float largest_value = 1e30f;
+
+static const int stride_of[3] = {64, 8, 1};
+
+static int floor_div8(int v)
+{
+    return v >= 0 ? v / SIDE : -((SIDE - 1 - v) / SIDE);
+}
+
+bool samples_plan(const crossings *c, int reach, blockmap *map, error *e)
+{
+    for (size_t i = 0; i < c->count; i++) {
+        const crossing_block *b = &c->blocks[i];
+        int first[3], last[3];
+        for (int axis = 0; axis < 3; axis++) {
+            first[axis] = floor_div8(b->low[axis] - reach);
+            last[axis] = floor_div8(b->high[axis] + 1 + reach);
+        }
+        for (int x = first[0]; x <= last[0]; x++)
+            for (int y = first[1]; y <= last[1]; y++)
+                for (int z = first[2]; z <= last[2]; z++)
+                    if (!blockmap_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e)) return false;
+    }
+    return true;
+}
+
+size_t samples_bytes(size_t count)
+{
+    return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) + blockmap_bytes(count);
+}
+
+void samples_free(samples *s)
+{
+    blockmap_free(&s->map);
+    free(s->f);
+    free(s->known);
+    free(s->near);
+    memset(s, 0, sizeof *s);
+}
+
+static void link_neighbours(samples *s)
+{
+    for (uint32_t n = 0; n < s->map.count; n++)
+        for (int k = 0; k < 6; k++) {
+            int32_t b[3];
+            memcpy(b, s->map.blocks[n], sizeof b);
+            b[k / 2] += k % 2 ? 1 : -1;
+            s->near[6 * (size_t)n + (size_t)k] = blockmap_find(&s->map, b[0], b[1], b[2]);
+        }
+}
+
+static bool check_finite(const samples *s, error *e)
+{
+    size_t bad = 0, first = 0, total = (size_t)s->map.count * VOXELS;
+    for (size_t i = 0; i < total; i++)
+        if (!(fabsf(s->f[i]) <= largest_value)) {
+            if (bad++ == 0) first = i;
+        }
+    if (bad == 0) return true;
+    const int32_t *b = s->map.blocks[first / VOXELS];
+    size_t v = first % VOXELS;
+    return error_set(e, ERROR_INPUT_DAMAGED,
+                     "has %zu voxels near its surface whose values are not finite or beyond %g, the first at (%d, %d, %d)",
+                     bad, (double)largest_value, b[0] * SIDE + (int)(v >> 6), b[1] * SIDE + (int)(v >> 3 & 7),
+                     b[2] * SIDE + (int)(v & 7));
+}
+
+bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
+{
+    samples s = {.map = *map};
+    memset(map, 0, sizeof *map);
+    size_t n = s.map.count;
+    s.f = mem_array(n * VOXELS, sizeof *s.f, "the voxels around the surface", e);
+    s.known = mem_array(n * SIDE, sizeof *s.known, "the voxels around the surface", e);
+    s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
+    bool ok = s.f && s.known && s.near;
+    if (ok) {
+        for (size_t i = 0; i < n; i++) {
+            const int32_t *b = s.map.blocks[i];
+            lattice_read(l, lattice_find(l, b[0], b[1], b[2]), s.f + i * VOXELS, s.known + i * SIDE);
+        }
+        link_neighbours(&s);
+        ok = check_finite(&s, e);
+    }
+    if (ok) *out = s;
+    else samples_free(&s);
+    return ok;
+}
+
+/* ---- continuing a clamped band */
+
+static uint64_t known_word(const samples *s, uint32_t block, int x)
+{
+    return block == BLOCKMAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
+}
+
+/* The voxels of the layer x of a block that are not known but have a known one beside them. */
+static uint64_t frontier(const samples *s, uint32_t block, int x)
+{
+    const uint64_t row_low = 0x0101010101010101u, row_high = 0x8080808080808080u;
+    const uint32_t *near = s->near + 6 * (size_t)block;
+    uint64_t here = known_word(s, block, x);
+    if (here == ~(uint64_t)0) return 0;
+    uint64_t beside = here << 8 | here >> 8 | (here << 1 & ~row_low) | (here >> 1 & ~row_high);
+    beside |= x > 0 ? known_word(s, block, x - 1) : known_word(s, near[0], SIDE - 1);
+    beside |= x < SIDE - 1 ? known_word(s, block, x + 1) : known_word(s, near[1], 0);
+    beside |= known_word(s, near[2], x) >> 56 | known_word(s, near[3], x) << 56;
+    beside |= (known_word(s, near[4], x) >> 7 & row_low) | (known_word(s, near[5], x) << 7 & row_high);
+    return beside & ~here;
+}
+
+/* The value `step` voxels from `at` along an axis, if it is known; |step| <= 8. */
+static bool peek(const samples *s, uint32_t block, const int at[3], int axis, int step, double *value)
+{
+    int to = at[axis] + step;
+    if (to < 0 || to >= SIDE) {
+        block = s->near[6 * (size_t)block + (size_t)(2 * axis + (to >= SIDE))];
+        if (block == BLOCKMAP_NONE) return false;
+        to &= SIDE - 1;
+    }
+    int offset = 64 * at[0] + 8 * at[1] + at[2] + (to - at[axis]) * stride_of[axis];
+    if (!(s->known[(size_t)block * SIDE + (size_t)(offset >> 6)] >> (offset & 63) & 1)) return false;
+    *value = (double)s->f[(size_t)block * VOXELS + (size_t)offset];
+    return true;
+}
+
+/* `raw` is the clamped value: it gives the side, and the least distance. The bounds hold off what
+ * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
+static float continued(const samples *s, uint32_t block, const int at[3], int layer, double raw)
+{
+    double lines = 0, flats = 0, a, b;
+    int line_count = 0, flat_count = 0;
+    for (int k = 0; k < 6; k++) {
+        int axis = k / 2, step = k % 2 ? 1 : -1;
+        if (!peek(s, block, at, axis, step, &a)) continue;
+        flats += a;
+        flat_count++;
+        if (!peek(s, block, at, axis, 2 * step, &b)) continue;
+        lines += 2 * a - b;
+        line_count++;
+    }
+    double value = line_count ? lines / line_count : flat_count ? flats / flat_count : raw;
+    double size = fabs(raw), side = raw < 0 ? -1 : 1;
+    return (float)(side * fmin(fmax(side * value, 0.5 * size), size * (1 + layer)));
+}
+
+/* One layer; the bits are committed only afterwards, so that the order of blocks does not matter. */
+static uint64_t extend_layer(samples *s, uint64_t *fresh, int layer)
+{
+    uint64_t changed = 0;
+    for (uint32_t n = 0; n < s->map.count; n++)
+        for (int x = 0; x < SIDE; x++) {
+            uint64_t bits = frontier(s, n, x);
+            fresh[(size_t)n * SIDE + (size_t)x] = bits;
+            changed |= bits;
+            for (; bits; bits &= bits - 1) {
+                int bit = __builtin_ctzll(bits);
+                const int at[3] = {x, bit >> 3, bit & 7};
+                float *f = &s->f[(size_t)n * VOXELS + (size_t)(64 * x + bit)];
+                *f = continued(s, n, at, layer, (double)*f);
+            }
+        }
+    for (size_t i = 0; i < (size_t)s->map.count * SIDE; i++) s->known[i] |= fresh[i];
+    return changed;
+}
+
+bool samples_extend(samples *s, error *e)
+{
+    uint64_t *fresh = mem_array((size_t)s->map.count * SIDE, sizeof *fresh, "the voxels around the surface", e);
+    if (!fresh) return false;
+    for (int layer = 1; extend_layer(s, fresh, layer); layer++) continue;
+    free(fresh);
+    return true;
+}
+
+/* ---- the interpolating spline's coefficients */
+
+/* A run of blocks along an axis as rows of 64 lines: rows[64 k + line], k along the axis. */
+static void copy_run(samples *s, int axis, uint32_t first, double *rows, bool back)
+{
+    int along = stride_of[axis], a = stride_of[axis == 0 ? 1 : 0], b = stride_of[axis == 2 ? 1 : 2];
+    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
+        float *f = s->f + (size_t)n * VOXELS;
+        for (int k = 0; k < SIDE; k++, rows += 64)
+            for (int i = 0; i < SIDE; i++)
+                for (int j = 0; j < SIDE; j++) {
+                    if (back) f[k * along + i * a + j * b] = (float)rows[8 * i + j];
+                    else rows[8 * i + j] = (double)f[k * along + i * a + j * b];
+                }
+    }
+}
+
+/* c[k-1] + 4 c[k] + c[k+1] = 6 s[k] within, c = s at both ends. */
+static void solve_run(double *rows, double *ratio, size_t length)
+{
+    ratio[0] = 0;
+    for (size_t k = 1; k + 1 < length; k++) {
+        ratio[k] = 1 / (4 - ratio[k - 1]);
+        double *row = rows + 64 * k;
+        for (int i = 0; i < 64; i++) row[i] = (6 * row[i] - row[i - 64]) * ratio[k];
+    }
+    for (size_t k = length - 2; k > 0; k--) {
+        double *row = rows + 64 * k;
+        for (int i = 0; i < 64; i++) row[i] -= ratio[k] * row[i + 64];
+    }
+}
+
+static size_t run_length(const samples *s, int axis, uint32_t first)
+{
+    size_t length = 0;
+    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) length += SIDE;
+    return length;
+}
+
+static bool starts_run(const samples *s, int axis, uint32_t n)
+{
+    return s->near[6 * (size_t)n + (size_t)(2 * axis)] == BLOCKMAP_NONE;
+}
+
+bool samples_prefilter(samples *s, error *e)
+{
+    size_t longest = 0;
+    for (int axis = 0; axis < 3; axis++)
+        for (uint32_t n = 0; n < s->map.count; n++) {
+            size_t length = starts_run(s, axis, n) ? run_length(s, axis, n) : 0;
+            if (length > longest) longest = length;
+        }
+    double *rows = mem_array(65 * longest, sizeof *rows, "a run of voxels", e);
+    if (!rows) return false;
+    for (int axis = 0; axis < 3; axis++)
+        for (uint32_t n = 0; n < s->map.count; n++) {
+            if (!starts_run(s, axis, n)) continue;
+            copy_run(s, axis, n, rows, false);
+            solve_run(rows, rows + 64 * longest, run_length(s, axis, n));
+            copy_run(s, axis, n, rows, true);
+        }
+    free(rows);
+    return true;
+}
+
+/* ---- taking cubes out */
+
+void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out)
+{
+    uint32_t around[27];
+    for (int k = 0; k < 27; k++)
+        around[k] = blockmap_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
+    for (int x = low; x < low + side; x++)
+        for (int y = low; y < low + side; y++) {
+            int column = 9 * (floor_div8(x) + 1) + 3 * (floor_div8(y) + 1);
+            size_t offset = (size_t)(64 * (x & 7) + 8 * (y & 7));
+            for (int z = low; z < low + side; z++) {
+                uint32_t n = around[column + floor_div8(z) + 1];
+                *out++ = n == BLOCKMAP_NONE ? 0 : s->f[(size_t)n * VOXELS + offset + (size_t)(z & 7)];
+            }
+        }
+}
+
+void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729])
+{
+    if (!smooth) {
+        samples_window(s, block, 0, 9, corners);
+        return;
+    }
+    float c[11 * 11 * 11];
+    samples_window(s, block, -1, 11, c);
+    static const int step_of[3] = {121, 11, 1};
+    for (int axis = 0; axis < 3; axis++) { /* in place: what is read behind is kept in `before` */
+        int d = step_of[axis], a = step_of[axis == 0 ? 1 : 0], b = step_of[axis == 2 ? 1 : 2];
+        for (int i = 0; i < 11; i++)
+            for (int j = 0; j < 11; j++) {
+                float *line = c + i * a + j * b, before = line[0];
+                for (int k = 1; k < 10; k++) {
+                    float here = line[k * d];
+                    line[k * d] = (float)(((double)before + 4 * (double)here + (double)line[(k + 1) * d]) / 6);
+                    before = here;
+                }
+            }
+    }
+    for (int x = 0; x < 9; x++)
+        for (int y = 0; y < 9; y++)
+            for (int z = 0; z < 9; z++) *corners++ = c[((x + 1) * 11 + y + 1) * 11 + z + 1];
+}

@@ -1,0 +1,53 @@
+/* samples: F at the voxels around the surface, block by block, and its turning into spline coefficients.
+ *
+ * The steps, each a function of its own: plan (which blocks), read, extend (level sets: continue the
+ * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of lattice.h.
+ * Offsets, bits: see there. Threads: none; no shared state.
+ */
+#ifndef HEXAD_VOLUME_SAMPLES_H
+#define HEXAD_VOLUME_SAMPLES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "volume/blockmap.h"
+#include "volume/crossings.h"
+#include "volume/lattice.h"
+
+typedef struct samples {
+    blockmap map;    /* by number */
+    float *f;        /* 512 a block */
+    uint64_t *known; /* 8 words a block */
+    uint32_t *near;  /* 6 numbers a block: below and above along x, y, z */
+} samples;
+
+/* Adds to `map` every block with a voxel up to `reach` voxels from a corner of a crossed cell. */
+bool samples_plan(const crossings *c, int reach, blockmap *map, error *e);
+
+/* Bytes that samples of `count` blocks take. */
+size_t samples_bytes(size_t count);
+
+/* Takes over the planned map (also when it fails). Values that are not finite are input_damaged. */
+bool samples_read(const lattice *l, blockmap *map, samples *out, error *e);
+void samples_free(samples *s);
+
+/* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear
+ * along each axis, averaged. Their side of the surface stays what it was. */
+bool samples_extend(samples *s, error *e);
+
+/* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second
+ * derivative) where a run of blocks ends. Source: Unser 1999, box 2; the tridiagonal system solved
+ * directly instead of by the recursion with pole sqrt(3) - 2, which is the same but for the ends. */
+bool samples_prefilter(samples *s, error *e);
+
+/* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; it must lie within
+ * the block and its neighbours. Voxels of missing blocks are 0. */
+void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out);
+
+/* F at the corners of the block's cells, 9^3: the samples, or with `smooth` the values of the spline
+ * that has the samples as coefficients. */
+void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729]);
+
+#endif

@@ -1,0 +1,369 @@
+#include "volume/volume.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "vdb/vdb.h"
+#include "volume/choice.h"
+#include "volume/crossings.h"
+#include "volume/lattice.h"
+#include "volume/samples.h"
+#include "volume/spline.h"
+
+/* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
+ * that goes farther than this has left its surface anyway. */
+#define MARGIN 4
+
+/* Voxels around the crossed cells that are read. A brick of the margin reaches up to 7 voxels beyond
+ * it and its apron 1 more; smoothing may move the crossing by a cell. A run's end then lies 11 voxels
+ * or more from a coefficient that a crossed cell uses, and 0.268^11 = 5e-7 of what is wrong at the end
+ * arrives there. */
+#define REACH (MARGIN + 9)
+
+typedef struct crossed_cell {
+    int32_t at[3];
+    float value[8]; /* corner k as in field_cell */
+} crossed_cell;
+
+struct volume {
+    field base; /* first: the field's functions get this pointer */
+    double to_index[3][4], to_world[3][4];
+    double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
+    blockmap map;
+    float *coefficients; /* SPLINE_BRICK_SIZE a block of the map */
+    crossed_cell *cells;
+    size_t cell_count;
+    volume_info info;
+};
+
+/* What exists only while a volume is opened. */
+typedef struct loading {
+    const volume_request *request;
+    vdb_grid *grid;
+    lattice lattice;
+    crossings crossings;
+    blockmap reach;
+    samples samples;
+    bool smooth;
+} loading;
+
+/* ---- sampling */
+
+static inline vec3 transform(const double m[3][4], double x, double y, double z)
+{
+    return (vec3){m[0][0] * x + m[0][1] * y + m[0][2] * z + m[0][3], m[1][0] * x + m[1][1] * y + m[1][2] * z + m[1][3],
+                  m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
+}
+
+/* g' = W^T g, W the matrix from world to index */
+static inline vec3 to_world_gradient(const double w[3][4], const double g[3])
+{
+    return (vec3){w[0][0] * g[0] + w[1][0] * g[1] + w[2][0] * g[2], w[0][1] * g[0] + w[1][1] * g[1] + w[2][1] * g[2],
+                  w[0][2] * g[0] + w[1][2] * g[1] + w[2][2] * g[2]};
+}
+
+/* H' = W^T H W */
+static inline sym3 to_world_hessian(const double w[3][4], const spline_jet *j)
+{
+    const sym3 h = {j->xx, j->yy, j->zz, j->xy, j->xz, j->yz};
+    const vec3 a = {w[0][0], w[1][0], w[2][0]}, b = {w[0][1], w[1][1], w[2][1]}, c = {w[0][2], w[1][2], w[2][2]};
+    const vec3 ha = sym3_apply(h, a), hb = sym3_apply(h, b), hc = sym3_apply(h, c);
+    return (sym3){vec3_dot(a, ha), vec3_dot(b, hb), vec3_dot(c, hc), vec3_dot(a, hb), vec3_dot(a, hc), vec3_dot(b, hc)};
+}
+
+static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const volume *v = (const volume *)f;
+    const vec3 at = transform(v->to_index, x.x, x.y, x.z);
+    const double p[3] = {at.x, at.y, at.z};
+    int32_t block[3];
+    int cell[3];
+    double t[3];
+    for (int axis = 0; axis < 3; axis++) {
+        if (!(p[axis] >= v->low[axis] && p[axis] < v->high[axis])) return false; /* NaN as well */
+        int32_t i = (int32_t)p[axis];
+        i -= p[axis] < (double)i;
+        block[axis] = i >> 3;
+        cell[axis] = i & 7;
+        t[axis] = p[axis] - (double)i;
+    }
+    uint32_t n = blockmap_find(&v->map, block[0], block[1], block[2]);
+    if (n == BLOCKMAP_NONE) return false;
+    const float *brick = v->coefficients + (size_t)n * SPLINE_BRICK_SIZE;
+    spline_jet jet;
+    if (order == FIELD_HESSIAN) {
+        spline_hessian(brick, cell, t, &jet);
+        out->hessian = to_world_hessian(v->to_index, &jet);
+    } else {
+        spline_gradient(brick, cell, t, &jet);
+    }
+    out->value = jet.f;
+    out->gradient = to_world_gradient(v->to_index, jet.d);
+    return true;
+}
+
+static size_t cell_count(const field *f)
+{
+    return ((const volume *)f)->cell_count;
+}
+
+static void cell(const field *f, size_t k, field_cell *out)
+{
+    const volume *v = (const volume *)f;
+    const crossed_cell *c = &v->cells[k];
+    for (int corner = 0; corner < 8; corner++) {
+        out->corner[corner] = transform(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
+                                        (double)c->at[2] + (corner >> 2));
+        out->value[corner] = (double)c->value[corner];
+    }
+}
+
+static const field_ops volume_ops = {sample, cell_count, cell};
+
+/* ---- opening, step by step */
+
+static void warn(volume_info *info, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void warn(volume_info *info, const char *format, ...)
+{
+    if (info->warning_count == VOLUME_MAX_WARNINGS) return;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(info->warning[info->warning_count++], sizeof info->warning[0], format, arguments);
+    va_end(arguments);
+}
+
+/* Chooses the grid and decides what it is; on return l->grid is loaded. */
+static bool load_grid(loading *l, volume *v, error *e)
+{
+    const volume_request *r = l->request;
+    vdb_listing listing;
+    size_t index;
+    if (!vdb_list_grids(r->fd, &listing, e)) return false;
+    bool ok = choice_find(&listing, r->grid, &index, v->info.grid, e);
+    vdb_class class = ok ? listing.entries[index].grid_class : VDB_UNKNOWN;
+    vdb_listing_free(&listing);
+    if (!ok) return false;
+    v->info.level_set = class == VDB_LEVEL_SET;
+    if (!v->info.level_set && !r->has_isovalue)
+        return error_set(e, ERROR_ISOVALUE_REQUIRED,
+                         "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0", v->info.grid,
+                         class == VDB_FOG ? "a fog volume" : "not marked as a level set");
+    v->info.isovalue = r->has_isovalue ? r->isovalue : 0;
+    if (!isfinite(v->info.isovalue)) return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
+    if (class == VDB_UNKNOWN || class == VDB_STAGGERED)
+        warn(&v->info, "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
+             v->info.grid);
+    l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
+    if (!l->grid) return error_prefix(e, "grid \"%s\"", v->info.grid);
+    v->info.active_voxels = l->grid->active_voxels;
+    if (v->info.active_voxels == 0)
+        return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty: it has no active voxel", v->info.grid);
+    return true;
+}
+
+static void set_transform(volume *v, const double m[16])
+{
+    double d[3][3];
+    memcpy(v->info.index_to_world, m, sizeof v->info.index_to_world);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) v->to_world[i][j] = m[4 * i + j];
+    double (*a)[4] = v->to_world;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) { /* cofactors, cyclic so that the sign comes by itself */
+            int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+            d[i][j] = a[i1][j1] * a[i2][j2] - a[i1][j2] * a[i2][j1];
+        }
+    double det = a[0][0] * d[0][0] + a[0][1] * d[0][1] + a[0][2] * d[0][2];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) v->to_index[i][j] = d[j][i] / det;
+        v->to_index[i][3] = 0;
+        for (int j = 0; j < 3; j++) v->to_index[i][3] -= v->to_index[i][j] * a[j][3];
+        vec3 edge = {a[0][i], a[1][i], a[2][i]};
+        v->base.cell_size = fmax(v->base.cell_size, vec3_norm(edge));
+    }
+    v->info.voxel_size = cbrt(fabs(det));
+}
+
+static bool no_crossing(const loading *l, const volume *v, error *e)
+{
+    const lattice *a = &l->lattice;
+    char more[96] = "";
+    if (a->not_finite)
+        snprintf(more, sizeof more, "; %llu of its voxels are not finite", (unsigned long long)a->not_finite);
+    return error_set(e, ERROR_NO_SURFACE,
+                     "grid \"%s\" has no surface at isovalue %g: its values range from %g to %g%s", v->info.grid,
+                     v->info.isovalue, (double)a->lowest, (double)a->highest, more);
+}
+
+static bool find_crossings(loading *l, volume *v, error *e)
+{
+    if (!lattice_init(&l->lattice, l->grid, v->info.level_set, v->info.isovalue, e) ||
+        !crossings_find(&l->lattice, l->request->memory_limit, &l->crossings, e))
+        return error_prefix(e, "grid \"%s\"", v->info.grid);
+    const crossings *c = &l->crossings;
+    if (c->cells == 0) return no_crossing(l, v, e);
+    if (c->open_cells == 0) return true;
+    double band = fabs((double)l->grid->background);
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "grid \"%s\": its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
+                     "isovalue %g, %llu have a corner that is inactive or clamped, the first at voxel (%d, %d, %d); rebuild "
+                     "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
+                     v->info.grid, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
+                     (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
+}
+
+static size_t held_bytes(size_t bricks, size_t cells)
+{
+    return sizeof(volume) + bricks * SPLINE_BRICK_SIZE * sizeof(float) + blockmap_bytes(bricks) +
+           cells * sizeof(crossed_cell);
+}
+
+static bool plan(loading *l, volume *v, error *e)
+{
+    if (!blockmap_init(&v->map, 2 * l->crossings.count, e) || !blockmap_init(&l->reach, 4 * l->crossings.count, e) ||
+        !samples_plan(&l->crossings, MARGIN, &v->map, e) || !samples_plan(&l->crossings, REACH, &l->reach, e))
+        return error_prefix(e, "grid \"%s\"", v->info.grid);
+    size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) + l->grid->tile_count * sizeof(vdb_tile);
+    size_t work = samples_bytes(l->reach.count), held = held_bytes(v->map.count, l->crossings.cells);
+    size_t peak = work + (grid > held ? grid : held), limit = l->request->memory_limit;
+    if (peak <= limit) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "grid \"%s\" needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
+                     "raise limits.memory_mb", v->info.grid, (peak >> 20) + 1, v->map.count,
+                     (unsigned long long)l->crossings.cells, limit >> 20);
+}
+
+/* Smoothing moves the surface: its crossings are those of the spline itself, near the samples' own. */
+static bool find_smooth_crossings(loading *l, volume *v, error *e)
+{
+    float corners[729];
+    crossings found = {0};
+    bool ok = true;
+    for (uint32_t n = 0; ok && n < v->map.count; n++) {
+        samples_corners(&l->samples, v->map.blocks[n], true, corners);
+        ok = crossings_add(&found, v->map.blocks[n], corners, NULL, e);
+    }
+    crossings_free(&l->crossings);
+    l->crossings = found;
+    blockmap_free(&v->map);
+    if (!ok || !blockmap_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
+        return error_prefix(e, "grid \"%s\"", v->info.grid);
+    if (found.cells == 0)
+        return error_set(e, ERROR_NO_SURFACE,
+                         "grid \"%s\" has no surface at isovalue %g once it is smoothed: use the interpolating reconstruction",
+                         v->info.grid, v->info.isovalue);
+    return true;
+}
+
+static bool read_samples(loading *l, volume *v, error *e)
+{
+    bool ok = samples_read(&l->lattice, &l->reach, &l->samples, e);
+    lattice_free(&l->lattice);
+    vdb_grid_free(l->grid);
+    l->grid = NULL;
+    if (!ok || (v->info.level_set && !samples_extend(&l->samples, e))) return error_prefix(e, "grid \"%s\"", v->info.grid);
+    return !l->smooth || find_smooth_crossings(l, v, e);
+}
+
+static bool make_cells(loading *l, volume *v, error *e)
+{
+    float corners[729];
+    v->cells = mem_array(l->crossings.cells, sizeof *v->cells, "the cells that the surface crosses", e);
+    if (!v->cells) return false;
+    for (size_t i = 0; i < l->crossings.count; i++) {
+        const crossing_block *b = &l->crossings.blocks[i];
+        samples_corners(&l->samples, b->block, l->smooth, corners);
+        for (int k = 0; k < LATTICE_VOXELS; k++) {
+            int x = k >> 6, y = k >> 3 & 7, z = k & 7;
+            if (!(b->rows[k >> 3] >> z & 1)) continue;
+            crossed_cell *c = &v->cells[v->cell_count++];
+            c->at[0] = b->block[0] * LATTICE_SIDE + x;
+            c->at[1] = b->block[1] * LATTICE_SIDE + y;
+            c->at[2] = b->block[2] * LATTICE_SIDE + z;
+            for (int corner = 0; corner < 8; corner++)
+                c->value[corner] = corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
+        }
+    }
+    return true;
+}
+
+static bool make_bricks(loading *l, volume *v, error *e)
+{
+    if (!l->smooth && !samples_prefilter(&l->samples, e)) return false;
+    v->coefficients = mem_array((size_t)v->map.count * SPLINE_BRICK_SIZE, sizeof(float), "the spline's bricks", e);
+    if (!v->coefficients) return false;
+    for (int axis = 0; axis < 3; axis++) {
+        v->low[axis] = INFINITY;
+        v->high[axis] = -INFINITY;
+    }
+    for (uint32_t n = 0; n < v->map.count; n++) {
+        const int32_t *b = v->map.blocks[n];
+        samples_window(&l->samples, b, -1, SPLINE_BRICK_SIDE, v->coefficients + (size_t)n * SPLINE_BRICK_SIZE);
+        for (int axis = 0; axis < 3; axis++) {
+            v->low[axis] = fmin(v->low[axis], (double)b[axis] * LATTICE_SIDE);
+            v->high[axis] = fmax(v->high[axis], ((double)b[axis] + 1) * LATTICE_SIDE);
+        }
+    }
+    return true;
+}
+
+static void measure(volume *v)
+{
+    bbox box = bbox_empty();
+    vec3 half; /* of a cell's world box */
+    half.x = 0.5 * (fabs(v->to_world[0][0]) + fabs(v->to_world[0][1]) + fabs(v->to_world[0][2]));
+    half.y = 0.5 * (fabs(v->to_world[1][0]) + fabs(v->to_world[1][1]) + fabs(v->to_world[1][2]));
+    half.z = 0.5 * (fabs(v->to_world[2][0]) + fabs(v->to_world[2][1]) + fabs(v->to_world[2][2]));
+    for (size_t k = 0; k < v->cell_count; k++) {
+        const int32_t *at = v->cells[k].at;
+        vec3 middle = transform(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
+        box = bbox_include(bbox_include(box, vec3_sub(middle, half)), vec3_add(middle, half));
+    }
+    vec3 pad = {v->base.cell_size, v->base.cell_size, v->base.cell_size};
+    v->base.domain = (bbox){vec3_sub(box.min, pad), vec3_add(box.max, pad)};
+    v->base.extent = bbox_longest(box);
+    v->info.surface_box = box;
+    v->info.crossing_cells = v->cell_count;
+    v->info.bricks = v->map.count;
+    v->info.memory_bytes = held_bytes(v->map.count, v->cell_count);
+}
+
+volume *volume_open(const volume_request *request, error *e)
+{
+    loading l = {.request = request, .smooth = request->reconstruction == VOLUME_SMOOTHING};
+    volume *v = mem_alloc(sizeof *v);
+    v->base.ops = &volume_ops;
+    bool ok = load_grid(&l, v, e);
+    if (ok) {
+        set_transform(v, l.grid->index_to_world);
+        ok = find_crossings(&l, v, e) && plan(&l, v, e) && read_samples(&l, v, e) && make_cells(&l, v, e) &&
+             make_bricks(&l, v, e);
+    }
+    if (ok) measure(v);
+    lattice_free(&l.lattice);
+    vdb_grid_free(l.grid);
+    crossings_free(&l.crossings);
+    blockmap_free(&l.reach);
+    samples_free(&l.samples);
+    if (ok) return v;
+    error_prefix(e, "%s", request->path);
+    volume_close(v);
+    return NULL;
+}
+
+void volume_close(volume *v)
+{
+    if (!v) return;
+    blockmap_free(&v->map);
+    free(v->coefficients);
+    free(v->cells);
+    free(v);
+}
+
+const field *volume_field(const volume *v) { return &v->base; }
+const volume_info *volume_describe(const volume *v) { return &v->info; }

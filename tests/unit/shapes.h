@@ -1,0 +1,41 @@
+/* shapes: the formulas that tests try, and random points near them. Include after cmocka. */
+#ifndef HEXAD_TESTS_SHAPES_H
+#define HEXAD_TESTS_SHAPES_H
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/rng.h"
+#include "field/analytic.h"
+
+#define SHAPE_COUNT 6
+
+static const analytic_params shapes[SHAPE_COUNT] = {
+    {.shape = ANALYTIC_SPHERE, .center = {1, 2, 3}, .radius = 3},
+    {.shape = ANALYTIC_TORUS, .center = {0.5, 0, -1}, .axis = {1, 2, 2}, .major_radius = 1, .minor_radius = 0.4},
+    {.shape = ANALYTIC_BOX, .center = {0.1, 0.2, 0.3}, .half_size = {0.4, 0.3, 0.2}, .rounding = 0.1},
+    {.shape = ANALYTIC_ELLIPSOID, .center = {0, 0, 0}, .radii = {1, 0.7, 0.4}},
+    {.shape = ANALYTIC_QUARTIC, .center = {0.5, 0.5, 0.5}, .r = 0.13},
+    {.shape = ANALYTIC_GYROID, .center = {0.5, 0.5, 0.5}, .size = {1, 1, 1}, .period = 1},
+};
+
+static const char *const shape_names[SHAPE_COUNT] = {"sphere",    "torus",   "box",
+                                                     "ellipsoid", "quartic", "gyroid"};
+
+/* The seed of a random test: HEXAD_TEST_SEED, or a fixed one; printed, so that a failure can be had
+ * again. */
+static inline uint64_t test_seed(void)
+{
+    const char *text = getenv("HEXAD_TEST_SEED");
+    uint64_t seed = text ? strtoull(text, NULL, 10) : 20051;
+    printf("# seed %llu\n", (unsigned long long)seed);
+    return seed;
+}
+
+static inline vec3 random_between(rng *r, vec3 low, vec3 high)
+{
+    double x = rng_uniform(r), y = rng_uniform(r), z = rng_uniform(r);
+    return (vec3){low.x + x * (high.x - low.x), low.y + y * (high.y - low.y), low.z + z * (high.z - low.z)};
+}
+
+#endif

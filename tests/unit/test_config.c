@@ -1,0 +1,203 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "config/config.h"
+#include "config/config_table.h"
+#include "store/file.h"
+
+#define COUNT(a) ((int)(sizeof(a) / sizeof *(a)))
+
+static char path[] = "/tmp/hexad-config-XXXXXX";
+
+static int set_up(void **state)
+{
+    (void)state;
+    int fd = mkstemp(path);
+    return fd < 0 ? -1 : close(fd);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    return unlink(path);
+}
+
+static void write_file(const char *text)
+{
+    assert_true(store_file_write(path, text, strlen(text), NULL));
+}
+
+static config parse(int argc, char **argv)
+{
+    config c = {0};
+    config_action action;
+    error e = {0};
+    if (!config_parse(argc, argv, &c, &action, &e)) fail_msg("%s", e.message);
+    assert_int_equal(action, CONFIG_RUN);
+    return c;
+}
+
+static void expect_fault(int argc, char **argv, const char *words)
+{
+    config c = {0};
+    config_action action;
+    error e = {0};
+    assert_false(config_parse(argc, argv, &c, &action, &e));
+    if (!strstr(e.message, words)) fail_msg("\"%s\" is not in: %s", words, e.message);
+}
+
+static void expect_file_fault(const char *text, const char *words)
+{
+    char *argv[] = {"hexad", "--config", path};
+    write_file(text);
+    expect_fault(COUNT(argv), argv, words);
+}
+
+static void test_defaults(void **state)
+{
+    (void)state;
+    char *argv[] = {"hexad"};
+    config c = parse(COUNT(argv), argv);
+    assert_string_equal(c.listen, "127.0.0.1:8642");
+    assert_int_equal(c.max_attempts, 3);
+    assert_int_equal(c.memory_mb, 4096);
+    assert_int_equal(c.body_limit_bytes, 1048576);
+    assert_int_equal(c.input_roots.count, 0);
+    assert_int_equal(c.log_level, LOG_LEVEL_INFO);
+    assert_true(*c.state_dir == '/');
+    config_clear(&c);
+}
+
+static void test_options_win_over_the_file(void **state)
+{
+    (void)state;
+    write_file("# comment\n[hexad]\nworkers = 3\nlisten = 127.0.0.1:1\ninput_roots = /a:/b\n"
+               "input_roots = /c, /d\ndrain_s = 2.5\n");
+    char *argv[] = {"hexad", "--workers=5", "--config", path, "--state-dir", "/s", "--log_level", "debug"};
+    config c = parse(COUNT(argv), argv);
+    assert_int_equal(c.workers, 5);
+    assert_string_equal(c.listen, "127.0.0.1:1");
+    assert_int_equal(c.input_roots.count, 4);
+    assert_string_equal(c.input_roots.item[0], "/a");
+    assert_string_equal(c.input_roots.item[3], "/d");
+    assert_string_equal(c.state_dir, "/s");
+    assert_true(c.drain_s == 2.5);
+    assert_int_equal(c.log_level, LOG_LEVEL_DEBUG);
+    config_clear(&c);
+    char *list[] = {"hexad", "--config", path, "--input_roots", "/x", "--input_roots", "/y"};
+    c = parse(COUNT(list), list);
+    assert_int_equal(c.input_roots.count, 2); /* replaces the file's */
+    assert_string_equal(c.input_roots.item[0], "/x");
+    config_clear(&c);
+}
+
+static void test_faults_of_the_file_name_the_line(void **state)
+{
+    (void)state;
+    char where[64];
+    snprintf(where, sizeof where, "%s:2: there is no setting nonsense", path);
+    expect_file_fault("workers = 1\nnonsense = 1\n", where);
+    expect_file_fault("workers = many\n", ":1: workers: \"many\" is not a whole number from 0 to 1024");
+    expect_file_fault("\n\nworkers = 1.5\n", ":3: workers");
+    expect_file_fault("drain_s = nan\n", ":1: drain_s");
+    expect_file_fault("memory_mb = -1\n", ":1: memory_mb");
+    expect_file_fault("memory_mb = 99999999999999999999\n", ":1: memory_mb");
+    expect_file_fault("log_level = loud\n", ":1: log_level");
+    expect_file_fault("workers = 1\nworkers = 2\n", ":2: workers is given twice");
+    expect_file_fault("[other]\nworkers = 1\n", "section [other]");
+    expect_file_fault("workers = 1\nwords without sense\n", ":2: neither");
+    char long_line[400];
+    memset(long_line, 'x', sizeof long_line);
+    memcpy(long_line, "worker = ", 9);
+    strcpy(long_line + sizeof long_line - 2, "\n");
+    expect_file_fault(long_line, ":1: the line is longer");
+    char *argv[] = {"hexad", "--config", "/nonexistent.conf"};
+    expect_fault(COUNT(argv), argv, "/nonexistent.conf");
+}
+
+static void test_faults_of_the_command_line(void **state)
+{
+    (void)state;
+    char *unknown[] = {"hexad", "--nonsense", "1"};
+    expect_fault(COUNT(unknown), unknown, "no option --nonsense");
+    char *bare[] = {"hexad", "word"};
+    expect_fault(COUNT(bare), bare, "word is not an option");
+    char *missing[] = {"hexad", "--workers"};
+    expect_fault(COUNT(missing), missing, "no value");
+    char *value[] = {"hexad", "--workers", "x"};
+    expect_fault(COUNT(value), value, "command line: workers");
+}
+
+static void test_actions(void **state)
+{
+    (void)state;
+    config c = {0};
+    config_action action;
+    char *argv[] = {"hexad", "--help"};
+    assert_true(config_parse(COUNT(argv), argv, &c, &action, NULL));
+    assert_int_equal(action, CONFIG_HELP);
+    config_clear(&c);
+    char *text = NULL;
+    size_t size;
+    FILE *stream = open_memstream(&text, &size);
+    config_print_help(stream);
+    fclose(stream);
+    for (size_t i = 0; i < config_table_size; i++) {
+        char option[64];
+        snprintf(option, sizeof option, "--%s\n", config_table[i].key);
+        assert_non_null(strstr(text, option));
+    }
+    free(text);
+}
+
+/* etc/hexad.conf is what the table says, and with every key in use it gives the defaults. */
+static void test_the_sample_does_not_drift(void **state)
+{
+    (void)state;
+    char *text = NULL;
+    size_t size, length;
+    FILE *stream = open_memstream(&text, &size);
+    config_print_sample(stream);
+    fclose(stream);
+    const char *source = getenv("HEXAD_SOURCE");
+    char *sample_path = mem_printf("%s/etc/hexad.conf", source ? source : ".");
+    char *sample = store_file_read(sample_path, 1 << 20, &length, NULL);
+    assert_non_null(sample);
+    assert_string_equal(sample, text);
+    for (char *c = text; *c; c++) /* "#key = value" to "key = value"; prose has a blank after # */
+        if (*c == '#' && c[1] != ' ' && c[-1] == '\n') memmove(c, c + 1, strlen(c));
+    write_file(text);
+    char *argv[] = {"hexad", "--config", path}, *none[] = {"hexad"};
+    config c = parse(COUNT(argv), argv), defaults = parse(COUNT(none), none);
+    assert_string_equal(c.listen, defaults.listen);
+    assert_string_equal(c.state_dir, defaults.state_dir);
+    assert_int_equal(c.connection_limit, defaults.connection_limit);
+    assert_true(c.grace_s == defaults.grace_s);
+    config_clear(&c);
+    config_clear(&defaults);
+    free(sample);
+    free(sample_path);
+    free(text);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_options_win_over_the_file),
+        cmocka_unit_test(test_faults_of_the_file_name_the_line),
+        cmocka_unit_test(test_faults_of_the_command_line),
+        cmocka_unit_test(test_actions),
+        cmocka_unit_test(test_the_sample_does_not_drift),
+    };
+    return cmocka_run_group_tests_name("config", tests, set_up, tear_down);
+}

@@ -1,0 +1,99 @@
+/* The potential against its definition and its derivatives against finite differences. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/energy.h"
+
+static void value_is_equation_6(void **state)
+{
+    (void)state;
+    for (double u = 0.01; u < 1; u += 0.01) {
+        double w = u * M_PI_2;
+        assert_close(energy_cotangent.value(u), cos(w) / sin(w) + w - M_PI_2, 1e-12);
+    }
+    assert_true(energy_cotangent.value(1) == 0);
+    assert_true(energy_cotangent.value(1.5) == 0);
+}
+
+static void first_is_equation_7(void **state)
+{
+    (void)state;
+    for (double u = 0.02; u < 1; u += 0.01) {
+        double s = sin(u * M_PI_2);
+        assert_close(energy_cotangent.first(u) / (M_PI_2 * (1 - 1 / (s * s))), 1, 1e-9);
+    }
+}
+
+static void derivatives_match_differences(void **state)
+{
+    (void)state;
+    const double step = 1e-5;
+    for (double u = 0.05; u < 0.999; u += 0.013) {
+        double first = (energy_cotangent.value(u + step) - energy_cotangent.value(u - step)) / (2 * step);
+        double second = (energy_cotangent.first(u + step) - energy_cotangent.first(u - step)) / (2 * step);
+        assert_close(first / energy_cotangent.first(u), 1, 1e-4);
+        assert_close(second / energy_cotangent.second(u), 1, 1e-4);
+    }
+}
+
+/* Scale invariance near zero: the force behaves as -1/r^2 (section 4). */
+static void force_is_inverse_square_when_near(void **state)
+{
+    (void)state;
+    double a = energy_cotangent.first(0.01), b = energy_cotangent.first(0.02);
+    assert_close(a / b, 4, 1e-2);
+}
+
+static void all_vanish_smoothly_at_the_support(void **state)
+{
+    (void)state;
+    double u = 1 - 1e-9;
+    assert_close(energy_cotangent.value(u), 0, 1e-15);
+    assert_close(energy_cotangent.first(u), 0, 1e-15);
+    assert_close(energy_cotangent.second(u), 0, 1e-8);
+}
+
+static void ideal_is_the_hexagonal_packing(void **state)
+{
+    (void)state;
+    double sum = 0, slope = 0;
+    for (int i = -5; i <= 5; i++)
+        for (int j = -5; j <= 5; j++) {
+            double u = sqrt((double)(i * i + i * j + j * j)) / sqrt(3);
+            if (u == 0) continue;
+            sum += energy_cotangent.value(u);
+            slope -= u * energy_cotangent.first(u);
+        }
+    assert_close(sum, energy_cotangent.ideal, 1e-12);
+    assert_close(sum, 0.710825908, 1e-9);
+    assert_close(slope / sum, energy_cotangent.ideal_slope, 1e-12);
+}
+
+static void series_is_w_cot_w(void **state)
+{
+    (void)state;
+    for (double w = 0.001; w <= M_PI_2; w += 0.001) {
+        double p = 0;
+        for (int k = ENERGY_COT_TERMS - 1; k >= 0; k--) p = p * w * w + energy_cot_polynomial[k];
+        assert_close(p, w / tan(w), 1e-13);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(value_is_equation_6),
+        cmocka_unit_test(first_is_equation_7),
+        cmocka_unit_test(derivatives_match_differences),
+        cmocka_unit_test(force_is_inverse_square_when_near),
+        cmocka_unit_test(all_vanish_smoothly_at_the_support),
+        cmocka_unit_test(ideal_is_the_hexagonal_packing),
+        cmocka_unit_test(series_is_w_cot_w),
+    };
+    return cmocka_run_group_tests_name("energy", tests, NULL, NULL);
+}

@@ -1,0 +1,447 @@
+/* The executor with small shell scripts as workers that misbehave on purpose. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "executor/executor.h"
+#include "executor/result.h"
+#include "executor/settlement.h"
+#include "store/file.h"
+
+/* Long enough for a loaded machine; a test that works never waits for it. */
+#define PATIENCE_MS 30000
+
+/* The prologue of a worker: $D is the output directory. */
+#define PROLOGUE "#!/bin/sh\nspec=$(cat)\nD=\"$4\"\n"
+#define REPORT                                                                                     \
+    "printf x > \"$D/points.ply\"\n"                                                               \
+    "printf '%s' '{\"outcome\":\"converged\",\"count\":7,\"outputs\":[{\"name\":\"points.ply\","   \
+    "\"bytes\":1,\"sha256\":\"2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881\"}]}'" \
+    " > \"$D/report.json\"\n"
+
+typedef struct place {
+    char base[64];
+    char *worker;
+    queue *q;
+    executor *x;
+} place;
+
+static int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-executor-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    p->worker = mem_printf("%s/worker", p->base);
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+    *state = p;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    place *p = *state;
+    executor_stop(p->x);
+    queue_close(p->q);
+    assert_true(store_remove(p->base, NULL));
+    free(p->worker);
+    free(p);
+    return 0;
+}
+
+static void start(place *p, const char *script, int workers)
+{
+    assert_true(store_file_write(p->worker, script, strlen(script), NULL));
+    assert_int_equal(chmod(p->worker, 0700), 0);
+    executor_settings settings = {.state_dir = p->base, .worker = p->worker, .workers = workers,
+                                  .memory_mb = 1024, .grace_s = 0.2};
+    error e = {0};
+    p->x = executor_start(&settings, p->q, &e);
+    if (!p->x) fail_msg("%s", e.message);
+}
+
+static void put(place *p, const char *spec, int max_attempts, char id[ULID_SIZE])
+{
+    queue_submission s = {"test", "[]", spec, 0, max_attempts};
+    error e = {0};
+    if (!queue_put(p->q, &s, id, &e)) fail_msg("%s", e.message);
+    if (p->x) executor_wake(p->x);
+}
+
+static queue_job get(place *p, const char *id)
+{
+    queue_job job = {0};
+    bool found = false;
+    assert_true(queue_get(p->q, id, &job, &found, NULL));
+    assert_true(found);
+    return job;
+}
+
+/* Between two looks at a condition that nothing announces. */
+static void look_again(int64_t since, const char *what)
+{
+    if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("waited in vain for %s", what);
+    poll(NULL, 0, 2);
+}
+
+static queue_job wait_final(place *p, const char *id)
+{
+    for (int64_t since = clock_monotonic_ms();; look_again(since, "the job's end")) {
+        queue_job job = get(p, id);
+        if (queue_state_is_final(job.state)) return job;
+        queue_job_clear(&job);
+    }
+}
+
+/* The script writes a file when it is where the test wants it. */
+static void wait_file(place *p, const char *name)
+{
+    char *path = mem_printf("%s/%s", p->base, name);
+    for (int64_t since = clock_monotonic_ms(); access(path, F_OK) != 0;) look_again(since, path);
+    free(path);
+}
+
+static void expect_end(place *p, const char *id, queue_state state, const char *code, const char *words)
+{
+    queue_job job = wait_final(p, id);
+    if (job.state != state) fail_msg("%s: %s", queue_state_name(job.state), job.error_message);
+    if (code) assert_string_equal(job.error_code, code);
+    if (words && !strstr(job.error_message, words)) fail_msg("%s", job.error_message);
+    queue_job_clear(&job);
+}
+
+static size_t count_attempts(place *p, const char *id)
+{
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    queue_attempts_free(attempts, count);
+    return count;
+}
+
+static void test_success_is_delivered(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "echo noise >&2\necho \"$spec\" > \"$D/spec\"\n" REPORT, 1);
+    put(p, "{\"version\":1}", 3, id);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_job job = get(p, id);
+    assert_int_equal(job.outcome, QUEUE_CONVERGED);
+    assert_null(job.error_code);
+    queue_job_clear(&job);
+    char *results = result_directory(p->base, id);
+    result r = {0};
+    error e = {0};
+    if (!result_read(results, &r, &e)) fail_msg("%s", e.message);
+    assert_int_equal(r.count, 7);
+    assert_int_equal(r.output_count, 1);
+    result_clear(&r);
+    int64_t bytes;
+    int fd = result_open_file(results, "spec", &bytes, &e);
+    assert_int_equal(bytes, 14); /* the spec came whole on standard input */
+    close(fd);
+    fd = result_open_file(results, "worker.log", &bytes, &e);
+    assert_int_equal(bytes, 6);
+    close(fd);
+    free(results);
+}
+
+static void test_a_crash_is_tried_again(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "case $D in *.1) kill -SEGV $$;; esac\n" REPORT, 1);
+    put(p, "{}", 3, id);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_int_equal(count, 2);
+    assert_int_equal(attempts[0].signal, SIGSEGV);
+    assert_int_equal(attempts[1].exit_status, 0);
+    assert_true(attempts[1].peak_memory_bytes > 0);
+    queue_attempts_free(attempts, count);
+}
+
+static void test_crashes_end_with_the_reason(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "kill -KILL $$\n", 1);
+    put(p, "{}", 2, id);
+    expect_end(p, id, QUEUE_FAILED, "internal", "SIGKILL) in attempt 2 of 2");
+    assert_int_equal(count_attempts(p, id), 2);
+}
+
+static void test_errors_come_from_the_last_line(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "echo first >&2\n"
+             "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n", 1);
+    put(p, "{}", 3, id);
+    expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
+    assert_int_equal(count_attempts(p, id), 1); /* never again for a bad file */
+}
+
+static void test_garbage_does_no_harm(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE
+          "head -c 300000 /dev/zero | tr '\\0' x >&3; echo >&3; echo '[1]' >&3; echo '{\"a' >&3\n"
+          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n", 1);
+    put(p, "{}", 3, id);
+    expect_end(p, id, QUEUE_FAILED, "internal", "exit status 9");
+    queue_job job = get(p, id);
+    assert_non_null(strstr(job.error_message, "not JSON"));
+    queue_job_clear(&job);
+    char *directory = result_attempt_directory(p->base, id, 1);
+    int64_t bytes;
+    int fd = result_open_file(directory, "worker.log", &bytes, NULL);
+    assert_true(fd >= 0);
+    assert_int_equal(bytes, 64 * 1024);
+    close(fd);
+    free(directory);
+}
+
+static void test_success_without_a_report_is_none(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "exit 0\n", 1);
+    put(p, "{}", 1, id);
+    expect_end(p, id, QUEUE_FAILED, "internal", "no valid result");
+    char *results = result_directory(p->base, id);
+    assert_int_equal(access(results, F_OK), -1);
+    free(results);
+}
+
+static void test_a_short_output_is_no_result(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE REPORT ": > \"$D/points.ply\"\n", 1);
+    put(p, "{}", 1, id);
+    expect_end(p, id, QUEUE_FAILED, "internal", "points.ply has 0 bytes");
+}
+
+static void test_a_missing_worker_is_said(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, "#!/nonexistent/interpreter\n", 1);
+    put(p, "{}", 2, id);
+    expect_end(p, id, QUEUE_FAILED, "internal", "cannot be started");
+}
+
+static void test_progress_is_seen(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "echo '{\"phase\":\"relax\",\"fraction\":0.5}' >&3\n"
+             "while ! [ -e \"$D/../../go\" ]; do sleep 0.01; done\n" REPORT, 1);
+    put(p, "{}", 1, id);
+    char *progress = NULL;
+    for (int64_t since = clock_monotonic_ms(); !(progress = executor_progress(p->x, id));)
+        look_again(since, "progress");
+    assert_string_equal(progress, "{\"phase\":\"relax\",\"fraction\":0.5}");
+    free(progress);
+    char *go = mem_printf("%s/go", p->base);
+    assert_true(store_file_write(go, "", 0, NULL));
+    free(go);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+}
+
+/* Does not hear SIGTERM; its own child must not outlive it. */
+#define DEAF PROLOGUE "trap '' TERM\nsleep 600 &\necho $! > \"$D/../../child\"\nwait\nwait\n"
+
+static void expect_child_gone(place *p)
+{
+    char *path = mem_printf("%s/child", p->base);
+    size_t length;
+    char *text = store_file_read(path, 100, &length, NULL);
+    assert_non_null(text);
+    pid_t child = atoi(text);
+    assert_true(child > 1);
+    for (int64_t since = clock_monotonic_ms(); kill(child, 0) == 0;) {
+        /* a zombie whose reaper is slow is gone, too */
+        char *proc = mem_printf("/proc/%d/stat", (int)child);
+        char *stat = store_file_read(proc, 4096, &length, NULL);
+        bool zombie = !stat || strstr(stat, ") Z");
+        free(stat);
+        free(proc);
+        if (zombie) break;
+        look_again(since, "the worker's child to go");
+    }
+    free(text);
+    free(path);
+}
+
+static void test_a_timeout_kills(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, DEAF, 1);
+    put(p, "{\"limits\":{\"timeout_s\":0.3}}", 3, id);
+    expect_end(p, id, QUEUE_TIMED_OUT, "limit_time", "0.3 s");
+    assert_int_equal(count_attempts(p, id), 1);
+    expect_child_gone(p);
+}
+
+static void test_a_stall_is_noticed(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "sleep 600\n", 1);
+    put(p, "{\"limits\":{\"stall_s\":0.2}}", 3, id);
+    expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s");
+}
+
+static void test_cancel_of_a_deaf_worker(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, DEAF, 1);
+    put(p, "{}", 3, id);
+    wait_file(p, "child");
+    bool found, changed;
+    queue_state now;
+    assert_true(executor_cancel(p->x, id, &found, &changed, &now, NULL));
+    assert_true(found && changed && now == QUEUE_CANCELLING);
+    expect_end(p, id, QUEUE_CANCELLED, "cancelled", NULL);
+    expect_child_gone(p);
+}
+
+static void wait_drained(place *p)
+{
+    struct pollfd drained = {.fd = executor_drained_fd(p->x), .events = POLLIN};
+    assert_int_equal(poll(&drained, 1, PATIENCE_MS), 1);
+}
+
+static void test_drain_puts_back_uncounted(void **state)
+{
+    place *p = *state;
+    char running[ULID_SIZE], waiting[ULID_SIZE];
+    start(p, DEAF, 1);
+    put(p, "{}", 1, running);
+    wait_file(p, "child");
+    put(p, "{}", 1, waiting);
+    executor_drain(p->x, 0.1);
+    assert_true(executor_is_draining(p->x));
+    wait_drained(p);
+    queue_job job = get(p, running);
+    assert_int_equal(job.state, QUEUE_QUEUED);
+    assert_int_equal(job.spent, 0);
+    assert_int_equal(job.attempt, 1);
+    queue_job_clear(&job);
+    assert_int_equal(count_attempts(p, waiting), 0);
+    expect_child_gone(p);
+}
+
+static void test_slots_bound_what_runs(void **state)
+{
+    place *p = *state;
+    char id[6][ULID_SIZE];
+    /* a worker that finds a third one beside it leaves a mark */
+    start(p, PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
+             "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT, 2);
+    for (int i = 0; i < 6; i++) put(p, "{}", 1, id[i]);
+    for (int i = 0; i < 6; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
+    char *crowd = mem_printf("%s/crowd", p->base);
+    assert_int_equal(access(crowd, F_OK), -1);
+    free(crowd);
+}
+
+/* Claims a job as a daemon does that dies of it. */
+static void claim_and_die(place *p, const char *id)
+{
+    queue_job job = {0};
+    bool found;
+    assert_true(queue_claim(p->q, &job, &found, NULL));
+    assert_string_equal(job.id, id);
+    queue_job_clear(&job);
+}
+
+static void put_file(const char *directory, const char *name, const char *text)
+{
+    char *path = mem_printf("%s/%s", directory, name);
+    assert_true(store_directory_create(directory, NULL));
+    assert_true(store_file_write(path, text, strlen(text), NULL));
+    free(path);
+}
+
+static void test_recovery(void **state)
+{
+    place *p = *state;
+    char done[ULID_SIZE], lost[ULID_SIZE], worn[ULID_SIZE], cancelled[ULID_SIZE];
+    bool found, changed;
+    queue_state now;
+    put(p, "{}", 3, done);
+    claim_and_die(p, done);
+    char *results = result_directory(p->base, done);
+    put_file(results, "report.json", "{\"outcome\":\"not_converged\",\"count\":1,\"outputs\":[]}");
+    put(p, "{}", 3, lost);
+    claim_and_die(p, lost);
+    char *orphan = result_attempt_directory(p->base, lost, 1);
+    put_file(orphan, "points.ply", "half");
+    put(p, "{}", 1, worn);
+    claim_and_die(p, worn);
+    put(p, "{}", 3, cancelled);
+    claim_and_die(p, cancelled);
+    assert_true(queue_cancel(p->q, cancelled, &found, &changed, &now, NULL));
+    start(p, PROLOGUE REPORT, 1);
+    expect_end(p, done, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_job job = get(p, done);
+    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
+    queue_job_clear(&job);
+    expect_end(p, lost, QUEUE_SUCCEEDED, NULL, NULL);
+    assert_int_equal(count_attempts(p, lost), 2);
+    assert_int_equal(access(orphan, F_OK), -1);
+    expect_end(p, worn, QUEUE_FAILED, "internal", "daemon ended");
+    expect_end(p, cancelled, QUEUE_CANCELLED, "cancelled", NULL);
+    free(results);
+    free(orphan);
+}
+
+#define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        CASE(test_success_is_delivered),
+        CASE(test_a_crash_is_tried_again),
+        CASE(test_crashes_end_with_the_reason),
+        CASE(test_errors_come_from_the_last_line),
+        CASE(test_garbage_does_no_harm),
+        CASE(test_success_without_a_report_is_none),
+        CASE(test_a_short_output_is_no_result),
+        CASE(test_a_missing_worker_is_said),
+        CASE(test_progress_is_seen),
+        CASE(test_a_timeout_kills),
+        CASE(test_a_stall_is_noticed),
+        CASE(test_cancel_of_a_deaf_worker),
+        CASE(test_drain_puts_back_uncounted),
+        CASE(test_slots_bound_what_runs),
+        CASE(test_recovery),
+    };
+    log_set_level(LOG_LEVEL_ERROR);
+    return cmocka_run_group_tests_name("executor", tests, NULL, NULL);
+}

@@ -1,0 +1,167 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "store/file.h"
+
+static char *make_place(void)
+{
+    char *base = mem_strdup("/tmp/hexad-file-XXXXXX");
+    assert_non_null(mkdtemp(base));
+    return base;
+}
+
+static void drop_place(char *base)
+{
+    error e = {0};
+    if (!store_remove(base, &e)) fail_msg("%s", e.message);
+    assert_int_equal(access(base, F_OK), -1);
+    free(base);
+}
+
+static size_t count_entries(const char *path)
+{
+    DIR *listing = opendir(path);
+    assert_non_null(listing);
+    size_t count = 0;
+    struct dirent *entry;
+    while ((entry = readdir(listing)))
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0) count++;
+    closedir(listing);
+    return count;
+}
+
+static void expect_content(const char *path, const char *want)
+{
+    size_t count = 0;
+    error e = {0};
+    char *text = store_file_read(path, 1 << 20, &count, &e);
+    if (!text) fail_msg("%s", e.message);
+    assert_int_equal(count, strlen(want));
+    assert_string_equal(text, want);
+    free(text);
+}
+
+static void test_commit_replaces_and_abort_leaves(void **state)
+{
+    (void)state;
+    char *base = make_place();
+    char *path = mem_printf("%s/file", base);
+    error e = {0};
+    assert_true(store_file_write(path, "old", 3, &e));
+    store_file file;
+    assert_true(store_file_begin(path, &file, &e));
+    fputs("half", file.stream);
+    expect_content(path, "old"); /* nothing shows before the commit */
+    store_file_abort(&file);
+    store_file_abort(&file); /* an empty one is fine */
+    expect_content(path, "old");
+    assert_int_equal(count_entries(base), 1);
+    assert_true(store_file_begin(path, &file, &e));
+    fputs("new", file.stream);
+    assert_true(store_file_commit(&file, &e));
+    expect_content(path, "new");
+    assert_int_equal(count_entries(base), 1);
+    free(path);
+    drop_place(base);
+}
+
+static void test_failures_name_the_path(void **state)
+{
+    (void)state;
+    error e = {0};
+    store_file file;
+    assert_false(store_file_begin("/nonexistent/dir/file", &file, &e));
+    assert_int_equal(e.code, ERROR_INTERNAL);
+    assert_non_null(strstr(e.message, "/nonexistent/dir/file"));
+    size_t count;
+    assert_null(store_file_read("/nonexistent/file", 10, &count, &e));
+    assert_null(store_file_read("/proc/self/maps", 10, &count, &e)); /* longer than the limit */
+    assert_non_null(strstr(e.message, "too large"));
+    assert_false(store_rename("/nonexistent/a", "/nonexistent/b", &e));
+    assert_true(store_remove("/nonexistent/a", &e));
+    /* a device that is always full: the loss is seen at commit, as on a full disk */
+    FILE *full = fopen("/dev/full", "w");
+    if (full) {
+        file = (store_file){full, mem_strdup("/dev/full"), mem_strdup("/nonexistent/temporary")};
+        fputs("lost", full);
+        assert_false(store_file_commit(&file, &e));
+        assert_non_null(strstr(e.message, "No space"));
+    }
+}
+
+static void test_directories(void **state)
+{
+    (void)state;
+    char *base = make_place();
+    error e = {0};
+    char *deep = mem_printf("%s/a/b/c", base);
+    char *moved = mem_printf("%s/moved", base);
+    char *leaf = mem_printf("%s/c/leaf", moved);
+    char *from = mem_printf("%s/a/b", base);
+    char *link = mem_printf("%s/link", moved);
+    assert_true(store_directory_create(deep, &e));
+    assert_true(store_directory_create(deep, &e));
+    assert_true(store_rename(from, moved, &e));
+    assert_int_equal(access(from, F_OK), -1);
+    assert_true(store_file_write(leaf, "x", 1, &e));
+    assert_false(store_directory_create(leaf, &e)); /* a file stands there */
+    /* removing goes past a link, not through it */
+    char *kept = mem_printf("%s/kept", base);
+    assert_true(store_directory_create(kept, &e));
+    char *inside = mem_printf("%s/inside", kept);
+    assert_true(store_file_write(inside, "x", 1, &e));
+    assert_int_equal(symlink(kept, link), 0);
+    assert_true(store_remove(moved, &e));
+    expect_content(inside, "x");
+    free(deep);
+    free(moved);
+    free(leaf);
+    free(from);
+    free(link);
+    free(kept);
+    free(inside);
+    drop_place(base);
+}
+
+static void test_hash(void **state)
+{
+    (void)state;
+    char *base = make_place();
+    char *path = mem_printf("%s/file", base);
+    error e = {0};
+    assert_true(store_file_write(path, "abc", 3, &e)); /* FIPS 180-2, appendix B.1 */
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    char hex[STORE_HASH_SIZE];
+    uint64_t bytes = 0;
+    assert_true(store_file_hash(fd, hex, &bytes, &e));
+    assert_int_equal(bytes, 3);
+    assert_string_equal(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    assert_int_equal(lseek(fd, 0, SEEK_CUR), 0);
+    close(fd);
+    assert_false(store_file_hash(-1, hex, &bytes, &e));
+    free(path);
+    drop_place(base);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_commit_replaces_and_abort_leaves),
+        cmocka_unit_test(test_failures_name_the_path),
+        cmocka_unit_test(test_directories),
+        cmocka_unit_test(test_hash),
+    };
+    return cmocka_run_group_tests_name("file", tests, NULL, NULL);
+}

@@ -1,0 +1,105 @@
+/* Lists against all pairs, and the property that makes threads harmless. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "sampler/neighbours.h"
+#include "shapes.h"
+
+enum { COUNT = 900 };
+
+/* Clumps, coincident points and a far outlier. */
+static void awkward_points(vec3 *x, rng *r)
+{
+    for (int i = 0; i < COUNT; i++) x[i] = random_between(r, (vec3){-2, 1, 5}, (vec3){2, 3, 5.5});
+    for (int i = 0; i < 60; i++) x[i] = random_between(r, (vec3){0, 2, 5}, (vec3){0.01, 2.01, 5.01});
+    x[61] = x[60];
+    x[COUNT - 1] = (vec3){100, -50, 7};
+}
+
+static int compare_index(const void *a, const void *b)
+{
+    return (int)(*(const uint32_t *)a) - (int)(*(const uint32_t *)b);
+}
+
+static void lists_hold_every_pair_within_the_cutoff(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    vec3 x[COUNT];
+    error e = {0};
+    threads *pool = threads_new(2, &e);
+    neighbours *n = neighbours_new(COUNT, &e);
+    for (double cutoff = 0.05; cutoff < 1; cutoff *= 2.3) {
+        awkward_points(x, &r);
+        assert_true(neighbours_build(n, COUNT, x, cutoff, pool, &e));
+        for (uint32_t i = 0; i < COUNT; i++) {
+            uint32_t wanted[COUNT], count = 0;
+            for (uint32_t j = 0; j < COUNT; j++)
+                if (j != i && vec3_norm2(vec3_sub(x[i], x[j])) < cutoff * cutoff) wanted[count++] = j;
+            uint32_t *list = n->list + i * n->stride;
+            assert_int_equal(n->list_count[i], count);
+            qsort(list, count, sizeof *list, compare_index);
+            for (uint32_t k = 0; k < count; k++) assert_int_equal(list[k], wanted[k]);
+        }
+    }
+    neighbours_free(n);
+    threads_free(pool);
+}
+
+static void points_of_one_colour_in_two_bins_are_not_neighbours(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    vec3 x[COUNT];
+    error e = {0};
+    threads *pool = threads_new(1, &e);
+    neighbours *n = neighbours_new(COUNT, &e);
+    awkward_points(x, &r);
+    assert_true(neighbours_build(n, COUNT, x, 0.2, pool, &e));
+    uint32_t seen = 0;
+    for (int c = 0; c < NEIGHBOURS_COLOURS; c++) {
+        int colour[COUNT];
+        for (int i = 0; i < COUNT; i++) colour[i] = -1;
+        for (uint32_t b = n->colour_begin[c]; b < n->colour_begin[c + 1]; b++)
+            for (uint32_t k = n->bin_begin[n->colour_bin[b]]; k < n->bin_begin[n->colour_bin[b] + 1]; k++) {
+                colour[n->bin_item[k]] = (int)n->colour_bin[b];
+                seen++;
+            }
+        for (uint32_t i = 0; i < COUNT; i++)
+            for (uint32_t k = 0; colour[i] >= 0 && k < n->list_count[i]; k++) {
+                int other = colour[neighbours_list(n, i)[k]];
+                assert_true(other == -1 || other == colour[i]);
+            }
+    }
+    assert_int_equal(seen, COUNT);
+    neighbours_free(n);
+    threads_free(pool);
+}
+
+static void a_cutoff_too_small_is_refused(void **state)
+{
+    (void)state;
+    error e = {0};
+    vec3 x[2] = {{0, 0, 0}, {1, 0, 0}};
+    threads *pool = threads_new(1, &e);
+    neighbours *n = neighbours_new(2, &e);
+    assert_false(neighbours_build(n, 2, x, 1e-9, pool, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    neighbours_free(n);
+    threads_free(pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lists_hold_every_pair_within_the_cutoff),
+        cmocka_unit_test(points_of_one_colour_in_two_bins_are_not_neighbours),
+        cmocka_unit_test(a_cutoff_too_small_is_refused),
+    };
+    return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);
+}

@@ -1,0 +1,132 @@
+/* The kernel against the potential's own functions, pair by pair, and against differences of energy. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/energy.h"
+#include "sampler/pair.h"
+#include "shapes.h"
+
+enum { NEIGHBOURS = 21, PADDED = 24 };
+
+typedef struct fixture {
+    _Alignas(64) double x[PADDED];
+    _Alignas(64) double y[PADDED];
+    _Alignas(64) double z[PADDED];
+    _Alignas(64) double weight[PADDED];
+    pair_list list;
+    vec3 at, axis1, axis2;
+} fixture;
+
+static void random_fixture(fixture *f, rng *r)
+{
+    for (int k = 0; k < PADDED; k++) {
+        vec3 p = random_between(r, (vec3){-1, -1, -0.1}, (vec3){1, 1, 0.1});
+        f->x[k] = p.x;
+        f->y[k] = p.y;
+        f->z[k] = p.z;
+        f->weight[k] = k < NEIGHBOURS ? 0.5 + rng_uniform(r) : 0;
+    }
+    f->list = (pair_list){PADDED / PAIR_LANES, f->x, f->y, f->z, f->weight};
+    f->at = random_between(r, (vec3){-0.1, -0.1, -0.05}, (vec3){0.1, 0.1, 0.05});
+    vec3_frame(vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1})), &f->axis1,
+               &f->axis2);
+}
+
+static const double sigma = 0.8;
+
+static void energy_is_the_sum_of_pairs(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    for (int round = 0; round < 50; round++) {
+        fixture f;
+        random_fixture(&f, &r);
+        double sum = 0, nearest = INFINITY;
+        for (int k = 0; k < NEIGHBOURS; k++) {
+            double d = vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]}));
+            sum += f.weight[k] * energy_cotangent.value(d / sigma);
+            if (d < sigma) nearest = fmin(nearest, d);
+        }
+        pair_forces forces;
+        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &forces);
+        assert_close(pair_energy_at(&f.list, f.at, sigma) / sum, 1, 1e-11);
+        assert_close(forces.energy / sum, 1, 1e-11);
+        assert_close(sqrt(forces.nearest2), nearest, 1e-12);
+    }
+}
+
+static void forces_match_differences_of_energy(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    const double step = 1e-6;
+    for (int round = 0; round < 50; round++) {
+        fixture f;
+        random_fixture(&f, &r);
+        pair_forces p;
+        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+        const vec3 axes[2] = {f.axis1, f.axis2};
+        const double d[2] = {p.d1, p.d2};
+        for (int k = 0; k < 2; k++) {
+            double up = pair_energy_at(&f.list, vec3_axpy(step, axes[k], f.at), sigma);
+            double down = pair_energy_at(&f.list, vec3_axpy(-step, axes[k], f.at), sigma);
+            assert_close(d[k], (up - down) / (2 * step), 1e-5 * (1 + fabs(d[k])));
+        }
+    }
+}
+
+/* (10) without its second term, restricted to the frame, written out. */
+static void hessian_is_the_first_term_of_equation_10(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    for (int round = 0; round < 50; round++) {
+        fixture f;
+        random_fixture(&f, &r);
+        pair_forces p;
+        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+        double h11 = 0, h12 = 0, h22 = 0;
+        for (int k = 0; k < NEIGHBOURS; k++) {
+            vec3 d = vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]});
+            double length = vec3_norm(d);
+            double bend = f.weight[k] * energy_cotangent.second(length / sigma) / (sigma * sigma);
+            double a1 = vec3_dot(d, f.axis1) / length, a2 = vec3_dot(d, f.axis2) / length;
+            h11 += bend * a1 * a1;
+            h12 += bend * a1 * a2;
+            h22 += bend * a2 * a2;
+        }
+        assert_close(p.h11 / h11, 1, 1e-9);
+        assert_close(p.h22 / h22, 1, 1e-9);
+        assert_close(p.h12, h12, 1e-9 * (h11 + h22));
+    }
+}
+
+static void coincident_pair_stays_finite(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 3);
+    fixture f;
+    random_fixture(&f, &r);
+    f.at = (vec3){f.x[0], f.y[0], f.z[0]};
+    pair_forces p;
+    pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+    assert_true(isfinite(p.energy) && isfinite(p.d1) && isfinite(p.h11));
+    assert_true(isfinite(pair_energy_at(&f.list, f.at, sigma)));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(energy_is_the_sum_of_pairs),
+        cmocka_unit_test(forces_match_differences_of_energy),
+        cmocka_unit_test(hessian_is_the_first_term_of_equation_10),
+        cmocka_unit_test(coincident_pair_stays_finite),
+    };
+    return cmocka_run_group_tests_name("pair", tests, NULL, NULL);
+}

@@ -1,0 +1,160 @@
+/* Measures against packings that are known: a hexagonal lattice on a torus-like patch is not to be had
+ * without rims, so a flat open sheet serves for the lattice and spheres for topology. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/energy.h"
+#include "sampler/quality.h"
+#include "shapes.h"
+
+enum { SIDE = 40, LATTICE = SIDE * SIDE };
+
+typedef struct sheet {
+    vec3 position[LATTICE], normal[LATTICE];
+    double spacing[LATTICE], alpha[LATTICE], local[LATTICE];
+    uint8_t degree[LATTICE];
+    quality_input in;
+} sheet;
+
+/* A hexagonal lattice with spacing 1, seen as a surface that is open at its outline. */
+static sheet *make_sheet(void)
+{
+    sheet *s = calloc(1, sizeof *s);
+    for (int j = 0; j < SIDE; j++)
+        for (int i = 0; i < SIDE; i++) {
+            int k = j * SIDE + i;
+            s->position[k] = (vec3){i + 0.5 * (j & 1), j * sqrt(3) / 2, 0};
+            s->normal[k] = (vec3){0, 0, 1};
+            s->spacing[k] = s->alpha[k] = 1;
+        }
+    s->in = (quality_input){.count = LATTICE, .position = s->position, .normal = s->normal,
+                            .alpha = s->alpha, .spacing = s->spacing, .h = 1, .open = true,
+                            .domain = {{0, 0, -10}, {SIDE - 0.5, (SIDE - 1) * sqrt(3) / 2, 10}}};
+    return s;
+}
+
+static void measure(sheet *s, quality *q)
+{
+    error e = {0};
+    threads *pool = threads_new(2, &e);
+    if (!quality_measure(&s->in, pool, s->local, s->degree, q, &e)) fail_msg("%s", e.message);
+    threads_free(pool);
+}
+
+static void lattice_is_perfect(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    quality q;
+    measure(s, &q);
+    assert_true(q.hex_fraction == 1);
+    assert_close(q.edge_cv, 0, 1e-7);
+    assert_close(q.area_cv, 0, 1e-7);
+    assert_close(q.energy_excess, 0, 1e-9);
+    assert_close(q.min_spacing_ratio, 1, 1e-12);
+    assert_close(q.grading_cv, 0, 1e-7);
+    assert_close(q.grading_exponent, 1, 0);
+    assert_in_range(q.rim_count, 4 * SIDE, 10 * SIDE);
+    assert_close(s->local[LATTICE / 2 + SIDE / 2], 1, 1e-9);
+    free(s);
+}
+
+/* One point moved by 0.1: its own and its neighbours' edges change, and nothing else. */
+static void a_moved_point_shows(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    quality q;
+    s->position[LATTICE / 2 + SIDE / 2].x += 0.1;
+    measure(s, &q);
+    assert_close(q.min_spacing_ratio, 0.9, 1e-9);
+    assert_true(q.edge_cv > 0.001 && q.edge_cv < 0.02);
+    assert_true(q.energy_excess > 0);
+    free(s);
+}
+
+/* A vacancy: the six around it have five other neighbours and close ranks across the hole. */
+static void a_vacancy_makes_defects(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    quality q;
+    int hole = LATTICE / 2 + SIDE / 2;
+    s->position[hole] = s->position[LATTICE - 1]; /* the last takes its place in the arrays */
+    s->in.count = LATTICE - 1;
+    measure(s, &q);
+    assert_true(q.hex_fraction < 1 && q.hex_fraction > 0.99);
+    assert_true(q.area_cv > 0.005);
+    free(s);
+}
+
+/* Points at random on a sphere: any triangulation of it has sum (6 - degree) = 12. */
+static void euler_of_a_sphere_is_two(void **state)
+{
+    (void)state;
+    enum { POINTS = 1500 };
+    vec3 x[POINTS];
+    double spacing[POINTS];
+    error e = {0};
+    rng r = rng_seed(test_seed(), 0);
+    threads *pool = threads_new(1, &e);
+    double h = sqrt(2 * 4 * M_PI / (sqrt(3) * POINTS));
+    int exact = 0;
+    for (int round = 0; round < 10; round++) {
+        for (int k = 0; k < POINTS; k++) { /* Fibonacci's lattice, shaken */
+            double z = 1 - (2 * k + 1.0) / POINTS, angle = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
+            vec3 noise = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+            x[k] = vec3_unit(vec3_axpy(0.2 * h, noise, (vec3){w * cos(angle), w * sin(angle), z}));
+            spacing[k] = h;
+        }
+        quality_input in = {.count = POINTS, .position = x, .normal = x, .spacing = spacing, .h = h};
+        quality q;
+        assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
+        exact += fabs(q.euler - 2) < 1e-9;
+        assert_close(q.euler, 2, 0.4);
+        assert_int_equal(q.rim_count, 0);
+    }
+    assert_in_range(exact, 9, 10);
+    threads_free(pool);
+}
+
+/* Spacing that grows along x, asked for and had: the exponent is 1 and the variation small; asked for
+ * as even, the variation shows. */
+static void grading_is_told_from_disorder(void **state)
+{
+    (void)state;
+    sheet *s = make_sheet();
+    quality graded, even;
+    for (int k = 0; k < LATTICE; k++) { /* a conformal map of the lattice: exp(z / 40) */
+        double x = s->position[k].x / 40, y = s->position[k].y / 40, scale = exp(x);
+        s->position[k] = (vec3){40 * scale * cos(y), 40 * scale * sin(y), 0};
+        s->spacing[k] = scale;
+    }
+    s->in.open = false; /* its outline is no box: measure all and read what rims do not spoil */
+    measure(s, &graded);
+    assert_close(graded.grading_exponent, 1, 0.1);
+    assert_true(graded.hex_fraction > 0.85);
+    for (int k = 0; k < LATTICE; k++) s->spacing[k] = 1.6;
+    measure(s, &even);
+    assert_true(even.grading_cv > graded.grading_cv + 0.05);
+    free(s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lattice_is_perfect),
+        cmocka_unit_test(a_moved_point_shows),
+        cmocka_unit_test(a_vacancy_makes_defects),
+        cmocka_unit_test(euler_of_a_sphere_is_two),
+        cmocka_unit_test(grading_is_told_from_disorder),
+    };
+    return cmocka_run_group_tests_name("quality", tests, NULL, NULL);
+}

@@ -1,0 +1,208 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "store/file.h"
+#include "store/root.h"
+
+/* base/root (a file, links, a directory, a FIFO), base/outside, base/second */
+typedef struct place {
+    char base[64];
+    char *root, *second;
+    store_roots *roots;
+} place;
+
+static void put(const char *base, const char *name)
+{
+    char *path = mem_printf("%s/%s", base, name);
+    assert_true(store_file_write(path, name, strlen(name), NULL));
+    free(path);
+}
+
+static void put_link(const char *base, const char *target, const char *name)
+{
+    char *path = mem_printf("%s/%s", base, name);
+    assert_int_equal(symlink(target, path), 0);
+    free(path);
+}
+
+static int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-root-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    p->root = mem_printf("%s/root", p->base);
+    p->second = mem_printf("%s/second", p->base);
+    char *inner = mem_printf("%s/inner", p->root);
+    char *fifo = mem_printf("%s/fifo", p->root);
+    char *outside = mem_printf("%s/outside", p->base);
+    assert_true(store_directory_create(inner, NULL));
+    assert_true(store_directory_create(p->second, NULL));
+    put(p->base, "outside");
+    put(p->root, "file");
+    put(p->root, "inner/deep");
+    put(p->second, "other");
+    put_link(p->root, "inner/deep", "inward");
+    put_link(p->root, "../outside", "outward");
+    put_link(p->root, outside, "absolute");
+    put_link(p->root, "..", "up");
+    put_link(p->root, "loop", "loop");
+    assert_int_equal(mkfifo(fifo, 0600), 0);
+    const char *paths[] = {p->root, p->second};
+    error e = {0};
+    p->roots = store_roots_open(paths, 2, &e);
+    assert_non_null(p->roots);
+    free(inner);
+    free(fifo);
+    free(outside);
+    *state = p;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    place *p = *state;
+    store_roots_close(p->roots);
+    assert_true(store_remove(p->base, NULL));
+    free(p->root);
+    free(p->second);
+    free(p);
+    return 0;
+}
+
+static void expect_open(place *p, const char *path, const char *content)
+{
+    error e = {0};
+    int fd = store_open_input(p->roots, path, &e);
+    if (fd < 0) fail_msg("%s: %s", path, e.message);
+    char text[64] = {0};
+    assert_true(read(fd, text, sizeof text - 1) >= 0);
+    assert_string_equal(text, content);
+    close(fd);
+}
+
+static void expect_error(place *p, const char *path, error_code code)
+{
+    error e = {0};
+    int fd = store_open_input(p->roots, path, &e);
+    assert_int_equal(fd, -1);
+    if (e.code != code) fail_msg("%s: %s: %s", path, error_code_name(e.code), e.message);
+    assert_non_null(strstr(e.message, path));
+}
+
+static void test_files_inside_open(void **state)
+{
+    place *p = *state;
+    expect_open(p, "file", "file");
+    expect_open(p, "inner/deep", "inner/deep");
+    expect_open(p, "./inner//deep", "inner/deep");
+    expect_open(p, "inward", "inner/deep");
+    expect_open(p, "other", "other"); /* found under the second root */
+    char *absolute = mem_printf("%s//inner/deep", p->root);
+    expect_open(p, absolute, "inner/deep");
+    free(absolute);
+}
+
+static void test_escapes_are_forbidden(void **state)
+{
+    place *p = *state;
+    expect_error(p, "../outside", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "inner/../../outside", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "outward", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "absolute", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "up/outside", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "loop", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "/etc/passwd", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "/", ERROR_PATH_FORBIDDEN);
+    char *sibling = mem_printf("%s-not", p->root); /* shares the text of the root, not the directory */
+    expect_error(p, sibling, ERROR_PATH_FORBIDDEN);
+    free(sibling);
+    char *absolute = mem_printf("%s/../outside", p->root);
+    expect_error(p, absolute, ERROR_PATH_FORBIDDEN);
+    free(absolute);
+}
+
+static void test_what_is_no_readable_file_says_so(void **state)
+{
+    place *p = *state;
+    expect_error(p, "nothing", ERROR_INPUT_MISSING);
+    expect_error(p, "file/below", ERROR_INPUT_MISSING);
+    expect_error(p, "inner", ERROR_INPUT_UNSUPPORTED);
+    expect_error(p, ".", ERROR_INPUT_UNSUPPORTED);
+    expect_error(p, "fifo", ERROR_INPUT_UNSUPPORTED);
+    char *whole = mem_printf("%s/", p->root);
+    expect_error(p, whole, ERROR_INPUT_UNSUPPORTED);
+    free(whole);
+    error e = {0};
+    assert_int_equal(store_open_input(p->roots, "", &e), -1);
+    assert_int_equal(e.code, ERROR_INPUT_MISSING);
+}
+
+static void test_no_roots(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    store_roots *none = store_roots_open(NULL, 0, &e);
+    assert_non_null(none);
+    char *path = mem_printf("%s/outside", p->base);
+    assert_int_equal(store_open_input(none, path, &e), -1);
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    int fd = store_open_input(NULL, path, &e); /* a worker that stands alone */
+    assert_true(fd >= 0);
+    close(fd);
+    store_roots_close(none);
+    free(path);
+    const char *missing[] = {"/nonexistent/root"};
+    assert_null(store_roots_open(missing, 1, &e));
+    assert_non_null(strstr(e.message, "/nonexistent/root"));
+}
+
+static void expect_walk(int directory, const char *path, int want)
+{
+    int fd = store_open_walking(directory, path);
+    int got = fd >= 0 ? 0 : errno;
+    if (fd >= 0) close(fd);
+    if (got != want) fail_msg("%s: %s", path, strerror(got));
+}
+
+static void test_walk_without_openat2(void **state)
+{
+    place *p = *state;
+    int directory = open(p->root, O_PATH | O_DIRECTORY | O_CLOEXEC);
+    assert_true(directory >= 0);
+    expect_walk(directory, "file", 0);
+    expect_walk(directory, "inner/deep", 0);
+    expect_walk(directory, "./inner//deep", 0);
+    expect_walk(directory, "nothing", ENOENT);
+    expect_walk(directory, "nothing/below", ENOENT);
+    expect_walk(directory, "file/below", ENOTDIR);
+    expect_walk(directory, "inward", EXDEV);
+    expect_walk(directory, "outward", EXDEV);
+    expect_walk(directory, "absolute", EXDEV);
+    expect_walk(directory, "up/outside", EXDEV);
+    expect_walk(directory, "../outside", EXDEV);
+    close(directory);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_files_inside_open, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_escapes_are_forbidden, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),
+    };
+    return cmocka_run_group_tests_name("root", tests, NULL, NULL);
+}

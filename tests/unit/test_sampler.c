@@ -1,0 +1,231 @@
+/* The solver as a whole, on formulas: exact counts, on the surface, at rest, the same for any number of
+ * threads, and packed as well as the paper's method can. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/energy.h"
+#include "sampler/quality.h"
+#include "sampler/sampler.h"
+#include "shapes.h"
+
+typedef struct solved {
+    analytic *a;
+    threads *pool;
+    surface *scan;
+    sampler *s;
+    const sampler_points *points;
+    quality q;
+} solved;
+
+static const sampler_params even = {.count = 1000, .seed = 1, .max_sweeps = 5000,
+                                    .step_tolerance = 1e-3, .energy_tolerance = 0.01};
+
+static void solve(int shape, const sampler_params *params, int workers, solved *out)
+{
+    error e = {0};
+    out->a = analytic_new(&shapes[shape], &e);
+    out->pool = threads_new(workers, &e);
+    out->scan = surface_scan(&out->a->base, out->pool, &e);
+    out->s = sampler_new(&out->a->base, out->scan, params, out->pool, &e);
+    if (!out->s) fail_msg("%s: %s", shape_names[shape], e.message);
+    while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
+    assert_true(sampler_finish(out->s, &e));
+    out->points = sampler_result_points(out->s);
+    quality_input in = {out->points->count, out->points->position, out->points->normal,
+                        out->points->alpha, out->points->spacing, sampler_spacing(out->s),
+                        out->a->base.open, out->a->base.domain};
+    assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
+}
+
+static void release(solved *x)
+{
+    sampler_free(x->s);
+    surface_free(x->scan);
+    threads_free(x->pool);
+    analytic_free(x->a);
+}
+
+static int compare_double(const void *a, const void *b)
+{
+    return (*(const double *)a > *(const double *)b) - (*(const double *)a < *(const double *)b);
+}
+
+/* The paper's Figure 4 from random positions in the domain: sigma 0.125, 1000 particles. */
+static void quartic_from_random_starts(double d, double least_hex)
+{
+    double hex[5];
+    for (uint64_t seed = 1; seed <= 5; seed++) {
+        sampler_params params = even;
+        params.start = SAMPLER_START_RANDOM;
+        params.seed = seed;
+        params.sigma = 0.125;
+        params.graded = d > 0;
+        params.d = d;
+        params.gamma = 0.1;
+        params.nu = 0.75;
+        params.kappa_max = 20;
+        solved x;
+        solve(4, &params, 1, &x);
+        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(x.points->count, 1000);
+        assert_int_equal(x.points->lost, 0);
+        assert_true(x.points->max_residual < 1e-6);
+        assert_true(sampler_removed_offsurface(x.s) > 0); /* the trap at the centre */
+        assert_close(x.q.euler, 2, 1e-9);
+        assert_true(x.q.min_spacing_ratio > 0.8);
+        hex[seed - 1] = x.q.hex_fraction;
+        if (d == 0) assert_close(x.points->sigma, 0.1257, 0.0008);
+        release(&x);
+    }
+    qsort(hex, 5, sizeof *hex, compare_double);
+    print_message("# d = %g: hex_fraction %.3f (median of 5 seeds)\n", d, hex[2]);
+    assert_true(hex[2] >= least_hex);
+}
+
+static void quartic_even(void **state)
+{
+    (void)state;
+    quartic_from_random_starts(0, 0.90);
+}
+
+static void quartic_alpha(void **state)
+{
+    (void)state;
+    quartic_from_random_starts(1, 0.85);
+    quartic_from_random_starts(3, 0.80);
+}
+
+/* Under (13) the spacing grows with alpha, that is, falls with curvature. */
+static void alpha_draws_particles_to_curvature(void **state)
+{
+    (void)state;
+    sampler_params params = even;
+    params.graded = true;
+    params.d = 3;
+    params.gamma = 0.1;
+    params.nu = 0.75;
+    params.kappa_max = 20;
+    solved x;
+    solve(4, &params, 1, &x);
+    double low = INFINITY, high = 0;
+    for (size_t i = 0; i < x.points->count; i++) {
+        low = fmin(low, x.points->spacing[i]);
+        high = fmax(high, x.points->spacing[i]);
+    }
+    assert_true(high / low > 1.4 && high / low < 1.75);
+    assert_close(x.q.grading_exponent, 1, 0.1);
+    assert_true(x.q.grading_cv < 0.05);
+    release(&x);
+}
+
+static void every_shape_converges(void **state)
+{
+    (void)state;
+    const double euler[SHAPE_COUNT] = {2, 0, 2, 2, 2, 0};
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        solved x;
+        solve(k, &even, 1, &x);
+        print_message("# %s: hex %.3f edge_cv %.4f\n", shape_names[k], x.q.hex_fraction, x.q.edge_cv);
+        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(x.points->count, 1000);
+        assert_int_equal(x.points->lost, 0);
+        assert_true(x.points->max_residual < 1e-6);
+        assert_true(x.q.hex_fraction > 0.85);
+        assert_true(x.q.min_spacing_ratio > 0.75);
+        if (!x.a->base.open) assert_close(x.q.euler, euler[k], 1e-9);
+        for (size_t i = 0; x.a->base.open && i < x.points->count; i++)
+            assert_true(bbox_contains(x.a->base.domain, x.points->position[i]));
+        release(&x);
+    }
+}
+
+/* Bytes, not tolerances. */
+static void threads_do_not_show(void **state)
+{
+    (void)state;
+    sampler_params params = even;
+    params.max_sweeps = 60;
+    solved one;
+    solve(1, &params, 1, &one);
+    for (int workers = 2; workers <= 8; workers += 3) {
+        solved many;
+        solve(1, &params, workers, &many);
+        assert_memory_equal(one.points->position, many.points->position, 1000 * sizeof(vec3));
+        assert_memory_equal(one.points->energy, many.points->energy, 1000 * sizeof(double));
+        release(&many);
+    }
+    release(&one);
+}
+
+static void seeds_differ_and_repeat(void **state)
+{
+    (void)state;
+    sampler_params params = even;
+    params.max_sweeps = 5;
+    solved a, b, c;
+    solve(0, &params, 1, &a);
+    solve(0, &params, 1, &b);
+    params.seed = 2;
+    solve(0, &params, 1, &c);
+    assert_memory_equal(a.points->position, b.points->position, 1000 * sizeof(vec3));
+    assert_memory_not_equal(a.points->position, c.points->position, 1000 * sizeof(vec3));
+    release(&a);
+    release(&b);
+    release(&c);
+}
+
+/* The energy of the system falls with every sweep under one support: each accepted step is a decrease
+ * of the sum, pairs being symmetric. */
+static void energy_never_rises(void **state)
+{
+    (void)state;
+    sampler_params params = even;
+    params.max_sweeps = 100;
+    solved x;
+    solve(4, &params, 1, &x);
+    size_t count;
+    const sampler_sweep *sweep = sampler_sweeps(x.s, &count);
+    for (size_t k = 1; k < count; k++)
+        if (sweep[k].sigma == sweep[k - 1].sigma && k > 20)
+            assert_true(sweep[k].energy < sweep[k - 1].energy * (1 + 1e-3));
+    assert_true(sweep[99 < count ? 99 : count - 1].energy < sweep[0].energy);
+    release(&x);
+}
+
+static void tiny_counts_work(void **state)
+{
+    (void)state;
+    for (size_t count = 4; count <= 40; count += 6) {
+        sampler_params params = even;
+        params.count = count;
+        params.max_sweeps = 500;
+        solved x;
+        solve(0, &params, 1, &x);
+        assert_int_equal(x.points->count, count);
+        assert_int_equal(x.points->lost, 0);
+        assert_true(x.points->max_residual < 1e-6);
+        release(&x);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(quartic_even),
+        cmocka_unit_test(quartic_alpha),
+        cmocka_unit_test(alpha_draws_particles_to_curvature),
+        cmocka_unit_test(every_shape_converges),
+        cmocka_unit_test(threads_do_not_show),
+        cmocka_unit_test(seeds_differ_and_repeat),
+        cmocka_unit_test(energy_never_rises),
+        cmocka_unit_test(tiny_counts_work),
+    };
+    return cmocka_run_group_tests_name("sampler", tests, NULL, NULL);
+}

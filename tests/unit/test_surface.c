@@ -1,0 +1,77 @@
+/* The scan: areas of shapes that have a formula for it, and points in proportion to area. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/surface.h"
+#include "shapes.h"
+
+static double scan_area(int k, int workers)
+{
+    error e = {0};
+    analytic *a = analytic_new(&shapes[k], &e);
+    threads *pool = threads_new(workers, &e);
+    surface *s = surface_scan(&a->base, pool, &e);
+    assert_non_null(s);
+    double area = s->area;
+    surface_free(s);
+    threads_free(pool);
+    analytic_free(a);
+    return area;
+}
+
+static void areas_are_right_to_a_thousandth(void **state)
+{
+    (void)state;
+    double a = 0.3, b = 0.2, c = 0.1, r = 0.1; /* the box' core and rounding */
+    double box = 8 * (a * b + b * c + c * a) + 4 * M_PI * r * (a + b + c) + 4 * M_PI * r * r;
+    assert_close(scan_area(0, 1) / (36 * M_PI), 1, 1e-4);
+    assert_close(scan_area(1, 1) / (4 * M_PI * M_PI * 0.4), 1, 1e-4);
+    assert_close(scan_area(2, 1) / box, 1, 1e-3);
+    assert_close(scan_area(4, 1) / 4.5646, 1, 1e-4); /* quadrature in spherical coordinates */
+}
+
+static void area_does_not_depend_on_threads(void **state)
+{
+    (void)state;
+    for (int k = 0; k < SHAPE_COUNT; k++) assert_true(scan_area(k, 1) == scan_area(k, 3));
+}
+
+/* The same share of points as of area above a plane of the sphere (Archimedes: uniform in z). */
+static void points_follow_area(void **state)
+{
+    (void)state;
+    enum { POINTS = 20000, SLABS = 10 };
+    error e = {0};
+    rng r = rng_seed(test_seed(), 0);
+    analytic *a = analytic_new(&shapes[0], &e);
+    threads *pool = threads_new(1, &e);
+    surface *s = surface_scan(&a->base, pool, &e);
+    int slab[SLABS] = {0};
+    for (int k = 0; k < POINTS; k++) {
+        vec3 p = vec3_sub(surface_point(s, rng_uniform(&r) * s->area, &r), shapes[0].center);
+        assert_close(vec3_norm(p), 3, 0.01);
+        int z = (int)(SLABS * (p.z + 3) / 6);
+        slab[z < 0 ? 0 : z >= SLABS ? SLABS - 1 : z]++;
+    }
+    double chi2 = 0, expected = (double)POINTS / SLABS;
+    for (int k = 0; k < SLABS; k++) chi2 += pow(slab[k] - expected, 2) / expected;
+    assert_true(chi2 < 33.7); /* 9 degrees of freedom: exceeded once in 10 000 seeds */
+    surface_free(s);
+    threads_free(pool);
+    analytic_free(a);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(areas_are_right_to_a_thousandth),
+        cmocka_unit_test(area_does_not_depend_on_threads),
+        cmocka_unit_test(points_follow_area),
+    };
+    return cmocka_run_group_tests_name("surface", tests, NULL, NULL);
+}
