@@ -39,11 +39,13 @@ client *client_open(const char *server, error *e)
         return NULL;
     }
     c->base = mem_strdup(unix_path ? "http://localhost" : server);
-    for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--) c->base[length - 1] = '\0';
+    for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
+        c->base[length - 1] = '\0';
     if (unix_path) curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, unix_path);
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
     curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c->curl, CURLOPT_NOPROXY, "*"); /* the service is near; a proxy is for the world */
+    curl_easy_setopt(c->curl, CURLOPT_NOPROXY,
+                     "*"); /* the service is near; a proxy is for the world */
     curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, CONNECT_TIMEOUT_S);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, STALL_TIMEOUT_S);
@@ -83,12 +85,14 @@ static bool perform(client *c, const char *path, long *status, error *e)
     CURLcode code = curl_easy_perform(c->curl);
     free(url);
     if (code != CURLE_OK)
-        return error_set(e, ERROR_INTERNAL, "%s: %s", c->base, *c->fault ? c->fault : curl_easy_strerror(code));
+        return error_set(e, ERROR_INTERNAL, "%s: %s", c->base,
+                         *c->fault ? c->fault : curl_easy_strerror(code));
     curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, status);
     return true;
 }
 
-bool client_call(client *c, const char *method, const char *path, const char *body, client_reply *reply, error *e)
+bool client_call(client *c, const char *method, const char *path, const char *body,
+                 client_reply *reply, error *e)
 {
     buffer b = {0};
     long status = 0;
@@ -98,7 +102,8 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
     if (strcmp(method, "POST") == 0) {
         curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
-        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE, (curl_off_t)(body ? strlen(body) : 0));
+        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE,
+                         (curl_off_t)(body ? strlen(body) : 0));
         curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, body ? body : "");
     } else {
         curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);

@@ -22,7 +22,8 @@ void client_close(client *c); /* accepts NULL */
 
 /* Sends a request and takes its reply, whatever the status. `body` is JSON text, or NULL for none.
  * False and an error only when no reply came. The caller clears the reply. */
-bool client_call(client *c, const char *method, const char *path, const char *body, client_reply *reply, error *e);
+bool client_call(client *c, const char *method, const char *path, const char *body,
+                 client_reply *reply, error *e);
 void client_reply_clear(client_reply *reply);
 
 /* Writes the body of a reply to a stream; *status tells whether it is what was asked for. */

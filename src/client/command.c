@@ -21,7 +21,8 @@
 /* Text from a job may hold anything; a terminal must not obey it. */
 static void print_text(FILE *file, const char *text)
 {
-    for (const char *c = text; *c; c++) fputc((unsigned char)*c < 0x20 || *c == 0x7F ? '?' : *c, file);
+    for (const char *c = text; *c; c++)
+        fputc((unsigned char)*c < 0x20 || *c == 0x7F ? '?' : *c, file);
 }
 
 static int complain(const char *what)
@@ -99,13 +100,15 @@ static int code_of_end(json_at job)
 static bool has_ended(json_at job)
 {
     const char *state = json_string(json_member(&job, "state"), "");
-    return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0 && strcmp(state, "cancelling") != 0;
+    return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0 &&
+           strcmp(state, "cancelling") != 0;
 }
 
 /* A path below /v1/jobs for an id that a user typed; NULL when that cannot be one. To be freed. */
 static char *job_path(const char *id, const char *rest)
 {
-    if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") != strlen(id)) {
+    if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") !=
+                    strlen(id)) {
         complain("that is not the id of a job");
         return NULL;
     }
@@ -208,8 +211,9 @@ int command_submit(client *c, const char *argument, const command_options *optio
     error e = {0};
     size_t length = 0;
     client_reply reply = {0};
-    char *body = strcmp(argument, "-") == 0 ? read_stream(stdin)
-                                            : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
+    char *body = strcmp(argument, "-") == 0
+                     ? read_stream(stdin)
+                     : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
     if (!body) {
         complain(e.message);
         return COMMAND_USAGE;
@@ -254,9 +258,10 @@ int command_list(client *c, const char *argument, const command_options *options
     error e = {0};
     client_reply reply = {0};
     int code = COMMAND_OK;
-    char *path = mem_printf("/v1/jobs?%s%s%s%s%s", options->state ? "state=" : "", options->state ? options->state : "",
-                            options->state && options->limit ? "&" : "", options->limit ? "limit=" : "",
-                            options->limit ? options->limit : "");
+    char *path = mem_printf("/v1/jobs?%s%s%s%s%s", options->state ? "state=" : "",
+                            options->state ? options->state : "",
+                            options->state && options->limit ? "&" : "",
+                            options->limit ? "limit=" : "", options->limit ? options->limit : "");
     if (path[strlen(path) - 1] == '?') path[strlen(path) - 1] = '\0';
     if (!client_call(c, "GET", path, NULL, &reply, &e)) {
         code = unreachable(&e);
@@ -266,7 +271,8 @@ int command_list(client *c, const char *argument, const command_options *options
         print_document(reply.document);
     } else {
         json_at root = json_root(reply.document), jobs = json_member(&root, "jobs");
-        printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY", "CREATED", "NAME");
+        printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY",
+               "CREATED", "NAME");
         for (size_t i = 0; i < json_size(jobs); i++) print_row(json_element(&jobs, i));
         if (json_type_of(json_member(&root, "next")) == JSON_STRING)
             fputs("hexadctl: there are more; see --limit\n", stderr);
@@ -302,9 +308,11 @@ static int fetch_file(client *c, const char *directory, json_at item, error *e)
         error_set(e, ERROR_INTERNAL, "%s: the server answered %ld", name, status);
         goto done;
     }
-    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
+    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e))
+        goto done;
     if (strcmp(hex, wanted) != 0) {
-        error_set(e, ERROR_INPUT_DAMAGED, "%s: what arrived has another hash than what was sent", name);
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: what arrived has another hash than what was sent",
+                  name);
         goto done;
     }
     if (store_file_commit(&file, e)) code = COMMAND_OK;
@@ -316,7 +324,8 @@ done:
     return code;
 }
 
-static int fetch_all(client *c, const char *directory, json_at results, const command_options *options)
+static int fetch_all(client *c, const char *directory, json_at results,
+                     const command_options *options)
 {
     error e = {0};
     if (!store_directory_create(directory, &e)) return complain(e.message);
@@ -349,7 +358,8 @@ int command_fetch(client *c, const char *argument, const command_options *option
         code = refused(&reply);
     } else {
         json_at root = json_root(reply.document);
-        code = fetch_all(c, options->output ? options->output : argument, json_member(&root, "results"), options);
+        code = fetch_all(c, options->output ? options->output : argument,
+                         json_member(&root, "results"), options);
         if (code == COMMAND_OK && options->json) print_document(reply.document);
     }
     client_reply_clear(&reply);

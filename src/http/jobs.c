@@ -89,7 +89,8 @@ static bool put_attempts(const jobs_context *c, const queue_job *job, json *obje
         put_time(o, "finished", a->finished_ms);
         if (a->exit_status >= 0) json_put_integer(o, "exit_status", a->exit_status);
         if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
-        if (a->peak_memory_bytes > 0) json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
+        if (a->peak_memory_bytes > 0)
+            json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
         if (a->reason) json_put_string(o, "reason", a->reason);
     }
     queue_attempts_free(attempts, count);
@@ -154,7 +155,8 @@ static spec *read_spec(const jobs_request *request, reply *r)
     json_free(document);
     if (s) return s;
     json *errors = json_new_array();
-    for (size_t i = 0; i < faults.count; i++) append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
+    for (size_t i = 0; i < faults.count; i++)
+        append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
     reply_set_error(r, &e, errors);
     return NULL;
 }
@@ -188,7 +190,8 @@ static char *print_labels(const spec *s)
 void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 {
     if (executor_is_draining(c->x)) {
-        reply_set_problem(r, "unavailable", NULL, "the service is about to end and takes no more jobs");
+        reply_set_problem(r, "unavailable", NULL,
+                          "the service is about to end and takes no more jobs");
         reply_add_header(r, "Retry-After", RETRY_AFTER_S);
         return;
     }
@@ -220,7 +223,8 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 
 static bool read_integer(const char *text, int64_t low, int64_t high, int64_t *value)
 {
-    if (!text || !*text || strspn(text, "0123456789") != strlen(text) || strlen(text) > 18) return false;
+    if (!text || !*text || strspn(text, "0123456789") != strlen(text) || strlen(text) > 18)
+        return false;
     int64_t read = strtoll(text, NULL, 10);
     if (read < low || read > high) return false;
     *value = read;
@@ -239,13 +243,15 @@ static bool read_filter(const jobs_request *request, queue_filter *filter, reply
             filter->state = (int)state;
         } else if (strcmp(key, "limit") == 0 && read_integer(value, 1, LIST_MOST, &limit)) {
             continue;
-        } else if (strcmp(key, "cursor") == 0 && read_integer(value, 1, INT64_MAX, &filter->before_seq)) {
+        } else if (strcmp(key, "cursor") == 0 &&
+                   read_integer(value, 1, INT64_MAX, &filter->before_seq)) {
             continue;
         } else {
-            reply_set_problem(r, "request_invalid", NULL,
-                              "query %.100s=%.100s: known are state (one of the states), limit (1 to %d) and"
-                              " cursor (the next of an earlier answer)",
-                              key, value ? value : "", LIST_MOST);
+            reply_set_problem(
+                r, "request_invalid", NULL,
+                "query %.100s=%.100s: known are state (one of the states), limit (1 to %d) and"
+                " cursor (the next of an earlier answer)",
+                key, value ? value : "", LIST_MOST);
             return false;
         }
     }
@@ -298,7 +304,8 @@ void jobs_cancel(const jobs_context *c, const jobs_request *request, reply *r)
     else if (!found)
         reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
     else if (!changed && queue_state_is_final(now))
-        reply_set_problem(r, "conflict", NULL, "the job %s has ended already: %s", id, queue_state_name(now));
+        reply_set_problem(r, "conflict", NULL, "the job %s has ended already: %s", id,
+                          queue_state_name(now));
     else
         show_job(c, id, now == QUEUE_CANCELLED ? 200 : 202, r);
 }
@@ -308,7 +315,10 @@ static const char *content_type_of(const char *name)
     static const struct {
         const char *ending, *type;
     } types[] = {
-        {".json", "application/json"}, {".png", "image/png"}, {".exr", "image/x-exr"}, {".ply", "model/ply"},
+        {".json", "application/json"},
+        {".png", "image/png"},
+        {".exr", "image/x-exr"},
+        {".ply", "model/ply"},
     };
     size_t length = strlen(name);
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
@@ -320,8 +330,8 @@ static const char *content_type_of(const char *name)
 
 /* Finds the result of the job that the path names, or answers why there is none. *directory is to
  * be freed, *found to be cleared. */
-static bool find_result(const jobs_context *c, const jobs_request *request, char **directory, result *found,
-                        reply *r)
+static bool find_result(const jobs_context *c, const jobs_request *request, char **directory,
+                        result *found, reply *r)
 {
     error e = {0};
     queue_job job = {0};
@@ -329,9 +339,11 @@ static bool find_result(const jobs_context *c, const jobs_request *request, char
     bool ok = false;
     char *path = result_directory(c->state_dir, job.id);
     if (!queue_state_is_final(job.state))
-        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id, queue_state_name(job.state));
+        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
+                          queue_state_name(job.state));
     else if (job.state != QUEUE_SUCCEEDED)
-        reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id, queue_state_name(job.state));
+        reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
+                          queue_state_name(job.state));
     else if (!result_read(path, found, &e))
         reply_set_error(r, &e, NULL);
     else
@@ -344,7 +356,8 @@ static bool find_result(const jobs_context *c, const jobs_request *request, char
     return ok;
 }
 
-static void append_result(json *list, const char *id, const char *name, int64_t bytes, const char *sha256)
+static void append_result(json *list, const char *id, const char *name, int64_t bytes,
+                          const char *sha256)
 {
     json *o = json_append_object(list);
     char *href = mem_printf("/v1/jobs/%s/results/%s", id, name);
@@ -392,9 +405,11 @@ void jobs_send_result(const jobs_context *c, const jobs_request *request, reply 
     const char *name = request->parameter[1];
     if (!find_result(c, request, &directory, &found, r)) return;
     bool listed = strcmp(name, RESULT_REPORT_NAME) == 0;
-    for (size_t i = 0; i < found.output_count && !listed; i++) listed = strcmp(name, found.output[i].name) == 0;
+    for (size_t i = 0; i < found.output_count && !listed; i++)
+        listed = strcmp(name, found.output[i].name) == 0;
     if (!listed) {
-        reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s", request->parameter[0], name);
+        reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
+                          request->parameter[0], name);
     } else {
         int64_t bytes = 0;
         int fd = result_open_file(directory, name, &bytes, &e);

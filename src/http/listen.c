@@ -34,9 +34,11 @@ static bool is_loopback(const struct sockaddr *address)
 static bool split(const char *where, char **host, char **port)
 {
     const char *colon = strrchr(where, ':');
-    if (!colon || colon == where || !colon[1] || strspn(colon + 1, "0123456789") != strlen(colon + 1))
+    if (!colon || colon == where || !colon[1] ||
+        strspn(colon + 1, "0123456789") != strlen(colon + 1))
         return false;
-    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535) return false; /* getaddrinfo would wrap it */
+    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535)
+        return false; /* getaddrinfo would wrap it */
     size_t length = (size_t)(colon - where);
     if (where[0] == '[' && where[length - 1] == ']')
         *host = mem_strndup(where + 1, length - 2);
@@ -64,7 +66,8 @@ static char *describe(int fd)
     return mem_printf("%s:%d", text, ntohs(a.v4.sin_port));
 }
 
-static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size, const char *where, error *e)
+static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size,
+                            const char *where, error *e)
 {
     if (bind(fd, address, size) != 0) return fail(e, where, "bind");
     return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
@@ -73,7 +76,8 @@ static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t si
 static bool open_tcp(const char *where, listen_socket *s, error *e)
 {
     char *host = NULL, *port = NULL;
-    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE | AI_NUMERICSERV}, *found = NULL;
+    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE | AI_NUMERICSERV},
+                    *found = NULL;
     bool ok = false;
     int fd = -1, one = 1;
     if (!split(where, &host, &port))
@@ -86,7 +90,8 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
     for (const struct addrinfo *a = found; a; a = a->ai_next) {
         if (is_loopback(a->ai_addr)) continue;
         error_set(e, ERROR_SPEC_INVALID,
-                  "listen %s: not a loopback address, and there is no authentication yet: anyone who reaches"
+                  "listen %s: not a loopback address, and there is no authentication yet: anyone "
+                  "who reaches"
                   " the port could run jobs. Listen on 127.0.0.1 or unix:/path",
                   where);
         goto done;
@@ -112,12 +117,15 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     struct stat info;
     if (lstat(address->sun_path, &info) != 0) return true;
     if (!S_ISSOCK(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: there is something that is not a socket", where);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: there is something that is not a socket", where);
     int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (probe < 0) return fail(e, where, "socket");
-    bool alive = connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 || errno != ECONNREFUSED;
+    bool alive = connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 ||
+                 errno != ECONNREFUSED;
     close(probe);
-    if (alive) return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
+    if (alive)
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
     return unlink(address->sun_path) == 0 || fail(e, where, "unlink");
 }
 
@@ -126,7 +134,8 @@ static bool open_unix(const char *where, listen_socket *s, error *e)
     const char *path = where + strlen("unix:");
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (*path != '/' || strlen(path) >= sizeof address.sun_path)
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: not an absolute path of at most %zu bytes", where,
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: not an absolute path of at most %zu bytes", where,
                          sizeof address.sun_path - 1);
     strcpy(address.sun_path, path);
     if (!remove_stale(&address, where, e)) return false;

@@ -97,6 +97,7 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
 void reply_set_error(reply *r, const error *e, json *errors)
 {
     const char *code = error_code_name(e->code);
-    if (find_problem(code)->status == 500) log_write(LOG_LEVEL_ERROR, "request failed: %s", e->message);
+    if (find_problem(code)->status == 500)
+        log_write(LOG_LEVEL_ERROR, "request failed: %s", e->message);
     reply_set_problem(r, code, errors, "%s", e->message);
 }

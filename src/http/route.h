@@ -12,8 +12,8 @@ typedef struct route_match {
     bool known;            /* some method answers at this path */
     jobs_handler *handler; /* NULL: not this method */
     bool takes_body;
-    char allow[32];                         /* for 405: "GET, HEAD" */
-    char path[ROUTE_PATH_BYTES];            /* holds the parameters' text */
+    char allow[32];                             /* for 405: "GET, HEAD" */
+    char path[ROUTE_PATH_BYTES];                /* holds the parameters' text */
     const char *parameter[JOBS_MAX_PARAMETERS]; /* into `path` */
 } route_match;
 

@@ -53,7 +53,8 @@ typedef struct exchange {
 
 static void peer_mark(server *s, struct MHD_Connection *connection, int64_t since_ms)
 {
-    const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    const union MHD_ConnectionInfo *info =
+        MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
     if (!info || !info->socket_context) return;
     pthread_mutex_lock(&s->mutex);
     ((peer *)info->socket_context)->since_ms = since_ms;
@@ -151,7 +152,8 @@ typedef struct framing {
     const char *length;
 } framing;
 
-static enum MHD_Result read_header(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
+static enum MHD_Result read_header(void *context, enum MHD_ValueKind kind, const char *key,
+                                   const char *value)
 {
     (void)kind;
     framing *f = context;
@@ -175,25 +177,29 @@ static bool is_json(const char *type)
 }
 
 /* Answers from the headers alone what needs no body; true when *r was filled. */
-static bool refuse_early(const server *s, struct MHD_Connection *connection, const char *method, const char *path,
-                         exchange *x, reply *r)
+static bool refuse_early(const server *s, struct MHD_Connection *connection, const char *method,
+                         const char *path, exchange *x, reply *r)
 {
     framing f = {0};
     MHD_get_connection_values(connection, MHD_HEADER_KIND, read_header, &f);
     route_find(method, path, &x->route);
     const route_match *route = &x->route;
     if (f.lengths > 1 || f.codings > 1 || (f.lengths && f.codings) || (f.codings && !f.chunked)) {
-        reply_set_problem(r, "request_invalid", NULL, "the length of the body is given more than once or not at all");
+        reply_set_problem(r, "request_invalid", NULL,
+                          "the length of the body is given more than once or not at all");
     } else if (!route->known) {
         reply_set_problem(r, "not_found", NULL, "nothing is served at %.200s", path);
     } else if (!route->handler) {
-        reply_set_problem(r, "method_not_allowed", NULL, "%.32s does not apply to %.200s", method, path);
+        reply_set_problem(r, "method_not_allowed", NULL, "%.32s does not apply to %.200s", method,
+                          path);
         reply_add_header(r, MHD_HTTP_HEADER_ALLOW, route->allow);
     } else if (f.length && strtoull(f.length, NULL, 10) > s->settings.body_limit_bytes) {
-        reply_set_problem(r, "body_too_large", NULL, "the body has %.24s bytes and the limit is %zu", f.length,
+        reply_set_problem(r, "body_too_large", NULL,
+                          "the body has %.24s bytes and the limit is %zu", f.length,
                           s->settings.body_limit_bytes);
     } else if (route->takes_body &&
-               !is_json(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE))) {
+               !is_json(MHD_lookup_connection_value(connection, MHD_HEADER_KIND,
+                                                    MHD_HTTP_HEADER_CONTENT_TYPE))) {
         reply_set_problem(r, "media_type_unsupported", NULL, "the body must be application/json");
     }
     if (!r->status) return false;
@@ -202,8 +208,8 @@ static bool refuse_early(const server *s, struct MHD_Connection *connection, con
     return true;
 }
 
-static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const char *method, const char *path,
-                             void **slot)
+static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const char *method,
+                             const char *path, void **slot)
 {
     exchange *x = mem_alloc(sizeof *x);
     reply r = {.fd = -1};
@@ -213,7 +219,8 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
     pthread_mutex_unlock(&s->mutex);
     if (!refuse_early(s, connection, method, path, x, &r)) return MHD_YES;
     peer_mark(s, connection, NEVER);
-    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path, r.status);
+    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path,
+              r.status);
     return queue_reply(connection, &r);
 }
 
@@ -232,7 +239,8 @@ static enum MHD_Result take_body(const server *s, exchange *x, const char *data,
     return MHD_YES;
 }
 
-static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
+static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const char *key,
+                                  const char *value)
 {
     (void)kind;
     jobs_request *request = context;
@@ -242,8 +250,8 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
     return MHD_YES;
 }
 
-static enum MHD_Result finish(server *s, struct MHD_Connection *connection, const char *method, const char *path,
-                              exchange *x)
+static enum MHD_Result finish(server *s, struct MHD_Connection *connection, const char *method,
+                              const char *path, exchange *x)
 {
     reply r = {.fd = -1};
     jobs_request request = {.body = x->body ? x->body : "", .length = x->length};
@@ -252,12 +260,14 @@ static enum MHD_Result finish(server *s, struct MHD_Connection *connection, cons
     MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, read_query, &request);
     peer_mark(s, connection, NEVER);
     x->route.handler(s->context, &request, &r);
-    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path, r.status);
+    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path,
+              r.status);
     return queue_reply(connection, &r);
 }
 
-static enum MHD_Result answer(void *context, struct MHD_Connection *connection, const char *path, const char *method,
-                              const char *version, const char *data, size_t *size, void **slot)
+static enum MHD_Result answer(void *context, struct MHD_Connection *connection, const char *path,
+                              const char *method, const char *version, const char *data,
+                              size_t *size, void **slot)
 {
     (void)version;
     server *s = context;
@@ -266,7 +276,8 @@ static enum MHD_Result answer(void *context, struct MHD_Connection *connection, 
     return finish(s, connection, method, path, *slot);
 }
 
-static void complete(void *context, struct MHD_Connection *connection, void **slot, enum MHD_RequestTerminationCode why)
+static void complete(void *context, struct MHD_Connection *connection, void **slot,
+                     enum MHD_RequestTerminationCode why)
 {
     (void)why;
     server *s = context;
@@ -295,8 +306,8 @@ static void server_free(server *s)
     free(s);
 }
 
-server *server_start(const server_settings *settings, const listen_socket *socket, const jobs_context *context,
-                     error *e)
+server *server_start(const server_settings *settings, const listen_socket *socket,
+                     const jobs_context *context, error *e)
 {
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
@@ -318,15 +329,17 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     s->daemon = fd < 0 ? NULL
-                       : MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_USE_ERROR_LOG, 0, NULL,
-                                          NULL, answer, s, MHD_OPTION_EXTERNAL_LOGGER, write_library_log, NULL,
-                                          MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
-                                          settings->connection_limit, MHD_OPTION_CONNECTION_TIMEOUT, idle_s,
-                                          MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY_BYTES,
-                                          MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, complete, s,
-                                          MHD_OPTION_NOTIFY_CONNECTION, note_connection, s, MHD_OPTION_END);
+                       : MHD_start_daemon(
+                             MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_USE_ERROR_LOG, 0,
+                             NULL, NULL, answer, s, MHD_OPTION_EXTERNAL_LOGGER, write_library_log,
+                             NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+                             settings->connection_limit, MHD_OPTION_CONNECTION_TIMEOUT, idle_s,
+                             MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY_BYTES,
+                             MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, complete,
+                             s, MHD_OPTION_NOTIFY_CONNECTION, note_connection, s, MHD_OPTION_END);
     if (s->daemon) return s;
-    error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address, strerror(errno));
+    error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
+              strerror(errno));
     if (fd >= 0) close(fd);
     server_stop(s);
     return NULL;

@@ -20,8 +20,8 @@ typedef struct server_settings {
 } server_settings;
 
 /* Serves until server_stop. The socket stays the caller's; the context outlives the server. */
-server *server_start(const server_settings *settings, const listen_socket *s, const jobs_context *context,
-                     error *e);
+server *server_start(const server_settings *settings, const listen_socket *s,
+                     const jobs_context *context, error *e);
 
 /* Takes no more connections, lets replies that are on their way end, and stops. Accepts NULL. */
 void server_stop(server *s);

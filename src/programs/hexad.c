@@ -26,7 +26,7 @@ enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
     config settings;
-    int signals; /* signalfd */
+    int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
     store_roots *roots;
@@ -79,7 +79,8 @@ static void fini_queue(service *s)
 
 static bool init_roots(service *s, error *e)
 {
-    s->roots = store_roots_open((const char *const *)s->settings.input_roots.item, s->settings.input_roots.count, e);
+    s->roots = store_roots_open((const char *const *)s->settings.input_roots.item,
+                                s->settings.input_roots.count, e);
     return s->roots != NULL;
 }
 
@@ -167,14 +168,10 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals},
-    {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},
-    {"roots", init_roots, fini_roots},
-    {"socket", init_socket, fini_socket},
-    {"executor", init_executor, fini_executor},
-    {"http", init_http, fini_http},
-    {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
+    {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
+    {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
 };
 
 /* Waits for a signal, then until the drain has ended; another signal shortens it. */
@@ -187,7 +184,8 @@ static void serve(service *s)
         if (poll(fds, 2, -1) < 0 && errno != EINTR) return;
         struct signalfd_siginfo info;
         if (read(s->signals, &info, sizeof info) == sizeof info) {
-            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining", info.ssi_signo);
+            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
+                      info.ssi_signo);
             executor_drain(s->x, draining ? 0 : s->settings.drain_s);
             draining = true;
         } else if (draining && fds[1].revents) {

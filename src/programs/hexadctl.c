@@ -20,12 +20,15 @@ static const char usage[] =
     "  cancel ID                        take a job out of the queue, or stop it\n"
     "  fetch ID [--output DIR]          the results, verified; into DIR, else into ./ID\n"
     "\n"
-    "  --server URL   http://HOST:PORT or unix:/path; default: $HEXAD_SERVER, else " DEFAULT_SERVER "\n"
+    "  --server URL   http://HOST:PORT or unix:/path; default: $HEXAD_SERVER, else " DEFAULT_SERVER
+    "\n"
     "  --json         print documents as the server gives them\n"
     "  --help, --version\n"
     "\n"
-    "Exit status: 0 done (a job waited for: succeeded and converged), 1 the job failed or ran out of\n"
-    "time, 2 bad usage or a spec that is refused, 3 no server answers, 4 no such job or no results,\n"
+    "Exit status: 0 done (a job waited for: succeeded and converged), 1 the job failed or ran out "
+    "of\n"
+    "time, 2 bad usage or a spec that is refused, 3 no server answers, 4 no such job or no "
+    "results,\n"
     "6 the job was cancelled, 10 the job succeeded but did not converge.\n";
 
 static const struct entry {
@@ -33,8 +36,9 @@ static const struct entry {
     command *run;
     bool argument;
 } commands[] = {
-    {"submit", command_submit, true}, {"list", command_list, false},     {"show", command_show, true},
-    {"wait", command_wait, true},     {"cancel", command_cancel, true}, {"fetch", command_fetch, true},
+    {"submit", command_submit, true}, {"list", command_list, false},
+    {"show", command_show, true},     {"wait", command_wait, true},
+    {"cancel", command_cancel, true}, {"fetch", command_fetch, true},
 };
 
 typedef struct line {
@@ -89,7 +93,8 @@ static bool take_word(line *l, const char *word)
 static bool is_print_only(int argc, char **argv)
 {
     for (int i = 1; i < argc; i++) {
-        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
+        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0)
+            return fputs(usage, stdout) >= 0;
         if (strcmp(argv[i], "--version") == 0) return puts(PACKAGE_STRING) >= 0;
     }
     return false;

@@ -31,7 +31,8 @@
 #define REPORT                                                                                     \
     "printf x > \"$D/points.ply\"\n"                                                               \
     "printf '%s' '{\"outcome\":\"converged\",\"count\":7,\"outputs\":[{\"name\":\"points.ply\","   \
-    "\"bytes\":1,\"sha256\":\"2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881\"}]}'" \
+    "\"bytes\":1,\"sha256\":\"2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881\"}" \
+    "]}'"                                                                                          \
     " > \"$D/report.json\"\n"
 
 typedef struct place {
@@ -69,8 +70,11 @@ static void start(place *p, const char *script, int workers)
 {
     assert_true(store_file_write(p->worker, script, strlen(script), NULL));
     assert_int_equal(chmod(p->worker, 0700), 0);
-    executor_settings settings = {.state_dir = p->base, .worker = p->worker, .workers = workers,
-                                  .memory_mb = 1024, .grace_s = 0.2};
+    executor_settings settings = {.state_dir = p->base,
+                                  .worker = p->worker,
+                                  .workers = workers,
+                                  .memory_mb = 1024,
+                                  .grace_s = 0.2};
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
@@ -117,7 +121,8 @@ static void wait_file(place *p, const char *name)
     free(path);
 }
 
-static void expect_end(place *p, const char *id, queue_state state, const char *code, const char *words)
+static void expect_end(place *p, const char *id, queue_state state, const char *code,
+                       const char *words)
 {
     queue_job job = wait_final(p, id);
     if (job.state != state) fail_msg("%s: %s", queue_state_name(job.state), job.error_message);
@@ -194,8 +199,11 @@ static void test_errors_come_from_the_last_line(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE "echo first >&2\n"
-             "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n", 1);
+    start(p,
+          PROLOGUE
+          "echo first >&2\n"
+          "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n",
+          1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
     assert_int_equal(count_attempts(p, id), 1); /* never again for a bad file */
@@ -205,9 +213,11 @@ static void test_garbage_does_no_harm(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE
+    start(p,
+          PROLOGUE
           "head -c 300000 /dev/zero | tr '\\0' x >&3; echo >&3; echo '[1]' >&3; echo '{\"a' >&3\n"
-          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n", 1);
+          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n",
+          1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "internal", "exit status 9");
     queue_job job = get(p, id);
@@ -256,8 +266,10 @@ static void test_progress_is_seen(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE "echo '{\"phase\":\"relax\",\"fraction\":0.5}' >&3\n"
-             "while ! [ -e \"$D/../../go\" ]; do sleep 0.01; done\n" REPORT, 1);
+    start(p,
+          PROLOGUE "echo '{\"phase\":\"relax\",\"fraction\":0.5}' >&3\n"
+                   "while ! [ -e \"$D/../../go\" ]; do sleep 0.01; done\n" REPORT,
+          1);
     put(p, "{}", 1, id);
     char *progress = NULL;
     for (int64_t since = clock_monotonic_ms(); !(progress = executor_progress(p->x, id));)
@@ -361,8 +373,12 @@ static void test_slots_bound_what_runs(void **state)
     place *p = *state;
     char id[6][ULID_SIZE];
     /* a worker that finds a third one beside it leaves a mark */
-    start(p, PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
-             "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT, 2);
+    start(
+        p,
+        PROLOGUE
+        "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
+        "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT,
+        2);
     for (int i = 0; i < 6; i++) put(p, "{}", 1, id[i]);
     for (int i = 0; i < 6; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
     char *crowd = mem_printf("%s/crowd", p->base);
