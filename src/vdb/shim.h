@@ -2,11 +2,13 @@
 #ifndef HEXAD_VDB_SHIM_H
 #define HEXAD_VDB_SHIM_H
 
-#include <cstdio>
 #include <exception>
+#include <ios>
 #include <new>
 #include <stdexcept>
 #include <string>
+
+#include <tbb/global_control.h>
 
 #include "vdb/vdb.h"
 
@@ -18,23 +20,28 @@ struct fault : std::runtime_error {
     error_code code;
 };
 
-/* Runs `body` and turns whatever it throws into *e. Library messages are kept: they say what the
- * reader stumbled over. */
-template <typename Body> bool guard(error *e, error_code otherwise, const char *doing, Body body)
+/* Runs `body` and turns whatever it throws into *e. `what` is the thing that is read or written.
+ * Library messages are kept: they say what the reader stumbled over. */
+template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
 {
     try {
+        /* The library frees trees in parallel. Reading gains nothing from that, and a worker whose
+         * address space is limited has no room for the stacks and heaps of a thread per core. */
+        tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
         body();
         return true;
     } catch (const fault &f) {
         return error_set(e, f.code, "%s", f.what());
     } catch (const std::bad_alloc &) {
-        return error_set(e, ERROR_LIMIT_MEMORY, "no memory left while %s", doing);
-    } catch (const std::length_error &x) {
-        return error_set(e, otherwise, "a length that cannot be, while %s (%s)", doing, x.what());
+        return error_set(e, ERROR_LIMIT_MEMORY, "there is no memory left for %s: raise limits.memory_mb", what);
+    } catch (const std::length_error &) {
+        return error_set(e, otherwise, "%s cannot be had: a length in it is impossible", what);
+    } catch (const std::ios_base::failure &) {
+        return error_set(e, otherwise, "ends within %s: it was cut short or is damaged", what);
     } catch (const std::exception &x) {
-        return error_set(e, otherwise, "failed while %s: %s", doing, x.what());
+        return error_set(e, otherwise, "%s cannot be had: %s", what, x.what());
     } catch (...) {
-        return error_set(e, otherwise, "failed while %s", doing);
+        return error_set(e, otherwise, "%s cannot be had", what);
     }
 }
 

@@ -82,7 +82,7 @@ typedef struct vdb_draft {
     bool half;        /* store floats as 16 bits */
     vdb_class grid_class;
     double background;
-    const double *index_to_world; /* as in vdb_grid */
+    const double *index_to_world; /* as in vdb_grid; NULL: a frustum, which the reader refuses */
     size_t voxel_count;
     const int32_t (*voxels)[3];
     const float *values;

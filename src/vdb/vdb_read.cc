@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <istream>
@@ -350,7 +351,12 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
         throw fault(ERROR_INPUT_UNSUPPORTED,
                     "its transform is a " + transform.mapType() +
                         " (a frustum); only affine transforms are supported: resample it to one");
-    vdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
+    vdb::math::Mat4d m;
+    try {
+        m = transform.baseMap()->getAffineMap()->getMat4();
+    } catch (const vdb::ArithmeticError &x) {
+        throw fault(ERROR_INPUT_UNSUPPORTED, std::string("its transform cannot be inverted (") + x.what() + ")");
+    }
     double size = 0;
     for (int row = 0; row < 4; row++)
         for (int column = 0; column < 4; column++) {
@@ -452,7 +458,7 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
 extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
 {
     vdb_listing list = {nullptr, 0};
-    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading the list of grids; the file is cut short or damaged", [&] {
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the list of grids", [&] {
         vdb::initialize();
         reader file(fd);
         list.entries = array<vdb_entry>(size_t(file.count()));
@@ -489,7 +495,7 @@ extern "C" void vdb_listing_free(vdb_listing *listing)
 extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
 {
     vdb_grid *out = nullptr;
-    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "reading its voxels; the file is cut short or damaged", [&] {
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the voxels of the grid", [&] {
         vdb::initialize();
         out = array<vdb_grid>(1);
         reader file(fd);

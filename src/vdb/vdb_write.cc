@@ -65,6 +65,18 @@ template <typename Grid> vdb::GridBase::Ptr build(const vdb_draft &draft)
     return grid;
 }
 
+vdb::math::Transform::Ptr transform_for(const double *index_to_world)
+{
+    if (!index_to_world) {
+        const vdb::BBoxd box(vdb::Vec3d(0, 0, 0), vdb::Vec3d(100, 100, 100));
+        return vdb::math::Transform::createFrustumTransform(box, /*taper*/ 0.5, /*depth*/ 100, /*voxel*/ 1);
+    }
+    vdb::math::Mat4d m;
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < 4; column++) m(column, row) = index_to_world[4 * row + column];
+    return vdb::math::Transform::createLinearTransform(m);
+}
+
 vdb::GridBase::Ptr build_any(const vdb_draft &draft)
 {
     std::string type = draft.type;
@@ -75,10 +87,7 @@ vdb::GridBase::Ptr build_any(const vdb_draft &draft)
     else if (type == "bool") grid = build<vdb::BoolGrid>(draft);
     else if (type == "vec3s") grid = build<vdb::Vec3SGrid>(draft);
     else throw fault(ERROR_INPUT_UNSUPPORTED, "grids of type " + type + " are not written");
-    vdb::math::Mat4d m;
-    for (int row = 0; row < 4; row++)
-        for (int column = 0; column < 4; column++) m(column, row) = draft.index_to_world[4 * row + column];
-    grid->setTransform(vdb::math::Transform::createLinearTransform(m));
+    grid->setTransform(transform_for(draft.index_to_world));
     grid->setName(draft.name);
     grid->setGridClass(class_for(draft.grid_class));
     grid->setSaveFloatAsHalf(draft.half);
@@ -101,7 +110,7 @@ void write_all(int fd, const std::string &bytes)
 extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                                 error *e)
 {
-    return shim::guard(e, ERROR_INTERNAL, "writing a volume", [&] {
+    return shim::guard(e, ERROR_INTERNAL, "a volume to write", [&] {
         vdb::initialize();
         vdb::GridCPtrVec grids;
         for (size_t i = 0; i < count; i++) grids.push_back(build_any(drafts[i]));

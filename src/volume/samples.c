@@ -12,6 +12,10 @@
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
 
+/* See along_line. A ball of 10 voxels comes within 4e-5 voxel of the one with all data at 0.25 to 1;
+ * at 0, straight lines, it is 5e-4. */
+static const double bend_limit = 0.5;
+
 static const int stride_of[3] = {64, 8, 1};
 
 static int floor_div8(int v)
@@ -136,11 +140,20 @@ static bool peek(const samples *s, uint32_t block, const int at[3], int axis, in
     return true;
 }
 
+/* What the line through voxels at distances 1, 2 (values a, b) and, if known, 3 (c) says of the voxel
+ * at 0. The parabola of a curved surface is followed where it is gentle: a bend of more than
+ * `bend_limit` of the slope is an edge or noise, which a parabola would throw far off. */
+static double along_line(double a, double b, const double *c)
+{
+    double bend = c ? a - 2 * b + *c : 0, most = bend_limit * fabs(a - b);
+    return 2 * a - b + fmin(fmax(bend, -most), most);
+}
+
 /* `raw` is the clamped value: it gives the side, and the least distance. The bounds hold off what
  * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
 static float continued(const samples *s, uint32_t block, const int at[3], int layer, double raw)
 {
-    double lines = 0, flats = 0, a, b;
+    double lines = 0, flats = 0, a, b, c;
     int line_count = 0, flat_count = 0;
     for (int k = 0; k < 6; k++) {
         int axis = k / 2, step = k % 2 ? 1 : -1;
@@ -148,7 +161,7 @@ static float continued(const samples *s, uint32_t block, const int at[3], int la
         flats += a;
         flat_count++;
         if (!peek(s, block, at, axis, 2 * step, &b)) continue;
-        lines += 2 * a - b;
+        lines += along_line(a, b, peek(s, block, at, axis, 3 * step, &c) ? &c : NULL);
         line_count++;
     }
     double value = line_count ? lines / line_count : flat_count ? flats / flat_count : raw;

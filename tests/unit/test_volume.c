@@ -1,0 +1,412 @@
+/* What an opened volume is worth: accuracy, derivatives, the edges of bands and tiles. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "volume/example.h"
+#include "volume_fixture.h"
+
+#define SEED 20240229u
+
+static double ball(vec3 p) { return vec3_norm(p) - 1.0; }
+
+/* Smooth, with structure at five voxels and more in every direction. */
+static double waves(vec3 p)
+{
+    return 0.5 + 0.3 * sin(7 * p.x + 2 * p.y) + 0.25 * cos(6 * p.y - 3 * p.z) + 0.2 * sin(8 * p.z + p.x);
+}
+
+static uint64_t noise_state = SEED;
+static double noise(vec3 p)
+{
+    (void)p;
+    return fixture_random(&noise_state);
+}
+
+static const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated, fixture_mirrored};
+#define TRANSFORMS (sizeof transforms / sizeof *transforms)
+
+static void the_spline_goes_through_the_samples(void **state)
+{
+    (void)state;
+    /* Noise is the hardest case: its coefficients are ten times its values. Floats carry 6e-8 of them. */
+    const double tolerance = 3e-6;
+    print_message("# seed %u\n", SEED);
+    for (size_t t = 0; t < TRANSFORMS; t++) {
+        fixture g = fixture_make(transforms[t], 14, noise, 0);
+        volume *v = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING);
+        const field *f = volume_field(v);
+        size_t cells = f->ops->cell_count(f);
+        assert_true(cells > 1000);
+        double worst = 0;
+        for (size_t k = 0; k < cells; k++) {
+            field_cell cell;
+            field_sample s;
+            f->ops->cell(f, k, &cell);
+            bool inside = false, outside = false;
+            for (int c = 0; c < 8; c++) {
+                /* A corner that lies on a brick's far face belongs to the next brick: step inwards. */
+                assert_true(field_sample_at(f, cell.corner[c], FIELD_GRADIENT, &s));
+                worst = fmax(worst, fabs(s.value - cell.value[c]));
+                *(cell.value[c] < 0 ? &inside : &outside) = true;
+            }
+            assert_true(inside && outside);
+        }
+        if (worst > tolerance) fail_msg("transform %zu: a sample is missed by %g", t, worst);
+        volume_close(v);
+        fixture_free(&g);
+    }
+}
+
+/* Central differences of step d err by d^2/6 times the third derivative and by rounding/d. */
+static void check_derivatives(const field *f, vec3 x, double *worst_gradient, double *worst_hessian)
+{
+    const double d = 1e-4 * f->cell_size;
+    field_sample s, low, high;
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
+    const double rows[3][3] = {{s.hessian.xx, s.hessian.xy, s.hessian.xz},
+                               {s.hessian.xy, s.hessian.yy, s.hessian.yz},
+                               {s.hessian.xz, s.hessian.yz, s.hessian.zz}};
+    double scale = vec3_norm(s.gradient) + 1e-3; /* the values are of size 1; beyond them F is flat */
+    for (int i = 0; i < 9; i++) scale += fabs(rows[i / 3][i % 3]) * f->cell_size;
+    for (int axis = 0; axis < 3; axis++) {
+        vec3 a = x, b = x;
+        vec3_set(&a, axis, vec3_get(x, axis) - d);
+        vec3_set(&b, axis, vec3_get(x, axis) + d);
+        if (!field_sample_at(f, a, FIELD_GRADIENT, &low) || !field_sample_at(f, b, FIELD_GRADIENT, &high)) return;
+        double slope = (high.value - low.value) / (2 * d);
+        *worst_gradient = fmax(*worst_gradient, fabs(slope - vec3_get(s.gradient, axis)) / scale);
+        for (int other = 0; other < 3; other++) {
+            double bend = (vec3_get(high.gradient, other) - vec3_get(low.gradient, other)) / (2 * d);
+            *worst_hessian = fmax(*worst_hessian, fabs(bend - rows[axis][other]) * f->cell_size / scale);
+        }
+    }
+}
+
+static void derivatives_are_those_of_the_values(void **state)
+{
+    (void)state;
+    /* The second derivative has kinks at cell faces: a difference across one sees the mean of two
+     * third derivatives, of about 1 a voxel, times the step. */
+    const double gradient_tolerance = 1e-6, hessian_tolerance = 1e-3;
+    uint64_t seed = SEED;
+    for (size_t t = 0; t < TRANSFORMS; t++)
+        for (int how = 0; how < 2; how++) {
+            fixture g = fixture_make(transforms[t], 14, waves, 0);
+            volume *v = fixture_volume(&g, 0.5, how ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING);
+            const field *f = volume_field(v);
+            size_t cells = f->ops->cell_count(f);
+            double gradient = 0, hessian = 0;
+            for (int i = 0; i < 2000; i++) {
+                vec3 x = fixture_cell_center(f, (size_t)(fixture_random(&seed) * (double)cells));
+                for (int axis = 0; axis < 3; axis++)
+                    vec3_set(&x, axis, vec3_get(x, axis) + (fixture_random(&seed) - 0.5) * 4 * f->cell_size);
+                check_derivatives(f, x, &gradient, &hessian);
+            }
+            print_message("# transform %zu, reconstruction %d: gradient %.2e, hessian %.2e\n", t, how, gradient, hessian);
+            assert_true(gradient > 0 && gradient < gradient_tolerance);
+            assert_true(hessian > 0 && hessian < hessian_tolerance);
+            volume_close(v);
+            fixture_free(&g);
+        }
+}
+
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Radius error of the unit ball in voxels (median and largest), and the median of both curvatures. */
+static void measure_ball(const volume *v, double *median, double *largest, double curvature[2])
+{
+    const field *f = volume_field(v);
+    size_t cells = f->ops->cell_count(f), n = 0;
+    double *errors = mem_array(cells, sizeof(double), "errors", NULL), *k1 = mem_array(cells, sizeof(double), "k", NULL),
+           *k2 = mem_array(cells, sizeof(double), "k", NULL);
+    for (size_t k = 0; k < cells; k++) {
+        vec3 x;
+        field_sample s;
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x));
+        assert_true(field_sample_at(f, x, FIELD_HESSIAN, &s));
+        errors[n] = fabs(vec3_norm(x) - 1) / volume_describe(v)->voxel_size;
+        field_curvature(&s, &k1[n], &k2[n]);
+        assert_true(vec3_dot(s.gradient, x) > 0);
+        n++;
+    }
+    qsort(errors, n, sizeof(double), by_size);
+    qsort(k1, n, sizeof(double), by_size);
+    qsort(k2, n, sizeof(double), by_size);
+    *median = errors[n / 2];
+    *largest = errors[n - 1];
+    curvature[0] = k1[n / 2];
+    curvature[1] = k2[n / 2];
+    free(errors);
+    free(k1);
+    free(k2);
+}
+
+static void a_ball_comes_out_round(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *type;
+        bool half;
+        double median, largest; /* voxels: the interpolation's own error, and of the values' rounding */
+    } cases[] = {{"float", false, 2e-4, 2e-3}, {"float", true, 5e-4, 3e-3}, {"double", false, 2e-4, 2e-3}};
+    for (size_t t = 0; t < TRANSFORMS; t++)
+        for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+            /* Three voxels along the longest edge; the radius of the ball is 6.7 to 12.5 voxels. */
+            fixture g = fixture_make(transforms[t], 18, ball, 3 * (t == 0 ? 0.1 : 0.15));
+            g.draft.type = cases[c].type;
+            g.draft.half = cases[c].half;
+            volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+            double median, largest, k[2];
+            measure_ball(v, &median, &largest, k);
+            print_message("# ball, transform %zu, %s%s: median %.6f, largest %.6f voxel, curvatures %.4f %.4f\n", t,
+                          cases[c].type, cases[c].half ? " as half" : "", median, largest, k[0], k[1]);
+            assert_true(volume_describe(v)->level_set);
+            assert_true(median < cases[c].median && largest < cases[c].largest);
+            assert_true(fabs(k[0] - 1) < 0.02 && fabs(k[1] - 1) < 0.02);
+            volume_close(v);
+            fixture_free(&g);
+        }
+}
+
+static void a_clamped_band_does_not_ring(void **state)
+{
+    (void)state;
+    /* The same ball with a band of 3 voxels and with one of 9, which holds all that counts. */
+    const double tolerance_vox = 1e-4, curvature_tolerance = 0.01;
+    fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3), wide = fixture_make(fixture_uniform, 22, ball, 0.9);
+    volume *a = fixture_volume(&narrow, NAN, VOLUME_INTERPOLATING), *b = fixture_volume(&wide, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(a), *g = volume_field(b);
+    size_t cells = f->ops->cell_count(f);
+    assert_int_equal(cells, g->ops->cell_count(g));
+    double moved = 0, bent = 0;
+    for (size_t k = 0; k < cells; k++) {
+        vec3 x;
+        field_sample s, r;
+        double k1, k2, r1, r2;
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x));
+        assert_true(field_sample_at(f, x, FIELD_HESSIAN, &s) && field_sample_at(g, x, FIELD_HESSIAN, &r));
+        moved = fmax(moved, fabs(r.value) / vec3_norm(r.gradient) / 0.1);
+        field_curvature(&s, &k1, &k2);
+        field_curvature(&r, &r1, &r2);
+        bent = fmax(bent, fmax(fabs(k1 - r1), fabs(k2 - r2)));
+    }
+    print_message("# narrow against wide band: %.2e voxel, curvature %.2e of 1\n", moved, bent);
+    assert_true(moved < tolerance_vox && bent < curvature_tolerance);
+    volume_close(a);
+    volume_close(b);
+    fixture_free(&narrow);
+    fixture_free(&wide);
+}
+
+static double thin_box(vec3 p)
+{
+    double q[3] = {fabs(p.x) - 1, fabs(p.y) - 0.8, fabs(p.z) - 0.33}, outside = 0, inside = -INFINITY;
+    for (int axis = 0; axis < 3; axis++) {
+        outside += fmax(q[axis], 0) * fmax(q[axis], 0);
+        inside = fmax(inside, q[axis]);
+    }
+    return sqrt(outside) + fmin(inside, 0);
+}
+
+static void edges_and_thin_walls_stay_tame(void **state)
+{
+    (void)state;
+    /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
+     * rounds and overshoots by a part of a voxel; the kink half way inside arrives at the faces with
+     * 0.268^3.3 of its bend. */
+    fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    double worst = 0, flat = 0;
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        vec3 x, middle = fixture_cell_center(f, k);
+        assert_true(fixture_project(f, middle, &x));
+        double miss = fabs(thin_box(x)) / 0.1;
+        worst = fmax(worst, miss);
+        if (fabs(middle.x) < 0.5 && fabs(middle.y) < 0.4) flat = fmax(flat, miss);
+    }
+    print_message("# box: largest miss %.4f voxel, on the flat %.2e\n", worst, flat);
+    assert_true(worst < 0.1 && flat < 5e-3);
+    volume_close(v);
+    fixture_free(&g);
+}
+
+static void smoothing_blurs_by_what_theory_says(void **state)
+{
+    (void)state;
+    /* Samples as coefficients add the Laplacian / 6: 2/R/6 of a voxel for a ball of R = 10 voxels, inwards. */
+    fixture g = fixture_make(fixture_uniform, 16, ball, 0.4);
+    volume *v = fixture_volume(&g, NAN, VOLUME_SMOOTHING);
+    const field *f = volume_field(v);
+    double mean = 0;
+    size_t cells = f->ops->cell_count(f);
+    for (size_t k = 0; k < cells; k++) {
+        vec3 x;
+        field_cell cell;
+        field_sample s;
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x));
+        mean += (1 - vec3_norm(x)) / 0.1 / (double)cells;
+        f->ops->cell(f, k, &cell);
+        assert_true(field_sample_at(f, cell.corner[0], FIELD_GRADIENT, &s));
+        assert_true(fabs(s.value - cell.value[0]) < 1e-6);
+    }
+    print_message("# smoothing moves the ball by %.5f voxel\n", mean);
+    assert_true(fabs(mean - 1.0 / 30) < 0.003);
+    volume_close(v);
+    fixture_free(&g);
+}
+
+static void an_isovalue_moves_a_level_set(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 18, ball, 0.4);
+    volume *v = fixture_volume(&g, 0.1, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    for (size_t k = 0; k < f->ops->cell_count(f); k += 7) {
+        vec3 x;
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x));
+        assert_true(fabs(vec3_norm(x) - 1.1) < 1e-4);
+    }
+    volume_close(v);
+    fixture_free(&g);
+}
+
+static void surfaces_on_the_faces_of_tiles_are_found(void **state)
+{
+    (void)state;
+    /* A fog cube of one tile of 128^3 and beside it one of 8^3, with no leaf at all. */
+    const vdb_tile tiles[] = {{{0, 0, 0}, 128, 1, true}, {{256, 8, 16}, 8, 1, true}};
+    vdb_draft draft = {.name = "tiles", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
+                       .tile_count = 2, .tiles = tiles};
+    error e = {0};
+    int fd = fixture_write(&draft, 1, VDB_SEEKABLE, false);
+    volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
+    if (!v) fail_msg("%s", e.message);
+    const uint64_t large = 129 * 129 * 129 - 127 * 127 * 127, small = 9 * 9 * 9 - 7 * 7 * 7;
+    assert_int_equal(volume_describe(v)->crossing_cells, large + small);
+    vec3 x;
+    assert_true(fixture_project(volume_field(v), (vec3){6.4, 6.4, 12.74}, &x));
+    assert_true(fabs(x.z - 12.75) < 1e-5); /* half way between voxels 127 and 128 */
+    volume_close(v);
+    close(fd);
+}
+
+static void files_without_offsets_read_the_same(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_rotated, 18, ball, 0.45);
+    vdb_draft drafts[3];
+    for (int i = 0; i < 3; i++) {
+        drafts[i] = g.draft;
+        drafts[i].index_to_world = g.matrix;
+        drafts[i].voxels = (const int32_t(*)[3])g.voxels;
+        drafts[i].values = g.values;
+        drafts[i].active = g.active;
+    }
+    drafts[0].type = "vec3s";
+    drafts[1].type = "int32";
+    for (int layout = 0; layout < 2; layout++)
+        for (int packed = 0; packed < 2; packed++) {
+            error e = {0};
+            int fd = fixture_write(drafts, 3, layout ? VDB_STREAM : VDB_SEEKABLE, packed);
+            volume *v = fixture_open(fd, "surface[2]", NAN, VOLUME_INTERPOLATING, &e);
+            if (!v) fail_msg("layout %d: %s", layout, e.message);
+            double median, largest, k[2];
+            measure_ball(v, &median, &largest, k);
+            assert_true(median < 5e-4);
+            assert_string_equal(volume_describe(v)->grid, "surface[2]");
+            volume_close(v);
+            close(fd);
+        }
+    fixture_free(&g);
+}
+
+static void opening_twice_gives_the_same_bits(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_rotated, 14, waves, 0);
+    volume *a = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING), *b = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING);
+    const field *f = volume_field(a), *h = volume_field(b);
+    assert_int_equal(f->ops->cell_count(f), h->ops->cell_count(h));
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        field_cell p, q;
+        field_sample s, r;
+        f->ops->cell(f, k, &p);
+        h->ops->cell(h, k, &q);
+        assert_memory_equal(&p, &q, sizeof p);
+        assert_true(field_sample_at(f, p.corner[0], FIELD_HESSIAN, &s) && field_sample_at(h, p.corner[0], FIELD_HESSIAN, &r));
+        assert_memory_equal(&s, &r, sizeof s);
+    }
+    volume_close(a);
+    volume_close(b);
+    fixture_free(&g);
+}
+
+static void outside_the_bricks_there_is_no_field(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 14, ball, 0.3);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    const field *f = volume_field(v);
+    field_sample s = {.value = 42};
+    const vec3 far[] = {{1e9, 0, 0}, {0, -1e300, 0}, {NAN, 0, 0}, {0, INFINITY, 0}, {3, 3, 3}};
+    for (size_t i = 0; i < sizeof far / sizeof *far; i++) assert_false(field_sample_at(f, far[i], FIELD_HESSIAN, &s));
+    assert_true(s.value == 42);
+    const volume_info *info = volume_describe(v);
+    assert_true(fabs(f->extent - 2) <= 0.21 && !f->open && fabs(f->cell_size - 0.1) < 1e-9);
+    assert_true(bbox_contains(f->domain, info->surface_box.min) && bbox_contains(f->domain, info->surface_box.max));
+    volume_close(v);
+    fixture_free(&g);
+}
+
+static void the_example_is_a_knot(void **state)
+{
+    (void)state;
+    error e = {0};
+    int fd = fixture_bytes(NULL, 0);
+    assert_true(example_write(fd, &e));
+    assert_true(lseek(fd, 0, SEEK_END) < 500000);
+    volume *v = fixture_open(fd, EXAMPLE_GRID, NAN, VOLUME_INTERPOLATING, &e);
+    if (!v) fail_msg("%s", e.message);
+    const field *f = volume_field(v);
+    double k1, k2;
+    for (size_t k = 0; k < f->ops->cell_count(f); k += 11) {
+        vec3 x;
+        field_sample s;
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x));
+        assert_true(field_sample_at(f, x, FIELD_HESSIAN, &s));
+        field_curvature(&s, &k1, &k2);
+        assert_true(fabs(k1 - 1 / EXAMPLE_TUBE_RADIUS) < 0.25 / EXAMPLE_TUBE_RADIUS);
+    }
+    print_message("# example: %llu voxels, %lld bytes\n", (unsigned long long)volume_describe(v)->active_voxels,
+                  (long long)lseek(fd, 0, SEEK_END));
+    volume_close(v);
+    close(fd);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_spline_goes_through_the_samples), cmocka_unit_test(derivatives_are_those_of_the_values),
+        cmocka_unit_test(a_ball_comes_out_round), cmocka_unit_test(a_clamped_band_does_not_ring),
+        cmocka_unit_test(edges_and_thin_walls_stay_tame), cmocka_unit_test(smoothing_blurs_by_what_theory_says),
+        cmocka_unit_test(an_isovalue_moves_a_level_set), cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
+        cmocka_unit_test(files_without_offsets_read_the_same), cmocka_unit_test(opening_twice_gives_the_same_bits),
+        cmocka_unit_test(outside_the_bricks_there_is_no_field), cmocka_unit_test(the_example_is_a_knot),
+    };
+    return cmocka_run_group_tests_name("volume", tests, NULL, NULL);
+}

@@ -1,0 +1,384 @@
+/* What a volume that cannot be opened says, and that nothing in a file takes more than an error. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "volume_fixture.h"
+
+#define SEED 777u
+#define FLIPS 120
+
+static double ball(vec3 p) { return vec3_norm(p) - 0.6; }
+static double fog_ball(vec3 p) { return fmin(1, fmax(0, 0.5 - 3 * ball(p))); }
+
+static vdb_draft draft_of(const fixture *g)
+{
+    vdb_draft d = g->draft;
+    d.index_to_world = g->matrix;
+    d.voxels = (const int32_t(*)[3])g->voxels;
+    d.values = g->values;
+    d.active = g->active;
+    return d;
+}
+
+/* Opening must fail with the code and name each of the words (NULL ends them). */
+static void expect(int fd, const char *grid, double isovalue, error_code code, const char *const words[])
+{
+    error e = {0};
+    volume *v = fixture_open(fd, grid, isovalue, VOLUME_INTERPOLATING, &e);
+    assert_null(v);
+    if (e.code != code) fail_msg("%s instead of %s: %s", error_code_name(e.code), error_code_name(code), e.message);
+    if (!strstr(e.message, "test.vdb")) fail_msg("does not name the file: %s", e.message);
+    for (; *words; words++)
+        if (!strstr(e.message, *words)) fail_msg("does not say '%s': %s", *words, e.message);
+}
+
+#define WORDS(...) ((const char *const[]){__VA_ARGS__, NULL})
+
+static void the_choice_of_the_grid(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 11, ball, 0.3), fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
+    vdb_draft d[6];
+    for (int i = 0; i < 6; i++) d[i] = draft_of(i < 4 ? &g : &fog);
+    d[0].name = "velocity";
+    d[0].type = "vec3s";
+    d[1].name = "ids";
+    d[1].type = "int32";
+    d[2].name = d[4].name = "density";
+    d[3].name = "";
+    d[4].grid_class = VDB_UNKNOWN;
+    d[5].name = "smoke";
+    int fd = fixture_write(d, 6, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_GRID_AMBIGUOUS, WORDS("\"density[0]\"", "\"density[1]\"", "\"\"", "smoke", "4 scalar"));
+    expect(fd, "density", NAN, ERROR_GRID_AMBIGUOUS, WORDS("density[0]", "density[1]"));
+    expect(fd, "density[2]", NAN, ERROR_GRID_MISSING, WORDS("density[2]", "velocity", "smoke"));
+    expect(fd, "pressure", NAN, ERROR_GRID_MISSING, WORDS("pressure", "velocity", "vec3s"));
+    expect(fd, "velocity", NAN, ERROR_INPUT_UNSUPPORTED, WORDS("velocity", "vec3s"));
+    expect(fd, "ids", NAN, ERROR_INPUT_UNSUPPORTED, WORDS("ids", "int32"));
+    expect(fd, "smoke", NAN, ERROR_ISOVALUE_REQUIRED, WORDS("smoke", "fog"));
+    expect(fd, "density[1]", NAN, ERROR_ISOVALUE_REQUIRED, WORDS("density[1]", "level set"));
+    const char *const good[] = {"", "density[0]", "density[1]", "smoke"};
+    for (size_t i = 0; i < 4; i++) {
+        error e = {0};
+        volume *v = fixture_open(fd, good[i], i < 2 ? NAN : 0.5, VOLUME_INTERPOLATING, &e);
+        if (!v) fail_msg("%s: %s", good[i], e.message);
+        assert_string_equal(volume_describe(v)->grid, good[i]);
+        assert_int_equal(volume_describe(v)->level_set, i < 2);
+        assert_int_equal(volume_describe(v)->warning_count, i == 2);
+        volume_close(v);
+    }
+    close(fd);
+    fd = fixture_write(d, 2, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("no scalar grid", "velocity", "ids"));
+    close(fd);
+    fd = fixture_write(d, 0, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_GRID_MISSING, WORDS("no grid"));
+    expect(fd, "x", NAN, ERROR_GRID_MISSING, WORDS("\"x\""));
+    close(fd);
+    fixture_free(&g);
+    fixture_free(&fog);
+}
+
+static void what_is_not_a_volume(void **state)
+{
+    (void)state;
+    static const char pointer[] = "version https://git-lfs.github.com/spec/v1\noid sha256:12ab\nsize 123\n";
+    static const char text[] = "ply\nformat ascii 1.0\n";
+    unsigned char future[64] = {0x20, 0x42, 0x44, 0x56, 0, 0, 0, 0, 0xE8, 3};
+    const struct {
+        const void *bytes;
+        size_t count;
+        error_code code;
+        const char *word;
+    } cases[] = {{pointer, sizeof pointer - 1, ERROR_INPUT_DAMAGED, "git lfs pull"},
+                 {text, sizeof text - 1, ERROR_INPUT_DAMAGED, "not an OpenVDB file"},
+                 {"", 0, ERROR_INPUT_DAMAGED, "empty"},
+                 {"abc", 3, ERROR_INPUT_DAMAGED, "not an OpenVDB file"},
+                 {future, 9, ERROR_INPUT_DAMAGED, "cut short"},
+                 {future, sizeof future, ERROR_INPUT_UNSUPPORTED, "version 1000"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int fd = fixture_bytes(cases[i].bytes, cases[i].count);
+        expect(fd, NULL, NAN, cases[i].code, WORDS(cases[i].word));
+        close(fd);
+    }
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    expect(ends[0], NULL, NAN, ERROR_INPUT_DAMAGED, WORDS("regular file"));
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void volumes_without_a_surface(void **state)
+{
+    (void)state;
+    vdb_draft empty = {.name = "nothing", .type = "float", .grid_class = VDB_LEVEL_SET, .background = 0.3,
+                       .index_to_world = fixture_uniform};
+    int fd = fixture_write(&empty, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_NO_SURFACE, WORDS("nothing", "no active voxel"));
+    close(fd);
+    fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
+    vdb_draft d = draft_of(&fog);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 7.5, ERROR_NO_SURFACE, WORDS("surface", "7.5", "0 to 1"));
+    expect(fd, NULL, INFINITY, ERROR_SPEC_INVALID, WORDS("isovalue"));
+    close(fd);
+    fixture_free(&fog);
+}
+
+static void bands_that_do_not_hold_the_surface(void **state)
+{
+    (void)state;
+    fixture thin = fixture_make(fixture_uniform, 11, ball, 0.08), cut = fixture_make(fixture_uniform, 11, ball, 0.3);
+    vdb_draft d = draft_of(&thin);
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("narrow band is clamped at 0.08", "0.8 voxels", "half-width"));
+    close(fd);
+    d = draft_of(&cut);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 0.25, ERROR_INPUT_UNSUPPORTED, WORDS("narrow band", "0.25"));
+    close(fd);
+    /* Cut open, inactive, at a voxel beside the surface; and the same voxel active but at the clamp. */
+    fixture_set(&cut, 6, 0, 0, 0.3f, false);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("cut open"));
+    close(fd);
+    fixture_set(&cut, 6, 0, 0, 0.3f, true);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("clamped"));
+    close(fd);
+    fixture_free(&thin);
+    fixture_free(&cut);
+}
+
+static void values_that_are_not_finite(void **state)
+{
+    (void)state;
+    error e = {0};
+    fixture fog = fixture_make(fixture_uniform, 30, fog_ball, 0);
+    vdb_draft d = draft_of(&fog);
+    fixture_set(&fog, -30, -30, -30, NAN, true); /* 40 voxels from the surface: nobody's business */
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
+    if (!v) fail_msg("%s", e.message);
+    volume_close(v);
+    expect(fd, NULL, 3, ERROR_NO_SURFACE, WORDS("not finite"));
+    close(fd);
+    fixture_set(&fog, 8, 0, 0, INFINITY, true);
+    fixture_set(&fog, 6, 2, 1, NAN, true);
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("2 voxels", "not finite", "surface"));
+    close(fd);
+    fixture_free(&fog);
+}
+
+static void coordinates_at_the_limits_of_int32(void **state)
+{
+    (void)state;
+    static const int32_t edges[][3] = {{INT32_MAX - 1, 0, 0}, {0, INT32_MIN + 1, 0}, {5, 5, INT32_MAX}, {INT32_MIN, INT32_MIN, INT32_MIN}};
+    const float value = 1;
+    for (size_t i = 0; i < sizeof edges / sizeof *edges; i++) {
+        vdb_draft d = {.name = "edge", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
+                       .voxel_count = 1, .voxels = &edges[i], .values = &value};
+        int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+        expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("limits of 32-bit index coordinates"));
+        close(fd);
+    }
+    const vdb_tile tile = {{INT32_MAX - 4095, 0, 0}, 4096, 1, true};
+    vdb_draft d = {.name = "edge", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
+                   .tile_count = 1, .tiles = &tile};
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("limits of 32-bit index coordinates"));
+    close(fd);
+    /* Far out, but not at the limit: two voxels whose distance overflows int32. */
+    const int32_t far[2][3] = {{2000000000, 0, 0}, {-2000000000, 7, 7}};
+    const float values[2] = {1, 1};
+    d.tile_count = 0;
+    d.voxel_count = 2;
+    d.voxels = far;
+    d.values = values;
+    fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    error e = {0};
+    volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
+    if (!v) fail_msg("%s", e.message);
+    assert_int_equal(volume_describe(v)->crossing_cells, 16);
+    assert_true(fabs(volume_field(v)->extent - 4e8) < 1);
+    volume_close(v);
+    close(fd);
+}
+
+static void the_limit_of_memory(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 11, ball, 0.3);
+    vdb_draft d = draft_of(&g);
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    const size_t limits[] = {1000, 100000, 400000};
+    for (size_t i = 0; i < 3; i++) {
+        error e = {0};
+        volume_request r = {.fd = fd, .path = "test.vdb", .memory_limit = limits[i]};
+        assert_null(volume_open(&r, &e));
+        if (e.code != ERROR_LIMIT_MEMORY) fail_msg("%s: %s", error_code_name(e.code), e.message);
+        assert_non_null(strstr(e.message, "limits.memory_mb"));
+    }
+    close(fd);
+    /* A million blocks of surface from a file of a few hundred bytes. */
+    const vdb_tile tile = {{0, 0, 0}, 4096, 1, true};
+    vdb_draft bomb = {.name = "bomb", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
+                      .tile_count = 1, .tiles = &tile};
+    fd = fixture_write(&bomb, 1, VDB_SEEKABLE, true);
+    error e = {0};
+    volume_request r = {.fd = fd, .path = "test.vdb", .has_isovalue = true, .isovalue = 0.5, .memory_limit = (size_t)64 << 20};
+    assert_null(volume_open(&r, &e));
+    if (e.code != ERROR_LIMIT_MEMORY) fail_msg("%s: %s", error_code_name(e.code), e.message);
+    close(fd);
+    fixture_free(&g);
+}
+
+static size_t slurp(int fd, unsigned char **bytes);
+
+/* Every occurrence of the doubles in the file becomes `to`. */
+static void patch(unsigned char *bytes, size_t size, const double *from, size_t count, double to)
+{
+    for (size_t at = 0; at + sizeof to <= size; at++)
+        for (size_t i = 0; i < count; i++)
+            if (memcmp(bytes + at, &from[i], sizeof to) == 0) memcpy(bytes + at, &to, sizeof to);
+}
+
+static void transforms_that_cannot_be(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_rotated, 6, fog_ball, 0);
+    vdb_draft d = draft_of(&g);
+    d.index_to_world = NULL;
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, false);
+    expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("surface", "frustum", "affine"));
+    close(fd);
+    /* Damaged matrices: the scales along the axes, and the first axis of the rotated one. */
+    const double *const matrices[] = {fixture_uniform, fixture_nonuniform, fixture_rotated};
+    const double values[] = {0, 1e-200, NAN, INFINITY};
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < 4; i++) {
+            unsigned char *bytes;
+            const double column[3] = {matrices[m][0], matrices[m][4], matrices[m][8]};
+            d.index_to_world = matrices[m];
+            int whole = fixture_write(&d, 1, VDB_SEEKABLE, false);
+            size_t size = slurp(whole, &bytes);
+            patch(bytes, size, column, m == 2 ? 3 : 1, values[i]);
+            fd = fixture_bytes(bytes, size);
+            expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("surface", "transform"));
+            close(fd);
+            close(whole);
+            free(bytes);
+        }
+    fixture_free(&g);
+}
+
+static size_t slurp(int fd, unsigned char **bytes)
+{
+    size_t size = (size_t)lseek(fd, 0, SEEK_END);
+    *bytes = mem_alloc(size);
+    assert_int_equal(pread(fd, *bytes, size, 0), (ssize_t)size);
+    return size;
+}
+
+static void every_truncation_is_noticed(void **state)
+{
+    (void)state;
+    /* Dense in the head and at the end, with steps in between, in each layout and compression. */
+    fixture g = fixture_make(fixture_uniform, 9, ball, 0.3);
+    vdb_draft d = draft_of(&g);
+    for (int variant = 0; variant < 4; variant++) {
+        unsigned char *bytes;
+        int whole = fixture_write(&d, 1, variant & 1 ? VDB_STREAM : VDB_SEEKABLE, variant & 2);
+        size_t size = slurp(whole, &bytes);
+        close(whole);
+        for (size_t cut = 0; cut < size; cut += size - cut <= 40 ? 1 : cut < 700 ? 3 : 397) {
+            error e = {0};
+            int fd = fixture_bytes(bytes, cut);
+            volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
+            if (v || (e.code != ERROR_INPUT_DAMAGED && e.code != ERROR_LIMIT_MEMORY))
+                fail_msg("variant %d cut to %zu of %zu bytes: %s", variant, cut, size, v ? "opened" : e.message);
+            close(fd);
+        }
+        free(bytes);
+    }
+    fixture_free(&g);
+}
+
+/* The library may die of a damaged file: it does so in a process of its own, as the worker is one. */
+static int open_elsewhere(const unsigned char *bytes, size_t size)
+{
+    int fd = fixture_bytes(bytes, size), status = 0;
+    fflush(NULL);
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+#ifndef __SANITIZE_ADDRESS__
+        const struct rlimit space = {(rlim_t)4 << 30, (rlim_t)4 << 30};
+        setrlimit(RLIMIT_AS, &space);
+#endif
+        const struct rlimit time = {20, 20};
+        setrlimit(RLIMIT_CPU, &time);
+        error e = {0};
+        volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
+        volume_close(v);
+        _exit(v ? 0 : e.code == ERROR_NONE ? 99 : (int)e.code);
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    close(fd);
+    return WIFSIGNALED(status) ? -WTERMSIG(status) : WEXITSTATUS(status);
+}
+
+static void flipped_bits_give_errors_or_volumes(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 10, ball, 0.3);
+    vdb_draft d = draft_of(&g);
+    unsigned char *bytes;
+    int whole = fixture_write(&d, 1, VDB_SEEKABLE, false), tally[ERROR_CODE_COUNT] = {0}, died = 0;
+    size_t size = slurp(whole, &bytes);
+    uint64_t seed = SEED;
+    close(whole);
+    print_message("# seed %u\n", SEED);
+    for (int i = 0; i < FLIPS; i++) {
+        /* Half of them in the first 2000 bytes, where the structure is. */
+        size_t at = (size_t)(fixture_random(&seed) * (double)(i % 2 && size > 2000 ? 2000 : size));
+        unsigned char old = bytes[at];
+        bytes[at] ^= (unsigned char)(1u << (int)(fixture_random(&seed) * 8));
+        int outcome = open_elsewhere(bytes, size);
+        bytes[at] = old;
+        if (outcome == 99) fail_msg("a byte flipped at %zu: refused without an error", at);
+        if (outcome == -SIGXCPU || outcome == -SIGKILL) fail_msg("a byte flipped at %zu: ran for ever", at);
+        if (outcome < 0) died++;
+        else tally[outcome < ERROR_CODE_COUNT ? outcome : ERROR_INTERNAL]++;
+    }
+    print_message("# of %d flips: %d opened, %d damaged, %d unsupported, %d memory, %d no surface, %d died\n",
+                  FLIPS, tally[ERROR_NONE], tally[ERROR_INPUT_DAMAGED], tally[ERROR_INPUT_UNSUPPORTED], tally[ERROR_LIMIT_MEMORY],
+                  tally[ERROR_NO_SURFACE], died);
+    free(bytes);
+    fixture_free(&g);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_choice_of_the_grid), cmocka_unit_test(what_is_not_a_volume),
+        cmocka_unit_test(volumes_without_a_surface), cmocka_unit_test(bands_that_do_not_hold_the_surface),
+        cmocka_unit_test(values_that_are_not_finite), cmocka_unit_test(coordinates_at_the_limits_of_int32),
+        cmocka_unit_test(transforms_that_cannot_be), cmocka_unit_test(the_limit_of_memory), cmocka_unit_test(every_truncation_is_noticed),
+        cmocka_unit_test(flipped_bits_give_errors_or_volumes),
+    };
+    return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);
+}

@@ -1,0 +1,57 @@
+/* volume_fixture: small volumes made for the tests of src/volume and src/vdb, in memory files. */
+#ifndef HEXAD_TESTS_VOLUME_FIXTURE_H
+#define HEXAD_TESTS_VOLUME_FIXTURE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "vdb/vdb.h"
+#include "volume/volume.h"
+
+#define FIXTURE_MEMORY ((size_t)1 << 30)
+
+/* A draft with the arrays that it points to. */
+typedef struct fixture {
+    vdb_draft draft;
+    double matrix[16];
+    int32_t (*voxels)[3];
+    float *values;
+    bool *active;
+} fixture;
+
+typedef double (*fixture_function)(vec3 world);
+
+extern const double fixture_uniform[16];    /* voxel 0.1 */
+extern const double fixture_nonuniform[16]; /* voxels 0.1 x 0.15 x 0.08, shifted */
+extern const double fixture_rotated[16];    /* the same, turned about an oblique axis */
+extern const double fixture_mirrored[16];   /* the same, mirrored: negative determinant */
+
+/* Voxels from -half to +half on each axis. With a band, a level set: values clamped to +-band,
+ * inactive there, and what is outside left out; with band 0 a fog volume, all of it active. */
+fixture fixture_make(const double matrix[16], int half, fixture_function f, double band);
+void fixture_free(fixture *g);
+/* Sets a voxel of the fixture that exists. */
+void fixture_set(fixture *g, int x, int y, int z, float value, bool active);
+
+/* The drafts as a file in memory, or the bytes as one. */
+int fixture_write(const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed);
+int fixture_bytes(const void *bytes, size_t count);
+
+/* volume_open on the descriptor; isovalue NAN is none. */
+volume *fixture_open(int fd, const char *grid, double isovalue, volume_reconstruction how, error *e);
+/* Writes, opens and closes the descriptor; fails the test when the volume does not open. */
+volume *fixture_volume(const fixture *g, double isovalue, volume_reconstruction how);
+
+/* Newton's method from x onto the surface along the gradient; false when it leaves the bricks. */
+bool fixture_project(const field *f, vec3 x, vec3 *out);
+vec3 fixture_cell_center(const field *f, size_t k);
+
+/* The same sequence for the same seed, in [0, 1). */
+double fixture_random(uint64_t *state);
+
+/* HEXAD_SHARED, or ../shared/data beside the source; NULL where there is none. */
+const char *fixture_shared(void);
+
+#endif
