@@ -454,7 +454,8 @@ static void test_one_point(void **state)
     (void)state;
     point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
     s.normal[0] = vec3_unit(vec3_make(0.52, -0.74, 0.43));
-    s.scalar[0][0] = 0; /* flat: the body lies just a little below */
+    s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] =
+        0; /* flat: the body lies just a little below */
     image *m = render(&s.points, 100, 100, PREVIEW_ALPHA);
     preview_sample p = preview_at(m, 50, 50);
     assert_int_equal(p.id, 1);
