@@ -23,6 +23,9 @@
 /* After trouble with the database (a full disk): long enough not to spin, short enough to recover.
  */
 #define RETRY_MS 1000
+/* While no worker can be started (the program is being replaced, no memory is left): the longest
+ * time between two tries. */
+#define START_WAIT_MOST_MS 30000
 
 typedef struct limits {
     int64_t memory_mb;
@@ -65,8 +68,14 @@ struct executor {
     size_t slot_count;
     slot *slots;
 
-    int64_t claim_ms; /* supervisor: no claim before; after trouble with the database */
+    int64_t claim_ms;      /* supervisor: no claim before; after trouble */
+    int64_t start_wait_ms; /* supervisor: doubles while no attempt starts */
 };
+
+static int64_t least(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
 
 static void signal_fd(int fd)
 {
@@ -142,13 +151,18 @@ static void slot_start(executor *x, slot *s)
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
+        x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s attempt=%d", s->job.id, s->job.attempt);
         return;
     }
     log_write(LOG_LEVEL_ERROR, "attempt not started job=%s attempt=%d: %s", s->job.id,
               s->job.attempt, e.message);
-    settlement_decide_unstarted(&s->job, &e, &s->verdict);
+    settlement_decide_unstarted(&e, &s->verdict);
     s->decided = true;
+    /* whatever keeps this one from starting would keep the next one, too */
+    x->start_wait_ms =
+        x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
+    x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     slot_settle(x, s);
 }
 
@@ -255,11 +269,6 @@ static void slot_serve(executor *x, slot *s)
                       &s->ending, s->directory, &s->verdict);
     s->decided = true;
     slot_settle(x, s);
-}
-
-static int64_t least(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
 }
 
 /* When the slot wants to be looked at again although none of its descriptors is ready. */

@@ -143,11 +143,10 @@ void settlement_decide(const queue_job *job, settlement_stop stop, double limit_
         decide_exit(job, ending, s);
 }
 
-void settlement_decide_unstarted(const queue_job *job, const error *why, settlement *s)
+void settlement_decide_unstarted(const error *why, settlement *s)
 {
-    *s = (settlement){0};
-    snprintf(s->reason, sizeof s->reason, "not started");
-    set_retry(s, job, why);
+    *s = (settlement){.requeue = true};
+    snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
 /* Moves the result into place. That it already is there is what a repetition finds. */

@@ -253,13 +253,30 @@ static void test_a_short_output_is_no_result(void **state)
     expect_end(p, id, QUEUE_FAILED, "internal", "points.ply has 0 bytes");
 }
 
-static void test_a_missing_worker_is_said(void **state)
+/* A worker that cannot be started is no fault of the job, which waits for better times uncounted.
+ */
+static void test_a_missing_worker_costs_no_job(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
     start(p, "#!/nonexistent/interpreter\n", 1);
-    put(p, "{}", 2, id);
-    expect_end(p, id, QUEUE_FAILED, "internal", "cannot be started");
+    put(p, "{}", 1, id);
+    for (int64_t since = clock_monotonic_ms();; look_again(since, "the first try")) {
+        queue_job job = get(p, id);
+        bool tried = job.attempt > 0 && job.state == QUEUE_QUEUED;
+        queue_job_clear(&job);
+        if (tried) break;
+    }
+    const char script[] = PROLOGUE REPORT;
+    assert_true(store_file_write(p->worker, script, sizeof script - 1, NULL));
+    assert_int_equal(chmod(p->worker, 0700), 0);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(count >= 2);
+    assert_non_null(strstr(attempts[0].reason, "not started"));
+    queue_attempts_free(attempts, count);
 }
 
 static void test_progress_is_seen(void **state)
@@ -449,7 +466,7 @@ int main(void)
         CASE(test_garbage_does_no_harm),
         CASE(test_success_without_a_report_is_none),
         CASE(test_a_short_output_is_no_result),
-        CASE(test_a_missing_worker_is_said),
+        CASE(test_a_missing_worker_costs_no_job),
         CASE(test_progress_is_seen),
         CASE(test_a_timeout_kills),
         CASE(test_a_stall_is_noticed),
@@ -458,6 +475,6 @@ int main(void)
         CASE(test_slots_bound_what_runs),
         CASE(test_recovery),
     };
-    log_set_level(LOG_LEVEL_ERROR);
+    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);
 }
