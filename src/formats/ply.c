@@ -46,7 +46,8 @@ static bool check_row(const double row[PLY_PROPERTIES], size_t i, ply_precision 
 {
     for (int c = 0; c < PLY_PROPERTIES; c++)
         if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
-            return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
+            return error_set(e, ERROR_INTERNAL,
+                             "point %zu has %s = %g, which cannot be written as a %s", i,
                              property_names[c], row[c], precision_names[precision]);
     return true;
 }
@@ -76,7 +77,8 @@ static size_t print_number(double value, ply_precision precision, char *out)
     int digits = precision == PLY_FLOAT ? 6 : 15, n = 0;
     for (int more = 0; more <= 3; more++) {
         n = snprintf(out, NUMBER_TEXT_MAX, "%.*g", digits + more, value);
-        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value) break;
+        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value)
+            break;
     }
     return (size_t)n;
 }
@@ -85,7 +87,8 @@ static size_t print_row(const double row[PLY_PROPERTIES], ply_precision precisio
 {
     size_t n = 0;
     for (int c = 0; c < PLY_PROPERTIES; c++) {
-        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
+        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision,
+                          out + n);
         out[n++] = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
     }
     return n;
@@ -96,11 +99,14 @@ static bool write_failed(error *e)
     return error_set(e, ERROR_INTERNAL, "cannot write the PLY file: %s", strerror(errno));
 }
 
-static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision, error *e)
+static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision,
+                         error *e)
 {
-    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format], count) > 0;
+    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n",
+                        format_names[format], count) > 0;
     for (int c = 0; c < PLY_PROPERTIES; c++)
-        good = good && fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
+        good = good &&
+               fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -109,11 +115,13 @@ bool ply_write(FILE *file, const points *set, ply_format format, ply_precision p
 {
     bool done = false;
     double row[PLY_PROPERTIES];
-    char *block = mem_array(BLOCK_POINTS, PLY_PROPERTIES * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
+    char *block =
+        mem_array(BLOCK_POINTS, PLY_PROPERTIES * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
     if (!block) return false;
     if (!write_header(file, set->count, format, precision, e)) goto end;
     for (size_t start = 0; start < set->count; start += BLOCK_POINTS) {
-        size_t stop = set->count - start < BLOCK_POINTS ? set->count : start + BLOCK_POINTS, bytes = 0;
+        size_t stop = set->count - start < BLOCK_POINTS ? set->count : start + BLOCK_POINTS,
+               bytes = 0;
         for (size_t i = start; i < stop; i++) {
             load_row(set, i, row);
             if (!check_row(row, i, precision, e)) goto end;
@@ -133,7 +141,10 @@ end:
 
 /* ---- reading ---- */
 
-static bool damaged(error *e, const char *words) { return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words); }
+static bool damaged(error *e, const char *words)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %s", words);
+}
 
 /* One line without its line break; comments are passed over. */
 static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
@@ -141,7 +152,9 @@ static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
     do {
         if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it ends too early");
         char *end = strchr(line, '\n');
-        if (!end) return damaged(e, feof(file) ? "it ends too early" : "a line is too long or holds a zero byte");
+        if (!end)
+            return damaged(e, feof(file) ? "it ends too early"
+                                         : "a line is too long or holds a zero byte");
         *end = '\0';
     } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
     return true;
@@ -152,7 +165,8 @@ static bool expect_line(FILE *file, const char *expected, error *e)
     char line[LINE_MAX_BYTES];
     if (!read_line(file, line, e)) return false;
     if (strcmp(line, expected) == 0) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'", expected, line);
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'",
+                     expected, line);
 }
 
 static bool read_count(FILE *file, size_t *count, error *e)
@@ -161,9 +175,10 @@ static bool read_count(FILE *file, size_t *count, error *e)
     char line[LINE_MAX_BYTES];
     if (!read_line(file, line, e)) return false;
     const char *digits = line + sizeof start - 1;
-    if (strncmp(line, start, sizeof start - 1) != 0 || !*digits || strspn(digits, "0123456789") != strlen(digits) ||
-        (digits[0] == '0' && digits[1]))
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'", line);
+    if (strncmp(line, start, sizeof start - 1) != 0 || !*digits ||
+        strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "PLY file: expected 'element vertex COUNT', found '%.60s'", line);
     errno = 0;
     uintmax_t value = strtoumax(digits, NULL, 10);
     if (errno || value > SIZE_MAX) return damaged(e, "its count of points is too large");
@@ -175,33 +190,45 @@ static bool read_header(FILE *file, ply_file *f, error *e)
 {
     char line[LINE_MAX_BYTES], expected[LINE_MAX_BYTES];
     if (!expect_line(file, "ply", e) || !read_line(file, line, e)) return false;
-    if (strcmp(line, "format ascii 1.0") == 0) f->format = PLY_ASCII;
-    else if (strcmp(line, "format binary_little_endian 1.0") == 0) f->format = PLY_BINARY_LITTLE_ENDIAN;
-    else return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
+    if (strcmp(line, "format ascii 1.0") == 0)
+        f->format = PLY_ASCII;
+    else if (strcmp(line, "format binary_little_endian 1.0") == 0)
+        f->format = PLY_BINARY_LITTLE_ENDIAN;
+    else
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'",
+                         line);
     if (!read_count(file, &f->points.count, e) || !read_line(file, line, e)) return false;
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
     if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'",
+                         line);
     for (int c = 1; c < PLY_PROPERTIES; c++) {
-        snprintf(expected, sizeof expected, "property %s %s", precision_names[f->precision], property_names[c]);
+        snprintf(expected, sizeof expected, "property %s %s", precision_names[f->precision],
+                 property_names[c]);
         if (!expect_line(file, expected, e)) return false;
     }
     return expect_line(file, "end_header", e);
 }
 
-/* The bytes from here to the end must be able to hold the points: a count is never trusted alone. */
+/* The bytes from here to the end must be able to hold the points: a count is never trusted alone.
+ */
 static bool check_size(FILE *file, const ply_file *f, error *e)
 {
     long at = ftell(file);
-    if (at < 0 || fseek(file, 0, SEEK_END) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    if (at < 0 || fseek(file, 0, SEEK_END) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     long end = ftell(file);
-    if (end < at || fseek(file, at, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    if (end < at || fseek(file, at, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     size_t left = (size_t)(end - at), value = f->precision == PLY_FLOAT ? 4 : 8;
-    size_t point = PLY_PROPERTIES * (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
+    size_t point = PLY_PROPERTIES *
+                   (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
     size_t holds = left / point;
-    if (f->points.count > holds || (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: %zu bytes of data cannot be the %zu points of its header",
-                         left, f->points.count);
+    if (f->points.count > holds ||
+        (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "PLY file: %zu bytes of data cannot be the %zu points of its header", left,
+                         f->points.count);
     return true;
 }
 
@@ -281,7 +308,8 @@ static bool read_rows(FILE *file, const ply_file *f, error *e)
         }
         for (int c = 0; c < PLY_PROPERTIES; c++)
             if (!isfinite(row[c]))
-                return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, property_names[c], row[c]);
+                return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i,
+                                 property_names[c], row[c]);
         store_row(&f->points, i, row);
     }
     return fgetc(file) == EOF || damaged(e, "there are bytes after its last point");
@@ -290,9 +318,11 @@ static bool read_rows(FILE *file, const ply_file *f, error *e)
 bool ply_read(FILE *file, ply_file *out, error *e)
 {
     ply_file f = {0};
-    if (fseek(file, 0, SEEK_SET) != 0) return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
+    if (fseek(file, 0, SEEK_SET) != 0)
+        return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     if (!read_header(file, &f, e) || !check_size(file, &f, e)) return false;
-    f.storage = mem_array(f.points.count, PLY_PROPERTIES * sizeof(double), "the points of a PLY file", e);
+    f.storage =
+        mem_array(f.points.count, PLY_PROPERTIES * sizeof(double), "the points of a PLY file", e);
     if (!f.storage) return false;
     lay_out(&f);
     if (!read_rows(file, &f, e)) {

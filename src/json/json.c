@@ -1,6 +1,7 @@
 /* The tree is cJSON's; reading and writing text is done here, since cJSON's own parser accepts more
  * than RFC 8259, cuts numbers of more than 63 characters, and its printer compares doubles with a
- * tolerance. Numbers go through strtod and snprintf: the programs stay in the C locale for LC_NUMERIC. */
+ * tolerance. Numbers go through strtod and snprintf: the programs stay in the C locale for
+ * LC_NUMERIC. */
 #include "json/json.h"
 
 #include <math.h>
@@ -12,7 +13,8 @@
 
 #include "base/memory.h"
 
-static const double exact_integer_limit = 9007199254740992.0; /* 2^53: every integer up to here is a double */
+static const double exact_integer_limit =
+    9007199254740992.0; /* 2^53: every integer up to here is a double */
 
 /* ---- reading ---- */
 
@@ -58,7 +60,10 @@ static bool fault(const parser *p, const char *words)
     return fault_at(p, p->at, p->at < p->length ? words : "the text ends too early");
 }
 
-static int peek(const parser *p) { return p->at < p->length ? p->text[p->at] : -1; }
+static int peek(const parser *p)
+{
+    return p->at < p->length ? p->text[p->at] : -1;
+}
 
 static void skip_space(parser *p)
 {
@@ -67,14 +72,20 @@ static void skip_space(parser *p)
         p->at++;
 }
 
-static bool is_digit(int c) { return c >= '0' && c <= '9'; }
+static bool is_digit(int c)
+{
+    return c >= '0' && c <= '9';
+}
 
 /* Length of the well-formed UTF-8 sequence at s (Unicode 15, table 3-7), 0 if there is none. */
 static size_t utf8_sequence(const unsigned char *s, size_t left)
 {
     if (left == 0) return 0;
     if (s[0] < 0x80) return 1;
-    size_t want = s[0] >= 0xC2 && s[0] <= 0xDF ? 2 : (s[0] & 0xF0) == 0xE0 ? 3 : s[0] >= 0xF0 && s[0] <= 0xF4 ? 4 : 0;
+    size_t want = s[0] >= 0xC2 && s[0] <= 0xDF   ? 2
+                  : (s[0] & 0xF0) == 0xE0        ? 3
+                  : s[0] >= 0xF0 && s[0] <= 0xF4 ? 4
+                                                 : 0;
     if (want == 0 || left < want) return 0;
     unsigned low = s[0] == 0xE0 ? 0xA0 : s[0] == 0xF0 ? 0x90 : 0x80;
     unsigned high = s[0] == 0xED ? 0x9F : s[0] == 0xF4 ? 0x8F : 0xBF;
@@ -90,10 +101,14 @@ static bool read_hex4(parser *p, unsigned *out)
     for (int i = 0; i < 4; i++, p->at++) {
         int c = peek(p);
         unsigned digit;
-        if (is_digit(c)) digit = (unsigned)(c - '0');
-        else if (c >= 'a' && c <= 'f') digit = (unsigned)(c - 'a') + 10;
-        else if (c >= 'A' && c <= 'F') digit = (unsigned)(c - 'A') + 10;
-        else return fault(p, "\\u needs four hexadecimal digits");
+        if (is_digit(c))
+            digit = (unsigned)(c - '0');
+        else if (c >= 'a' && c <= 'f')
+            digit = (unsigned)(c - 'a') + 10;
+        else if (c >= 'A' && c <= 'F')
+            digit = (unsigned)(c - 'A') + 10;
+        else
+            return fault(p, "\\u needs four hexadecimal digits");
         value = value * 16 + digit;
     }
     *out = value;
@@ -118,7 +133,8 @@ static bool read_unicode_escape(parser *p, size_t start, size_t *length)
     unsigned unit, low;
     if (!read_hex4(p, &unit)) return false;
     if (unit == 0) return fault_at(p, start, "\\u0000 is not accepted in a string");
-    if (unit >= 0xDC00 && unit <= 0xDFFF) return fault_at(p, start, "a low surrogate without a high one before it");
+    if (unit >= 0xDC00 && unit <= 0xDFFF)
+        return fault_at(p, start, "a low surrogate without a high one before it");
     if (unit >= 0xD800 && unit <= 0xDBFF) {
         if (p->length - p->at < 2 || p->text[p->at] != '\\' || p->text[p->at + 1] != 'u')
             return fault_at(p, start, "a high surrogate without a low one after it");
@@ -331,12 +347,13 @@ static cJSON *read_word(parser *p)
         p->at += n;
         return must(i == 2 ? cJSON_CreateNull() : cJSON_CreateBool(i == 0));
     }
-    fault(p, "expected a value (an object, an array, a string in double quotes, a number, true, false or null)");
+    fault(p, "expected a value (an object, an array, a string in double quotes, a number, true, "
+             "false or null)");
     return NULL;
 }
 
-/* Space around the value is taken with it. Depth counts open objects and arrays, so the recursion is
- * bounded by JSON_MAX_DEPTH. */
+/* Space around the value is taken with it. Depth counts open objects and arrays, so the recursion
+ * is bounded by JSON_MAX_DEPTH. */
 static cJSON *read_value(parser *p, int depth)
 {
     cJSON *value;
@@ -346,11 +363,16 @@ static cJSON *read_value(parser *p, int depth)
         fault(p, "objects and arrays are nested too deep");
         return NULL;
     }
-    if (c == '{') value = read_object(p, depth + 1);
-    else if (c == '[') value = read_array(p, depth + 1);
-    else if (c == '"') value = read_string(p) ? must(cJSON_CreateString(p->scratch)) : NULL;
-    else if (c == '-' || is_digit(c)) value = read_number(p);
-    else value = read_word(p);
+    if (c == '{')
+        value = read_object(p, depth + 1);
+    else if (c == '[')
+        value = read_array(p, depth + 1);
+    else if (c == '"')
+        value = read_string(p) ? must(cJSON_CreateString(p->scratch)) : NULL;
+    else if (c == '-' || is_digit(c))
+        value = read_number(p);
+    else
+        value = read_word(p);
     skip_space(p);
     return value;
 }
@@ -388,13 +410,16 @@ json_at json_root(const json *root)
 
 json_at json_member(const json_at *object, const char *key)
 {
-    const cJSON *node = cJSON_IsObject(object->node) ? cJSON_GetObjectItemCaseSensitive(object->node, key) : NULL;
+    const cJSON *node =
+        cJSON_IsObject(object->node) ? cJSON_GetObjectItemCaseSensitive(object->node, key) : NULL;
     return (json_at){node, object, key, 0};
 }
 
 json_at json_element(const json_at *array, size_t index)
 {
-    const cJSON *node = array->node && index < json_size(*array) ? cJSON_GetArrayItem(array->node, (int)index) : NULL;
+    const cJSON *node = array->node && index < json_size(*array)
+                            ? cJSON_GetArrayItem(array->node, (int)index)
+                            : NULL;
     return (json_at){node, array, node ? node->string : NULL, index};
 }
 
@@ -402,20 +427,28 @@ json_type json_type_of(json_at at)
 {
     if (!at.node) return JSON_NONE;
     switch (at.node->type & 0xFF) {
-    case cJSON_NULL: return JSON_NULL;
+    case cJSON_NULL:
+        return JSON_NULL;
     case cJSON_True:
-    case cJSON_False: return JSON_BOOL;
-    case cJSON_Number: return JSON_NUMBER;
-    case cJSON_String: return JSON_STRING;
-    case cJSON_Array: return JSON_ARRAY;
-    case cJSON_Object: return JSON_OBJECT;
-    default: return JSON_NONE;
+    case cJSON_False:
+        return JSON_BOOL;
+    case cJSON_Number:
+        return JSON_NUMBER;
+    case cJSON_String:
+        return JSON_STRING;
+    case cJSON_Array:
+        return JSON_ARRAY;
+    case cJSON_Object:
+        return JSON_OBJECT;
+    default:
+        return JSON_NONE;
     }
 }
 
 size_t json_size(json_at at)
 {
-    return cJSON_IsArray(at.node) || cJSON_IsObject(at.node) ? (size_t)cJSON_GetArraySize(at.node) : 0;
+    return cJSON_IsArray(at.node) || cJSON_IsObject(at.node) ? (size_t)cJSON_GetArraySize(at.node)
+                                                             : 0;
 }
 
 double json_number(json_at at, double otherwise)
@@ -466,9 +499,12 @@ static void write_pointer(const json_at *at, cursor *c)
     for (const char *k = at->key; left > 0;) {
         size_t n = utf8_sequence((const unsigned char *)k, left);
         if (n == 0) n = 1;
-        if (*k == '~') cursor_put(c, "~0", 2);
-        else if (*k == '/') cursor_put(c, "~1", 2);
-        else cursor_put(c, k, n);
+        if (*k == '~')
+            cursor_put(c, "~0", 2);
+        else if (*k == '/')
+            cursor_put(c, "~1", 2);
+        else
+            cursor_put(c, k, n);
         k += n;
         left -= n;
     }
@@ -598,7 +634,10 @@ static void add(text *t, const char *bytes, size_t n)
     t->data[t->length] = '\0';
 }
 
-static void add_text(text *t, const char *s) { add(t, s, strlen(s)); }
+static void add_text(text *t, const char *s)
+{
+    add(t, s, strlen(s));
+}
 
 static void add_break(text *t, int level)
 {
@@ -678,12 +717,21 @@ static void add_children(text *t, const cJSON *node, int level)
 static void add_node(text *t, const cJSON *node, int level)
 {
     switch (json_type_of(json_root(node))) {
-    case JSON_BOOL: add_text(t, cJSON_IsTrue(node) ? "true" : "false"); break;
-    case JSON_NUMBER: add_number(t, node->valuedouble); break;
-    case JSON_STRING: add_string(t, node->valuestring); break;
+    case JSON_BOOL:
+        add_text(t, cJSON_IsTrue(node) ? "true" : "false");
+        break;
+    case JSON_NUMBER:
+        add_number(t, node->valuedouble);
+        break;
+    case JSON_STRING:
+        add_string(t, node->valuestring);
+        break;
     case JSON_ARRAY:
-    case JSON_OBJECT: add_children(t, node, level); break;
-    default: add_text(t, "null");
+    case JSON_OBJECT:
+        add_children(t, node, level);
+        break;
+    default:
+        add_text(t, "null");
     }
 }
 

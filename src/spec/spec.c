@@ -10,7 +10,7 @@
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
-enum { SHOWN_MAX = 64 };       /* bytes of a given text that a message repeats */
+enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
 enum { LABEL_LENGTH_MAX = 100 }; /* characters */
 
 typedef struct reading {
@@ -64,8 +64,12 @@ static void describe(json_at at, char out[SHOWN_MAX + 8])
 {
     char *text;
     switch (json_type_of(at)) {
-    case JSON_OBJECT: strcpy(out, "an object"); return;
-    case JSON_ARRAY: snprintf(out, SHOWN_MAX + 8, "an array of %zu", json_size(at)); return;
+    case JSON_OBJECT:
+        strcpy(out, "an object");
+        return;
+    case JSON_ARRAY:
+        snprintf(out, SHOWN_MAX + 8, "an array of %zu", json_size(at));
+        return;
     default:
         text = json_print(at.node);
         shorten(text, out);
@@ -75,9 +79,12 @@ static void describe(json_at at, char out[SHOWN_MAX + 8])
 
 static void describe_range(const spec_row *row, char *out, size_t size)
 {
-    if (row->low == row->high) snprintf(out, size, "%.16g", row->low);
-    else if (row->flags & SPEC_LOW_OPEN) snprintf(out, size, "above %.16g and at most %.16g", row->low, row->high);
-    else snprintf(out, size, "from %.16g to %.16g", row->low, row->high);
+    if (row->low == row->high)
+        snprintf(out, size, "%.16g", row->low);
+    else if (row->flags & SPEC_LOW_OPEN)
+        snprintf(out, size, "above %.16g and at most %.16g", row->low, row->high);
+    else
+        snprintf(out, size, "from %.16g to %.16g", row->low, row->high);
 }
 
 static void wrong(reading *r, const json_at *at, const spec_row *row, const char *kind)
@@ -93,7 +100,10 @@ static void wrong(reading *r, const json_at *at, const spec_row *row, const char
 
 /* ---- values ---- */
 
-static void *target(reading *r, size_t offset) { return (char *)r->s + offset; }
+static void *target(reading *r, size_t offset)
+{
+    return (char *)r->s + offset;
+}
 
 static bool is_number(json_at at, const spec_row *row, bool whole)
 {
@@ -113,8 +123,10 @@ static void read_number(reading *r, const json_at *at, const spec_row *row, json
         return;
     }
     if (value == 0) value = 0; /* -0 would print as such and be another text for the same job */
-    if (row->type == SPEC_TYPE_LARGE) json_put_integer(normal, spec_row_key(row), (int64_t)value);
-    else json_put_number(normal, spec_row_key(row), value);
+    if (row->type == SPEC_TYPE_LARGE)
+        json_put_integer(normal, spec_row_key(row), (int64_t)value);
+    else
+        json_put_number(normal, spec_row_key(row), value);
     if (row->has != SPEC_NOWHERE) *(bool *)target(r, row->has) = true;
     if (row->offset == SPEC_NOWHERE) return;
     if (row->type == SPEC_TYPE_NUMBER) {
@@ -192,10 +204,12 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
     describe(*at, given);
     for (size_t i = 0; spec_word(row->words_later, i, word, sizeof word); i++) {
         if (strcmp(word, text) != 0) continue;
-        add_fault(r, at, ERROR_NOT_SUPPORTED, "%s is not supported by this version: use %s", given, allowed);
+        add_fault(r, at, ERROR_NOT_SUPPORTED, "%s is not supported by this version: use %s", given,
+                  allowed);
         return;
     }
-    add_fault(r, at, ERROR_SPEC_INVALID, "must be %s%s (given %s)", strchr(allowed, ',') ? "one of " : "", allowed, given);
+    add_fault(r, at, ERROR_SPEC_INVALID, "must be %s%s (given %s)",
+              strchr(allowed, ',') ? "one of " : "", allowed, given);
 }
 
 static size_t characters(const char *text)
@@ -214,8 +228,9 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
         describe(*at, given);
         add_fault(r, at, ERROR_SPEC_INVALID, "must be a string (given %s)", given);
     } else if ((double)length < row->low || (double)length > row->high) {
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be a string of %.16g to %.16g characters (given %zu)", row->low,
-                  row->high, length);
+        add_fault(r, at, ERROR_SPEC_INVALID,
+                  "must be a string of %.16g to %.16g characters (given %zu)", row->low, row->high,
+                  length);
     } else {
         *(char **)target(r, row->offset) = mem_strdup(text);
         json_put_string(normal, spec_row_key(row), text);
@@ -228,7 +243,8 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of at most %.16g strings (given %s)", row->high, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of at most %.16g strings (given %s)",
+                  row->high, given);
         return;
     }
     char **labels = mem_alloc(count * sizeof *labels);
@@ -240,8 +256,8 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         if (!text || !*text || characters(text) > LABEL_LENGTH_MAX) {
             char given[SHOWN_MAX + 8];
             describe(element, given);
-            add_fault(r, &element, ERROR_SPEC_INVALID, "must be a string of 1 to %d characters (given %s)",
-                      LABEL_LENGTH_MAX, given);
+            add_fault(r, &element, ERROR_SPEC_INVALID,
+                      "must be a string of 1 to %d characters (given %s)", LABEL_LENGTH_MAX, given);
             continue;
         }
         labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);
@@ -254,20 +270,36 @@ static void read_value(reading *r, const json_at *at, const spec_row *row, json 
     switch (row->type) {
     case SPEC_TYPE_NUMBER:
     case SPEC_TYPE_INTEGER:
-    case SPEC_TYPE_LARGE: read_number(r, at, row, normal); break;
-    case SPEC_TYPE_WORD: read_word(r, at, row, normal); break;
-    case SPEC_TYPE_STRING: read_string(r, at, row, normal); break;
-    case SPEC_TYPE_VECTOR: read_vector(r, at, row, normal); break;
-    case SPEC_TYPE_SIZE: read_size(r, at, row, normal); break;
-    case SPEC_TYPE_LABELS: read_labels(r, at, row, normal); break;
+    case SPEC_TYPE_LARGE:
+        read_number(r, at, row, normal);
+        break;
+    case SPEC_TYPE_WORD:
+        read_word(r, at, row, normal);
+        break;
+    case SPEC_TYPE_STRING:
+        read_string(r, at, row, normal);
+        break;
+    case SPEC_TYPE_VECTOR:
+        read_vector(r, at, row, normal);
+        break;
+    case SPEC_TYPE_SIZE:
+        read_size(r, at, row, normal);
+        break;
+    case SPEC_TYPE_LABELS:
+        read_labels(r, at, row, normal);
+        break;
     case SPEC_TYPE_GROUP:
-    case SPEC_TYPE_LATER: break; /* not values: see read_row and check_members */
+    case SPEC_TYPE_LATER:
+        break; /* not values: see read_row and check_members */
     }
 }
 
 /* ---- members ---- */
 
-static size_t least(size_t a, size_t b) { return a < b ? a : b; }
+static size_t least(size_t a, size_t b)
+{
+    return a < b ? a : b;
+}
 
 /* Levenshtein's distance; texts longer than SHOWN_MAX count as far. */
 static size_t edit_distance(const char *a, const char *b)
@@ -310,12 +342,15 @@ static void unknown_member(reading *r, const json_at *at, const char *group)
     char key[SHOWN_MAX + 4];
     const char *instead = suggestion(group, at->key);
     shorten(at->key, key);
-    if (instead) add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s': did you mean '%s'?", key, instead);
-    else add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s'", key);
+    if (instead)
+        add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s': did you mean '%s'?", key,
+                  instead);
+    else
+        add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s'", key);
 }
 
-/* Members that are unknown or not supported. An object's names differ, so after as many unknown ones
- * as there are places for faults the rest need not be looked at. */
+/* Members that are unknown or not supported. An object's names differ, so after as many unknown
+ * ones as there are places for faults the rest need not be looked at. */
 static void check_members(reading *r, const json_at *at, const char *group)
 {
     size_t unknown = 0;
@@ -326,7 +361,8 @@ static void check_members(reading *r, const json_at *at, const char *group)
             unknown_member(r, &member, group);
             unknown++;
         } else if (row->type == SPEC_TYPE_LATER) {
-            add_fault(r, &member, ERROR_NOT_SUPPORTED, "'%s' is not supported by this version", member.key);
+            add_fault(r, &member, ERROR_NOT_SUPPORTED, "'%s' is not supported by this version",
+                      member.key);
         }
     }
 }
@@ -357,7 +393,8 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
 
 static const char *default_of(const reading *r, const spec_row *row)
 {
-    if (row->offset == offsetof(spec, preview_color)) return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
+    if (row->offset == offsetof(spec, preview_color))
+        return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
 }
 
@@ -401,14 +438,19 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
         if (!r->shape_known) return; /* what belongs here is not known; the shape's fault says so */
         if (!(row->shapes & 1u << r->s->analytic.shape)) {
             char shape[SHOWN_MAX] = "";
-            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->s->analytic.shape, shape, sizeof shape);
-            if (at.node) add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the shape \"%s\"", shape);
+            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->s->analytic.shape,
+                      shape, sizeof shape);
+            if (at.node)
+                add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the shape \"%s\"", shape);
             return;
         }
     }
-    if (at.node) read_value(r, &at, row, normal);
-    else if (row->flags & SPEC_REQUIRED) add_fault(r, &at, ERROR_SPEC_INVALID, "is required");
-    else read_default(r, group, row, normal);
+    if (at.node)
+        read_value(r, &at, row, normal);
+    else if (row->flags & SPEC_REQUIRED)
+        add_fault(r, &at, ERROR_SPEC_INVALID, "is required");
+    else
+        read_default(r, group, row, normal);
 }
 
 /* What no single row can say; only of values that are good by themselves. */
@@ -419,13 +461,15 @@ static void check_analytic(reading *r, const json_at *at)
             rounding = json_member(at, "rounding");
     double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
     if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
-        add_fault(r, &minor, ERROR_SPEC_INVALID, "must be less than major_radius, %.16g (given %.16g)",
-                  a->major_radius, a->minor_radius);
+        add_fault(r, &minor, ERROR_SPEC_INVALID,
+                  "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
+                  a->minor_radius);
     if (a->shape == SPEC_SHAPE_TORUS && !(vec3_norm2(a->axis) > 0))
         add_fault(r, &axis, ERROR_SPEC_INVALID, "must not be the zero vector");
     if (a->shape == SPEC_SHAPE_BOX && a->rounding > smallest)
-        add_fault(r, &rounding, ERROR_SPEC_INVALID, "must be at most the smallest half size, %.16g (given %.16g)",
-                  smallest, a->rounding);
+        add_fault(r, &rounding, ERROR_SPEC_INVALID,
+                  "must be at most the smallest half size, %.16g (given %.16g)", smallest,
+                  a->rounding);
 }
 
 /* Reads the members of a group; a place without a node stands for an object without members. */
@@ -439,7 +483,8 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         return;
     }
     check_members(r, at, group);
-    for (spec_choice c = SPEC_CHOICE_SURFACE; c <= SPEC_CHOICE_GRADING; c++) check_choice(r, at, group, c);
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c <= SPEC_CHOICE_GRADING; c++)
+        check_choice(r, at, group, c);
     for (size_t i = 0; i < spec_row_count; i++)
         if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
     if (strcmp(group, "/surface/analytic") == 0) {
@@ -468,8 +513,10 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e)
     reading r = {.s = mem_alloc(sizeof(spec))};
     json_at root = json_root(document);
     r.s->normalised = json_new_object();
-    if (document) read_group(&r, &root, "", r.s->normalised);
-    else add_fault(&r, &root, ERROR_SPEC_INVALID, "must be an object (given nothing)");
+    if (document)
+        read_group(&r, &root, "", r.s->normalised);
+    else
+        add_fault(&r, &root, ERROR_SPEC_INVALID, "must be an object (given nothing)");
     if (faults) *faults = r.faults;
     if (r.total == 0) return r.s;
     sum_up(&r, e);

@@ -1,7 +1,8 @@
 /* spec_table: the one table of parameters of a job's spec, constant data.
  *
- * Private to src/spec and its tests. Rows stand in the order of the help and of the normalised spec,
- * a group before its members. Parsing, defaults, ranges, messages and help all come from here.
+ * Private to src/spec and its tests. Rows stand in the order of the help and of the normalised
+ * spec, a group before its members. Parsing, defaults, ranges, messages and help all come from
+ * here.
  */
 #ifndef HEXAD_SPEC_SPEC_TABLE_H
 #define HEXAD_SPEC_SPEC_TABLE_H
@@ -33,10 +34,10 @@ typedef enum spec_choice {
 } spec_choice;
 
 enum {
-    SPEC_REQUIRED = 1,   /* must be given (where the shape has it) */
-    SPEC_LOW_OPEN = 2,   /* the low bound itself is not allowed */
-    SPEC_OPTIONAL = 4,   /* group: absent unless given; `has` notes that */
-    SPEC_SWITCH = 8      /* group: true or false may stand for it; `has` notes which */
+    SPEC_REQUIRED = 1, /* must be given (where the shape has it) */
+    SPEC_LOW_OPEN = 2, /* the low bound itself is not allowed */
+    SPEC_OPTIONAL = 4, /* group: absent unless given; `has` notes that */
+    SPEC_SWITCH = 8    /* group: true or false may stand for it; `has` notes which */
 };
 
 #define SPEC_NOWHERE ((size_t)-1) /* not stored: only checked */
@@ -48,7 +49,7 @@ typedef struct spec_row {
     spec_choice choice;
     unsigned shapes; /* bit per spec_shape that has the member; 0: no question of shape */
     double low, high;
-    const char *otherwise; /* the default as JSON; NULL: none */
+    const char *otherwise;   /* the default as JSON; NULL: none */
     const char *words;       /* "a|b" */
     const char *words_later; /* in the contract, not built */
     size_t offset, has;      /* into struct spec; `has` is a bool (labels: a size_t) */

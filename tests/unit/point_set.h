@@ -33,9 +33,11 @@ static inline void point_set_free(point_set *s)
     for (int k = 0; k < 7; k++) free(s->scalar[k]);
 }
 
-static inline void point_set_scalars(point_set *s, size_t i, double kappa1, double kappa2, double alpha, double spacing)
+static inline void point_set_scalars(point_set *s, size_t i, double kappa1, double kappa2,
+                                     double alpha, double spacing)
 {
-    double values[7] = {sqrt(kappa1 * kappa1 + kappa2 * kappa2), kappa1, kappa2, alpha, 0.71, spacing, spacing};
+    double values[7] = {
+        sqrt(kappa1 * kappa1 + kappa2 * kappa2), kappa1, kappa2, alpha, 0.71, spacing, spacing};
     for (int k = 0; k < 7; k++) s->scalar[k][i] = values[k];
 }
 
@@ -45,7 +47,8 @@ static inline point_set point_set_sphere(size_t count, vec3 center, double radiu
     point_set s = point_set_new(count);
     double spacing = radius * sqrt(8 * M_PI / (sqrt(3) * (double)count));
     for (size_t i = 0; i < count; i++) {
-        double z = 1 - 2 * ((double)i + 0.5) / (double)count, r = sqrt(1 - z * z), turn = 2.399963229728653 * (double)i;
+        double z = 1 - 2 * ((double)i + 0.5) / (double)count, r = sqrt(1 - z * z),
+               turn = 2.399963229728653 * (double)i;
         s.normal[i] = vec3_make(r * cos(turn), r * sin(turn), z);
         s.position[i] = vec3_axpy(radius, s.normal[i], center);
         point_set_scalars(&s, i, 1 / radius, 1 / radius, 1, spacing);

@@ -98,7 +98,8 @@ static void test_every_truncation_is_refused(void **state)
     size_t length = strlen(text);
     json_free(accept(text));
     for (size_t n = 0; n < length; n++) {
-        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
+        char *part =
+            mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
         refuse(part, n, "line 1");
         free(part);
     }
@@ -109,8 +110,8 @@ static void test_places(void **state)
     (void)state;
     json *root = accept("{\"a/b~\":[10,{\"x\":\"\\u00e4\\uD83D\\uDE00\"}],\"t\":true,\"z\":null}");
     json_at at = json_root(root), list = json_member(&at, "a/b~"), second = json_element(&list, 1),
-            x = json_member(&second, "x"), none = json_member(&x, "no"), first = json_element(&at, 0),
-            beyond = json_element(&list, 2);
+            x = json_member(&second, "x"), none = json_member(&x, "no"),
+            first = json_element(&at, 0), beyond = json_element(&list, 2);
     char pointer[64], small[6];
     assert_string_equal(json_pointer(&at, pointer, sizeof pointer), "");
     assert_string_equal(json_pointer(&x, pointer, sizeof pointer), "/a~1b~0/1/x");
@@ -162,9 +163,10 @@ static void test_building(void **state)
     json *inner = json_append_object(json_put_array(root, "o"));
     json_put_object(inner, "e");
     char *text = json_print(root);
-    assert_string_equal(text, "{\"s\":\"a\\\"\\\\\\n\\u0001\xc3\xa4\",\"none\":null,\"n\":-3,\"inf\":null,"
-                              "\"i\":9007199254740992,\"b\":false,\"z\":null,\"l\":[1e+300,\"x\"],"
-                              "\"o\":[{\"e\":{}}]}");
+    assert_string_equal(
+        text, "{\"s\":\"a\\\"\\\\\\n\\u0001\xc3\xa4\",\"none\":null,\"n\":-3,\"inf\":null,"
+              "\"i\":9007199254740992,\"b\":false,\"z\":null,\"l\":[1e+300,\"x\"],"
+              "\"o\":[{\"e\":{}}]}");
     json *copy = json_copy(root), *again = accept(text);
     char *copied = json_print(copy), *reread = json_print(again), *pretty = json_print_pretty(list);
     assert_string_equal(copied, text);
@@ -199,7 +201,8 @@ static void check_round_trip(double value)
     json *again = accept(text);
     json_at at = json_root(again);
     double read = json_number(json_element(&at, 0), NAN);
-    if (memcmp(&read, &value, sizeof read) != 0) fail_msg("%.17g came back as %.17g from %s", value, read, text);
+    if (memcmp(&read, &value, sizeof read) != 0)
+        fail_msg("%.17g came back as %.17g from %s", value, read, text);
     free(text);
     json_free(again);
     json_free(list);
@@ -208,8 +211,20 @@ static void check_round_trip(double value)
 static void test_numbers_round_trip(void **state)
 {
     (void)state;
-    static const double values[] = {0,      -0.0,    0.1,     1.0 / 3, 1e22,    1e23,      DBL_MAX, DBL_MIN,
-                                    4.9e-324, 0.3,   123456789012345678.0, 9007199254740993.0, -1e15, 5e-5};
+    static const double values[] = {0,
+                                    -0.0,
+                                    0.1,
+                                    1.0 / 3,
+                                    1e22,
+                                    1e23,
+                                    DBL_MAX,
+                                    DBL_MIN,
+                                    4.9e-324,
+                                    0.3,
+                                    123456789012345678.0,
+                                    9007199254740993.0,
+                                    -1e15,
+                                    5e-5};
     for (size_t i = 0; i < sizeof values / sizeof *values; i++) check_round_trip(values[i]);
     const char *given = getenv("HEXAD_TEST_SEED");
     uint64_t seed = given ? strtoull(given, NULL, 10) : 20050101;
@@ -220,7 +235,8 @@ static void test_numbers_round_trip(void **state)
         memcpy(&value, &bits, sizeof value);
         if (isfinite(value)) check_round_trip(value);
     }
-    json *root = accept("[0.1000000000000000000000000000000000000000000000000000000000000000000000000000001]");
+    json *root = accept(
+        "[0.1000000000000000000000000000000000000000000000000000000000000000000000000000001]");
     char *text = json_print(root);
     assert_string_equal(text, "[0.1]");
     free(text);
@@ -252,8 +268,9 @@ static char *suite_directory(void)
 /* Valid JSON that this reader refuses on purpose, see json.h. */
 static bool is_refused_on_purpose(const char *name)
 {
-    static const char *const names[] = {"y_object_duplicated_key.json", "y_object_duplicated_key_and_value.json",
-                                        "y_object_escaped_null_in_key.json", "y_string_null_escape.json"};
+    static const char *const names[] = {
+        "y_object_duplicated_key.json", "y_object_duplicated_key_and_value.json",
+        "y_object_escaped_null_in_key.json", "y_string_null_escape.json"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(names[i], name) == 0) return true;
     return false;
@@ -273,7 +290,8 @@ static void test_suite(void **state)
         size_t length;
         char *text = read_whole(path, &length);
         json *root = json_parse(text, length, NULL);
-        if (kind == 'y' && !root != is_refused_on_purpose(entry->d_name)) fail_msg("%s", entry->d_name);
+        if (kind == 'y' && !root != is_refused_on_purpose(entry->d_name))
+            fail_msg("%s", entry->d_name);
         if (kind == 'n' && root) fail_msg("accepted: %s", entry->d_name);
         if (root) free(json_print_pretty(root));
         json_free(root);

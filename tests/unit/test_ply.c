@@ -82,7 +82,8 @@ static void test_round_trips(void **state)
         for (int precision = PLY_FLOAT; precision <= PLY_DOUBLE; precision++) {
             error e = {0};
             ply_file f = {0};
-            bytes b = write_set(&s.points, format, precision), again = write_set(&s.points, format, precision);
+            bytes b = write_set(&s.points, format, precision),
+                  again = write_set(&s.points, format, precision);
             assert_int_equal(b.length, again.length);
             assert_memory_equal(b.data, again.data, b.length);
             if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
@@ -103,11 +104,14 @@ static void test_header(void **state)
     (void)state;
     point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
     bytes b = write_set(&s.points, PLY_ASCII, PLY_FLOAT);
-    static const char expected[] =
-        "ply\nformat ascii 1.0\ncomment hexad\nelement vertex 1\nproperty float x\nproperty float y\n"
-        "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty float kappa\n"
-        "property float kappa1\nproperty float kappa2\nproperty float alpha\nproperty float energy\n"
-        "property float spacing\nproperty float spacing_local\nend_header\n1 0 0 1 0 0 1.4142135 1 1 1 0.71 ";
+    static const char expected[] = "ply\nformat ascii 1.0\ncomment hexad\nelement vertex "
+                                   "1\nproperty float x\nproperty float y\n"
+                                   "property float z\nproperty float nx\nproperty float "
+                                   "ny\nproperty float nz\nproperty float kappa\n"
+                                   "property float kappa1\nproperty float kappa2\nproperty float "
+                                   "alpha\nproperty float energy\n"
+                                   "property float spacing\nproperty float "
+                                   "spacing_local\nend_header\n1 0 0 1 0 0 1.4142135 1 1 1 0.71 ";
     assert_true(strncmp(b.data, expected, sizeof expected - 1) == 0);
     free(b.data);
     point_set_free(&s);
@@ -124,7 +128,8 @@ static void test_every_truncation_is_refused(void **state)
             char *longer = mem_alloc(b.length + 1);
             memcpy(longer, b.data, b.length);
             longer[b.length] = '\n';
-            refuse(longer, b.length + 1, format == PLY_ASCII ? "after its last point" : "cannot be the 3 points");
+            refuse(longer, b.length + 1,
+                   format == PLY_ASCII ? "after its last point" : "cannot be the 3 points");
             free(longer);
             free(b.data);
         }
@@ -159,7 +164,8 @@ static void test_hostile_headers(void **state)
         refuse_with(&b, "vertex 3", "vertex -1", "COUNT");
         refuse_with(&b, "vertex 3", "vertex 03", "COUNT");
         refuse_with(&b, "vertex 3", "vertex ", "COUNT");
-        refuse_with(&b, "vertex 3", "vertex 2", format == PLY_ASCII ? "after its last point" : "cannot be");
+        refuse_with(&b, "vertex 3", "vertex 2",
+                    format == PLY_ASCII ? "after its last point" : "cannot be");
         refuse_with(&b, "vertex 3", "vertex 4", format == PLY_ASCII ? "" : "cannot be");
         refuse_with(&b, "float kappa1", "float kappaX", "'property float kappa1'");
         refuse_with(&b, "float kappa1", "double kappa1", "'property float kappa1'");
@@ -194,7 +200,8 @@ static void test_values_that_cannot_be_written(void **state)
         fclose(file);
         free(data);
     }
-    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
+    bytes b =
+        write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
     double bad = NAN;
     memcpy(b.data + b.length - 8, &bad, 8);
     refuse(b.data, b.length, "point 4999 has spacing_local = ");

@@ -14,7 +14,9 @@
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 
-#define SPHERE "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},\"sampling\":{\"count\":100}"
+#define SPHERE                                                                                     \
+    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"             \
+    "\"sampling\":{\"count\":100}"
 
 static json *document(const char *text)
 {
@@ -87,10 +89,12 @@ static json *document_for(const spec_row *row)
         "\"gyroid\",\"period\":0.5",
     };
     if (strncmp(row->pointer, "/surface/vdb", 12) == 0)
-        return document("{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100}}");
+        return document("{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{"
+                        "\"count\":100}}");
     int shape = row->shapes ? __builtin_ctz(row->shapes) : 0;
-    char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{\"count\":100}}",
-                            shapes[shape]);
+    char *text = mem_printf(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{\"count\":100}}",
+        shapes[shape]);
     json *root = document(text);
     free(text);
     return root;
@@ -141,7 +145,8 @@ static void try_value(const spec_row *row, json *value, bool accepted, double ex
     if (s) {
         double normal;
         assert_int_not_equal(normalised_type(s, row->pointer, &normal), JSON_NONE);
-        if (!isnan(expected) && normal != expected) fail_msg("%s: %g became %g", row->pointer, expected, normal);
+        if (!isnan(expected) && normal != expected)
+            fail_msg("%s: %g became %g", row->pointer, expected, normal);
         assert_int_equal(faults.count, 0);
     } else {
         assert_true(faults.count >= 1);
@@ -164,12 +169,14 @@ static json *numeric(const spec_row *row, double value)
 static bool is_bound_by_another(const spec_row *row)
 {
     const char *key = spec_row_key(row);
-    return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 || strcmp(key, "rounding") == 0;
+    return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 ||
+           strcmp(key, "rounding") == 0;
 }
 
 static double beyond(const spec_row *row, double bound, int direction)
 {
-    if (row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR) return nextafter(bound, direction * INFINITY);
+    if (row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR)
+        return nextafter(bound, direction * INFINITY);
     return bound + direction * (fabs(bound) < 9e15 ? 1 : 2);
 }
 
@@ -179,7 +186,8 @@ static void test_bounds_of_every_row(void **state)
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
         bool number = row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_INTEGER ||
-                      row->type == SPEC_TYPE_LARGE || row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_SIZE;
+                      row->type == SPEC_TYPE_LARGE || row->type == SPEC_TYPE_VECTOR ||
+                      row->type == SPEC_TYPE_SIZE;
         if (!number) continue;
         bool open = row->flags & SPEC_LOW_OPEN;
         if (!is_bound_by_another(row)) {
@@ -200,14 +208,18 @@ static void test_types_of_every_row(void **state)
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
         if (row->type == SPEC_TYPE_LATER) continue;
-        json *wrong[] = {number_of(1.5), numbers(1.5, 2), json_new_object(), document("true"), document("null"),
-                         document("\"no such word\"")};
+        json *wrong[] = {number_of(1.5),   numbers(1.5, 2),  json_new_object(),
+                         document("true"), document("null"), document("\"no such word\"")};
         for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
-            bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) || (row->type == SPEC_TYPE_STRING && k == 5) ||
-                        (row->type == SPEC_TYPE_GROUP && k == 2) || (row->flags & SPEC_SWITCH && k == 3) ||
-                        is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
-            if (fits) json_free(wrong[k]);
-            else try_value(row, wrong[k], false, NAN);
+            bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) ||
+                        (row->type == SPEC_TYPE_STRING && k == 5) ||
+                        (row->type == SPEC_TYPE_GROUP && k == 2) ||
+                        (row->flags & SPEC_SWITCH && k == 3) || is_bound_by_another(row) ||
+                        strcmp(row->pointer, "/surface") == 0;
+            if (fits)
+                json_free(wrong[k]);
+            else
+                try_value(row, wrong[k], false, NAN);
         }
     }
 }
@@ -219,7 +231,8 @@ static void test_defaults_and_presence(void **state)
         const spec_row *row = &spec_rows[i];
         if (row->type == SPEC_TYPE_LATER || row->type == SPEC_TYPE_GROUP) continue;
         json *root = document_for(row);
-        if (strncmp(row->pointer, "/sampling/alpha", 15) == 0) put_at(root, "/sampling/alpha", json_new_object());
+        if (strncmp(row->pointer, "/sampling/alpha", 15) == 0)
+            put_at(root, "/sampling/alpha", json_new_object());
         spec *s = spec_parse(root, NULL, NULL);
         assert_non_null(s);
         double value;
@@ -228,7 +241,8 @@ static void test_defaults_and_presence(void **state)
             json *expected = document(row->otherwise);
             json_at at = json_root(expected);
             assert_int_equal(type, json_type_of(at));
-            if (type == JSON_NUMBER && value != json_number(at, 0)) fail_msg("%s: default is %g", row->pointer, value);
+            if (type == JSON_NUMBER && value != json_number(at, 0))
+                fail_msg("%s: default is %g", row->pointer, value);
             json_free(expected);
         }
         spec_free(s);
@@ -308,9 +322,11 @@ static void test_unknown_member_in_every_group(void **state)
     }
     expect_fault(SPHERE ",\"solver\":{\"max_sweep\":1}}", ERROR_SPEC_INVALID, "/solver/max_sweep",
                  "did you mean 'max_sweeps'?");
-    expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed", "did you mean '/solver/seed'?");
+    expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed",
+                 "did you mean '/solver/seed'?");
     expect_fault(SPHERE ",\"\":1}", ERROR_SPEC_INVALID, "/", "unknown member ''");
-    expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b", "unknown member 'a/b'");
+    expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b",
+                 "unknown member 'a/b'");
 }
 
 /* ---- the rest ---- */
@@ -319,11 +335,14 @@ static void test_fields(void **state)
 {
     (void)state;
     spec *s = good(
-        "{\"version\":1,\"name\":\"n\",\"surface\":{\"vdb\":{\"path\":\"p\",\"grid\":\"g\",\"isovalue\":0.5,"
+        "{\"version\":1,\"name\":\"n\",\"surface\":{\"vdb\":{\"path\":\"p\",\"grid\":\"g\","
+        "\"isovalue\":0.5,"
         "\"reconstruction\":\"smoothing\"}},\"sampling\":{\"count\":5000,\"alpha\":{\"d\":3}},"
         "\"solver\":{\"sigma\":0.125,\"init\":\"random\",\"seed\":9007199254740992,\"threads\":3},"
-        "\"output\":{\"ply\":{\"format\":\"ascii\",\"precision\":\"double\"},\"preview\":{\"size\":[640,480],"
-        "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_attempts\":2},"
+        "\"output\":{\"ply\":{\"format\":\"ascii\",\"precision\":\"double\"},\"preview\":{\"size\":"
+        "[640,480],"
+        "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_"
+        "attempts\":2},"
         "\"queue\":{\"priority\":-7,\"labels\":[\"a\",\"b\xc3\xa4\"]}}");
     assert_int_equal(s->surface_kind, SPEC_SURFACE_VDB);
     assert_string_equal(s->name, "n");
@@ -342,13 +361,16 @@ static void test_fields(void **state)
     assert_int_equal(s->ply_precision, SPEC_PRECISION_DOUBLE);
     assert_true(s->has_preview && s->preview_width == 640 && s->preview_height == 480);
     assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
-    assert_true(s->memory_mb == 512 && s->timeout_s == 1.5 && s->stall_s == 0 && s->max_attempts == 2);
+    assert_true(s->memory_mb == 512 && s->timeout_s == 1.5 && s->stall_s == 0 &&
+                s->max_attempts == 2);
     assert_int_equal(s->priority, -7);
     assert_int_equal(s->label_count, 2);
     assert_string_equal(s->labels[1], "b\xc3\xa4");
     spec_free(s);
-    s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_radius\":2,"
-             "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
+    s = good(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_"
+        "radius\":2,"
+        "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
     assert_int_equal(s->surface_kind, SPEC_SURFACE_ANALYTIC);
     assert_int_equal(s->analytic.shape, SPEC_SHAPE_TORUS);
     assert_true(s->analytic.axis.y == 2 && s->analytic.center.x == 0.5 && s->analytic.radius == 0);
@@ -383,10 +405,12 @@ static void test_normalised_is_idempotent(void **state)
     static const char *const texts[] = {
         SPHERE "}",
         SPHERE ",\"output\":{\"preview\":false}}",
-        SPHERE ",\"output\":{\"preview\":true},\"queue\":{\"labels\":[\"x\"]},\"name\":\"\\\"\\u00e4\"}",
+        SPHERE
+        ",\"output\":{\"preview\":true},\"queue\":{\"labels\":[\"x\"]},\"name\":\"\\\"\\u00e4\"}",
         "{\"sampling\":{\"alpha\":{},\"count\":1e3},\"version\":1.0,\"solver\":{\"seed\":-0},"
         "\"surface\":{\"vdb\":{\"path\":\"p\",\"isovalue\":-0.0}}}",
-        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"gyroid\",\"period\":0.3}},\"sampling\":{\"count\":9}}",
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"gyroid\",\"period\":0.3}},"
+        "\"sampling\":{\"count\":9}}",
     };
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         spec *s = good(texts[i]);
@@ -403,13 +427,18 @@ static void test_normalised_is_idempotent(void **state)
     spec *s = good(SPHERE "}");
     char *text = json_print(s->normalised);
     assert_string_equal(
-        text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],\"radius\":0.4}},"
-              "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"paper\",\"energy\":\"cotangent\",\"minimiser\":"
-              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
-              "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
-              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],\"color\":"
-              "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
-              "\"queue\":{\"priority\":0,\"labels\":[]}}");
+        text,
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
+        "\"radius\":0.4}},"
+        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"paper\",\"energy\":\"cotangent\","
+        "\"minimiser\":"
+        "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
+        "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
+        "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],"
+        "\"color\":"
+        "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
+        "attempts\":0},"
+        "\"queue\":{\"priority\":0,\"labels\":[]}}");
     free(text);
     spec_free(s);
 }
@@ -424,33 +453,46 @@ static void test_faults(void **state)
     expect_fault("{}", invalid, "/sampling", "is required");
     expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
     expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, analytic");
-    expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
+    expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface",
+                 "(given vdb, mesh)");
     expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
-    expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path", "characters (given 0)");
-    expect_fault("{\"sampling\":{}}", invalid, "/sampling", "exactly one of count, spacing, density, control, time_s");
-    expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling", "needs at most one of alpha");
-    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count", "from 4 to 100000000 (given 3)");
-    expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count", "must be an integer from");
-    expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count", "(given \"many\")");
+    expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path",
+                 "characters (given 0)");
+    expect_fault("{\"sampling\":{}}", invalid, "/sampling",
+                 "exactly one of count, spacing, density, control, time_s");
+    expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling",
+                 "needs at most one of alpha");
+    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count",
+                 "from 4 to 100000000 (given 3)");
+    expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count",
+                 "must be an integer from");
+    expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count",
+                 "(given \"many\")");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0}}}", invalid,
-                 "/surface/analytic/radius", "must be a number above 0 and at most 1000000000000 (given 0)");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}", invalid,
-                 "/surface/analytic/period", "is no member of the shape \"sphere\"");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid, "/surface/analytic/shape",
-                 "must be one of \"sphere\", \"torus\"");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}", invalid,
-                 "/surface/analytic/minor_radius", "less than major_radius, 1 (given 1)");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
-                 "\"axis\":[0,0,0]}}}",
-                 invalid, "/surface/analytic/axis", "zero vector");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}", invalid,
-                 "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
+                 "/surface/analytic/radius",
+                 "must be a number above 0 and at most 1000000000000 (given 0)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}",
+                 invalid, "/surface/analytic/period", "is no member of the shape \"sphere\"");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid,
+                 "/surface/analytic/shape", "must be one of \"sphere\", \"torus\"");
+    expect_fault(
+        "{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}",
+        invalid, "/surface/analytic/minor_radius", "less than major_radius, 1 (given 1)");
+    expect_fault(
+        "{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
+        "\"axis\":[0,0,0]}}}",
+        invalid, "/surface/analytic/axis", "zero vector");
+    expect_fault(
+        "{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
+        invalid, "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,
                  "/surface/analytic/half_size/1", "(given -2)");
-    expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1", "8193");
-    expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
-    expect_fault(SPHERE ",\"solver\":{\"method\":\"sized\"}}", ERROR_NOT_SUPPORTED, "/solver/method",
-                 "\"sized\" is not supported by this version: use \"paper\"");
+    expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid,
+                 "/output/preview/size/1", "8193");
+    expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1",
+                 "(given 7)");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"sized\"}}", ERROR_NOT_SUPPORTED,
+                 "/solver/method", "\"sized\" is not supported by this version: use \"paper\"");
     assert_null(spec_parse(NULL, NULL, NULL));
 }
 
@@ -458,12 +500,14 @@ static void test_all_faults_are_collected(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults = bad("{\"version\":1,\"surface\":{\"mesh\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
-                             "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
-                             &e);
+    spec_faults faults =
+        bad("{\"version\":1,\"surface\":{\"mesh\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
+            "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
+            &e);
     assert_int_equal(faults.count, 6);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
-    assert_string_equal(e.message, "/sampling/counts: unknown member 'counts': did you mean 'count'? (and 5 more)");
+    assert_string_equal(
+        e.message, "/sampling/counts: unknown member 'counts': did you mean 'count'? (and 5 more)");
     char *text = mem_strdup(SPHERE);
     for (int i = 0; i < 500; i++) {
         char *longer = mem_printf("%s,\"unknown%d\":1", text, i);
@@ -482,12 +526,14 @@ static void test_invalid_fault_behind_a_full_list(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults =
-        bad("{\"version\":1,\"region\":1,\"surface\":{\"mesh\":1},\"sampling\":{\"count\":9,\"min_spacing\":1,"
-            "\"max_spacing\":1,\"gradation\":1,\"grid\":1},\"solver\":{\"isa\":1,\"step\":1},\"output\":{\"mesh\":1,"
-            "\"points_vdb\":1,\"directory\":1,\"preview\":{\"camera\":1,\"turntable\":1}},\"queue\":{\"frames\":1,"
-            "\"coherent\":1,\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
-            &e);
+    spec_faults faults = bad("{\"version\":1,\"region\":1,\"surface\":{\"mesh\":1},\"sampling\":{"
+                             "\"count\":9,\"min_spacing\":1,"
+                             "\"max_spacing\":1,\"gradation\":1,\"grid\":1},\"solver\":{\"isa\":1,"
+                             "\"step\":1},\"output\":{\"mesh\":1,"
+                             "\"points_vdb\":1,\"directory\":1,\"preview\":{\"camera\":1,"
+                             "\"turntable\":1}},\"queue\":{\"frames\":1,"
+                             "\"coherent\":1,\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
+                             &e);
     assert_int_equal(faults.count, SPEC_MAX_FAULTS);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_non_null(strstr(e.message, "/queue/priority"));
@@ -498,7 +544,8 @@ static void test_lengths(void **state)
     (void)state;
     for (int over = 0; over <= 1; over++) {
         char name[2 * 201 + 1] = "";
-        for (int i = 0; i < 200 + over; i++) strcat(name, "\xc3\xa4"); /* characters count, not bytes */
+        for (int i = 0; i < 200 + over; i++)
+            strcat(name, "\xc3\xa4"); /* characters count, not bytes */
         char *text = mem_printf(SPHERE ",\"name\":\"%s\"}", name);
         json *root = document(text);
         spec *s = spec_parse(root, NULL, NULL);

@@ -1,0 +1,471 @@
+#include "formats/preview.h"
+
+#include <float.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "formats/legend.h"
+
+/* An odd number, so that the middle sample is the pixel's centre. */
+enum { SAMPLES = 3 };
+
+/* Samples of one band of rows: what is drawn at once, to bound the memory of large pictures. */
+enum { BAND_SAMPLES = 1 << 22 };
+
+/* A sample's code: 0 nothing, else index + 1 with these marks. */
+#define CODE_BODY 0x80000000u
+#define CODE_RING 0x40000000u
+#define CODE_INDEX 0x3FFFFFFFu
+
+/* Radii in units of the local spacing. Neighbours in a hexagonal packing touch at 0.5, and
+ * 1/sqrt(3) closes the last gap between three: the body is more than that, for packings that are
+ * not ideal. */
+static const double disc_share = 0.47, body_share = 0.70;
+
+/* Radii in pixels between which a disc passes from covering everything to standing alone, and
+ * between which its outline appears: smaller ones would only make noise of it. */
+static const double merge_pixels = 1.5, single_pixels = 5, ring_from_pixels = 4;
+static const double ring_share = 0.88; /* of the radius: outline from here */
+
+/* The body lies below its disc by this share of the radius, more where the surface is curved. */
+static const double sink_share = 0.08, sink_max_share = 0.4;
+
+/* Where discs overlap the nearer centre wins: depth grows towards the rim by this share of the
+ * radius. Coplanar discs would otherwise mix at random. */
+static const double cone_share = 0.1;
+
+/* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
+ */
+static const double radius_max_share = 0.35;
+
+/* Sets stay this far from what PREVIEW_FAR means, and their depths within a float. */
+static const double world_max = 1e-5 * PREVIEW_FAR;
+
+static const double margin_share = 0.05; /* of the shorter side, free around the set */
+
+/* ---- discs ---- */
+
+/* A disc in camera space. */
+typedef struct disc {
+    vec3 center, normal;
+    double radius;
+    double cone; /* added to the depth test at the rim */
+    uint32_t code;
+    bool ring;
+} disc;
+
+static double size_of(const points *set, size_t i)
+{
+    return set->spacing_local[i] > 0 ? set->spacing_local[i] : fmax(set->spacing[i], 0);
+}
+
+static disc body_of(const image *m, size_t i)
+{
+    disc d;
+    d.center = camera_point(&m->camera, m->points.position[i]);
+    d.normal = camera_direction(&m->camera, m->points.normal[i]);
+    d.radius = fmin(body_share * size_of(&m->points, i), m->radius_max);
+    double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
+    double sink = fmin(bend + sink_share * d.radius, sink_max_share * d.radius);
+    d.center = vec3_axpy(-sink, d.normal, d.center);
+    d.cone = cone_share * d.radius;
+    d.code = (uint32_t)(i + 1) | CODE_BODY;
+    d.ring = false;
+    return d;
+}
+
+static disc face_of(const image *m, size_t i)
+{
+    disc d;
+    d.center = camera_point(&m->camera, m->points.position[i]);
+    d.normal = camera_direction(&m->camera, m->points.normal[i]);
+    double pixels = disc_share * size_of(&m->points, i) * m->camera.focal / d.center.z;
+    double t = fmin(fmax((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
+    double share = body_share + t * (disc_share - body_share);
+    d.radius = fmin(share * size_of(&m->points, i), m->radius_max);
+    d.cone = cone_share * d.radius;
+    d.code = (uint32_t)(i + 1);
+    d.ring = pixels > ring_from_pixels;
+    return d;
+}
+
+/* ---- visibility ---- */
+
+typedef struct band {
+    int width, top, rows; /* in samples */
+    float *depth;
+    uint32_t *code;
+} band;
+
+/* To int, within bounds also where the value is far outside. */
+static int whole(double value, int low, int high)
+{
+    return (int)fmin(fmax(value, low), high);
+}
+
+/* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
+ * and a perspective picture of a box lies between the pictures of its corners. */
+static bool sample_range(const camera *c, const disc *d, const band *b, int range[4])
+{
+    vec3 n = d->normal, p = d->center;
+    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)),
+           ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
+    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz),
+           far = c->focal / (p.z + rz);
+    double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
+    double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
+    double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
+    double bottom = c->center_y - fmin((p.y - ry) * near, (p.y - ry) * far);
+    range[0] = whole(ceil(left * SAMPLES - 0.5), 0, b->width);
+    range[1] = whole(floor(right * SAMPLES - 0.5), -1, b->width - 1);
+    range[2] = whole(ceil(top * SAMPLES - 0.5), b->top, b->top + b->rows);
+    range[3] = whole(floor(bottom * SAMPLES - 0.5), b->top - 1, b->top + b->rows - 1);
+    return range[0] <= range[1] && range[2] <= range[3];
+}
+
+static double sample_place(int sample)
+{
+    return (sample + 0.5) / SAMPLES;
+}
+
+/* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. */
+static void draw_disc(const camera *c, const disc *d, const band *b)
+{
+    int range[4];
+    if (!sample_range(c, d, b, range)) return;
+    vec3 p = d->center, n = d->normal;
+    double offset = vec3_dot(p, n), limit = d->radius * d->radius, per_area = d->cone / limit;
+    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
+    for (int y = range[2]; y <= range[3]; y++) {
+        float *depth = b->depth + (size_t)(y - b->top) * (size_t)b->width;
+        uint32_t *code = b->code + (size_t)(y - b->top) * (size_t)b->width;
+        vec3 ray = camera_ray(c, 0, sample_place(y));
+        double row = ray.y * n.y + n.z;
+        for (int x = range[0]; x <= range[1]; x++) {
+            ray.x = (sample_place(x) - c->center_x) / c->focal;
+            double z = offset / (ray.x * n.x + row);
+            double dx = ray.x * z - p.x, dy = ray.y * z - p.y, dz = z - p.z,
+                   area = dx * dx + dy * dy + dz * dz;
+            if (!(area <= limit)) continue; /* also where the ray runs along the plane */
+            float key = (float)(z + per_area * area);
+            if (key >= depth[x]) continue;
+            depth[x] = key;
+            code[x] = area > ring_limit ? d->code | CODE_RING : d->code;
+        }
+    }
+}
+
+/* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
+static void draw_dot(const camera *c, const disc *d, const band *b)
+{
+    int x =
+        whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
+    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top,
+                  -1, b->rows);
+    if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
+    size_t at = (size_t)y * (size_t)b->width + (size_t)x;
+    if ((float)d->center.z >= b->depth[at]) return;
+    b->depth[at] = (float)d->center.z;
+    b->code[at] = d->code;
+}
+
+static bool faces_away(const disc *d)
+{
+    return vec3_dot(d->center, d->normal) >= 0;
+}
+
+static void draw_band(const image *m, const band *b)
+{
+    size_t total = (size_t)b->width * (size_t)b->rows;
+    for (size_t i = 0; i < total; i++) b->depth[i] = INFINITY;
+    memset(b->code, 0, total * sizeof *b->code);
+    for (size_t i = 0; i < m->points.count; i++) {
+        disc body = body_of(m, i), face = face_of(m, i);
+        draw_disc(&m->camera, &body, b);
+        if (faces_away(&face)) continue;
+        draw_disc(&m->camera, &face, b);
+        if (face.radius * m->camera.focal < face.center.z) draw_dot(&m->camera, &face, b);
+    }
+}
+
+/* ---- shading ---- */
+
+typedef struct color {
+    float r, g, b;
+} color;
+
+/* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which
+ * leaves nothing black. Directions point at the lights, in camera space. */
+static double shade(vec3 n, vec3 up)
+{
+    static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
+    return 0.20 + 0.18 * (0.5 + 0.5 * vec3_dot(n, up)) + 0.62 * fmax(vec3_dot(n, key), 0) +
+           0.26 * fmax(vec3_dot(n, fill), 0);
+}
+
+static const double *quantity(const image *m, preview_color which)
+{
+    return which == PREVIEW_ALPHA ? m->points.alpha : m->points.kappa;
+}
+
+/* The colour of every point's disc, in linear light. */
+static color *shade_points(const image *m, preview_color which, error *e)
+{
+    color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e);
+    if (!colors) return NULL;
+    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
+    for (size_t i = 0; i < m->points.count; i++) {
+        double srgb[3], light = shade(camera_direction(&m->camera, m->points.normal[i]), up);
+        colormap_color(colormap_scale_place(&m->scale, quantity(m, which)[i]), srgb);
+        colors[i].r = (float)(light * colormap_linear(srgb[0]));
+        colors[i].g = (float)(light * colormap_linear(srgb[1]));
+        colors[i].b = (float)(light * colormap_linear(srgb[2]));
+    }
+    return colors;
+}
+
+/* Body and outline are the disc's own colour, darker; so is the far side of an open surface, which
+ * has its light from behind. */
+static color sample_color(const image *m, const color *colors, uint32_t code, vec3 up)
+{
+    static const float body_dark = 0.22f, ring_dark = 0.55f, back_dark = 0.30f;
+    size_t i = (code & CODE_INDEX) - 1;
+    float dark = code & CODE_BODY ? body_dark : code & CODE_RING ? ring_dark : 1;
+    if (code & CODE_BODY) {
+        vec3 n = camera_direction(&m->camera, m->points.normal[i]);
+        if (vec3_dot(camera_point(&m->camera, m->points.position[i]), n) >= 0)
+            dark = back_dark * (float)(shade(vec3_scale(n, -1), up) / shade(n, up));
+    }
+    return (color){dark * colors[i].r, dark * colors[i].g, dark * colors[i].b};
+}
+
+/* Light to sRGB bytes by a table: near black, where sRGB is steepest, a step is a fifth of a byte.
+ */
+enum { TABLE_SIZE = 1 << 14 };
+
+static void make_table(unsigned char table[TABLE_SIZE])
+{
+    for (int i = 0; i < TABLE_SIZE; i++) {
+        double v = (i + 0.5) / TABLE_SIZE;
+        double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+        table[i] = (unsigned char)lround(255 * srgb);
+    }
+}
+
+static unsigned char to_byte(const unsigned char *table, float v)
+{
+    int i = (int)(v * TABLE_SIZE);
+    return table[i < 0 ? 0 : i >= TABLE_SIZE ? TABLE_SIZE - 1 : i];
+}
+
+/* Neutral, a little darker towards the ground, in linear light. */
+static float background(const image *m, int y)
+{
+    static const float top = 0.80f, bottom = 0.56f;
+    return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
+}
+
+static void resolve_pixel(image *m, const band *b, const color *colors, const unsigned char *table,
+                          vec3 up, int x, int y)
+{
+    color sum = {0, 0, 0}, last = {0, 0, 0};
+    uint32_t previous = 0;
+    int covered = 0;
+    for (int j = 0; j < SAMPLES; j++)
+        for (int i = 0; i < SAMPLES; i++) {
+            uint32_t code = b->code[(size_t)(y * SAMPLES + j - b->top) * (size_t)b->width +
+                                    (size_t)(x * SAMPLES + i)];
+            if (code == 0) continue;
+            if (code != previous) last = sample_color(m, colors, code, up);
+            previous = code;
+            sum = (color){sum.r + last.r, sum.g + last.g, sum.b + last.b};
+            covered++;
+        }
+    const float share = 1.0f / (SAMPLES * SAMPLES);
+    float rgba[4] = {sum.r * share, sum.g * share, sum.b * share, (float)covered * share};
+    size_t pixel = (size_t)y * (size_t)m->width + (size_t)x;
+    for (int k = 0; k < 4; k++) m->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
+    float behind = (1 - rgba[3]) * background(m, y);
+    for (int k = 0; k < 3; k++) m->rgb[3 * pixel + (size_t)k] = to_byte(table, rgba[k] + behind);
+    int middle = SAMPLES / 2;
+    m->hit[pixel] = b->code[(size_t)(y * SAMPLES + middle - b->top) * (size_t)b->width +
+                            (size_t)(x * SAMPLES + middle)];
+}
+
+static bool draw(image *m, preview_color which, error *e)
+{
+    band b = {.width = m->width * SAMPLES};
+    int band_pixels = BAND_SAMPLES / (b.width * SAMPLES);
+    unsigned char *table = mem_alloc(TABLE_SIZE);
+    color *colors = shade_points(m, which, e);
+    bool done = false;
+    if (band_pixels < 1) band_pixels = 1;
+    size_t samples = (size_t)b.width * (size_t)(band_pixels * SAMPLES);
+    b.depth = mem_array(samples, sizeof *b.depth, "the preview's depths", e);
+    b.code = mem_array(samples, sizeof *b.code, "the preview's samples", e);
+    if (!colors || !b.depth || !b.code) goto end;
+    make_table(table);
+    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
+    for (int top = 0; top < m->height; top += band_pixels) {
+        int rows = m->height - top < band_pixels ? m->height - top : band_pixels;
+        b.top = top * SAMPLES;
+        b.rows = rows * SAMPLES;
+        draw_band(m, &b);
+        for (int y = top; y < top + rows; y++)
+            for (int x = 0; x < m->width; x++) resolve_pixel(m, &b, colors, table, up, x, y);
+    }
+    done = true;
+end:
+    free(b.depth);
+    free(b.code);
+    free(colors);
+    free(table);
+    return done;
+}
+
+/* ---- the whole ---- */
+
+static bool check_points(const points *set, error *e)
+{
+    if (set->count == 0)
+        return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
+    if (set->count >= CODE_INDEX)
+        return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
+    for (size_t i = 0; i < set->count; i++) {
+        const vec3 *p = &set->position[i], *n = &set->normal[i];
+        double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) +
+                       fabs(set->spacing_local[i]);
+        double rest =
+            fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->alpha[i]);
+        if (!(world < world_max) || !(rest < (double)FLT_MAX))
+            return error_set(e, ERROR_INTERNAL,
+                             "point %zu has a value that is not finite or too large for a preview",
+                             i);
+    }
+    return true;
+}
+
+/* Discs are bounded by the extent of the set, where it has one; radius_max ends above 0 always. */
+static void place_camera(image *m)
+{
+    const points *set = &m->points;
+    vec3 low = set->position[0], high = low;
+    double largest = 0;
+    for (size_t i = 0; i < set->count; i++) {
+        vec3 p = set->position[i];
+        low = (vec3){fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z)};
+        high = (vec3){fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z)};
+        largest = fmax(largest, body_share * size_of(set, i));
+    }
+    double half_diagonal = 0.5 * vec3_norm(vec3_sub(high, low));
+    m->radius_max = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
+    if (!(m->radius_max > 0))
+        m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
+    m->extent = fmax(half_diagonal, m->radius_max);
+    double legend = legend_height(m->width, m->height),
+           margin = margin_share * fmin(m->width, m->height);
+    camera_frame frame = {margin, margin, m->width - 2 * margin, m->height - legend - 2 * margin};
+    m->camera = camera_fit(set->position, set->count, m->radius_max, frame);
+}
+
+static image *new_image(const points *set, const preview_options *options, error *e)
+{
+    size_t pixels = (size_t)options->width * (size_t)options->height;
+    image *m = mem_alloc(sizeof *m);
+    m->width = options->width;
+    m->height = options->height;
+    m->points = *set;
+    m->rgb = mem_array(pixels, 3, "the preview", e);
+    m->rgba = mem_array(pixels, 4 * sizeof *m->rgba, "the preview", e);
+    m->hit = mem_array(pixels, sizeof *m->hit, "the preview", e);
+    if (m->rgb && m->rgba && m->hit) return m;
+    preview_free(m);
+    return NULL;
+}
+
+bool preview_render(const points *set, const preview_options *options, image **out, error *e)
+{
+    if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
+        options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible",
+                         options->width, options->height);
+    if (!check_points(set, e)) return false;
+    image *m = new_image(set, options, e);
+    if (!m) return false;
+    bool curvature = options->color == PREVIEW_CURVATURE;
+    char note[48];
+    place_camera(m);
+    /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even.
+     */
+    double least = curvature ? 0.01 / m->extent : 0.001;
+    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale,
+                           e) ||
+        !draw(m, options->color, e)) {
+        preview_free(m);
+        return false;
+    }
+    snprintf(note, sizeof note, "%zu points", set->count);
+    legend_draw(m->rgb, m->width, m->height, &m->scale, curvature ? "curvature" : "alpha", note);
+    *out = m;
+    return true;
+}
+
+void preview_free(image *m)
+{
+    if (!m) return;
+    free(m->rgb);
+    free(m->rgba);
+    free(m->hit);
+    free(m);
+}
+
+preview_sample preview_at(const image *m, int x, int y)
+{
+    preview_sample s = {.depth = PREVIEW_FAR};
+    uint32_t code = m->hit[(size_t)y * (size_t)m->width + (size_t)x];
+    if (code == 0) return s;
+    size_t i = (code & CODE_INDEX) - 1;
+    disc d = code & CODE_BODY ? body_of(m, i) : face_of(m, i);
+    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
+    double z = vec3_dot(d.center, d.normal) / vec3_dot(ray, d.normal);
+    vec3 p = vec3_scale(ray, z);
+    /* A dot stands for a disc that its ray misses: its own place then. */
+    if (!(vec3_norm2(vec3_sub(p, d.center)) <= d.radius * d.radius)) p = d.center;
+    s.id = (uint32_t)(i + 1);
+    s.depth = (float)p.z;
+    s.position = camera_to_world(&m->camera, p);
+    s.normal = m->points.normal[i];
+    s.kappa = m->points.kappa[i];
+    s.spacing = m->points.spacing_local[i];
+    return s;
+}
+
+uint16_t preview_half(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
+    if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
+    if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
+    if (magnitude <
+        0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
+        float denormal;
+        memcpy(&denormal, &magnitude, sizeof denormal);
+        denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */
+        memcpy(&magnitude, &denormal, sizeof magnitude);
+        return (uint16_t)(sign | (magnitude - 0x3F000000));
+    }
+    magnitude += 0xFFF + (magnitude >> 13 & 1);
+    return (uint16_t)(sign | ((magnitude - 0x38000000) >> 13));
+}
+
+float preview_float(uint16_t half)
+{
+    int exponent = half >> 10 & 0x1F, mantissa = half & 0x3FF;
+    float value = exponent == 0    ? ldexpf((float)mantissa, -24)
+                  : exponent == 31 ? (mantissa ? NAN : INFINITY)
+                                   : ldexpf((float)(mantissa + 1024), exponent - 25);
+    return half & 0x8000 ? -value : value;
+}

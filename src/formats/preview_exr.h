@@ -1,0 +1,29 @@
+/* preview_exr: a preview with its data as OpenEXR, through OpenEXR's C core. One part, scanlines,
+ * ZIP. The same image gives the same bytes: no date, no path.
+ *
+ * | channels        | type  | what                                                               |
+ * |-----------------|-------|--------------------------------------------------------------------|
+ * | R G B A         | half  | linear light (Rec. 709 primaries), multiplied by coverage, no legend
+ * | | P.X P.Y P.Z     | float | the place on the disc, world space | | N.X N.Y N.Z     | float |
+ * its normal, out of the solid                                        | | kappa, spacing  | float |
+ * the point's kappa and achieved spacing                              | | Z               | float |
+ * depth along the camera's axis; PREVIEW_FAR where nothing is         | | id              | uint  |
+ * index of the point in points.ply plus one; 0 where nothing is       |
+ *
+ * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). The
+ * attribute worldToCamera is the matrix from world to camera space (right, up, forward), row
+ * vectors.
+ */
+#ifndef HEXAD_FORMATS_PREVIEW_EXR_H
+#define HEXAD_FORMATS_PREVIEW_EXR_H
+
+#include "formats/preview.h"
+
+/* Writes the file `path`, which is replaced if it exists; the caller chose a temporary name and
+ * syncs and renames it. What was begun when it fails is left for the caller to remove. */
+bool preview_exr_write(const char *path, const image *picture, error *e);
+
+/* Reads the file back and says (internal) when it does not hold exactly the image. */
+bool preview_exr_verify(const char *path, const image *picture, error *e);
+
+#endif

@@ -1,0 +1,468 @@
+/* preview: pixels against geometry, files against pixels, colours, legend, degenerate sets. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "formats/legend.h"
+#include "formats/preview.h"
+#include "formats/preview_exr.h"
+#include "formats/preview_png.h"
+#include "point_set.h"
+
+static image *render(const points *set, int width, int height, preview_color which)
+{
+    error e = {0};
+    image *m = NULL;
+    preview_options options = {width, height, which};
+    if (!preview_render(set, &options, &m, &e)) fail_msg("%s", e.message);
+    return m;
+}
+
+static void refuse(const points *set, int width, int height, const char *words)
+{
+    error e = {0};
+    image *m = NULL;
+    preview_options options = {width, height, PREVIEW_CURVATURE};
+    assert_false(preview_render(set, &options, &m, &e));
+    assert_null(m);
+    if (!strstr(e.message, words)) fail_msg("'%s' does not say '%s'", e.message, words);
+}
+
+static vec3 eye_of(const camera *c)
+{
+    return camera_to_world(c, vec3_make(0, 0, 0));
+}
+
+static size_t count_covered(const image *m)
+{
+    size_t n = 0;
+    for (int y = 0; y < m->height; y++)
+        for (int x = 0; x < m->width; x++) n += preview_at(m, x, y).id != 0;
+    return n;
+}
+
+static void test_pixels_are_the_discs(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(400, vec3_make(10, -20, 30), 2);
+    image *m = render(&s.points, 640, 480, PREVIEW_CURVATURE);
+    vec3 eye = eye_of(&m->camera);
+    int checked = 0;
+    for (size_t i = 0; i < s.points.count; i++) {
+        vec3 towards = vec3_unit(vec3_sub(eye, s.position[i])),
+             q = camera_point(&m->camera, s.position[i]);
+        if (vec3_dot(towards, s.normal[i]) < 0.3) continue;
+        int x = (int)floor(m->camera.center_x + m->camera.focal * q.x / q.z);
+        int y = (int)floor(m->camera.center_y - m->camera.focal * q.y / q.z);
+        preview_sample p = preview_at(m, x, y);
+        assert_int_equal(p.id, i + 1);
+        vec3 from_center = vec3_sub(p.position, s.position[i]), ray = vec3_sub(p.position, eye);
+        assert_true(fabs(vec3_dot(from_center, s.normal[i])) < 1e-9);
+        assert_true(vec3_norm(from_center) < 0.5 * s.points.spacing_local[i]);
+        assert_true(vec3_norm(vec3_sub(p.normal, s.normal[i])) == 0);
+        assert_true(fabs((double)p.depth - vec3_dot(ray, m->camera.forward)) < 1e-5);
+        vec3 wanted = camera_ray(&m->camera, x + 0.5, y + 0.5),
+             is = camera_direction(&m->camera, ray);
+        assert_true(vec3_norm(vec3_cross(vec3_unit(wanted), vec3_unit(is))) < 1e-9);
+        assert_true(p.kappa == s.points.kappa[i] && p.spacing == s.points.spacing_local[i]);
+        checked++;
+    }
+    assert_true(checked > 100);
+    preview_sample none = preview_at(m, 0, 0);
+    assert_true(none.id == 0 && none.depth == PREVIEW_FAR && none.kappa == 0 &&
+                vec3_norm(none.position) == 0);
+    preview_free(m);
+    preview_free(NULL);
+    point_set_free(&s);
+}
+
+/* From few large discs to many small ones: inside the outline every pixel shows the near side. */
+static void test_far_side_does_not_show_through(void **state)
+{
+    (void)state;
+    static const size_t counts[] = {100, 3000, 60000};
+    for (int k = 0; k < 3; k++) {
+        point_set s = point_set_sphere(counts[k], vec3_make(0, 0, 0), 1);
+        image *m = render(&s.points, 256, 256, PREVIEW_CURVATURE);
+        vec3 eye = eye_of(&m->camera), axis = camera_point(&m->camera, vec3_make(0, 0, 0));
+        double cx = m->camera.center_x + m->camera.focal * axis.x / axis.z;
+        double cy = m->camera.center_y - m->camera.focal * axis.y / axis.z;
+        double radius = m->camera.focal / sqrt(vec3_norm2(axis) - 1);
+        for (int y = 0; y < m->height; y++)
+            for (int x = 0; x < m->width; x++) {
+                preview_sample p = preview_at(m, x, y);
+                double r = hypot(x + 0.5 - cx, y + 0.5 - cy) / radius;
+                if (r < 0.9 && (p.id == 0 || vec3_dot(vec3_sub(eye, p.position), p.normal) <= 0))
+                    fail_msg("%zu points: pixel %d %d shows %u", counts[k], x, y, p.id);
+                if (r > 1.25) assert_int_equal(p.id, 0);
+            }
+        preview_free(m);
+        point_set_free(&s);
+    }
+}
+
+static void test_camera_fits_tightly(void **state)
+{
+    (void)state;
+    static const camera_frame frames[] = {{10, 20, 300, 200}, {5, 5, 100, 400}, {0, 0, 64, 64}};
+    point_set s = point_set_sphere(2000, vec3_make(1e6, 5, -7), 3);
+    for (size_t i = 0; i < s.points.count; i++) s.position[i].x = 1e6 + 4 * (s.position[i].x - 1e6);
+    for (int k = 0; k < 3; k++) {
+        camera_frame f = frames[k];
+        camera c = camera_fit(s.position, s.points.count, 1e-6, f);
+        double left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;
+        for (size_t i = 0; i < s.points.count; i++) {
+            vec3 p = camera_point(&c, s.position[i]);
+            assert_true(p.z > 0);
+            left = fmin(left, c.center_x + c.focal * p.x / p.z);
+            right = fmax(right, c.center_x + c.focal * p.x / p.z);
+            top = fmin(top, c.center_y - c.focal * p.y / p.z);
+            bottom = fmax(bottom, c.center_y - c.focal * p.y / p.z);
+        }
+        double slack = 1e-3;
+        assert_true(left > f.left - slack && right < f.left + f.width + slack);
+        assert_true(top > f.top - slack && bottom < f.top + f.height + slack);
+        double free_x = f.width - (right - left), free_y = f.height - (bottom - top);
+        assert_true(fmin(free_x, free_y) < 0.01 * f.width);
+        assert_true(fabs((c.center_x - left) - (right - c.center_x)) < 0.15 * f.width);
+    }
+    point_set_free(&s);
+}
+
+/* ---- files ---- */
+
+typedef struct temporary {
+    char path[64];
+} temporary;
+
+static temporary temporary_make(void)
+{
+    temporary t = {"test_preview_XXXXXX"};
+    int fd = mkstemp(t.path);
+    assert_true(fd >= 0);
+    close(fd);
+    return t;
+}
+
+static char *slurp(const char *path, size_t *length)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    *length = (size_t)ftell(file);
+    rewind(file);
+    char *data = mem_alloc(*length);
+    assert_int_equal(fread(data, 1, *length, file), *length);
+    fclose(file);
+    return data;
+}
+
+static void spit(const char *path, const char *data, size_t length)
+{
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, length, file), length);
+    fclose(file);
+}
+
+static bool verify_png(const char *path, const image *m, error *e)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    bool good = preview_png_verify(file, m, e);
+    fclose(file);
+    return good;
+}
+
+static void test_png(void **state)
+{
+    (void)state;
+    temporary t = temporary_make();
+    point_set s = point_set_sphere(100, vec3_make(0, 0, 0), 1);
+    image *m = render(&s.points, 200, 77, PREVIEW_ALPHA);
+    error e = {0};
+    FILE *file = fopen(t.path, "wb");
+    assert_true(preview_png_write(file, m, &e));
+    fclose(file);
+    assert_true(verify_png(t.path, m, &e));
+    size_t length;
+    char *data = slurp(t.path, &length);
+    assert_memory_equal(data, "\x89PNG\r\n\x1a\n", 8);
+    for (size_t n = 0; n < length; n += 7) {
+        spit(t.path, data, n);
+        if (verify_png(t.path, m, &e)) fail_msg("accepted %zu of %zu bytes", n, length);
+    }
+    spit(t.path, data, length);
+    m->rgb[3 * 200 * 50 + 17] ^= 1;
+    assert_false(verify_png(t.path, m, &e));
+    assert_non_null(strstr(e.message, "does not hold the picture"));
+    FILE *full = fopen("/dev/full", "wb");
+    if (full) {
+        assert_false(preview_png_write(full, m, &e));
+        fclose(full);
+    }
+    unlink(t.path);
+    free(data);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+static void test_exr(void **state)
+{
+    (void)state;
+    temporary t = temporary_make();
+    point_set s = point_set_sphere(300, vec3_make(5, 6, 7), 1);
+    image *m = render(&s.points, 129, 67, PREVIEW_ALPHA); /* neither is a multiple of the chunk */
+    error e = {0};
+    if (!preview_exr_write(t.path, m, &e)) fail_msg("%s", e.message);
+    if (!preview_exr_verify(t.path, m, &e)) fail_msg("%s", e.message);
+    size_t length;
+    char *data = slurp(t.path, &length);
+    assert_memory_equal(data, "\x76\x2f\x31\x01", 4);
+    for (size_t n = 0; n < length; n += 211) {
+        spit(t.path, data, n);
+        if (preview_exr_verify(t.path, m, NULL)) fail_msg("accepted %zu of %zu bytes", n, length);
+    }
+    spit(t.path, data, length);
+    assert_true(preview_exr_verify(t.path, m, &e));
+    for (size_t i = 0; i < 300; i++) s.scalar[6][i] *= 1 + 1e-6; /* through the borrowed arrays */
+    assert_false(preview_exr_verify(t.path, m, &e));
+    assert_non_null(strstr(e.message, "is not what was written"));
+    image *other = render(&s.points, 128, 67, PREVIEW_ALPHA);
+    assert_false(preview_exr_verify(t.path, other, &e));
+    assert_false(preview_exr_write("no/such/directory/x.exr", m, &e));
+    assert_int_equal(e.code, ERROR_INTERNAL);
+    assert_false(preview_exr_verify("no/such/file.exr", m, NULL));
+    unlink(t.path);
+    free(data);
+    preview_free(other);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+static void test_determinism(void **state)
+{
+    (void)state;
+    temporary t[4];
+    point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
+    char *data[4];
+    size_t length[4];
+    for (int k = 0; k < 2; k++) {
+        image *m = render(&s.points, 300, 300, PREVIEW_CURVATURE);
+        t[k] = temporary_make();
+        t[k + 2] = temporary_make();
+        FILE *file = fopen(t[k].path, "wb");
+        assert_true(preview_png_write(file, m, NULL));
+        fclose(file);
+        assert_true(preview_exr_write(t[k + 2].path, m, NULL));
+        data[k] = slurp(t[k].path, &length[k]);
+        data[k + 2] = slurp(t[k + 2].path, &length[k + 2]);
+        preview_free(m);
+    }
+    for (int k = 0; k < 4; k += 2) {
+        assert_int_equal(length[k], length[k + 1]);
+        assert_memory_equal(data[k], data[k + 1], length[k]);
+    }
+    for (int k = 0; k < 4; k++) {
+        unlink(t[k].path);
+        free(data[k]);
+    }
+    point_set_free(&s);
+}
+
+/* ---- colours ---- */
+
+static void test_viridis(void **state)
+{
+    (void)state;
+    static const double table[5][4] = {{0, 0.267, 0.005, 0.329},
+                                       {0.25, 0.229, 0.322, 0.546},
+                                       {0.5, 0.128, 0.567, 0.551},
+                                       {0.75, 0.369, 0.789, 0.383},
+                                       {1, 0.993, 0.906, 0.144}};
+    for (int i = 0; i < 5; i++) {
+        double c[3];
+        colormap_viridis(table[i][0], c);
+        for (int k = 0; k < 3; k++)
+            if (fabs(c[k] - table[i][k + 1]) > 0.02) fail_msg("%g: %g", table[i][0], c[k]);
+    }
+    double previous = -1; /* brighter all the way */
+    for (int i = 0; i <= 100; i++) {
+        double c[3];
+        colormap_color(i / 100.0, c);
+        double light = 0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) +
+                       0.0722 * colormap_linear(c[2]);
+        assert_true(light > previous);
+        previous = light;
+    }
+}
+
+static void test_scale(void **state)
+{
+    (void)state;
+    enum { N = 1001 };
+    double values[N];
+    colormap_scale s;
+    for (int i = 0; i < N; i++) values[(i * 37) % N] = i;
+    values[0] = 1e9; /* an outlier */
+    for (int root = 0; root <= 1; root++) {
+        assert_true(colormap_scale_of(values, N, root, 1e-3, &s, NULL));
+        assert_true(fabs(s.low - 20) <= 1 && fabs(s.high - 980) <= 2);
+        assert_true(colormap_scale_place(&s, -5) == 0 && colormap_scale_place(&s, 1e9) == 1);
+        for (double t = 0; t <= 1; t += 0.125)
+            assert_true(fabs(colormap_scale_place(&s, colormap_scale_value(&s, t)) - t) < 1e-12);
+    }
+    for (int i = 0; i < N; i++) values[i] = 0;
+    assert_true(colormap_scale_of(values, N, true, 0.5, &s, NULL));
+    assert_true(s.low == 0 && s.high == 0.5);
+    for (int i = 0; i < N; i++) values[i] = 4 + 1e-9 * i;
+    assert_true(colormap_scale_of(values, N, true, 1e-3, &s, NULL));
+    assert_true(fabs(s.low - 3.9) < 1e-6 && fabs(s.high - 4.1) < 1e-6);
+}
+
+static void test_legend(void **state)
+{
+    (void)state;
+    static const struct {
+        double value;
+        const char *text;
+    } numbers[] = {{0, "0"},     {-0.0, "0"},           {1.0 / 3, "0.333"},
+                   {2.5, "2.5"}, {1234567, "1.23e+06"}, {1.23456e-7, "1.23e-07"}};
+    char text[32];
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        legend_number(numbers[i].value, text, sizeof text);
+        assert_string_equal(text, numbers[i].text);
+    }
+    assert_int_equal(legend_height(199, 500), 0);
+    assert_int_equal(legend_height(1024, 1024), 2 * legend_height(512, 512));
+    point_set s = point_set_sphere(50, vec3_make(0, 0, 0), 1);
+    image *m = render(&s.points, 512, 512, PREVIEW_CURVATURE);
+    double first[3], last[3];
+    colormap_color(0, first);
+    colormap_color(1, last);
+    int width = (int)(0.4 * 512), left = (512 - width) / 2, rows = 0;
+    for (int y = 512 - legend_height(512, 512); y < 512; y++) {
+        const unsigned char *a = m->rgb + 3 * (y * 512 + left),
+                            *b = m->rgb + 3 * (y * 512 + left + width - 1);
+        bool bar = true;
+        for (int k = 0; k < 3; k++)
+            bar = bar && a[k] == lround(255 * first[k]) && b[k] == lround(255 * last[k]);
+        rows += bar;
+        for (int x = 0; x < 512; x++)
+            assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
+    }
+    assert_int_equal(rows, 6);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+static void test_halves(void **state)
+{
+    (void)state;
+    for (uint32_t h = 0; h < 65536; h++) {
+        float value = preview_float((uint16_t)h);
+        if (isnan(value))
+            assert_true(isnan(preview_float(preview_half(value))));
+        else
+            assert_int_equal(preview_half(value), h);
+    }
+    for (uint32_t h = 0; h < 0x7BFF; h++) { /* half way between neighbours: to the even one */
+        double a = preview_float((uint16_t)h), b = preview_float((uint16_t)(h + 1));
+        float middle = (float)(0.5 * (a + b));
+        assert_int_equal(preview_half(middle), h + (h & 1));
+        assert_int_equal(preview_half(nextafterf(middle, INFINITY)), h + 1);
+        assert_int_equal(preview_half(nextafterf(middle, 0)), h);
+    }
+    assert_int_equal(preview_half(65520), 0x7C00);
+    assert_int_equal(preview_half(nextafterf(65520, 0)), 0x7BFF);
+}
+
+/* ---- degenerate sets ---- */
+
+static void test_refused_sets(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(10, vec3_make(0, 0, 0), 1);
+    points none = s.points;
+    none.count = 0;
+    refuse(&none, 100, 100, "no points");
+    refuse(&s.points, 63, 100, "63 x 100");
+    refuse(&s.points, 100, 8193, "100 x 8193");
+    s.position[7].y = NAN;
+    refuse(&s.points, 100, 100, "point 7");
+    s.position[7].y = 1e26;
+    refuse(&s.points, 100, 100, "point 7");
+    s.position[7].y = 0;
+    s.scalar[6][3] = INFINITY;
+    refuse(&s.points, 100, 100, "point 3");
+    point_set_free(&s);
+}
+
+static void test_degenerate_sets(void **state)
+{
+    (void)state;
+    for (int what = 0; what < 8; what++) {
+        size_t count = what == 0 ? 1 : what == 1 ? 4 : 500;
+        double scale = what == 3 ? 1e24 : what == 4 ? 1e-30 : 1;
+        point_set s = point_set_sphere(
+            count, what == 5 ? vec3_make(1e12, -1e12, 1e12) : vec3_make(0, 0, 0), scale);
+        for (size_t i = 0; i < count; i++) {
+            if (what == 2) s.position[i] = vec3_make(1, 2, 3);  /* all in one place */
+            if (what == 6) s.scalar[5][i] = s.scalar[6][i] = 0; /* discs of no size */
+            if (what == 7)
+                s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20; /* no plane, vast cells */
+        }
+        image *m = render(&s.points, 128, 96, PREVIEW_CURVATURE);
+        size_t covered = count_covered(m);
+        if (covered == 0 && what != 7 && what != 0) fail_msg("set %d: nothing to be seen", what);
+        preview_free(m);
+        point_set_free(&s);
+    }
+}
+
+/* One point that faces the camera is in the middle of the picture, and its disc has its radius. */
+static void test_one_point(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
+    s.normal[0] = vec3_unit(vec3_make(0.52, -0.74, 0.43));
+    s.scalar[0][0] = 0; /* flat: the body lies just a little below */
+    image *m = render(&s.points, 100, 100, PREVIEW_ALPHA);
+    preview_sample p = preview_at(m, 50, 50);
+    assert_int_equal(p.id, 1);
+    assert_true(vec3_norm(vec3_sub(p.position, s.position[0])) < 0.1 * s.points.spacing_local[0]);
+    double area = 0, pixel = (double)p.depth / m->camera.focal,
+           radius = 0.70 * s.points.spacing_local[0];
+    for (int i = 0; i < 100 * 100; i++) area += (double)preview_float(m->rgba[4 * i + 3]);
+    assert_true(fabs(area * pixel * pixel / (M_PI * radius * radius) - 1) < 0.1);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_pixels_are_the_discs),
+        cmocka_unit_test(test_far_side_does_not_show_through),
+        cmocka_unit_test(test_camera_fits_tightly),
+        cmocka_unit_test(test_png),
+        cmocka_unit_test(test_exr),
+        cmocka_unit_test(test_determinism),
+        cmocka_unit_test(test_viridis),
+        cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_legend),
+        cmocka_unit_test(test_halves),
+        cmocka_unit_test(test_refused_sets),
+        cmocka_unit_test(test_degenerate_sets),
+        cmocka_unit_test(test_one_point),
+    };
+    return cmocka_run_group_tests_name("preview", tests, NULL, NULL);
+}
