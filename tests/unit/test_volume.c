@@ -162,7 +162,7 @@ static void a_ball_comes_out_round(void **state)
         const char *type;
         bool half;
         double median, largest; /* voxels: the interpolation's own error, and of the values' rounding */
-    } cases[] = {{"float", false, 2e-4, 2e-3}, {"float", true, 5e-4, 3e-3}, {"double", false, 2e-4, 2e-3}};
+    } cases[] = {{"float", false, 5e-5, 5e-4}, {"float", true, 2e-4, 1e-3}, {"double", false, 5e-5, 5e-4}};
     for (size_t t = 0; t < TRANSFORMS; t++)
         for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
             /* Three voxels along the longest edge; the radius of the ball is 6.7 to 12.5 voxels. */
