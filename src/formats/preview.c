@@ -36,6 +36,10 @@ static const double sink_share = 0.08, sink_max_share = 0.4;
  * radius. Coplanar discs would otherwise mix at random. */
 static const double cone_share = 0.1;
 
+/* Bounds of size_of: against the requested spacing, against the radius of curvature, and how much
+ * the latter may take away, since curvature may be noise. */
+static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75;
+
 /* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
  */
 static const double radius_max_share = 0.35;
@@ -56,9 +60,17 @@ typedef struct disc {
     bool ring;
 } disc;
 
+/* The spacing that a point's discs are scaled to: the achieved one, unless that is out of all
+ * proportion (the last point of a wisp has a vast cell), and smaller where the surface bends away
+ * from the disc before its rim. */
 static double size_of(const points *set, size_t i)
 {
-    return set->spacing_local[i] > 0 ? set->spacing_local[i] : fmax(set->spacing[i], 0);
+    double wanted = set->spacing[i],
+           size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
+    if (wanted > 0) size = fmin(size, stretch_max * wanted);
+    double bend = fmax(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
+    if (bend > 0) size = fmin(size, fmax(bend_radii / bend, bend_least_share * size));
+    return fmax(size, 0);
 }
 
 static disc body_of(const image *m, size_t i)
@@ -337,8 +349,8 @@ static bool check_points(const points *set, error *e)
         const vec3 *p = &set->position[i], *n = &set->normal[i];
         double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) +
                        fabs(set->spacing_local[i]);
-        double rest =
-            fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->alpha[i]);
+        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) +
+                      fabs(set->kappa1[i]) + fabs(set->kappa2[i]) + fabs(set->alpha[i]);
         if (!(world < world_max) || !(rest < (double)FLT_MAX))
             return error_set(e, ERROR_INTERNAL,
                              "point %zu has a value that is not finite or too large for a preview",

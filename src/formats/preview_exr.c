@@ -1,7 +1,10 @@
 #include "formats/preview_exr.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <openexr.h>
 
@@ -27,6 +30,9 @@ static const channel channels[CHANNELS] = {
 };
 
 enum { CHUNK_LINES = 16 }; /* of ZIP */
+
+/* The library wants a name even where the callbacks do the work; it goes into messages only. */
+static const char library_name[] = "preview.exr";
 
 /* The lines of one chunk, a plane per channel of CHUNK_LINES lines. */
 typedef struct planes {
@@ -77,35 +83,88 @@ static int fill_lines(planes *p, const image *m, int top)
     return lines;
 }
 
-/* The library tells of faults through this; the first one is kept, since later ones follow from it.
- */
+/* What the library's callbacks work on. */
+typedef struct stream {
+    int fd;
+    error e; /* the first fault: later ones follow from it */
+} stream;
+
+/* Keeps the library from writing to standard error. It may call this with its lock held, so nothing
+ * of the library may be called here, not even to find the stream: results carry the code. */
 static void on_error(exr_const_context_t context, exr_result_t code, const char *words)
 {
-    void *place = NULL;
-    if (exr_get_user_data(context, &place) != EXR_ERR_SUCCESS || !place) return;
-    error *e = place;
-    if (e->code == ERROR_NONE)
-        error_set(e, ERROR_INTERNAL, "EXR file: %s",
-                  words && *words ? words : exr_get_default_error_message(code));
+    (void)context;
+    (void)code;
+    (void)words;
 }
 
-static exr_context_initializer_t initializer(error *e)
+static int64_t on_write(exr_const_context_t context, void *place, const void *bytes, uint64_t count,
+                        uint64_t offset, exr_stream_error_func_ptr_t report)
+{
+    stream *s = place;
+    (void)context;
+    (void)report; /* see on_error */
+    uint64_t done = 0;
+    while (done < count) {
+        ssize_t n = pwrite(s->fd, (const char *)bytes + done, count - done, (off_t)(offset + done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) {
+            error_set(&s->e, ERROR_INTERNAL, "EXR file: it cannot be written: %s", strerror(errno));
+            return -1;
+        }
+        done += (uint64_t)n;
+    }
+    return (int64_t)done;
+}
+
+/* Short at the end of the file, as the library expects. */
+static int64_t on_read(exr_const_context_t context, void *place, void *bytes, uint64_t count,
+                       uint64_t offset, exr_stream_error_func_ptr_t report)
+{
+    stream *s = place;
+    (void)context;
+    (void)report; /* see on_error */
+    uint64_t done = 0;
+    while (done < count) {
+        ssize_t n = pread(s->fd, (char *)bytes + done, count - done, (off_t)(offset + done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) {
+            error_set(&s->e, ERROR_INTERNAL, "EXR file: it cannot be read: %s", strerror(errno));
+            return -1;
+        }
+        if (n == 0) break;
+        done += (uint64_t)n;
+    }
+    return (int64_t)done;
+}
+
+static int64_t on_size(exr_const_context_t context, void *place)
+{
+    struct stat status;
+    (void)context;
+    return fstat(((stream *)place)->fd, &status) == 0 ? (int64_t)status.st_size : -1;
+}
+
+static exr_context_initializer_t initializer(stream *s)
 {
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.error_handler_fn = on_error;
-    init.user_data = e;
+    init.user_data = s;
+    init.read_fn = on_read;
+    init.size_fn = on_size;
+    init.write_fn = on_write;
     init.max_image_width = PREVIEW_SIZE_MAX;
     init.max_image_height = PREVIEW_SIZE_MAX;
     return init;
 }
 
-/* Starting can fail before there is a context whose user data the callback could find. */
-static bool finish(bool good, exr_result_t result, error *local, error *e)
+/* Some faults come without a message. */
+static bool finish(bool good, exr_result_t result, stream *s, error *e)
 {
     if (good) return true;
-    if (local->code == ERROR_NONE)
-        error_set(local, ERROR_INTERNAL, "EXR file: %s", exr_get_default_error_message(result));
-    if (e) *e = *local;
+    if (s->e.code == ERROR_NONE)
+        error_set(&s->e, ERROR_INTERNAL, "EXR file: %s", exr_get_default_error_message(result));
+    if (e) *e = s->e;
     return false;
 }
 
@@ -166,22 +225,22 @@ static exr_result_t write_chunks(exr_context_t file, const image *m, planes *p)
     return r;
 }
 
-bool preview_exr_write(const char *path, const image *m, error *e)
+bool preview_exr_write(FILE *file, const image *m, error *e)
 {
-    error local = {0};
+    stream s = {.fd = fileno(file)};
     planes p;
-    exr_context_t file = NULL;
-    exr_context_initializer_t init = initializer(&local);
+    exr_context_t context = NULL;
+    exr_context_initializer_t init = initializer(&s);
     planes_make(&p, m->width);
-    exr_result_t r = exr_start_write(&file, path, EXR_WRITE_FILE_DIRECTLY, &init);
-    if (!r) r = write_head(file, m);
-    if (!r) r = write_chunks(file, m, &p);
-    if (file) {
-        exr_result_t closed = exr_finish(&file);
+    exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
+    if (!r) r = write_head(context, m);
+    if (!r) r = write_chunks(context, m, &p);
+    if (context) {
+        exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
     }
     planes_free(&p);
-    return finish(r == EXR_ERR_SUCCESS, r, &local, e);
+    return finish(r == EXR_ERR_SUCCESS && s.e.code == ERROR_NONE, r, &s, e);
 }
 
 /* ---- reading back ---- */
@@ -238,20 +297,20 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wan
     return r;
 }
 
-bool preview_exr_verify(const char *path, const image *m, error *e)
+bool preview_exr_verify(FILE *file, const image *m, error *e)
 {
-    error local = {0};
+    stream s = {.fd = fileno(file)};
     planes wanted, found;
     bool same = false;
-    exr_context_t file = NULL;
-    exr_context_initializer_t init = initializer(&local);
+    exr_context_t context = NULL;
+    exr_context_initializer_t init = initializer(&s);
     planes_make(&wanted, m->width);
     planes_make(&found, m->width);
-    exr_result_t r = exr_start_read(&file, path, &init);
-    if (!r && check_head(file, m, &local))
-        r = check_chunks(file, m, &wanted, &found, &same, &local);
-    if (file) exr_finish(&file);
+    exr_result_t r = exr_start_read(&context, library_name, &init);
+    if (!r && check_head(context, m, &s.e))
+        r = check_chunks(context, m, &wanted, &found, &same, &s.e);
+    if (context) exr_finish(&context);
     planes_free(&wanted);
     planes_free(&found);
-    return finish(!r && same, r, &local, e);
+    return finish(!r && same, r, &s, e);
 }

@@ -17,13 +17,16 @@
 #ifndef HEXAD_FORMATS_PREVIEW_EXR_H
 #define HEXAD_FORMATS_PREVIEW_EXR_H
 
+#include <stdio.h>
+
 #include "formats/preview.h"
 
-/* Writes the file `path`, which is replaced if it exists; the caller chose a temporary name and
- * syncs and renames it. What was begun when it fails is left for the caller to remove. */
-bool preview_exr_write(const char *path, const image *picture, error *e);
+/* Writes an empty file that is open for writing, from its start, through its descriptor (the
+ * stream's own position is not moved); the caller made the file and syncs and renames it. */
+bool preview_exr_write(FILE *file, const image *picture, error *e);
 
-/* Reads the file back and says (internal) when it does not hold exactly the image. */
-bool preview_exr_verify(const char *path, const image *picture, error *e);
+/* Reads the file back through its descriptor and says (internal) when it does not hold exactly the
+ * image. */
+bool preview_exr_verify(FILE *file, const image *picture, error *e);
 
 #endif

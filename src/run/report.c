@@ -62,6 +62,7 @@ static void put_rounds(json *report, const sampler *s)
         json_put_number(object, "sigma", round[k].sigma);
         json_put_integer(object, "count", (int64_t)round[k].count);
         json_put_number(object, "energy", round[k].energy);
+        json_put_number(object, "gain", round[k].gain);
     }
 }
 

@@ -5,6 +5,8 @@
 
 #include "base/memory.h"
 #include "formats/ply.h"
+#include "formats/preview_exr.h"
+#include "formats/preview_png.h"
 #include "store/file.h"
 
 /* Hashes the verified file, names it in the list, and puts it in place. */
@@ -83,10 +85,49 @@ static bool write_ply(const char *directory, const spec *s, const field *f, cons
     return ok;
 }
 
+static bool write_png(const char *directory, const image *picture, json *outputs, error *e)
+{
+    char *path = mem_printf("%s/preview.png", directory);
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, e) && preview_png_write(file.stream, picture, e) &&
+              preview_png_verify(file.stream, picture, e) &&
+              commit_output(&file, "preview.png", outputs, e);
+    store_file_abort(&file);
+    free(path);
+    return ok;
+}
+
+/* OpenEXR writes by name: into the temporary file, which stays the same inode. */
+static bool write_exr(const char *directory, const image *picture, json *outputs, error *e)
+{
+    char *path = mem_printf("%s/preview.exr", directory);
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.temporary, picture, e) &&
+              preview_exr_verify(file.temporary, picture, e) &&
+              commit_output(&file, "preview.exr", outputs, e);
+    store_file_abort(&file);
+    free(path);
+    return ok;
+}
+
+static bool write_preview(const char *directory, const spec *s, const points *set, json *outputs,
+                          error *e)
+{
+    const preview_options options = {
+        s->preview_width, s->preview_height,
+        s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA : PREVIEW_CURVATURE};
+    image *picture;
+    if (!preview_render(set, &options, &picture, e)) return false;
+    bool ok = write_png(directory, picture, outputs, e) && write_exr(directory, picture, outputs, e);
+    preview_free(picture);
+    return ok;
+}
+
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
                    json *outputs, double *max_residual, error *e)
 {
-    return write_ply(directory, s, f, set, h, outputs, max_residual, e);
+    return write_ply(directory, s, f, set, h, outputs, max_residual, e) &&
+           (!s->has_preview || write_preview(directory, s, set, outputs, e));
 }
 
 bool results_write_report(const char *directory, const json *report, error *e)

@@ -3,14 +3,19 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "sampler/energy.h"
 #include "sampler/neighbours.h"
 #include "sampler/pair.h"
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Pairs count in full while their normals agree to within a right angle, and not at all when they
- * differ by more than 114 degrees: the other side of a thin sheet. */
+/* Pairs count in full while their normals agree to within a right angle, and not at all when they differ by
+ * more than 114 degrees (the other side of a thin sheet), with a smooth step between. */
 static const double FACING_RANGE = 0.4;
+/* Where all normals agree to within 60 degrees the weights are 1 and stay so while the lists are valid. */
+static const double FLAT_COSINE = 0.5;
+/* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
+static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
 static const double TRIAL_REJECT = 0.01;
 /* A Newton step from this fraction of h leaves an error of about its square times kappa h. */
@@ -23,16 +28,18 @@ static const double HESSIAN_FLOOR = 1e-9;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
 static const double STEP_FLOOR = 1e-3;
 
+/* One particle's neighbours, gathered: the list that the sums run over, and what its weights are made of. */
 typedef struct gather {
     double *memory;
     pair_list list;
+    double *nx, *ny, *nz; /* normals */
+    double *amplitude;    /* (alpha_i + alpha_j) / 2; 0 for padding */
 } gather;
 
 struct relax {
     threads *pool;
     neighbours *near;
-    double *weight; /* of each list entry */
-    size_t weight_entries;
+    bool *flat;         /* all of a particle's neighbours face its way, clearly */
     double sigma, skin; /* of the lists */
     gather *scratch;    /* one per worker */
     size_t scratch_entries;
@@ -43,7 +50,9 @@ relax *relax_new(size_t capacity, threads *pool, error *e)
     relax *r = mem_alloc(sizeof *r);
     r->pool = pool;
     r->scratch = mem_alloc((size_t)threads_count(pool) * sizeof *r->scratch);
-    if (!(r->near = neighbours_new(capacity, e))) {
+    r->near = neighbours_new(capacity, e);
+    r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
+    if (!r->near || !r->flat) {
         relax_free(r);
         return NULL;
     }
@@ -60,31 +69,26 @@ void relax_free(relax *r)
     if (!r) return;
     free_scratch(r);
     free(r->scratch);
-    free(r->weight);
+    free(r->flat);
     neighbours_free(r->near);
     free(r);
 }
 
-/* Room for the weights and for a gathered list, as long as the longest the lists may hold. */
+/* Room for a gathered list as long as the longest that the lists may hold. */
 static bool grow(relax *r, error *e)
 {
-    size_t entries = r->near->capacity * r->near->stride;
-    if (entries > r->weight_entries) {
-        double *weight = mem_array(entries, sizeof *weight, "pair weights", e);
-        if (!weight) return false;
-        free(r->weight);
-        r->weight = weight;
-        r->weight_entries = entries;
-    }
     size_t length = (r->near->stride + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
     for (int k = 0; k < threads_count(r->pool); k++) {
-        double *memory = mem_array(4 * length, sizeof *memory, "a gathered list", e);
-        if (!memory) return false;
+        double *m = mem_array(8 * length, sizeof *m, "a gathered list", e);
+        if (!m) return false;
         free(r->scratch[k].memory);
-        r->scratch[k].memory = memory;
-        r->scratch[k].list = (pair_list){0, memory, memory + length, memory + 2 * length,
-                                         memory + 3 * length};
+        r->scratch[k] = (gather){.memory = m,
+                                 .list = {0, m, m + length, m + 2 * length, m + 3 * length},
+                                 .nx = m + 4 * length,
+                                 .ny = m + 5 * length,
+                                 .nz = m + 6 * length,
+                                 .amplitude = m + 7 * length};
     }
     r->scratch_entries = length;
     return true;
@@ -99,30 +103,19 @@ typedef struct sweep_job {
     double *energy;
 } sweep_job;
 
-static double facing_weight(vec3 a, vec3 b)
-{
-    double w = (vec3_dot(a, b) + FACING_RANGE) / FACING_RANGE;
-    return w < 0 ? 0 : w > 1 ? 1 : w;
-}
-
-/* Drops the pairs without weight and notes the weights of the rest. */
-static void weigh_chunk(void *context, int worker, size_t begin, size_t end)
+/* Notes who has neighbours that face another way, and where everyone was. */
+static void look_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     const particles *p = job->p;
-    neighbours *near = job->r->near;
+    const neighbours *near = job->r->near;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t *list = near->list + i * near->stride, kept = 0;
-        double *weight = job->r->weight + i * near->stride;
-        for (uint32_t k = 0; k < near->list_count[i]; k++) {
-            uint32_t j = list[k];
-            double w = facing_weight(p->normal[i], p->normal[j]);
-            if (w == 0) continue;
-            list[kept] = j;
-            weight[kept++] = w * 0.5 * (p->alpha[i] + p->alpha[j]);
-        }
-        near->list_count[i] = kept;
+        const uint32_t *list = neighbours_list(near, i);
+        double least = 1;
+        for (uint32_t k = 0; k < near->list_count[i]; k++)
+            least = fmin(least, vec3_dot(p->normal[i], p->normal[list[k]]));
+        job->r->flat[i] = least > FLAT_COSINE;
         p->anchor[i] = p->position[i];
     }
 }
@@ -134,30 +127,82 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     r->sigma = sigma;
     r->skin = skin;
     sweep_job job = {.r = r, .p = p};
-    threads_run(r->pool, p->count, 512, weigh_chunk, &job);
+    threads_run(r->pool, p->count, 512, look_chunk, &job);
     return true;
 }
 
-static const pair_list *gather_list(const relax *r, const particles *p, int worker, size_t i)
+typedef struct attempt {
+    const relax_params *params;
+    gather *near;
+    bool flat;
+    vec3 x, axis1, axis2;
+    double bound; /* longest step */
+    double energy;
+} attempt;
+
+/* The weights that the neighbours have for a particle with normal n. They belong to the energy, so a trial
+ * is judged with those of the place where it ends: were they lagged, particles at creases that h does not
+ * resolve would trade them for ever. */
+static void weigh(gather *g, vec3 n)
 {
-    pair_list *g = &r->scratch[worker].list;
+    for (size_t k = 0; k < g->list.blocks * PAIR_LANES; k++) {
+        double t = 1 + (n.x * g->nx[k] + n.y * g->ny[k] + n.z * g->nz[k]) / FACING_RANGE;
+        t = t < 0 ? 0 : t > 1 ? 1 : t;
+        g->list.weight[k] = g->amplitude[k] * t * t * (3 - 2 * t);
+    }
+}
+
+/* What the turning of the particle's own normal adds to its forces, through the weights: along axis e of the
+ * frame the normal turns by S e, S the shape operator. */
+static void add_turning(const attempt *a, pair_forces *f)
+{
+    field_sample s;
+    if (!field_sample_at(a->params->field, a->x, FIELD_HESSIAN, &s)) return;
+    double length = vec3_norm(s.gradient);
+    vec3 n = vec3_scale(s.gradient, 1 / length);
+    vec3 turn1 = vec3_scale(sym3_apply(s.hessian, a->axis1), 1 / length);
+    vec3 turn2 = vec3_scale(sym3_apply(s.hessian, a->axis2), 1 / length);
+    turn1 = vec3_axpy(-vec3_dot(turn1, n), n, turn1);
+    turn2 = vec3_axpy(-vec3_dot(turn2, n), n, turn2);
+    const gather *g = a->near;
+    for (size_t k = 0; k < g->list.blocks * PAIR_LANES; k++) {
+        vec3 nj = {g->nx[k], g->ny[k], g->nz[k]};
+        double t = 1 + vec3_dot(n, nj) / FACING_RANGE;
+        double r = vec3_norm(vec3_sub(a->x, (vec3){g->list.x[k], g->list.y[k], g->list.z[k]}));
+        if (t <= 0 || t >= 1 || r >= a->params->sigma) continue;
+        double slope = g->amplitude[k] * 6 * t * (1 - t) / FACING_RANGE *
+                       energy_cotangent.value(fmax(r / a->params->sigma, TURNING_NEAREST));
+        f->d1 += slope * vec3_dot(turn1, nj);
+        f->d2 += slope * vec3_dot(turn2, nj);
+    }
+}
+
+static void gather_place(gather *g, size_t k, vec3 x, vec3 n, double amplitude)
+{
+    g->list.x[k] = x.x;
+    g->list.y[k] = x.y;
+    g->list.z[k] = x.z;
+    g->nx[k] = n.x;
+    g->ny[k] = n.y;
+    g->nz[k] = n.z;
+    g->amplitude[k] = g->list.weight[k] = amplitude;
+}
+
+static gather *gather_list(const relax *r, const particles *p, int worker, size_t i)
+{
+    gather *g = &r->scratch[worker];
     const uint32_t *list = neighbours_list(r->near, i);
-    const double *weight = r->weight + i * r->near->stride;
-    size_t count = r->near->list_count[i], padded = (count + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
+    size_t count = r->near->list_count[i];
+    g->list.blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
     for (size_t k = 0; k < count; k++) {
-        vec3 x = p->position[list[k]];
-        g->x[k] = x.x;
-        g->y[k] = x.y;
-        g->z[k] = x.z;
-        g->weight[k] = weight[k];
+        uint32_t j = list[k];
+        gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]));
     }
-    for (size_t k = count; k < padded; k++) {
-        g->x[k] = p->position[i].x + r->sigma;
-        g->y[k] = p->position[i].y;
-        g->z[k] = p->position[i].z;
-        g->weight[k] = 0;
-    }
-    g->blocks = padded / PAIR_LANES;
+    vec3 away = p->position[i];
+    away.x += r->sigma;
+    for (size_t k = count; k < g->list.blocks * PAIR_LANES; k++)
+        gather_place(g, k, away, p->normal[i], 0);
+    if (!r->flat[i]) weigh(g, p->normal[i]);
     return g;
 }
 
@@ -177,14 +222,6 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-typedef struct attempt {
-    const relax_params *params;
-    const pair_list *list;
-    vec3 x, axis1, axis2;
-    double bound; /* longest step */
-    double energy;
-} attempt;
-
 /* Moves along the tangent plane (8), back onto the surface (9), and looks at the energy there. */
 static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal, double *energy)
 {
@@ -196,7 +233,8 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* a projection that is longer than the step was pulled to another sheet */
     if (vec3_norm2(vec3_sub(q, a->x)) > 2 * a->bound * a->bound) return false;
-    double trial = pair_energy_at(a->list, q, a->params->sigma);
+    if (!a->flat) weigh(a->near, n);
+    double trial = pair_energy_at(&a->near->list, q, a->params->sigma);
     if (!(trial < a->energy * (1 - a->params->gain))) return false;
     *x = q;
     *normal = n;
@@ -217,10 +255,14 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
 {
     particles *p = job->p;
     const relax_params *params = job->params;
-    attempt a = {.params = params, .list = gather_list(job->r, p, worker, i), .x = p->position[i]};
+    attempt a = {.params = params,
+                 .near = gather_list(job->r, p, worker, i),
+                 .flat = job->r->flat[i],
+                 .x = p->position[i]};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
-    pair_forces_at(a.list, a.x, a.axis1, a.axis2, params->sigma, &f);
+    pair_forces_at(&a.near->list, a.x, a.axis1, a.axis2, params->sigma, &f);
+    if (!a.flat) add_turning(&a, &f);
     p->energy[i] = a.energy = f.energy;
     p->step[i] = 0;
     p->cramped[i] = false;
@@ -294,7 +336,7 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     for (size_t i = begin; i < end; i++)
-        job->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->p->position[i],
+        job->energy[i] = pair_energy_at(&gather_list(job->r, job->p, worker, i)->list, job->p->position[i],
                                         job->sigma);
 }
 

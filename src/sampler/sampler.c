@@ -25,6 +25,13 @@ enum { ROUNDS = sizeof round_gain / sizeof round_gain[0] };
 /* Share of the sweeps that a job typically spends before each round, for the estimate of progress. */
 static const double round_share[ROUNDS + 1] = {0, 0.07, 0.35, 1};
 
+/* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that.
+ * A round that is longer than this many sweeps asks for ten times the gain, and again after each so many. */
+static const int PATIENCE = 400, PATIENCE_MORE = 50;
+enum { MAX_ROUNDS = 12 };
+/* A system that rests only under a coarser gain than this is not converged. */
+static const double COARSEST_GAIN = 1e-5;
+
 struct sampler {
     const field *field;
     const surface *scan;
@@ -35,14 +42,16 @@ struct sampler {
     double spacing; /* h */
     double sigma;
     double skin;
-    int stage; /* of round_gain */
+    int stage;   /* of round_gain */
+    double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
+    size_t next_amplitudes; /* the sweep before which they are renewed */
     sampler_outcome outcome;
     size_t removed;
     sampler_sweep *sweep;
     size_t sweep_count;
-    sampler_round *round;
-    size_t round_count, round_capacity;
+    sampler_round round[MAX_ROUNDS];
+    size_t round_count;
     int sweeps_in_round;
     double fraction;
     sampler_points out;
@@ -69,9 +78,20 @@ static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* Amplitudes follow the particles at ever longer intervals: every sweep at first, when they move far, and
+ * then after a quarter more sweeps each time. In between the energy is a function of positions alone, which
+ * can only fall. */
+static bool amplitudes_are_due(const sampler *s)
+{
+    return s->params.graded && s->sweep_count >= s->next_amplitudes;
+}
+
 static bool build_lists(sampler *s, error *e)
 {
-    if (s->params.graded) threads_run(s->pool, s->p->count, 256, amplitude_chunk, s);
+    if (amplitudes_are_due(s)) {
+        threads_run(s->pool, s->p->count, 256, amplitude_chunk, s);
+        s->next_amplitudes = s->sweep_count + 1 + s->sweep_count / 4;
+    }
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
     return true;
@@ -88,8 +108,7 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->spacing = sqrt(2 * scan->area / (sqrt(3) * (double)params->count));
     s->sigma = params->sigma > 0 ? params->sigma : sqrt(3) * s->spacing;
     s->skin = 0.6 * s->spacing;
-    s->round_capacity = 64;
-    s->round = mem_alloc(s->round_capacity * sizeof *s->round);
+    s->gain = round_gain[0];
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
     if (!s->sweep || !(s->p = particles_new(params->count, e)) ||
         !(s->relax = relax_new(params->count, pool, e)) ||
@@ -106,7 +125,6 @@ void sampler_free(sampler *s)
     particles_free(s->p);
     relax_free(s->relax);
     free(s->sweep);
-    free(s->round);
     free(s->normal);
     free(s->column);
     free(s);
@@ -130,12 +148,8 @@ static double ideal_support(const sampler *s, double *energy)
 
 static void note_round(sampler *s, double energy)
 {
-    if (s->round_count == s->round_capacity) {
-        s->round_capacity *= 2;
-        s->round = mem_resize(s->round, s->round_capacity * sizeof *s->round);
-    }
     s->round[s->round_count++] =
-        (sampler_round){s->sweeps_in_round, 0, 0, s->sigma, s->p->count, energy};
+        (sampler_round){s->sweeps_in_round, 0, 0, s->sigma, s->p->count, energy, s->gain};
     s->sweeps_in_round = 0;
 }
 
@@ -145,17 +159,14 @@ static bool control(sampler *s, error *e)
     double energy = relax_mean_energy(s->relax, s->p, s->sigma, NULL);
     note_round(s, energy);
     bool on_target = fabs(energy / energy_cotangent.ideal - 1) < s->params.energy_tolerance;
-    if (s->stage == ROUNDS - 1 && on_target) {
-        s->outcome = s->sweep[s->sweep_count - 1].rms_step < s->params.step_tolerance
-                         ? SAMPLER_CONVERGED : SAMPLER_STALLED;
-        return true;
-    }
-    if (s->round_count >= 40) {
-        s->outcome = SAMPLER_STALLED;
+    if (s->stage == ROUNDS - 1 && (on_target || s->round_count == MAX_ROUNDS)) {
+        bool still = s->sweep[s->sweep_count - 1].rms_step < s->params.step_tolerance;
+        s->outcome = on_target && still && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
     s->sigma = ideal_support(s, &energy);
     if (s->stage < ROUNDS - 1) s->stage++;
+    s->gain = round_gain[s->stage];
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
     return build_lists(s, e);
 }
@@ -171,7 +182,7 @@ static void estimate_fraction(sampler *s, double mean_log10_lambda)
 bool sampler_step(sampler *s, error *e)
 {
     if (s->lists_stale && !build_lists(s, e)) return false;
-    relax_params params = {s->field, s->sigma, s->spacing, OMEGA, round_gain[s->stage]};
+    relax_params params = {s->field, s->sigma, s->spacing, OMEGA, s->gain};
     relax_sums sums;
     relax_sweep(s->relax, s->p, &params, &sums);
     s->sweeps_in_round++;
@@ -182,7 +193,8 @@ bool sampler_step(sampler *s, error *e)
         (sampler_sweep){sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count,
                         s->sigma, sums.rejected};
     estimate_fraction(s, sums.mean_log10_lambda);
-    s->lists_stale = sums.cramped || s->sweeps_in_round % 20 == 0;
+    if (s->sweeps_in_round >= PATIENCE && (s->sweeps_in_round - PATIENCE) % PATIENCE_MORE == 0) s->gain *= 10;
+    s->lists_stale = sums.cramped || amplitudes_are_due(s);
     s->skin = fmin(0.6, fmax(0.2, 6 * sums.rms_step)) * s->spacing;
     if (sums.mean_log10_lambda > REST_LAMBDA && !sums.cramped && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)

@@ -63,6 +63,7 @@ typedef struct sampler_round {
     double sigma; /* in force during the round */
     size_t count;
     double energy; /* at its end, under its sigma */
+    double gain;   /* no particle could lower its energy by more than this fraction */
 } sampler_round;
 
 typedef struct sampler sampler;
