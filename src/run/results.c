@@ -97,13 +97,12 @@ static bool write_png(const char *directory, const image *picture, json *outputs
     return ok;
 }
 
-/* OpenEXR writes by name: into the temporary file, which stays the same inode. */
 static bool write_exr(const char *directory, const image *picture, json *outputs, error *e)
 {
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.temporary, picture, e) &&
-              preview_exr_verify(file.temporary, picture, e) &&
+    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, e) &&
+              preview_exr_verify(file.stream, picture, e) &&
               commit_output(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);

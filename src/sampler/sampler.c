@@ -196,7 +196,7 @@ bool sampler_step(sampler *s, error *e)
     if (s->sweeps_in_round >= PATIENCE && (s->sweeps_in_round - PATIENCE) % PATIENCE_MORE == 0) s->gain *= 10;
     s->lists_stale = sums.cramped || amplitudes_are_due(s);
     s->skin = fmin(0.6, fmax(0.2, 6 * sums.rms_step)) * s->spacing;
-    if (sums.mean_log10_lambda > REST_LAMBDA && !sums.cramped && !control(s, e)) return false;
+    if (sums.mean_log10_lambda > REST_LAMBDA && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;

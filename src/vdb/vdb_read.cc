@@ -523,3 +523,19 @@ extern "C" void vdb_grid_free(vdb_grid *grid)
     std::free(grid->tiles);
     std::free(grid);
 }
+
+#ifdef __SANITIZE_ADDRESS__
+/* OpenVDB 10.0 loses one node when a read fails within a tree's topology. Nothing can be done about
+ * it from outside, and a leak report would change the exit code of a worker that is about to say
+ * that its file is damaged. */
+extern "C" const char *__lsan_default_options(void);
+extern "C" const char *__lsan_default_options(void)
+{
+    return "print_suppressions=0";
+}
+extern "C" const char *__lsan_default_suppressions(void);
+extern "C" const char *__lsan_default_suppressions(void)
+{
+    return "leak:RootNode*readTopology\n";
+}
+#endif

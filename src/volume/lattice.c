@@ -40,18 +40,16 @@ static void scan_range(lattice *l)
     }
 }
 
-/* Some writers leave clamped voxels active. A grid with values beyond its background is not clamped
- * there at all, and then only activity tells. */
+/* Some writers leave clamped voxels active. Where values go beyond the background, the grid is not
+ * clamped on that side (the whole inside may be filled), and then only activity tells. */
 static void set_clamp(lattice *l)
 {
     float b = fabsf(l->grid->background);
-    l->clamp_low = INFINITY;
-    l->clamp_high = -INFINITY;
+    l->clamp_below = -INFINITY;
+    l->clamp_above = INFINITY;
     if (!l->level_set || !(b > 0)) return;
-    float above = b * (1 + half_step);
-    if (l->lowest < -above || l->highest > above) return;
-    l->clamp_low = b * (1 - half_step);
-    l->clamp_high = above;
+    if (l->lowest >= -b * (1 + half_step)) l->clamp_below = -b * (1 - half_step);
+    if (l->highest <= b * (1 + half_step)) l->clamp_above = b * (1 - half_step);
 }
 
 static bool add_tiles(lattice *l, error *e)
@@ -130,10 +128,7 @@ lattice_block lattice_find(const lattice *l, int32_t x, int32_t y, int32_t z)
 static uint64_t clamped_bits(const lattice *l, const float *values)
 {
     uint64_t bits = 0;
-    for (int i = 0; i < 64; i++) {
-        float v = fabsf(values[i]);
-        bits |= (uint64_t)(v >= l->clamp_low && v <= l->clamp_high) << i;
-    }
+    for (int i = 0; i < 64; i++) bits |= (uint64_t)(values[i] <= l->clamp_below || values[i] >= l->clamp_above) << i;
     return bits;
 }
 

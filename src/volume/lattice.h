@@ -26,7 +26,7 @@ typedef struct lattice {
     const vdb_grid *grid; /* the caller's, as long as the lattice lives */
     double isovalue;
     bool level_set;
-    float clamp_low, clamp_high; /* an active |value| in between is the clamp; empty when low > high */
+    float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
     float background;            /* as F */
     blockmap leaves;
     blockmap tiles[LATTICE_TILE_LEVELS];

@@ -110,23 +110,26 @@ static uint64_t known_word(const samples *s, uint32_t block, int x)
     return block == BLOCKMAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
 }
 
-/* The voxels of the layer x of a block that are not known but have a known one beside them. */
-static uint64_t frontier(const samples *s, uint32_t block, int x)
+/* The voxels of the layer x of a block that are not known but have a known one beside them: bit by
+ * bit in the result, and in towards[k] for the neighbour below and above along each axis. */
+static uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t towards[6])
 {
     const uint64_t row_low = 0x0101010101010101u, row_high = 0x8080808080808080u;
     const uint32_t *near = s->near + 6 * (size_t)block;
-    uint64_t here = known_word(s, block, x);
+    uint64_t here = known_word(s, block, x), any = 0;
     if (here == ~(uint64_t)0) return 0;
-    uint64_t beside = here << 8 | here >> 8 | (here << 1 & ~row_low) | (here >> 1 & ~row_high);
-    beside |= x > 0 ? known_word(s, block, x - 1) : known_word(s, near[0], SIDE - 1);
-    beside |= x < SIDE - 1 ? known_word(s, block, x + 1) : known_word(s, near[1], 0);
-    beside |= known_word(s, near[2], x) >> 56 | known_word(s, near[3], x) << 56;
-    beside |= (known_word(s, near[4], x) >> 7 & row_low) | (known_word(s, near[5], x) << 7 & row_high);
-    return beside & ~here;
+    towards[0] = x > 0 ? known_word(s, block, x - 1) : known_word(s, near[0], SIDE - 1);
+    towards[1] = x < SIDE - 1 ? known_word(s, block, x + 1) : known_word(s, near[1], 0);
+    towards[2] = here << 8 | known_word(s, near[2], x) >> 56;
+    towards[3] = here >> 8 | known_word(s, near[3], x) << 56;
+    towards[4] = (here << 1 & ~row_low) | (known_word(s, near[4], x) >> 7 & row_low);
+    towards[5] = (here >> 1 & ~row_high) | (known_word(s, near[5], x) << 7 & row_high);
+    for (int k = 0; k < 6; k++) any |= towards[k];
+    return any & ~here;
 }
 
 /* The value `step` voxels from `at` along an axis, if it is known; |step| <= 8. */
-static bool peek(const samples *s, uint32_t block, const int at[3], int axis, int step, double *value)
+static inline bool peek(const samples *s, uint32_t block, const int at[3], int axis, int step, double *value)
 {
     int to = at[axis] + step;
     if (to < 0 || to >= SIDE) {
@@ -146,18 +149,20 @@ static bool peek(const samples *s, uint32_t block, const int at[3], int axis, in
 static double along_line(double a, double b, const double *c)
 {
     double bend = c ? a - 2 * b + *c : 0, most = bend_limit * fabs(a - b);
-    return 2 * a - b + fmin(fmax(bend, -most), most);
+    return 2 * a - b + (bend > most ? most : bend < -most ? -most : bend);
 }
 
-/* `raw` is the clamped value: it gives the side, and the least distance. The bounds hold off what
+/* The clamped value that a voxel still has gives the side, and the least distance. The bounds hold off what
  * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
-static float continued(const samples *s, uint32_t block, const int at[3], int layer, double raw)
+static float continued(const samples *s, uint32_t block, int x, int bit, const uint64_t towards[6], int layer)
 {
+    const int at[3] = {x, bit >> 3, bit & 7};
+    const double raw = (double)s->f[(size_t)block * VOXELS + (size_t)(64 * x + bit)];
     double lines = 0, flats = 0, a, b, c;
     int line_count = 0, flat_count = 0;
     for (int k = 0; k < 6; k++) {
         int axis = k / 2, step = k % 2 ? 1 : -1;
-        if (!peek(s, block, at, axis, step, &a)) continue;
+        if (!(towards[k] >> bit & 1) || !peek(s, block, at, axis, step, &a)) continue;
         flats += a;
         flat_count++;
         if (!peek(s, block, at, axis, 2 * step, &b)) continue;
@@ -165,8 +170,10 @@ static float continued(const samples *s, uint32_t block, const int at[3], int la
         line_count++;
     }
     double value = line_count ? lines / line_count : flat_count ? flats / flat_count : raw;
-    double size = fabs(raw), side = raw < 0 ? -1 : 1;
-    return (float)(side * fmin(fmax(side * value, 0.5 * size), size * (1 + layer)));
+    double size = fabs(raw), side = raw < 0 ? -1 : 1, reach = side * value;
+    if (reach < 0.5 * size) reach = 0.5 * size;
+    if (reach > size * (1 + layer)) reach = size * (1 + layer);
+    return (float)(side * reach);
 }
 
 /* One layer; the bits are committed only afterwards, so that the order of blocks does not matter. */
@@ -175,14 +182,12 @@ static uint64_t extend_layer(samples *s, uint64_t *fresh, int layer)
     uint64_t changed = 0;
     for (uint32_t n = 0; n < s->map.count; n++)
         for (int x = 0; x < SIDE; x++) {
-            uint64_t bits = frontier(s, n, x);
+            uint64_t towards[6], bits = frontier(s, n, x, towards);
             fresh[(size_t)n * SIDE + (size_t)x] = bits;
             changed |= bits;
             for (; bits; bits &= bits - 1) {
                 int bit = __builtin_ctzll(bits);
-                const int at[3] = {x, bit >> 3, bit & 7};
-                float *f = &s->f[(size_t)n * VOXELS + (size_t)(64 * x + bit)];
-                *f = continued(s, n, at, layer, (double)*f);
+                s->f[(size_t)n * VOXELS + (size_t)(64 * x + bit)] = continued(s, n, x, bit, towards, layer);
             }
         }
     for (size_t i = 0; i < (size_t)s->map.count * SIDE; i++) s->known[i] |= fresh[i];

@@ -72,8 +72,8 @@ static void hessian_matches_differences(void **state)
                 sample(a, vec3_axpy(step, e, x), &up);
                 sample(a, vec3_axpy(-step, e, x), &down);
                 vec3 difference = vec3_scale(vec3_sub(up.gradient, down.gradient), 1 / (2 * step));
-                vec3 error = vec3_sub(difference, sym3_apply(s.hessian, e));
-                vec3_set(&worst, axis, vec3_norm(error));
+                vec3 off = vec3_sub(difference, sym3_apply(s.hessian, e));
+                vec3_set(&worst, axis, vec3_norm(off));
             }
             double scale = vec3_norm(s.gradient) / a->base.extent + vec3_norm(s.gradient) * 10;
             if (vec3_norm(worst) > 1e-4 * scale) outliers++;
