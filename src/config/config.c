@@ -38,7 +38,8 @@ static bool set_number(const config_row *row, const char *value, void *at, error
              row->low, row->high, *row->unit ? " " : "", row->unit);
     errno = 0;
     double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
-    if (errno || end == value || *end || !isfinite(number) || number < row->low || number > row->high)
+    if (errno || end == value || *end || !isfinite(number) || number < row->low ||
+        number > row->high)
         return bad(e, row, value, expected);
     if (whole)
         *(int64_t *)at = (int64_t)number;
@@ -83,7 +84,8 @@ static bool set_value(config *c, const config_row *row, const char *value, error
     case CONFIG_REAL:
         return set_number(row, value, at, e);
     case CONFIG_LEVEL:
-        return log_level_from_name(value, at) || bad(e, row, value, "error, warning, info or debug");
+        return log_level_from_name(value, at) ||
+               bad(e, row, value, "error, warning, info or debug");
     }
     return false;
 }
@@ -120,7 +122,8 @@ static char *read_line(char *buffer, int size, void *context)
     s->line++;
     size_t length = strlen(line);
     if (length + 1 == (size_t)size && line[length - 1] != '\n') {
-        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path, s->line, size - 2);
+        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path,
+                  s->line, size - 2);
         return NULL;
     }
     return line;
@@ -145,9 +148,11 @@ static bool read_file(config *c, const char *path, error *e)
 {
     error mine = {0};
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
-    if (!s.file) return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (!s.file)
+        return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     int line = ini_parse_stream(read_line, &s, take_pair, &s);
-    if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (ferror(s.file))
+        error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
         error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
@@ -176,7 +181,9 @@ static bool is_action(const char *text, config_action *action)
     static const struct {
         const char *text;
         config_action action;
-    } actions[] = {{"--help", CONFIG_HELP}, {"-h", CONFIG_HELP}, {"--version", CONFIG_VERSION},
+    } actions[] = {{"--help", CONFIG_HELP},
+                   {"-h", CONFIG_HELP},
+                   {"--version", CONFIG_VERSION},
                    {"--print-config", CONFIG_SAMPLE}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
         if (strcmp(text, actions[i].text) == 0) {
@@ -187,12 +194,13 @@ static bool is_action(const char *text, config_action *action)
     return false;
 }
 
-/* Goes over the command line twice: first for the files, then for the options that win over them. */
+/* Goes over the command line twice: first for the files, then for the options that win over them.
+ */
 static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
 {
     for (int i = 1; i < argc; i++) {
-        const char *key, *value;
-        size_t length;
+        const char *key = "", *value = NULL;
+        size_t length = 0;
         if (is_action(argv[i], action)) continue;
         if (!split_option(argc, argv, &i, &key, &length, &value, s->e)) return false;
         if (length == 6 && memcmp(key, "config", 6) == 0) {
@@ -202,7 +210,8 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
         if (files) continue;
         const config_row *row = find_row(key, length);
         if (!row)
-            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length, key);
+            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help",
+                             (int)length, key);
         if (!set_from(s, row, value)) return error_prefix(s->e, "command line");
     }
     return true;
@@ -217,7 +226,8 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     bool ok = true;
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], config_table[i].otherwise, &mine);
-    ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
+    ok = ok && read_options(argc, argv, true, &s, &what) &&
+         read_options(argc, argv, false, &s, &what);
     if (!ok) {
         config_clear(&read);
         if (e) *e = mine;
@@ -258,7 +268,8 @@ bool config_find_worker(config *c, error *e)
         }
     }
     if (access(c->worker, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING, "the worker program %s cannot be run: %s (setting worker)", c->worker,
+    return error_set(e, ERROR_INPUT_MISSING,
+                     "the worker program %s cannot be run: %s (setting worker)", c->worker,
                      strerror(errno));
 }
 
@@ -288,20 +299,21 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
 
 void config_print_help(FILE *file)
 {
-    fputs("usage: hexad [--config FILE] [--KEY VALUE]...\n"
-          "\n"
-          "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-          "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once.\n"
-          "\n"
-          "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
-          "  --print-config   a sample of that file\n"
-          "  --help           this text\n"
-          "  --version        the version\n"
-          "\n"
-          "Exit status: 0 drained, 1 failure, 2 bad settings.\n"
-          "\n"
-          "Settings, as options and as keys of the file; options win:\n",
-          file);
+    fputs(
+        "usage: hexad [--config FILE] [--KEY VALUE]...\n"
+        "\n"
+        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
+        "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once.\n"
+        "\n"
+        "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
+        "  --print-config   a sample of that file\n"
+        "  --help           this text\n"
+        "  --version        the version\n"
+        "\n"
+        "Exit status: 0 drained, 1 failure, 2 bad settings.\n"
+        "\n"
+        "Settings, as options and as keys of the file; options win:\n",
+        file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fprintf(file, "\n  --%s\n", row->key);

@@ -37,12 +37,7 @@ typedef struct config {
     log_level log_level;
 } config;
 
-typedef enum config_action {
-    CONFIG_RUN,
-    CONFIG_HELP,
-    CONFIG_VERSION,
-    CONFIG_SAMPLE
-} config_action;
+typedef enum config_action { CONFIG_RUN, CONFIG_HELP, CONFIG_VERSION, CONFIG_SAMPLE } config_action;
 
 /* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */

@@ -20,16 +20,21 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* After trouble with the database (a full disk): long enough not to spin, short enough to recover. */
+/* After trouble with the database (a full disk): long enough not to spin, short enough to recover.
+ */
 #define RETRY_MS 1000
+/* While no worker can be started (the program is being replaced, no memory is left): the longest
+ * time between two tries. */
+#define START_WAIT_MOST_MS 30000
 
 typedef struct limits {
     int64_t memory_mb;
     double timeout_s, stall_s; /* 0: none */
 } limits;
 
-/* A job that this executor has claimed. `job`, `used`, `progress` and `cancel_wanted` are guarded by
- * the executor's mutex for writing and for reading by others; the rest is the supervisor's own. */
+/* A job that this executor has claimed. `job`, `used`, `progress` and `cancel_wanted` are guarded
+ * by the executor's mutex for writing and for reading by others; the rest is the supervisor's own.
+ */
 typedef struct slot {
     bool used;
     queue_job job;
@@ -63,8 +68,14 @@ struct executor {
     size_t slot_count;
     slot *slots;
 
-    int64_t claim_ms; /* supervisor: no claim before; after trouble with the database */
+    int64_t claim_ms;      /* supervisor: no claim before; after trouble */
+    int64_t start_wait_ms; /* supervisor: doubles while no attempt starts */
 };
+
+static int64_t least(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
 
 static void signal_fd(int fd)
 {
@@ -112,11 +123,13 @@ static void slot_clear(executor *x, slot *s)
 static void slot_settle(executor *x, slot *s)
 {
     error e = {0};
-    if (settlement_apply(x->q, x->state_dir, &s->job, &s->verdict, s->ending.last_words ? &s->ending : NULL, &e)) {
+    if (settlement_apply(x->q, x->state_dir, &s->job, &s->verdict,
+                         s->ending.last_words ? &s->ending : NULL, &e)) {
         slot_clear(x, s);
         return;
     }
-    log_write(LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s", s->job.id, s->job.attempt, e.message);
+    log_write(LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s", s->job.id,
+              s->job.attempt, e.message);
     s->retry_ms = clock_monotonic_ms() + RETRY_MS;
     /* when the daemon ends, the next start settles it as after a crash */
     if (atomic_load(&x->draining)) slot_clear(x, s);
@@ -138,12 +151,18 @@ static void slot_start(executor *x, slot *s)
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
+        x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s attempt=%d", s->job.id, s->job.attempt);
         return;
     }
-    log_write(LOG_LEVEL_ERROR, "attempt not started job=%s attempt=%d: %s", s->job.id, s->job.attempt, e.message);
-    settlement_decide_unstarted(&s->job, &e, &s->verdict);
+    log_write(LOG_LEVEL_ERROR, "attempt not started job=%s attempt=%d: %s", s->job.id,
+              s->job.attempt, e.message);
+    settlement_decide_unstarted(&e, &s->verdict);
     s->decided = true;
+    /* whatever keeps this one from starting would keep the next one, too */
+    x->start_wait_ms =
+        x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
+    x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     slot_settle(x, s);
 }
 
@@ -218,7 +237,8 @@ static void stop_if_due(executor *x, slot *s)
     if (s->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) s->stop = why;
     if (s->stop == SETTLEMENT_NOT_STOPPED) return;
     if (!s->asked) {
-        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", s->job.id, s->job.attempt);
+        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", s->job.id,
+                  s->job.attempt);
         x->engine->cancel(s->attempt, false);
         s->asked = true;
         s->force_ms = now + (int64_t)(x->settings.grace_s * 1000);
@@ -245,15 +265,10 @@ static void slot_serve(executor *x, slot *s)
     x->engine->settle(s->attempt, &s->ending);
     s->attempt = NULL;
     settlement_decide(&s->job, s->stop,
-                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
-                      s->directory, &s->verdict);
+                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
+                      &s->ending, s->directory, &s->verdict);
     s->decided = true;
     slot_settle(x, s);
-}
-
-static int64_t least(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
 }
 
 /* When the slot wants to be looked at again although none of its descriptors is ready. */
@@ -262,7 +277,8 @@ static int64_t slot_due(executor *x, const slot *s)
     if (s->decided) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;
-    int64_t due = least(after(s->started_ms, s->limit.timeout_s), after(s->moved_ms, s->limit.stall_s));
+    int64_t due =
+        least(after(s->started_ms, s->limit.timeout_s), after(s->moved_ms, s->limit.stall_s));
     return atomic_load(&x->draining) ? least(due, atomic_load(&x->drain_ms)) : due;
 }
 
@@ -353,7 +369,9 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
         x->input_roots[i] = mem_strdup(settings->input_roots[i]);
     x->q = q;
     x->engine = &engine_local;
-    x->slot_count = settings->workers > 0 ? (size_t)settings->workers : cores > 0 ? (size_t)cores : 1;
+    x->slot_count = settings->workers > 0 ? (size_t)settings->workers
+                    : cores > 0           ? (size_t)cores
+                                          : 1;
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     pthread_mutex_init(&x->mutex, NULL);
     x->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
@@ -396,13 +414,15 @@ int executor_drained_fd(const executor *x)
     return x->drained_fd;
 }
 
-bool executor_cancel(executor *x, const char *id, bool *found, bool *changed, queue_state *now, error *e)
+bool executor_cancel(executor *x, const char *id, bool *found, bool *changed, queue_state *now,
+                     error *e)
 {
     pthread_mutex_lock(&x->mutex);
     bool ok = queue_cancel(x->q, id, found, changed, now, e);
     if (ok && *found && *now == QUEUE_CANCELLING)
         for (size_t i = 0; i < x->slot_count; i++)
-            if (x->slots[i].used && strcmp(x->slots[i].job.id, id) == 0) x->slots[i].cancel_wanted = true;
+            if (x->slots[i].used && strcmp(x->slots[i].job.id, id) == 0)
+                x->slots[i].cancel_wanted = true;
     pthread_mutex_unlock(&x->mutex);
     executor_wake(x);
     return ok;
@@ -414,7 +434,8 @@ char *executor_progress(executor *x, const char *id)
     pthread_mutex_lock(&x->mutex);
     for (size_t i = 0; i < x->slot_count; i++) {
         const slot *s = &x->slots[i];
-        if (s->used && s->progress && strcmp(s->job.id, id) == 0) progress = mem_strdup(s->progress);
+        if (s->used && s->progress && strcmp(s->job.id, id) == 0)
+            progress = mem_strdup(s->progress);
     }
     pthread_mutex_unlock(&x->mutex);
     return progress;

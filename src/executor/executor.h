@@ -21,8 +21,8 @@ typedef struct executor_settings {
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
-    int workers;       /* attempts at once; 0: one per core */
-    int64_t memory_mb; /* of a job that names no limit, > 0 */
+    int workers;               /* attempts at once; 0: one per core */
+    int64_t memory_mb;         /* of a job that names no limit, > 0 */
     double timeout_s, stall_s; /* of a job that names no limit; 0: none */
     double grace_s;            /* between SIGTERM and SIGKILL */
 } executor_settings;
@@ -39,14 +39,16 @@ void executor_stop(executor *x);
 void executor_wake(executor *x);
 
 /* As queue_cancel; a running attempt is asked to end. */
-bool executor_cancel(executor *x, const char *id, bool *found, bool *changed, queue_state *now, error *e);
+bool executor_cancel(executor *x, const char *id, bool *found, bool *changed, queue_state *now,
+                     error *e);
 
 /* The newest progress of a running job, one JSON object as text to be freed; NULL when there is
  * none. */
 char *executor_progress(executor *x, const char *id);
 
 /* Stops claiming and lets what runs end; what still runs after `seconds` is stopped and put back in
- * the queue without counting the attempt. Returns at once; may be called again to shorten the time. */
+ * the queue without counting the attempt. Returns at once; may be called again to shorten the time.
+ */
 void executor_drain(executor *x, double seconds);
 bool executor_is_draining(const executor *x);
 

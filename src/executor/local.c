@@ -147,7 +147,10 @@ static rlim_t address_space_of(int64_t memory_mb)
     (void)memory_mb;
     return RLIM_INFINITY;
 #else
-    return ((rlim_t)memory_mb + LOCAL_HEADROOM_MB) * 1024 * 1024;
+    long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    rlim_t headroom_mb =
+        LOCAL_HEADROOM_MB + LOCAL_HEADROOM_PER_CORE_MB * (rlim_t)(cores > 0 ? cores : 1);
+    return ((rlim_t)memory_mb + headroom_mb) * 1024 * 1024;
 #endif
 }
 
@@ -167,7 +170,14 @@ static engine_attempt *start(const engine_request *request, error *e)
     a->pidfd = a->log_fd = a->progress_fd = -1;
     a->directory = mem_strdup(request->directory);
     a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
-    launch l = {make_arguments(request), -1, -1, -1, -1, -1, getpid(), address_space_of(request->memory_mb)};
+    launch l = {make_arguments(request),
+                -1,
+                -1,
+                -1,
+                -1,
+                -1,
+                getpid(),
+                address_space_of(request->memory_mb)};
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);
@@ -195,7 +205,8 @@ static engine_attempt *start(const engine_request *request, error *e)
     close_fd(&l.failure_fd);
     close_fd(&failure);
     if (!why) return a;
-    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
+    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker,
+              strerror(why));
     close_fd(&a->log_fd);
     close_fd(&a->progress_fd);
     free(a->directory);

@@ -2,18 +2,21 @@
  *
  * The worker runs in a process group of its own, is killed when the daemon dies, holds no
  * descriptor of the daemon, leaves no core file, and has an address space of its memory limit plus
- * LOCAL_HEADROOM_MB (not under AddressSanitizer, whose shadow would not fit). Its spec comes on
- * standard input, progress lines leave on descriptor 3; of standard error the last LOCAL_LOG_BYTES
- * are kept. Only async-signal-safe calls stand between fork and exec, so the daemon may have
- * threads; attempts must be started from a thread that lives as long as they do.
+ * a headroom (not under AddressSanitizer, whose shadow would not fit). Its spec comes on standard
+ * input, progress lines leave on descriptor 3; of standard error the last LOCAL_LOG_BYTES are kept.
+ * Only async-signal-safe calls stand between fork and exec, so the daemon may have threads;
+ * attempts must be started from a thread that lives as long as they do.
  */
 #ifndef HEXAD_EXECUTOR_LOCAL_H
 #define HEXAD_EXECUTOR_LOCAL_H
 
 #include "executor/engine.h"
 
-/* Code, shared libraries, thread stacks and allocator arenas, which memory_mb does not speak of. */
+/* What memory_mb does not speak of: code and shared libraries; and for each thread that a worker
+ * may start a stack (8 MiB) and an arena of the allocator (64 MiB of addresses, hardly any of
+ * memory). */
 #define LOCAL_HEADROOM_MB 512
+#define LOCAL_HEADROOM_PER_CORE_MB 80
 #define LOCAL_LOG_BYTES (64 * 1024)
 /* Progress lines are some hundred bytes; a longer one is no progress line and is ignored. */
 #define LOCAL_LINE_BYTES 4096

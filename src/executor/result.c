@@ -48,7 +48,8 @@ int result_open_file(const char *directory, const char *name, int64_t *bytes, er
     int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     struct stat info;
     if (fd < 0) {
-        error_set(e, ERROR_INTERNAL, "the result file %s cannot be opened: %s", name, strerror(errno));
+        error_set(e, ERROR_INTERNAL, "the result file %s cannot be opened: %s", name,
+                  strerror(errno));
     } else if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
         error_set(e, ERROR_INTERNAL, "the result file %s is not a regular file", name);
         close(fd);
@@ -67,16 +68,18 @@ static bool read_output(const char *directory, json_at at, result_output *output
     const char *file = json_string(name, "");
     const char *hash = json_string(sha256, "");
     double size = json_number(bytes, -1);
-    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] || !(size >= 0) ||
-        size > 0x1p53 || size != floor(size))
-        return error_set(e, ERROR_INTERNAL, "report.json lists an output without name, bytes and sha256");
+    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] ||
+        !(size >= 0) || size > 0x1p53 || size != floor(size))
+        return error_set(e, ERROR_INTERNAL,
+                         "report.json lists an output without name, bytes and sha256");
     int64_t there = 0;
     int fd = result_open_file(directory, file, &there, e);
     if (fd < 0) return false;
     close(fd);
     if (there != (int64_t)size)
-        return error_set(e, ERROR_INTERNAL, "the result file %s has %lld bytes where its report says %.0f",
-                         file, (long long)there, size);
+        return error_set(e, ERROR_INTERNAL,
+                         "the result file %s has %lld bytes where its report says %.0f", file,
+                         (long long)there, size);
     output->name = mem_strdup(file);
     output->bytes = there;
     memcpy(output->sha256, hash, sizeof output->sha256);
@@ -103,7 +106,8 @@ static bool read_report(const char *directory, const json *report, result *r, er
         return error_set(e, ERROR_INTERNAL, "report.json has no list of outputs");
     r->output = mem_alloc(listed * sizeof *r->output);
     for (; r->output_count < listed; r->output_count++)
-        if (!read_output(directory, json_element(&outputs, r->output_count), &r->output[r->output_count], e))
+        if (!read_output(directory, json_element(&outputs, r->output_count),
+                         &r->output[r->output_count], e))
             return false;
     return true;
 }

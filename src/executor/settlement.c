@@ -29,7 +29,8 @@ static void set_retry(settlement *s, const queue_job *job, const error *why)
         return;
     }
     error e = *why;
-    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, job->spent, job->max_attempts);
+    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, job->spent,
+              job->max_attempts);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -74,8 +75,10 @@ static void decide_exit(const queue_job *job, const engine_ending *ending, settl
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and said no reason%s%.200s",
-                  ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
+        error_set(&said, ERROR_INTERNAL,
+                  "the worker ended with exit status %d and said no reason%s%.200s",
+                  ending->exit_status, *ending->last_words ? "; its last line: " : "",
+                  ending->last_words);
     set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
 }
 
@@ -83,7 +86,8 @@ static void decide_signal(const queue_job *job, const engine_ending *ending, set
 {
     error e = {0};
     const char *name = sigabbrev_np(ending->signal);
-    error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal, name ? name : "?");
+    error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
+              name ? name : "?");
     set_retry(s, job, &e);
 }
 
@@ -118,7 +122,8 @@ void settlement_decide(const queue_job *job, settlement_stop stop, double limit_
         return;
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
-        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s", limit_s);
+        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s",
+                  limit_s);
         set_end(s, QUEUE_FAILED, &e);
         return;
     case SETTLEMENT_DRAINED:
@@ -138,11 +143,10 @@ void settlement_decide(const queue_job *job, settlement_stop stop, double limit_
         decide_exit(job, ending, s);
 }
 
-void settlement_decide_unstarted(const queue_job *job, const error *why, settlement *s)
+void settlement_decide_unstarted(const error *why, settlement *s)
 {
-    *s = (settlement){0};
-    snprintf(s->reason, sizeof s->reason, "not started");
-    set_retry(s, job, why);
+    *s = (settlement){.requeue = true};
+    snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
 /* Moves the result into place. That it already is there is what a repetition finds. */
@@ -168,11 +172,25 @@ static void remove_leftovers(const char *directory)
     free(log);
 }
 
+/* Whether the attempt still is the job's: the fence, looked at before a result moves into place.
+ * The queue looks again in its transaction. */
+static bool check_fence(queue *q, const queue_job *job, bool *current, error *e)
+{
+    queue_job now = {0};
+    bool found = false;
+    if (!queue_get(q, job->id, &now, &found, e)) return false;
+    *current = found && now.attempt == job->attempt &&
+               (now.state == QUEUE_RUNNING || now.state == QUEUE_CANCELLING);
+    queue_job_clear(&now);
+    return true;
+}
+
 bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
                       const engine_ending *ending, error *e)
 {
     error trouble = {0};
-    bool accepted = false;
+    bool accepted = false, current = true;
+    if (s->deliver && !check_fence(q, job, &current, e)) return false;
     queue_ending end = {
         .state = s->state,
         .outcome = s->outcome,
@@ -185,13 +203,13 @@ bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, con
     };
     char *directory = result_attempt_directory(state_dir, job->id, job->attempt);
     char *results = result_directory(state_dir, job->id);
-    if (s->deliver && !deliver(directory, results, &trouble)) {
+    if (s->deliver && current && !deliver(directory, results, &trouble)) {
         end.state = QUEUE_FAILED;
         end.outcome = QUEUE_NO_OUTCOME;
         end.error_code = error_code_name(ERROR_INTERNAL);
         end.error_message = trouble.message;
     }
-    if (!s->deliver) remove_leftovers(directory);
+    if (!s->deliver || !current) remove_leftovers(directory);
     bool ok = s->requeue ? queue_requeue(q, job->id, job->attempt, s->counts, &end, &accepted, e)
                          : queue_finish(q, job->id, job->attempt, &end, &accepted, e);
     if (ok && !accepted && s->requeue) {
@@ -203,8 +221,10 @@ bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, con
     }
     if (ok)
         log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
-                  "attempt ended job=%s attempt=%d reason=\"%s\" state=%s%s%s", job->id, job->attempt,
-                  s->reason, s->requeue && end.state != QUEUE_CANCELLED ? "queued" : queue_state_name(end.state),
+                  "attempt ended job=%s attempt=%d reason=\"%s\" state=%s%s%s", job->id,
+                  job->attempt, s->reason,
+                  s->requeue && end.state != QUEUE_CANCELLED ? "queued"
+                                                             : queue_state_name(end.state),
                   end.error_code ? " code=" : "", end.error_code ? end.error_code : "");
     free(directory);
     free(results);

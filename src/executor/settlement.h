@@ -36,10 +36,12 @@ typedef struct settlement {
 void settlement_decide(const queue_job *job, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
-/* For an attempt that did not start. */
-void settlement_decide_unstarted(const queue_job *job, const error *why, settlement *s);
+/* For an attempt that did not start: a fault of the service, not of the job, which goes back into
+ * the queue and is not charged with it. */
+void settlement_decide_unstarted(const error *why, settlement *s);
 
-/* May be called again after a failure. `ending` may be NULL when nothing is known of the process. */
+/* May be called again after a failure. `ending` may be NULL when nothing is known of the process.
+ */
 bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
                       const engine_ending *ending, error *e);
 

@@ -66,9 +66,10 @@ static const char *const sql[STATEMENT_COUNT] = {
     [END_ATTEMPT] = "UPDATE attempt SET finished_ms = ?3, exit_status = ?4, signal = ?5,"
                     " peak_memory_bytes = ?6, reason = ?7"
                     " WHERE job = (SELECT seq FROM job WHERE id = ?1) AND number = ?2",
-    [CANCEL] = "UPDATE job SET state = CASE state WHEN 'queued' THEN 'cancelled' ELSE 'cancelling' END,"
-               " finished_ms = CASE state WHEN 'queued' THEN ?2 END"
-               " WHERE id = ?1 AND state IN ('queued', 'running')",
+    [CANCEL] =
+        "UPDATE job SET state = CASE state WHEN 'queued' THEN 'cancelled' ELSE 'cancelling' END,"
+        " finished_ms = CASE state WHEN 'queued' THEN ?2 END"
+        " WHERE id = ?1 AND state IN ('queued', 'running')",
 };
 
 struct queue {
@@ -79,9 +80,8 @@ struct queue {
 };
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
-    [QUEUE_QUEUED] = "queued",       [QUEUE_RUNNING] = "running",
-    [QUEUE_CANCELLING] = "cancelling", [QUEUE_SUCCEEDED] = "succeeded",
-    [QUEUE_FAILED] = "failed",       [QUEUE_CANCELLED] = "cancelled",
+    [QUEUE_QUEUED] = "queued",       [QUEUE_RUNNING] = "running", [QUEUE_CANCELLING] = "cancelling",
+    [QUEUE_SUCCEEDED] = "succeeded", [QUEUE_FAILED] = "failed",   [QUEUE_CANCELLED] = "cancelled",
     [QUEUE_TIMED_OUT] = "timed_out",
 };
 
@@ -108,7 +108,9 @@ bool queue_state_is_final(queue_state state)
 
 const char *queue_outcome_name(queue_outcome outcome)
 {
-    return outcome == QUEUE_CONVERGED ? "converged" : outcome == QUEUE_NOT_CONVERGED ? "not_converged" : NULL;
+    return outcome == QUEUE_CONVERGED       ? "converged"
+           : outcome == QUEUE_NOT_CONVERGED ? "not_converged"
+                                            : NULL;
 }
 
 void queue_job_clear(queue_job *job)
@@ -147,7 +149,8 @@ static bool take_lock(queue *q, const char *state_dir, error *e)
         char holder[16] = "";
         ssize_t got = pread(q->lock, holder, sizeof holder - 1, 0);
         holder[got > 0 ? got : 0] = '\0';
-        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder, state_dir);
+        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s",
+                  holder, state_dir);
     } else if (!ok) {
         error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
     } else if (ftruncate(q->lock, 0) != 0 || dprintf(q->lock, "%d", (int)getpid()) < 0) {
@@ -167,8 +170,10 @@ queue *queue_open(const char *state_dir, error *e)
     if (ok && sqlite3_open_v2(path, &q->database,
                               SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
                               NULL) != SQLITE_OK)
-        ok = q->database ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
-    if (ok) sqlite3_busy_timeout(q->database, 5000); /* somebody may look with the sqlite3 program */
+        ok = q->database ? fail(q, e)
+                         : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
+    if (ok)
+        sqlite3_busy_timeout(q->database, 5000); /* somebody may look with the sqlite3 program */
     ok = ok && schema_prepare(q->database, e);
     for (int i = 0; ok && i < STATEMENT_COUNT; i++)
         if (sqlite3_prepare_v3(q->database, sql[i], -1, SQLITE_PREPARE_PERSISTENT, &q->statement[i],
@@ -244,7 +249,8 @@ static void read_job(sqlite3_stmt *s, queue_job *job)
     job->labels = column_text(s, 3);
     queue_state_from_name((const char *)sqlite3_column_text(s, 4), &job->state);
     const char *outcome = (const char *)sqlite3_column_text(s, 5);
-    if (outcome) job->outcome = strcmp(outcome, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
+    if (outcome)
+        job->outcome = strcmp(outcome, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
     job->priority = sqlite3_column_int(s, 6);
     job->created_ms = sqlite3_column_int64(s, 7);
     job->started_ms = sqlite3_column_int64(s, 8);
@@ -356,7 +362,8 @@ static int column_known(sqlite3_stmt *s, int column)
     return sqlite3_column_type(s, column) == SQLITE_NULL ? -1 : sqlite3_column_int(s, column);
 }
 
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e)
+bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count,
+                         error *e)
 {
     pthread_mutex_lock(&q->mutex);
     sqlite3_stmt *s = q->statement[LIST_ATTEMPTS];
@@ -418,8 +425,8 @@ bool queue_claim(queue *q, queue_job *job, bool *found, error *e)
 }
 
 /* Writes how the attempt ended; the caller holds the mutex inside a transaction. */
-static bool end_attempt(queue *q, const char *id, int attempt, const queue_ending *ending, int64_t now,
-                        error *e)
+static bool end_attempt(queue *q, const char *id, int attempt, const queue_ending *ending,
+                        int64_t now, error *e)
 {
     sqlite3_stmt *s = q->statement[END_ATTEMPT];
     bind_text(s, 1, id);

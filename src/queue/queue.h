@@ -52,9 +52,9 @@ typedef struct queue_job {
     char *spec;   /* opaque to the queue; NULL in a listing */
     queue_state state;
     queue_outcome outcome;
-    int priority;                             /* higher runs first */
+    int priority;                                /* higher runs first */
     int64_t created_ms, started_ms, finished_ms; /* wall clock; 0: not yet */
-    int attempt;                              /* number of the last claim; 0: none */
+    int attempt;                                 /* number of the last claim; 0: none */
     int spent, max_attempts;
     char *error_code, *error_message; /* NULL: none */
 } queue_job;
@@ -70,7 +70,7 @@ typedef struct queue_submission {
 
 /* How an attempt ended. */
 typedef struct queue_ending {
-    queue_state state;                      /* final; for queue_finish */
+    queue_state state; /* final; for queue_finish */
     queue_outcome outcome;
     const char *error_code, *error_message; /* may be NULL */
     int exit_status, signal;                /* -1: not known or none */
@@ -109,7 +109,8 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
 bool queue_list_unsettled(queue *q, queue_job **jobs, size_t *count, error *e);
 
 /* In the order of their numbers. An id that is not there has none. */
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e);
+bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count,
+                         error *e);
 void queue_attempts_free(queue_attempt *attempts, size_t count);
 
 /* The queued job of the highest priority, among equals the oldest, becomes running under a new

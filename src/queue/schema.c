@@ -41,7 +41,7 @@ static const char version_1[] =
     "  PRIMARY KEY (job, number)"
     ") STRICT, WITHOUT ROWID;"
     "PRAGMA user_version = " TEXT(SCHEMA_VERSION) ";"
-    "COMMIT;";
+                                                  "COMMIT;";
 
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
@@ -52,8 +52,9 @@ static bool run(sqlite3 *database, const char *sql, error *e)
 static bool read_version(sqlite3 *database, int *version, error *e)
 {
     sqlite3_stmt *statement = NULL;
-    bool ok = sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
-              sqlite3_step(statement) == SQLITE_ROW;
+    bool ok =
+        sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
+        sqlite3_step(statement) == SQLITE_ROW;
     if (ok)
         *version = sqlite3_column_int(statement, 0);
     else
@@ -66,13 +67,15 @@ bool schema_prepare(sqlite3 *database, error *e)
 {
     int version = 0;
     if (!run(database,
-             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;", e) ||
+             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;",
+             e) ||
         !read_version(database, &version, e))
         return false;
     if (version > SCHEMA_VERSION)
-        return error_set(e, ERROR_INTERNAL,
-                         "the queue's database has version %d and this hexad knows %d: a newer hexad"
-                         " made it, run that one or take another state_dir",
-                         version, SCHEMA_VERSION);
+        return error_set(
+            e, ERROR_INTERNAL,
+            "the queue's database has version %d and this hexad knows %d: a newer hexad"
+            " made it, run that one or take another state_dir",
+            version, SCHEMA_VERSION);
     return version == SCHEMA_VERSION || run(database, version_1, e);
 }

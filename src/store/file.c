@@ -158,7 +158,9 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     }
     int why = errno;
     free(block);
-    if (got < 0) return error_set(e, ERROR_INTERNAL, "a file cannot be read for its hash: %s", strerror(why));
+    if (got < 0)
+        return error_set(e, ERROR_INTERNAL, "a file cannot be read for its hash: %s",
+                         strerror(why));
     uint8_t digest[SHA256_DIGEST_SIZE];
     sha256_digest(&context, sizeof digest, digest);
     for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
@@ -186,7 +188,8 @@ bool store_directory_create(const char *path, error *e)
 bool store_rename(const char *from, const char *to, error *e)
 {
     if (rename(from, to) != 0)
-        return error_set(e, ERROR_INTERNAL, "%s cannot be renamed to %s: %s", from, to, strerror(errno));
+        return error_set(e, ERROR_INTERNAL, "%s cannot be renamed to %s: %s", from, to,
+                         strerror(errno));
     return parent_sync(to, e) && parent_sync(from, e);
 }
 
@@ -204,7 +207,8 @@ static bool remove_contents(int directory)
     while (ok && (entry = readdir(listing))) {
         if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0) continue;
         if (unlinkat(directory, entry->d_name, 0) == 0 || errno == ENOENT) continue;
-        int inner = openat(directory, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        int inner =
+            openat(directory, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
         ok = inner >= 0 && remove_contents(inner) &&
              (unlinkat(directory, entry->d_name, AT_REMOVEDIR) == 0 || errno == ENOENT);
     }

@@ -29,7 +29,8 @@ void store_file_abort(store_file *file);
 /* begin, write, commit. */
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e);
 
-/* The whole of a file, NUL-terminated, to be freed; an error when it has more than `limit` bytes. */
+/* The whole of a file, NUL-terminated, to be freed; an error when it has more than `limit` bytes.
+ */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
 
 /* SHA-256 and length of an open file from its beginning; the offset of `fd` is not moved. */

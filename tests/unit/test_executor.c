@@ -31,7 +31,8 @@
 #define REPORT                                                                                     \
     "printf x > \"$D/points.ply\"\n"                                                               \
     "printf '%s' '{\"outcome\":\"converged\",\"count\":7,\"outputs\":[{\"name\":\"points.ply\","   \
-    "\"bytes\":1,\"sha256\":\"2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881\"}]}'" \
+    "\"bytes\":1,\"sha256\":\"2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881\"}" \
+    "]}'"                                                                                          \
     " > \"$D/report.json\"\n"
 
 typedef struct place {
@@ -69,8 +70,11 @@ static void start(place *p, const char *script, int workers)
 {
     assert_true(store_file_write(p->worker, script, strlen(script), NULL));
     assert_int_equal(chmod(p->worker, 0700), 0);
-    executor_settings settings = {.state_dir = p->base, .worker = p->worker, .workers = workers,
-                                  .memory_mb = 1024, .grace_s = 0.2};
+    executor_settings settings = {.state_dir = p->base,
+                                  .worker = p->worker,
+                                  .workers = workers,
+                                  .memory_mb = 1024,
+                                  .grace_s = 0.2};
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
@@ -117,7 +121,8 @@ static void wait_file(place *p, const char *name)
     free(path);
 }
 
-static void expect_end(place *p, const char *id, queue_state state, const char *code, const char *words)
+static void expect_end(place *p, const char *id, queue_state state, const char *code,
+                       const char *words)
 {
     queue_job job = wait_final(p, id);
     if (job.state != state) fail_msg("%s: %s", queue_state_name(job.state), job.error_message);
@@ -194,8 +199,11 @@ static void test_errors_come_from_the_last_line(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE "echo first >&2\n"
-             "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n", 1);
+    start(p,
+          PROLOGUE
+          "echo first >&2\n"
+          "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n",
+          1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
     assert_int_equal(count_attempts(p, id), 1); /* never again for a bad file */
@@ -205,9 +213,11 @@ static void test_garbage_does_no_harm(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE
+    start(p,
+          PROLOGUE
           "head -c 300000 /dev/zero | tr '\\0' x >&3; echo >&3; echo '[1]' >&3; echo '{\"a' >&3\n"
-          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n", 1);
+          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n",
+          1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "internal", "exit status 9");
     queue_job job = get(p, id);
@@ -243,21 +253,40 @@ static void test_a_short_output_is_no_result(void **state)
     expect_end(p, id, QUEUE_FAILED, "internal", "points.ply has 0 bytes");
 }
 
-static void test_a_missing_worker_is_said(void **state)
+/* A worker that cannot be started is no fault of the job, which waits for better times uncounted.
+ */
+static void test_a_missing_worker_costs_no_job(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
     start(p, "#!/nonexistent/interpreter\n", 1);
-    put(p, "{}", 2, id);
-    expect_end(p, id, QUEUE_FAILED, "internal", "cannot be started");
+    put(p, "{}", 1, id);
+    for (int64_t since = clock_monotonic_ms();; look_again(since, "the first try")) {
+        queue_job job = get(p, id);
+        bool tried = job.attempt > 0 && job.state == QUEUE_QUEUED;
+        queue_job_clear(&job);
+        if (tried) break;
+    }
+    const char script[] = PROLOGUE REPORT;
+    assert_true(store_file_write(p->worker, script, sizeof script - 1, NULL));
+    assert_int_equal(chmod(p->worker, 0700), 0);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(count >= 2);
+    assert_non_null(strstr(attempts[0].reason, "not started"));
+    queue_attempts_free(attempts, count);
 }
 
 static void test_progress_is_seen(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE "echo '{\"phase\":\"relax\",\"fraction\":0.5}' >&3\n"
-             "while ! [ -e \"$D/../../go\" ]; do sleep 0.01; done\n" REPORT, 1);
+    start(p,
+          PROLOGUE "echo '{\"phase\":\"relax\",\"fraction\":0.5}' >&3\n"
+                   "while ! [ -e \"$D/../../go\" ]; do sleep 0.01; done\n" REPORT,
+          1);
     put(p, "{}", 1, id);
     char *progress = NULL;
     for (int64_t since = clock_monotonic_ms(); !(progress = executor_progress(p->x, id));)
@@ -361,8 +390,12 @@ static void test_slots_bound_what_runs(void **state)
     place *p = *state;
     char id[6][ULID_SIZE];
     /* a worker that finds a third one beside it leaves a mark */
-    start(p, PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
-             "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT, 2);
+    start(
+        p,
+        PROLOGUE
+        "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
+        "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT,
+        2);
     for (int i = 0; i < 6; i++) put(p, "{}", 1, id[i]);
     for (int i = 0; i < 6; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
     char *crowd = mem_printf("%s/crowd", p->base);
@@ -433,7 +466,7 @@ int main(void)
         CASE(test_garbage_does_no_harm),
         CASE(test_success_without_a_report_is_none),
         CASE(test_a_short_output_is_no_result),
-        CASE(test_a_missing_worker_is_said),
+        CASE(test_a_missing_worker_costs_no_job),
         CASE(test_progress_is_seen),
         CASE(test_a_timeout_kills),
         CASE(test_a_stall_is_noticed),
@@ -442,6 +475,6 @@ int main(void)
         CASE(test_slots_bound_what_runs),
         CASE(test_recovery),
     };
-    log_set_level(LOG_LEVEL_ERROR);
+    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);
 }

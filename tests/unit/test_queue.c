@@ -80,10 +80,18 @@ static int claim(place *p, const char *id)
     return attempt;
 }
 
-static const queue_ending success = {.state = QUEUE_SUCCEEDED, .outcome = QUEUE_CONVERGED, .exit_status = 0,
-                                     .signal = -1, .peak_memory_bytes = 4096, .reason = "ended"};
-static const queue_ending crash = {.state = QUEUE_FAILED, .exit_status = -1, .signal = 9,
-                                   .error_code = "internal", .error_message = "killed", .reason = "signal 9"};
+static const queue_ending success = {.state = QUEUE_SUCCEEDED,
+                                     .outcome = QUEUE_CONVERGED,
+                                     .exit_status = 0,
+                                     .signal = -1,
+                                     .peak_memory_bytes = 4096,
+                                     .reason = "ended"};
+static const queue_ending crash = {.state = QUEUE_FAILED,
+                                   .exit_status = -1,
+                                   .signal = 9,
+                                   .error_code = "internal",
+                                   .error_message = "killed",
+                                   .reason = "signal 9"};
 
 static void reopen(place *p)
 {
@@ -261,7 +269,8 @@ static void test_a_newer_schema_is_refused(void **state)
     char *path = mem_printf("%s/queue.db", p->base);
     sqlite3 *database;
     assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL),
+                     SQLITE_OK);
     sqlite3_close(database);
     free(path);
     error e = {0};
@@ -275,7 +284,8 @@ static void test_a_damaged_database_is_refused(void **state)
     queue_close(p->q);
     p->q = NULL;
     char *path = mem_printf("%s/queue.db", p->base);
-    assert_true(store_file_write(path, "this is no database, only text that stands in its place", 54, NULL));
+    assert_true(store_file_write(path, "this is no database, only text that stands in its place",
+                                 54, NULL));
     free(path);
     error e = {0};
     assert_null(queue_open(p->base, &e));
@@ -303,7 +313,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_job_survives_a_reopening, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_claims_go_by_priority_then_age, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_only_the_current_attempt_settles, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_an_attempt_given_back_does_not_count, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_an_attempt_given_back_does_not_count, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_cancel, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_list_pages_newest_first, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_second_owner_is_refused, set_up, tear_down),

@@ -1,0 +1,131 @@
+#include "client/client.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include <curl/curl.h>
+
+#include "base/memory.h"
+
+#define CONNECT_TIMEOUT_S 5L
+/* A reply that stands still for that long is given up. */
+#define STALL_TIMEOUT_S 60L
+/* The largest document is a job with its spec, or a page of a listing. */
+#define REPLY_LIMIT_BYTES (64u << 20)
+
+struct client {
+    CURL *curl;
+    char *base; /* without a trailing slash */
+    char fault[CURL_ERROR_SIZE];
+};
+
+typedef struct buffer {
+    char *text;
+    size_t length;
+} buffer;
+
+client *client_open(const char *server, error *e)
+{
+    const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
+    if (!unix_path && strncmp(server, "http://", 7) != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "server %s: not http://HOST:PORT or unix:/path", server);
+        return NULL;
+    }
+    client *c = mem_alloc(sizeof *c);
+    c->curl = curl_easy_init();
+    if (!c->curl) {
+        free(c);
+        error_set(e, ERROR_INTERNAL, "libcurl does not start");
+        return NULL;
+    }
+    c->base = mem_strdup(unix_path ? "http://localhost" : server);
+    for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
+        c->base[length - 1] = '\0';
+    if (unix_path) curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, unix_path);
+    curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
+    curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_NOPROXY,
+                     "*"); /* the service is near; a proxy is for the world */
+    curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, CONNECT_TIMEOUT_S);
+    curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, STALL_TIMEOUT_S);
+    return c;
+}
+
+void client_close(client *c)
+{
+    if (!c) return;
+    curl_easy_cleanup(c->curl);
+    free(c->base);
+    free(c);
+}
+
+static size_t take_text(char *data, size_t size, size_t count, void *context)
+{
+    buffer *b = context;
+    size_t length = size * count;
+    if (b->length + length > REPLY_LIMIT_BYTES) return 0;
+    b->text = mem_resize(b->text, b->length + length + 1);
+    memcpy(b->text + b->length, data, length);
+    b->length += length;
+    b->text[b->length] = '\0';
+    return length;
+}
+
+static size_t take_file(char *data, size_t size, size_t count, void *context)
+{
+    return fwrite(data, size, count, context);
+}
+
+static bool perform(client *c, const char *path, long *status, error *e)
+{
+    char *url = mem_printf("%s%s", c->base, path);
+    c->fault[0] = '\0';
+    curl_easy_setopt(c->curl, CURLOPT_URL, url);
+    CURLcode code = curl_easy_perform(c->curl);
+    free(url);
+    if (code != CURLE_OK)
+        return error_set(e, ERROR_INTERNAL, "%s: %s", c->base,
+                         *c->fault ? c->fault : curl_easy_strerror(code));
+    curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, status);
+    return true;
+}
+
+bool client_call(client *c, const char *method, const char *path, const char *body,
+                 client_reply *reply, error *e)
+{
+    buffer b = {0};
+    long status = 0;
+    struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/json");
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
+    if (strcmp(method, "POST") == 0) {
+        curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
+        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE,
+                         (curl_off_t)(body ? strlen(body) : 0));
+        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, body ? body : "");
+    } else {
+        curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    }
+    bool ok = perform(c, path, &status, e);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
+    curl_slist_free_all(headers);
+    if (ok) *reply = (client_reply){status, b.text ? json_parse(b.text, b.length, NULL) : NULL};
+    free(b.text);
+    return ok;
+}
+
+void client_reply_clear(client_reply *reply)
+{
+    json_free(reply->document);
+    *reply = (client_reply){0};
+}
+
+bool client_download(client *c, const char *path, FILE *stream, long *status, error *e)
+{
+    curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_file);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, stream);
+    return perform(c, path, status, e);
+}

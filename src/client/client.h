@@ -1,0 +1,32 @@
+/* client: requests to a hexad server, over libcurl, whose only user this is. One thread. */
+#ifndef HEXAD_CLIENT_CLIENT_H
+#define HEXAD_CLIENT_CLIENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "json/json.h"
+
+typedef struct client client;
+
+typedef struct client_reply {
+    long status;
+    json *document; /* NULL when the body is not JSON */
+} client_reply;
+
+/* `server` is http://HOST:PORT or unix:/path. An error (spec_invalid) for anything else. */
+client *client_open(const char *server, error *e);
+void client_close(client *c); /* accepts NULL */
+
+/* Sends a request and takes its reply, whatever the status. `body` is JSON text, or NULL for none.
+ * False and an error only when no reply came. The caller clears the reply. */
+bool client_call(client *c, const char *method, const char *path, const char *body,
+                 client_reply *reply, error *e);
+void client_reply_clear(client_reply *reply);
+
+/* Writes the body of a reply to a stream; *status tells whether it is what was asked for. */
+bool client_download(client *c, const char *path, FILE *stream, long *status, error *e);
+
+#endif

@@ -1,0 +1,165 @@
+#include "http/listen.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+
+#define BACKLOG 1024
+
+static bool fail(error *e, const char *where, const char *what)
+{
+    return error_set(e, ERROR_INTERNAL, "listen %s: %s: %s", where, what, strerror(errno));
+}
+
+static bool is_loopback(const struct sockaddr *address)
+{
+    if (address->sa_family == AF_INET) {
+        const struct sockaddr_in *v4 = (const struct sockaddr_in *)(const void *)address;
+        return ntohl(v4->sin_addr.s_addr) >> 24 == 127;
+    }
+    const struct sockaddr_in6 *v6 = (const struct sockaddr_in6 *)(const void *)address;
+    return address->sa_family == AF_INET6 && IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr);
+}
+
+/* Splits HOST:PORT; the host may stand in brackets. Both to be freed. */
+static bool split(const char *where, char **host, char **port)
+{
+    const char *colon = strrchr(where, ':');
+    if (!colon || colon == where || !colon[1] ||
+        strspn(colon + 1, "0123456789") != strlen(colon + 1))
+        return false;
+    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535)
+        return false; /* getaddrinfo would wrap it */
+    size_t length = (size_t)(colon - where);
+    if (where[0] == '[' && where[length - 1] == ']')
+        *host = mem_strndup(where + 1, length - 2);
+    else
+        *host = mem_strndup(where, length);
+    *port = mem_strdup(colon + 1);
+    return true;
+}
+
+static char *describe(int fd)
+{
+    union {
+        struct sockaddr any;
+        struct sockaddr_in v4;
+        struct sockaddr_in6 v6;
+    } a;
+    socklen_t size = sizeof a;
+    char text[INET6_ADDRSTRLEN] = "";
+    if (getsockname(fd, &a.any, &size) != 0) return mem_strdup("?");
+    if (a.any.sa_family == AF_INET6) {
+        inet_ntop(AF_INET6, &a.v6.sin6_addr, text, sizeof text);
+        return mem_printf("[%s]:%d", text, ntohs(a.v6.sin6_port));
+    }
+    inet_ntop(AF_INET, &a.v4.sin_addr, text, sizeof text);
+    return mem_printf("%s:%d", text, ntohs(a.v4.sin_port));
+}
+
+static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size,
+                            const char *where, error *e)
+{
+    if (bind(fd, address, size) != 0) return fail(e, where, "bind");
+    return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
+}
+
+static bool open_tcp(const char *where, listen_socket *s, error *e)
+{
+    char *host = NULL, *port = NULL;
+    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE | AI_NUMERICSERV},
+                    *found = NULL;
+    bool ok = false;
+    int fd = -1, one = 1;
+    if (!split(where, &host, &port))
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: not HOST:PORT or unix:/path", where);
+    int why = getaddrinfo(host, port, &hints, &found);
+    if (why != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
+        goto done;
+    }
+    for (const struct addrinfo *a = found; a; a = a->ai_next) {
+        if (is_loopback(a->ai_addr)) continue;
+        error_set(e, ERROR_SPEC_INVALID,
+                  "listen %s: not a loopback address, and there is no authentication yet: anyone "
+                  "who reaches"
+                  " the port could run jobs. Listen on 127.0.0.1 or unix:/path",
+                  where);
+        goto done;
+    }
+    fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) != 0) {
+        fail(e, where, "socket");
+        goto done;
+    }
+    ok = bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
+    if (ok) *s = (listen_socket){fd, describe(fd), NULL};
+done:
+    if (!ok && fd >= 0) close(fd);
+    if (found) freeaddrinfo(found);
+    free(host);
+    free(port);
+    return ok;
+}
+
+/* Removes the socket of a daemon that is gone; one that still answers is left alone. */
+static bool remove_stale(const struct sockaddr_un *address, const char *where, error *e)
+{
+    struct stat info;
+    if (lstat(address->sun_path, &info) != 0) return true;
+    if (!S_ISSOCK(info.st_mode))
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: there is something that is not a socket", where);
+    int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (probe < 0) return fail(e, where, "socket");
+    bool alive = connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 ||
+                 errno != ECONNREFUSED;
+    close(probe);
+    if (alive)
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
+    return unlink(address->sun_path) == 0 || fail(e, where, "unlink");
+}
+
+static bool open_unix(const char *where, listen_socket *s, error *e)
+{
+    const char *path = where + strlen("unix:");
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    if (*path != '/' || strlen(path) >= sizeof address.sun_path)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: not an absolute path of at most %zu bytes", where,
+                         sizeof address.sun_path - 1);
+    strcpy(address.sun_path, path);
+    if (!remove_stale(&address, where, e)) return false;
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd < 0) return fail(e, where, "socket");
+    if (!bind_and_listen(fd, (struct sockaddr *)&address, sizeof address, where, e)) {
+        close(fd);
+        return false;
+    }
+    *s = (listen_socket){fd, mem_strdup(where), mem_strdup(path)};
+    return true;
+}
+
+bool listen_open(const char *where, listen_socket *s, error *e)
+{
+    return strncmp(where, "unix:", 5) == 0 ? open_unix(where, s, e) : open_tcp(where, s, e);
+}
+
+void listen_close(listen_socket *s)
+{
+    if (!s->address) return;
+    if (s->fd >= 0) close(s->fd);
+    if (s->unix_path) unlink(s->unix_path);
+    free(s->address);
+    free(s->unix_path);
+    *s = (listen_socket){.fd = -1};
+}

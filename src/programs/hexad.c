@@ -1,0 +1,240 @@
+/* hexad: the daemon. A list of steps, each with what undoes it; the last thing started is the first
+ * to stop. */
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "config.h"
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "config/config.h"
+#include "executor/executor.h"
+#include "http/server.h"
+#include "queue/queue.h"
+#include "store/file.h"
+#include "store/root.h"
+
+enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
+
+typedef struct service {
+    config settings;
+    int signals;     /* signalfd */
+    char *state_dir; /* absolute */
+    queue *q;
+    store_roots *roots;
+    executor *x;
+    listen_socket socket;
+    jobs_context context;
+    server *http;
+} service;
+
+static bool init_signals(service *s, error *e)
+{
+    sigset_t wanted;
+    sigemptyset(&wanted);
+    sigaddset(&wanted, SIGTERM);
+    sigaddset(&wanted, SIGINT);
+    signal(SIGPIPE, SIG_IGN);
+    sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
+    s->signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
+    return s->signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));
+}
+
+static void fini_signals(service *s)
+{
+    close(s->signals);
+}
+
+static bool init_state(service *s, error *e)
+{
+    if (!store_directory_create(s->settings.state_dir, e)) return false;
+    s->state_dir = realpath(s->settings.state_dir, NULL);
+    if (s->state_dir) return true;
+    return error_set(e, ERROR_INTERNAL, "state_dir %s: %s", s->settings.state_dir, strerror(errno));
+}
+
+static void fini_state(service *s)
+{
+    free(s->state_dir);
+}
+
+static bool init_queue(service *s, error *e)
+{
+    s->q = queue_open(s->state_dir, e);
+    return s->q != NULL;
+}
+
+static void fini_queue(service *s)
+{
+    queue_close(s->q);
+}
+
+static bool init_roots(service *s, error *e)
+{
+    s->roots = store_roots_open((const char *const *)s->settings.input_roots.item,
+                                s->settings.input_roots.count, e);
+    return s->roots != NULL;
+}
+
+static void fini_roots(service *s)
+{
+    store_roots_close(s->roots);
+}
+
+static bool init_socket(service *s, error *e)
+{
+    return listen_open(s->settings.listen, &s->socket, e);
+}
+
+static void fini_socket(service *s)
+{
+    listen_close(&s->socket);
+}
+
+static bool init_executor(service *s, error *e)
+{
+    const config *c = &s->settings;
+    executor_settings settings = {
+        .state_dir = s->state_dir,
+        .worker = c->worker,
+        .input_roots = (const char *const *)c->input_roots.item,
+        .input_root_count = c->input_roots.count,
+        .workers = (int)c->workers,
+        .memory_mb = c->memory_mb,
+        .timeout_s = c->timeout_s,
+        .stall_s = c->stall_s,
+        .grace_s = c->grace_s,
+    };
+    if (!config_find_worker(&s->settings, e)) return false;
+    settings.worker = c->worker;
+    s->x = executor_start(&settings, s->q, e);
+    return s->x != NULL;
+}
+
+static void fini_executor(service *s)
+{
+    executor_stop(s->x);
+}
+
+static bool init_http(service *s, error *e)
+{
+    const config *c = &s->settings;
+    server_settings settings = {
+        .body_limit_bytes = (size_t)c->body_limit_bytes,
+        .connection_limit = (unsigned)c->connection_limit,
+        .timeout_s = c->connection_timeout_s,
+    };
+    s->context = (jobs_context){
+        .q = s->q,
+        .x = s->x,
+        .roots = s->roots,
+        .state_dir = s->state_dir,
+        .max_attempts = (int)c->max_attempts,
+    };
+    s->http = server_start(&settings, &s->socket, &s->context, e);
+    return s->http != NULL;
+}
+
+static void fini_http(service *s)
+{
+    server_stop(s->http);
+}
+
+static bool init_port_file(service *s, error *e)
+{
+    log_write(LOG_LEVEL_INFO, "hexad: listening on %s", s->socket.address);
+    if (!*s->settings.port_file) return true;
+    char *line = mem_printf("%s\n", s->socket.address);
+    bool ok = store_file_write(s->settings.port_file, line, strlen(line), e);
+    free(line);
+    return ok;
+}
+
+static void fini_port_file(service *s)
+{
+    if (*s->settings.port_file) unlink(s->settings.port_file);
+}
+
+static const struct step {
+    const char *name;
+    bool (*init)(service *s, error *e);
+    void (*fini)(service *s);
+} steps[] = {
+    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
+    {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
+    {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
+};
+
+/* Waits for a signal, then until the drain has ended; another signal shortens it. */
+static void serve(service *s)
+{
+    bool draining = false;
+    for (;;) {
+        struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
+                               {.fd = executor_drained_fd(s->x), .events = POLLIN}};
+        if (poll(fds, 2, -1) < 0 && errno != EINTR) return;
+        struct signalfd_siginfo info;
+        if (read(s->signals, &info, sizeof info) == sizeof info) {
+            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
+                      info.ssi_signo);
+            executor_drain(s->x, draining ? 0 : s->settings.drain_s);
+            draining = true;
+        } else if (draining && fds[1].revents) {
+            return;
+        }
+    }
+}
+
+static int run(service *s)
+{
+    error e = {0};
+    size_t started = 0, count = sizeof steps / sizeof *steps;
+    while (started < count && steps[started].init(s, &e)) started++;
+    bool ok = started == count;
+    if (ok)
+        serve(s);
+    else
+        log_write(LOG_LEVEL_ERROR, "hexad: %s", e.message);
+    while (started > 0) steps[--started].fini(s);
+    if (ok) log_write(LOG_LEVEL_INFO, "hexad: ended");
+    return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
+}
+
+int main(int argc, char **argv)
+{
+    service s = {.signals = -1, .socket.fd = -1};
+    config_action action;
+    error e = {0};
+    if (!config_parse(argc, argv, &s.settings, &action, &e)) {
+        fprintf(stderr, "hexad: %s\n", e.message);
+        return EXIT_SETTINGS;
+    }
+    int status = EXIT_SUCCESS;
+    log_set_level(s.settings.log_level);
+    umask(0077); /* jobs and results are the service's own */
+    switch (action) {
+    case CONFIG_HELP:
+        config_print_help(stdout);
+        break;
+    case CONFIG_VERSION:
+        puts(PACKAGE_STRING);
+        break;
+    case CONFIG_SAMPLE:
+        config_print_sample(stdout);
+        break;
+    case CONFIG_RUN:
+        status = run(&s);
+        break;
+    }
+    config_clear(&s.settings);
+    return status;
+}

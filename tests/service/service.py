@@ -1,0 +1,166 @@
+"""A daemon in a state directory of its own, and what tests ask of it over HTTP."""
+import http.client
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import time
+
+PATIENCE_S = 120  # for a loaded machine; a test that works never waits that long
+
+
+def wait_until(condition, what, seconds=PATIENCE_S):
+    """The first true value of condition(); looks again until then."""
+    end = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(0.01)  # between two looks, not a guess at a duration
+
+
+def sphere(count=200, **parts):
+    """A spec of a job that takes a moment."""
+    spec = {
+        "version": 1,
+        "surface": {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}},
+        "sampling": {"count": count},
+        "output": {"preview": {"size": [64, 64]}},
+    }
+    spec.update(parts)
+    return spec
+
+
+def long_sphere(**parts):
+    """A spec of a job that runs until it is stopped."""
+    solver = {"max_sweeps": 1000000, "step_tolerance": 1e-12, "energy_tolerance": 1e-12}
+    return sphere(count=20000, solver=solver, **parts)
+
+
+def processes():
+    """pid -> (parent, state, command) of all processes."""
+    found = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            command, _, rest = (entry / "stat").read_text().partition("(")[2].rpartition(")")
+        except OSError:
+            continue
+        fields = rest.split()
+        found[int(entry.name)] = (int(fields[1]), fields[0], command)
+    return found
+
+
+class Reply:
+    def __init__(self, status, headers, body):
+        self.status, self.headers, self.body = status, headers, body
+
+    @property
+    def json(self):
+        return json.loads(self.body)
+
+
+class Service:
+    """One daemon; may be started again in the same state directory."""
+
+    def __init__(self, build, base, *options):
+        self.build, self.base = build, pathlib.Path(base)
+        self.options = [str(o) for o in options]
+        for key, value in (("--listen", "127.0.0.1:0"), ("--workers", "2")):
+            if key not in self.options:
+                self.options += [key, value]
+        self.state = self.base / "state"
+        self.port_file = self.base / "port"
+        self.process = None
+        self.starts = 0
+
+    def start(self, *more):
+        self.port_file.unlink(missing_ok=True)
+        self.starts += 1
+        self.log = self.base / f"log.{self.starts}"
+        with open(self.log, "wb") as log:
+            self.process = subprocess.Popen(
+                [self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
+                 "--log_level", "debug", *self.options, *map(str, more)],
+                stderr=log, stdin=subprocess.DEVNULL)
+        wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")
+        assert self.process.poll() is None, self.log.read_text()
+        self.address = self.port_file.read_text().strip()
+        return self
+
+    def end(self, number=signal.SIGTERM):
+        """Sends a signal and waits; returns the exit status."""
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE_S)
+
+    def clean_up(self):
+        if self.process and self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+    def children(self):
+        return [pid for pid, (parent, state, _) in processes().items()
+                if parent == self.process.pid and state != "Z"]
+
+    def workers_of(self, job):
+        """Worker processes, whoever their parent is, that run the job."""
+        found = []
+        for pid, (_, state, _) in processes().items():
+            try:
+                words = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if state != "Z" and any(f"/attempts/{job}.".encode() in w for w in words):
+                found.append(pid)
+        return found
+
+    def connection(self):
+        host, _, port = self.address.rpartition(":")
+        return http.client.HTTPConnection(host, int(port), timeout=PATIENCE_S)
+
+    def request(self, method, path, body=None, headers=None):
+        connection = self.connection()
+        try:
+            connection.request(method, path, body, headers or {})
+            reply = connection.getresponse()
+            return Reply(reply.status, reply.headers, reply.read())
+        finally:
+            connection.close()
+
+    def get(self, path):
+        return self.request("GET", path)
+
+    def post(self, path, document=None, raw=None):
+        body = raw if raw is not None else json.dumps(document) if document is not None else None
+        return self.request("POST", path, body, {"Content-Type": "application/json"})
+
+    def submit(self, spec):
+        reply = self.post("/v1/jobs", spec)
+        assert reply.status == 201, reply.body
+        return reply.json["id"]
+
+    def job(self, job):
+        reply = self.get(f"/v1/jobs/{job}")
+        assert reply.status == 200, reply.body
+        return reply.json
+
+    def wait_state(self, job, *states):
+        def look():
+            now = self.job(job)
+            if now["state"] in states:
+                return now
+            over = now["state"] in ("succeeded", "failed", "cancelled", "timed_out")
+            assert not over, f"wanted {states}, got {now}\n{self.log.read_text()}"
+            return None
+        return wait_until(look, f"{job} to be one of {states}")
+
+    def wait_worker(self, job):
+        """The pid of the worker that runs the job, once it reports progress."""
+        wait_until(lambda: self.job(job)["progress"], "progress")
+        return wait_until(lambda: self.workers_of(job), "the worker")[0]
+
+    def environment(self):
+        return {**os.environ, "HEXAD_SERVER": f"http://{self.address}"}

@@ -1,0 +1,141 @@
+"""hexadctl, as somebody at a shell or in a script meets it."""
+import hashlib
+import json
+import os
+import pty
+import signal
+import subprocess
+
+import pytest
+
+from service import PATIENCE_S, long_sphere, sphere
+
+
+@pytest.fixture
+def run(service, build, tmp_path):
+    def call(*words, **more):
+        return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, env=service.environment(), cwd=tmp_path, **more)
+    return call
+
+
+def write(tmp_path, spec):
+    path = tmp_path / "spec.json"
+    path.write_text(json.dumps(spec))
+    return path
+
+
+def test_submit_wait_fetch(run, tmp_path, service):
+    job = run("submit", write(tmp_path, sphere()))
+    assert job.returncode == 0
+    job = job.stdout.strip()
+    waited = run("wait", job)
+    assert waited.returncode in (0, 10) and waited.stdout.startswith(f"{job} succeeded")
+    fetched = run("fetch", job, "--output", tmp_path / "out")
+    assert fetched.returncode == 0, fetched.stderr
+    listed = service.get(f"/v1/jobs/{job}/results").json["results"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(r["name"] for r in listed)
+    for r in listed:
+        assert hashlib.sha256((tmp_path / "out" / r["name"]).read_bytes()).hexdigest() == r["sha256"]
+    assert run("fetch", job).returncode == 0  # into ./ID
+    assert (tmp_path / job / "report.json").is_file()
+    assert run("show", job).stdout.startswith(f"{job} succeeded")
+    assert json.loads(run("show", job, "--json").stdout)["spec"]["version"] == 1
+    assert job in run("list").stdout
+    assert [j["id"] for j in json.loads(run("list", "--json", "--state", "succeeded").stdout)["jobs"]] == [job]
+
+
+def test_submit_and_wait_from_standard_input(run):
+    done = run("submit", "-", "--wait", "--json", input=json.dumps(sphere()))
+    job = json.loads(done.stdout)
+    assert job["state"] == "succeeded"
+    assert done.returncode == (0 if job["outcome"] == "converged" else 10)
+    assert "\r" not in done.stderr  # no bar where there is no terminal
+
+
+def test_not_converged(run, tmp_path):
+    spec = sphere(count=500, solver={"max_sweeps": 1, "step_tolerance": 1e-9})
+    done = run("submit", write(tmp_path, spec), "--wait")
+    assert done.returncode == 10 and "not_converged" in done.stdout
+
+
+def test_a_bar_on_a_terminal(service, build, tmp_path):
+    master, slave = pty.openpty()
+    process = subprocess.Popen([build / "hexadctl", "submit", write(tmp_path, long_sphere()), "--wait"],
+                               stdout=subprocess.PIPE, stderr=slave, env=service.environment())
+    os.close(slave)
+    seen = b""
+    try:
+        while b"\r\x1b[K[" not in seen or b"%" not in seen:
+            seen += os.read(master, 4096)
+        job = service.get("/v1/jobs").json["jobs"][0]["id"]
+        service.post(f"/v1/jobs/{job}/cancel")
+        process.wait(PATIENCE_S)
+        assert process.returncode == 6
+        assert b"cancelled" in process.stdout.read()
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        os.close(master)
+
+
+def test_cancel(run, tmp_path, service):
+    job = run("submit", write(tmp_path, long_sphere())).stdout.strip()
+    service.wait_worker(job)
+    assert run("cancel", job).returncode == 0
+    waited = run("wait", job)
+    assert waited.returncode == 6 and "cancelled" in waited.stdout
+    assert run("cancel", job).returncode == 4
+    assert run("fetch", job).returncode == 4
+
+
+def test_a_job_that_fails(run, tmp_path):
+    done = run("submit", write(tmp_path, long_sphere(limits={"timeout_s": 0.3})), "--wait")
+    assert done.returncode == 1 and "timed_out" in done.stdout and "limit_time" in done.stdout
+
+
+def test_a_bad_spec_names_the_place(run, tmp_path):
+    done = run("submit", write(tmp_path, sphere(count=-5)))
+    assert done.returncode == 2
+    assert "/sampling/count" in done.stderr
+    assert run("submit", tmp_path / "missing.json").returncode == 2
+    (tmp_path / "bad.json").write_text("{")
+    assert run("submit", tmp_path / "bad.json").returncode == 2
+
+
+def test_usage(run):
+    for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
+                  ["--server", "ftp://x", "list"], ["show", "../../etc"], ["list", "--state", "nonsense"]):
+        assert run(*words).returncode == 2, words
+    assert run("show", "01aaaaaaaaaaaaaaaaaaaaaaaa").returncode == 4
+    text = run("--help")
+    assert text.returncode == 0 and "Exit status" in text.stdout
+    assert run("--version").stdout.startswith("hexad ")
+
+
+def test_no_server(build):
+    done = subprocess.run([build / "hexadctl", "--server", "http://127.0.0.1:1", "list"], capture_output=True,
+                          text=True, timeout=PATIENCE_S)
+    assert done.returncode == 3 and "127.0.0.1:1" in done.stderr
+
+
+def test_a_wait_outlives_a_restart(new_service, build):
+    service = new_service("--workers", 1)
+    where = service.base / "s.sock"  # keeps its name over the restart
+    service.options[service.options.index("--listen") + 1] = f"unix:{where}"
+    service.start()
+    process = subprocess.Popen([build / "hexadctl", "--server", f"unix:{where}", "submit", "-", "--wait"],
+                               stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        process.stdin.write(json.dumps(sphere(count=6000)))
+        process.stdin.close()
+        process.stdin = None
+        assert process.stderr.readline().startswith("job ")  # accepted: from here it waits
+        service.end(signal.SIGKILL)
+        service.start()
+        out, _ = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode in (0, 10) and "succeeded" in out
+    finally:
+        process.kill()
+        process.wait()

@@ -1,0 +1,205 @@
+"""Cancelling, crashes of workers and of the daemon, draining, and what the daemon refuses at the start."""
+import os
+import pathlib
+import signal
+import sqlite3
+import subprocess
+
+import pytest
+
+from service import PATIENCE_S, long_sphere, processes, sphere, wait_until
+
+
+def assert_one_result(service, job):
+    """Exactly one result, whole, and no attempt's directory beside it that claims to be one."""
+    assert [p.name for p in (service.state / "results").iterdir() if p.name.startswith(job)] == [job]
+    assert (service.state / "results" / job / "report.json").is_file()
+    for attempt in (service.state / "attempts").glob(f"{job}.*"):
+        assert [p.name for p in attempt.iterdir()] == ["worker.log"]
+    assert service.get(f"/v1/jobs/{job}/results/report.json").json["count"]
+
+
+def test_cancel_of_a_queued_job(new_service):
+    service = new_service("--workers", 1).start()
+    running = service.submit(long_sphere())
+    service.wait_state(running, "running")
+    queued = service.submit(sphere())
+    reply = service.post(f"/v1/jobs/{queued}/cancel")
+    assert reply.status == 200 and reply.json["state"] == "cancelled"
+    assert service.job(queued)["attempts"] == []
+    again = service.post(f"/v1/jobs/{queued}/cancel")
+    assert again.status == 409 and again.json["code"] == "conflict"
+
+
+def test_cancel_of_a_running_job(service):
+    job = service.submit(long_sphere())
+    worker = service.wait_worker(job)
+    reply = service.post(f"/v1/jobs/{job}/cancel")
+    assert reply.status == 202 and reply.json["state"] in ("cancelling", "cancelled")
+    done = service.wait_state(job, "cancelled")
+    assert done["error"]["code"] == "cancelled" and len(done["attempts"]) == 1
+    assert worker not in processes() or processes()[worker][1] == "Z"
+    assert service.get(f"/v1/jobs/{job}/results").status == 404
+    assert service.wait_state(service.submit(sphere()), "succeeded")
+
+
+def test_a_higher_priority_runs_first(new_service):
+    service = new_service("--workers", 1).start()
+    first = service.submit(long_sphere())
+    service.wait_state(first, "running")
+    low = service.submit(sphere(queue={"priority": -1}))
+    high = service.submit(sphere(queue={"priority": 1}))
+    service.post(f"/v1/jobs/{first}/cancel")
+    low, high = service.wait_state(low, "succeeded"), service.wait_state(high, "succeeded")
+    assert high["finished"] <= low["started"]
+
+
+def test_a_killed_worker_is_tried_again(service):
+    other = service.submit(long_sphere(name="other"))
+    job = service.submit(sphere(count=6000))
+    os.kill(service.wait_worker(job), signal.SIGKILL)
+    done = service.wait_state(job, "succeeded")
+    assert [a.get("signal") for a in done["attempts"]] == [signal.SIGKILL, None]
+    assert done["attempt"] == 2
+    assert_one_result(service, job)
+    undisturbed = service.job(other)
+    assert undisturbed["state"] == "running" and undisturbed["attempt"] == 1
+
+
+def test_a_worker_that_always_dies_ends_the_job(service):
+    job = service.submit(long_sphere(limits={"max_attempts": 2}))
+    first = service.wait_worker(job)
+    os.kill(first, signal.SIGKILL)
+    second = wait_until(lambda: [p for p in service.workers_of(job) if p != first], "the second attempt")[0]
+    os.kill(second, signal.SIGSEGV)
+    done = service.wait_state(job, "failed")
+    assert done["error"]["code"] == "internal"
+    assert "SIGSEGV" in done["error"]["message"] and "2 of 2" in done["error"]["message"]
+
+
+def test_a_timeout(service):
+    done = service.wait_state(service.submit(long_sphere(limits={"timeout_s": 0.5})), "timed_out")
+    assert done["error"]["code"] == "limit_time"
+
+
+def test_a_killed_daemon_loses_nothing(new_service):
+    service = new_service().start()
+    running = [service.submit(sphere(count=6000, name=f"r{i}")) for i in range(2)]
+    waiting = [service.submit(sphere(name=f"w{i}")) for i in range(3)]
+    workers = [service.wait_worker(job) for job in running]
+    service.end(signal.SIGKILL)
+    # its workers die with it
+    wait_until(lambda: all(processes().get(w, (0, "Z", ""))[1] == "Z" for w in workers), "the workers' end")
+    service.start()
+    for job in running + waiting:
+        service.wait_state(job, "succeeded")
+        assert_one_result(service, job)
+    assert len(service.get("/v1/jobs").json["jobs"]) == 5
+    assert [service.job(job)["attempt"] for job in running] == [2, 2]
+    assert [service.job(job)["attempt"] for job in waiting] == [1, 1, 1]
+
+
+def test_a_daemon_killed_between_rename_and_commit(new_service):
+    """The one moment in which the result is in place and the queue does not know: made by hand from
+    a job that ended, by putting the queue back to what it was before."""
+    service = new_service().start()
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+    service.end()
+    back = ("UPDATE job SET state = 'running', outcome = NULL, finished_ms = NULL;"
+            "UPDATE attempt SET finished_ms = NULL, exit_status = NULL;")
+    with sqlite3.connect(service.state / "queue.db") as database:
+        database.executescript(back)
+    database.close()
+    service.start()
+    done = service.job(job)  # settled before the daemon serves
+    assert done["state"] == "succeeded" and done["outcome"] and done["attempt"] == 1
+    assert_one_result(service, job)
+
+
+def test_a_drain_lets_jobs_end(new_service):
+    service = new_service("--workers", 1).start()
+    running = service.submit(sphere(count=6000))
+    waiting = service.submit(sphere())
+    service.wait_worker(running)
+    service.process.send_signal(signal.SIGTERM)
+    wait_until(lambda: service.get("/healthz").json["status"] == "draining", "the drain")
+    refused = service.post("/v1/jobs", sphere())
+    assert refused.status == 503 and refused.json["code"] == "unavailable" and refused.headers["Retry-After"]
+    assert service.process.wait(PATIENCE_S) == 0
+    assert not service.workers_of(running) and not service.workers_of(waiting)
+    service.start()
+    assert service.job(running)["attempt"] == 1
+    service.wait_state(running, "succeeded")
+    service.wait_state(waiting, "succeeded")
+
+
+def test_a_drain_that_takes_too_long_puts_back(new_service):
+    service = new_service("--drain_s", "0.2", "--workers", 1).start()
+    job = service.submit(long_sphere(limits={"max_attempts": 1}))
+    service.wait_worker(job)
+    assert service.end() == 0
+    assert not service.workers_of(job)
+    service.start()
+    service.wait_state(job, "running")  # had the attempt counted, it would have failed
+    service.post(f"/v1/jobs/{job}/cancel")
+    done = service.wait_state(job, "cancelled")
+    assert [a["number"] for a in done["attempts"]] == [1, 2]
+    assert service.end() == 0
+    assert " error " not in service.log.read_text()
+
+
+def test_a_second_signal_ends_at_once(new_service):
+    service = new_service("--drain_s", 1000, "--workers", 1).start()
+    job = service.submit(long_sphere())
+    service.wait_worker(job)
+    service.process.send_signal(signal.SIGINT)
+    wait_until(lambda: service.get("/healthz").json["status"] == "draining", "the drain")
+    assert service.end(signal.SIGINT) == 0
+    assert not service.workers_of(job)
+
+
+def run_hexad(build, *options):
+    return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def test_two_daemons_on_one_state_directory(service, build):
+    second = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", service.state)
+    assert second.returncode == 1
+    assert "another hexad" in second.stderr and str(service.process.pid) in second.stderr
+    assert service.get("/healthz").status == 200
+
+
+@pytest.mark.parametrize("where", ["0.0.0.0:0", "[::]:0", ":8642", "nonsense", "unix:relative", "127.0.0.1:99999"])
+def test_addresses_that_are_refused(build, tmp_path, where):
+    tried = run_hexad(build, "--listen", where, "--state_dir", tmp_path / "state")
+    assert tried.returncode == 2, tried.stderr
+    assert where in tried.stderr
+
+
+def test_settings_that_are_refused(build, tmp_path):
+    bad = tmp_path / "bad.conf"
+    bad.write_text("workers = 2\nwrokers = 3\n")
+    tried = run_hexad(build, "--config", bad)
+    assert tried.returncode == 2 and f"{bad}:2" in tried.stderr and "wrokers" in tried.stderr
+    tried = run_hexad(build, "--worker", "/nonexistent", "--listen", "127.0.0.1:0", "--state_dir", tmp_path / "state")
+    assert tried.returncode == 1 and "/nonexistent" in tried.stderr
+    tried = run_hexad(build, "--input_roots", "/nonexistent", "--listen", "127.0.0.1:0", "--state_dir",
+                      tmp_path / "state")
+    assert tried.returncode == 1 and "/nonexistent" in tried.stderr
+
+
+def test_help_and_sample(build, source):
+    text = run_hexad(build, "--help").stdout
+    assert "--listen" in text and "--state_dir" in text and "Default: 127.0.0.1:8642" in text
+    assert run_hexad(build, "--print-config").stdout == pathlib.Path(source / "etc/hexad.conf").read_text()
+    assert run_hexad(build, "--version").stdout.startswith("hexad ")
+
+
+def test_a_config_file(new_service, build, tmp_path):
+    root = tmp_path / "root"
+    root.mkdir()
+    file = tmp_path / "hexad.conf"
+    file.write_text(f"# a comment\ninput_roots = {root}\nbody_limit_bytes = 77\n")
+    service = new_service("--config", file).start()
+    assert service.post("/v1/jobs", raw=" " * 78).status == 413

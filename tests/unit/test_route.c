@@ -1,0 +1,75 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <string.h>
+
+#include "http/route.h"
+
+static void test_parameters(void **state)
+{
+    (void)state;
+    route_match m;
+    route_find("GET", "/v1/jobs/abc/results/points.ply", &m);
+    assert_true(m.handler == jobs_send_result);
+    assert_string_equal(m.parameter[0], "abc");
+    assert_string_equal(m.parameter[1], "points.ply");
+    route_find("POST", "/v1/jobs/abc/cancel", &m);
+    assert_true(m.handler == jobs_cancel && !m.takes_body);
+    assert_string_equal(m.parameter[0], "abc");
+    assert_null(m.parameter[1]);
+}
+
+static void test_methods(void **state)
+{
+    (void)state;
+    route_match m;
+    route_find("HEAD", "/healthz", &m);
+    assert_true(m.handler == jobs_health);
+    route_find("POST", "/v1/jobs", &m);
+    assert_true(m.handler == jobs_submit && m.takes_body);
+    route_find("PATCH", "/v1/jobs", &m);
+    assert_true(m.known && !m.handler);
+    assert_string_equal(m.allow, "POST, GET, HEAD");
+}
+
+static void test_unknown_paths(void **state)
+{
+    (void)state;
+    static const char *const paths[] = {"",
+                                        "/",
+                                        "*",
+                                        "healthz",
+                                        "/healthz/",
+                                        "/healthzz",
+                                        "/v1",
+                                        "/v1/jobs/",
+                                        "/v1//jobs",
+                                        "/v1/jobs//results",
+                                        "/v1/jobs/a/results/",
+                                        "/v1/jobs/a/results/b/c",
+                                        "/v1/jobs/{id}/other"};
+    route_match m;
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
+        route_find("GET", paths[i], &m);
+        if (m.known) fail_msg("%s", paths[i]);
+    }
+    char deep[2 * ROUTE_PATH_BYTES];
+    memset(deep, 'x', sizeof deep - 1);
+    memcpy(deep, "/v1/jobs/", 9);
+    deep[sizeof deep - 1] = '\0';
+    route_find("GET", deep, &m);
+    assert_false(m.known);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_parameters),
+        cmocka_unit_test(test_methods),
+        cmocka_unit_test(test_unknown_paths),
+    };
+    return cmocka_run_group_tests_name("route", tests, NULL, NULL);
+}
