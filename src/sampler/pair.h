@@ -18,9 +18,20 @@
  * place but the particle's. Aligned to 64 bytes. */
 typedef struct pair_list {
     size_t blocks;
-    double *x, *y, *z; /* positions, world space */
-    double *weight;    /* pair weights: repulsion amplitude of (13) times the normals' weight */
+    double *x, *y, *z;    /* positions, world space */
+    double *weight;       /* what the pair's energy is multiplied by */
+    double *nx, *ny, *nz; /* unit normals; only pair_weigh reads them and the next */
+    double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */
 } pair_list;
+
+/* Pairs count in full while their normals agree to within a right angle, and not at all when the cosine is
+ * below minus this (114 degrees: the other side of a thin sheet), with a smooth step between. */
+#define PAIR_FACING_RANGE 0.4
+
+/* Sets the weights that the neighbours have for a particle with normal n. They belong to the energy, so a
+ * trial is judged with those of the place where it ends: were they lagged, particles at creases that h does
+ * not resolve would trade them for ever. */
+void pair_weigh(pair_list *list, vec3 n);
 
 typedef struct pair_forces {
     double energy;        /* E_i, the full sum (no 1/2) */

@@ -68,3 +68,48 @@ bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *
         }
     }
 }
+
+/* Steps in which the reach is searched for a change of sign, each way. */
+static const int SEARCH_STEPS = 32;
+/* Halvings: 2^-52 of a search step. */
+static const int HALVINGS = 52;
+
+/* The nearest interval [*a, *b] of `x + t along` with a change of sign. */
+static bool find_bracket(const field *f, vec3 x, vec3 along, double reach, double *a, double *b)
+{
+    field_sample s;
+    if (!field_sample_at(f, x, FIELD_GRADIENT, &s)) return false;
+    bool inside = s.value < 0;
+    for (int k = 1; k <= SEARCH_STEPS; k++)
+        for (int side = -1; side <= 1; side += 2) {
+            double t = side * reach * k / SEARCH_STEPS;
+            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) ||
+                (s.value < 0) == inside)
+                continue;
+            *a = side * reach * (k - 1) / SEARCH_STEPS;
+            *b = t;
+            return true;
+        }
+    return false;
+}
+
+bool project_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *normal)
+{
+    double a, b;
+    field_sample at_a, s;
+    if (!find_bracket(f, *x, along, reach, &a, &b) ||
+        !field_sample_at(f, vec3_axpy(a, along, *x), FIELD_GRADIENT, &at_a))
+        return false;
+    for (int k = 0; k < HALVINGS; k++) {
+        double middle = 0.5 * (a + b);
+        if (!field_sample_at(f, vec3_axpy(middle, along, *x), FIELD_GRADIENT, &s)) return false;
+        if ((s.value < 0) == (at_a.value < 0)) a = middle;
+        else b = middle;
+    }
+    vec3 p = vec3_axpy(a, along, *x);
+    if (f->open && !bbox_contains(f->domain, p)) return false;
+    if (!field_sample_at(f, p, FIELD_GRADIENT, &s) || !(vec3_norm2(s.gradient) > 0)) return false;
+    *x = p;
+    *normal = vec3_unit(s.gradient);
+    return true;
+}

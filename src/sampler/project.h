@@ -20,4 +20,9 @@ typedef struct project_limits {
  * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */
 bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *normal);
 
+/* For points where Newton's method runs in circles, near a vanishing gradient: looks for a change of sign
+ * along the unit vector `along`, both ways and no farther than `reach`, and halves the interval until it is
+ * as short as doubles allow. False, outputs untouched, when there is none or no normal there. */
+bool project_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *normal);
+
 #endif

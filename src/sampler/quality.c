@@ -15,6 +15,9 @@ static const double EDGE_LIMIT = 1.5;
  * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
 static const double EDGE_DOUBT = 0.1;
 
+/* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
+static const double EVEN_REQUEST = 1.0001;
+
 typedef struct measure_job {
     const quality_input *in;
     const neighbours *near;
@@ -132,7 +135,7 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
     const quality_input *in = job->in;
     double n = 0, hex = 0, degrees = 0, alpha = 0, energy = 0;
     double edge = 0, edge2 = 0, edges = 0, area = 0, area2 = 0, ratio = 0, ratio2 = 0;
-    double sx = 0, sy = 0, sxx = 0, sxy = 0;
+    double sx = 0, sy = 0, sxx = 0, sxy = 0, finest = INFINITY, coarsest = 0;
     *out = (quality){.min_spacing_ratio = INFINITY, .grading_exponent = 1};
     for (size_t i = 0; i < in->count; i++) {
         degrees += 6.0 - job->degree[i];
@@ -153,6 +156,8 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
         area2 += cell * cell;
         ratio += r;
         ratio2 += r * r;
+        finest = fmin(finest, in->spacing[i]);
+        coarsest = fmax(coarsest, in->spacing[i]);
         out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->nearest[i]);
         if (!(local[i] > 0)) continue;
         sx += x;
@@ -167,9 +172,8 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
     out->area_cv = variation(area, area2, n);
     out->energy_excess = energy / alpha / energy_cotangent.ideal - 1;
     out->grading_cv = variation(ratio, ratio2, n);
-    double spread = sxx - sx * sx / n;
-    /* an even request has no slope to speak of */
-    if (spread > 1e-9 * n) out->grading_exponent = (sxy - sx * sy / n) / spread;
+    if (coarsest > EVEN_REQUEST * finest)
+        out->grading_exponent = (sxy - sx * sy / n) / (sxx - sx * sx / n);
 }
 
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,

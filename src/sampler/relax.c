@@ -9,9 +9,6 @@
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Pairs count in full while their normals agree to within a right angle, and not at all when they differ by
- * more than 114 degrees (the other side of a thin sheet), with a smooth step between. */
-static const double FACING_RANGE = 0.4;
 /* Where all normals agree to within 60 degrees the weights are 1 and stay so while the lists are valid. */
 static const double FLAT_COSINE = 0.5;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
@@ -28,12 +25,10 @@ static const double HESSIAN_FLOOR = 1e-9;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
 static const double STEP_FLOOR = 1e-3;
 
-/* One particle's neighbours, gathered: the list that the sums run over, and what its weights are made of. */
+/* One particle's neighbours, gathered. */
 typedef struct gather {
     double *memory;
     pair_list list;
-    double *nx, *ny, *nz; /* normals */
-    double *amplitude;    /* (alpha_i + alpha_j) / 2; 0 for padding */
 } gather;
 
 struct relax {
@@ -83,12 +78,8 @@ static bool grow(relax *r, error *e)
         double *m = mem_array(8 * length, sizeof *m, "a gathered list", e);
         if (!m) return false;
         free(r->scratch[k].memory);
-        r->scratch[k] = (gather){.memory = m,
-                                 .list = {0, m, m + length, m + 2 * length, m + 3 * length},
-                                 .nx = m + 4 * length,
-                                 .ny = m + 5 * length,
-                                 .nz = m + 6 * length,
-                                 .amplitude = m + 7 * length};
+        r->scratch[k] = (gather){m, {0, m, m + length, m + 2 * length, m + 3 * length, m + 4 * length,
+                                     m + 5 * length, m + 6 * length, m + 7 * length}};
     }
     r->scratch_entries = length;
     return true;
@@ -133,24 +124,12 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 
 typedef struct attempt {
     const relax_params *params;
-    gather *near;
+    pair_list *near;
     bool flat;
     vec3 x, axis1, axis2;
     double bound; /* longest step */
     double energy;
 } attempt;
-
-/* The weights that the neighbours have for a particle with normal n. They belong to the energy, so a trial
- * is judged with those of the place where it ends: were they lagged, particles at creases that h does not
- * resolve would trade them for ever. */
-static void weigh(gather *g, vec3 n)
-{
-    for (size_t k = 0; k < g->list.blocks * PAIR_LANES; k++) {
-        double t = 1 + (n.x * g->nx[k] + n.y * g->ny[k] + n.z * g->nz[k]) / FACING_RANGE;
-        t = t < 0 ? 0 : t > 1 ? 1 : t;
-        g->list.weight[k] = g->amplitude[k] * t * t * (3 - 2 * t);
-    }
-}
 
 /* What the turning of the particle's own normal adds to its forces, through the weights: along axis e of the
  * frame the normal turns by S e, S the shape operator. */
@@ -164,45 +143,45 @@ static void add_turning(const attempt *a, pair_forces *f)
     vec3 turn2 = vec3_scale(sym3_apply(s.hessian, a->axis2), 1 / length);
     turn1 = vec3_axpy(-vec3_dot(turn1, n), n, turn1);
     turn2 = vec3_axpy(-vec3_dot(turn2, n), n, turn2);
-    const gather *g = a->near;
-    for (size_t k = 0; k < g->list.blocks * PAIR_LANES; k++) {
+    const pair_list *g = a->near;
+    for (size_t k = 0; k < g->blocks * PAIR_LANES; k++) {
         vec3 nj = {g->nx[k], g->ny[k], g->nz[k]};
-        double t = 1 + vec3_dot(n, nj) / FACING_RANGE;
-        double r = vec3_norm(vec3_sub(a->x, (vec3){g->list.x[k], g->list.y[k], g->list.z[k]}));
+        double t = 1 + vec3_dot(n, nj) / PAIR_FACING_RANGE;
+        double r = vec3_norm(vec3_sub(a->x, (vec3){g->x[k], g->y[k], g->z[k]}));
         if (t <= 0 || t >= 1 || r >= a->params->sigma) continue;
-        double slope = g->amplitude[k] * 6 * t * (1 - t) / FACING_RANGE *
+        double slope = g->amplitude[k] * 6 * t * (1 - t) / PAIR_FACING_RANGE *
                        energy_cotangent.value(fmax(r / a->params->sigma, TURNING_NEAREST));
         f->d1 += slope * vec3_dot(turn1, nj);
         f->d2 += slope * vec3_dot(turn2, nj);
     }
 }
 
-static void gather_place(gather *g, size_t k, vec3 x, vec3 n, double amplitude)
+static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitude)
 {
-    g->list.x[k] = x.x;
-    g->list.y[k] = x.y;
-    g->list.z[k] = x.z;
+    g->x[k] = x.x;
+    g->y[k] = x.y;
+    g->z[k] = x.z;
     g->nx[k] = n.x;
     g->ny[k] = n.y;
     g->nz[k] = n.z;
-    g->amplitude[k] = g->list.weight[k] = amplitude;
+    g->amplitude[k] = g->weight[k] = amplitude;
 }
 
-static gather *gather_list(const relax *r, const particles *p, int worker, size_t i)
+static pair_list *gather_list(const relax *r, const particles *p, int worker, size_t i)
 {
-    gather *g = &r->scratch[worker];
+    pair_list *g = &r->scratch[worker].list;
     const uint32_t *list = neighbours_list(r->near, i);
     size_t count = r->near->list_count[i];
-    g->list.blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
+    g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
         gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]));
     }
     vec3 away = p->position[i];
     away.x += r->sigma;
-    for (size_t k = count; k < g->list.blocks * PAIR_LANES; k++)
+    for (size_t k = count; k < g->blocks * PAIR_LANES; k++)
         gather_place(g, k, away, p->normal[i], 0);
-    if (!r->flat[i]) weigh(g, p->normal[i]);
+    if (!r->flat[i]) pair_weigh(g, p->normal[i]);
     return g;
 }
 
@@ -233,8 +212,8 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* a projection that is longer than the step was pulled to another sheet */
     if (vec3_norm2(vec3_sub(q, a->x)) > 2 * a->bound * a->bound) return false;
-    if (!a->flat) weigh(a->near, n);
-    double trial = pair_energy_at(&a->near->list, q, a->params->sigma);
+    if (!a->flat) pair_weigh(a->near, n);
+    double trial = pair_energy_at(a->near, q, a->params->sigma);
     if (!(trial < a->energy * (1 - a->params->gain))) return false;
     *x = q;
     *normal = n;
@@ -261,7 +240,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
                  .x = p->position[i]};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
-    pair_forces_at(&a.near->list, a.x, a.axis1, a.axis2, params->sigma, &f);
+    pair_forces_at(a.near, a.x, a.axis1, a.axis2, params->sigma, &f);
     if (!a.flat) add_turning(&a, &f);
     p->energy[i] = a.energy = f.energy;
     p->step[i] = 0;
@@ -318,7 +297,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     double squares = 0;
     for (size_t i = 0; i < p->count; i++) {
         double step = p->step[i] / params->spacing;
-        sums.cramped |= p->cramped[i];
+        sums.cramped += p->cramped[i];
         sums.energy += p->energy[i];
         sums.mean_log10_lambda += p->lambda[i];
         sums.rejected += p->rejected[i];
@@ -336,7 +315,7 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     for (size_t i = begin; i < end; i++)
-        job->energy[i] = pair_energy_at(&gather_list(job->r, job->p, worker, i)->list, job->p->position[i],
+        job->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->p->position[i],
                                         job->sigma);
 }
 

@@ -10,6 +10,9 @@
 #ifndef HEXAD_SAMPLER_RELAX_H
 #define HEXAD_SAMPLER_RELAX_H
 
+#include <stddef.h>
+#include <stdint.h>
+
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
@@ -31,7 +34,7 @@ typedef struct relax_sums {
     double rms_step;          /* over h */
     double max_step;          /* over h */
     uint64_t rejected;        /* trials refused */
-    bool cramped;             /* a step was cut short by the lists' validity: build anew */
+    size_t cramped;           /* particles whose step the lists' validity cut short: build anew */
 } relax_sums;
 
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */

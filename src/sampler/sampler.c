@@ -27,7 +27,14 @@ static const double round_share[ROUNDS + 1] = {0, 0.07, 0.35, 1};
 
 /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that.
  * A round that is longer than this many sweeps asks for ten times the gain, and again after each so many. */
-static const int PATIENCE = 400, PATIENCE_MORE = 50;
+static const int round_patience[ROUNDS] = {80, 150, 400}, PATIENCE_MORE = 50;
+/* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
+ * after so many sweeps. */
+static const double CRAMPED_SHARE = 0.01;
+static const int CRAMPED_WAIT = 4;
+/* A finished particle is on the surface to this fraction of h, or it is replaced. */
+static const double WORST_RESIDUAL = 1e-6;
+static const int REPLACEMENT_DRAWS = 30;
 enum { MAX_ROUNDS = 12 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
@@ -45,6 +52,7 @@ struct sampler {
     int stage;   /* of round_gain */
     double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
+    int list_age; /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
     sampler_outcome outcome;
     size_t removed;
@@ -94,6 +102,7 @@ static bool build_lists(sampler *s, error *e)
     }
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
+    s->list_age = 0;
     return true;
 }
 
@@ -160,8 +169,7 @@ static bool control(sampler *s, error *e)
     note_round(s, energy);
     bool on_target = fabs(energy / energy_cotangent.ideal - 1) < s->params.energy_tolerance;
     if (s->stage == ROUNDS - 1 && (on_target || s->round_count == MAX_ROUNDS)) {
-        bool still = s->sweep[s->sweep_count - 1].rms_step < s->params.step_tolerance;
-        s->outcome = on_target && still && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+        s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
     s->sigma = ideal_support(s, &energy);
@@ -193,10 +201,15 @@ bool sampler_step(sampler *s, error *e)
         (sampler_sweep){sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count,
                         s->sigma, sums.rejected};
     estimate_fraction(s, sums.mean_log10_lambda);
-    if (s->sweeps_in_round >= PATIENCE && (s->sweeps_in_round - PATIENCE) % PATIENCE_MORE == 0) s->gain *= 10;
-    s->lists_stale = sums.cramped || amplitudes_are_due(s);
+    int over = s->sweeps_in_round - round_patience[s->stage];
+    if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
+    s->list_age++;
+    s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
+                     (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
     s->skin = fmin(0.6, fmax(0.2, 6 * sums.rms_step)) * s->spacing;
-    if (sums.mean_log10_lambda > REST_LAMBDA && !control(s, e)) return false;
+    bool at_rest = sums.mean_log10_lambda > REST_LAMBDA &&
+                   (s->stage < ROUNDS - 1 || sums.rms_step < s->params.step_tolerance);
+    if (at_rest && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;
@@ -260,59 +273,106 @@ static void requested_spacing(sampler *s, double *spacing)
 
 typedef struct finish_job {
     sampler *s;
-    double *residual; /* over h; inf: lost */
+    double *residual; /* over h; inf: not on the surface */
 } finish_job;
+
+/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. */
+static bool settle_on_surface(const sampler *s, vec3 *x, vec3 *normal)
+{
+    double h = s->spacing;
+    const project_limits limits = {20, 1e-9 * h, 1e-7 * h, 1e-6 * h};
+    return project_point(s->field, &limits, x, normal) ||
+           project_bisect(s->field, *normal, 0.25 * h, x, normal);
+}
+
+static void finish_particle(const finish_job *job, size_t i)
+{
+    sampler *s = job->s;
+    size_t n = s->p->count;
+    vec3 x = s->p->position[i], normal = s->p->normal[i];
+    field_sample sample;
+    job->residual[i] = INFINITY;
+    if (!settle_on_surface(s, &x, &normal) ||
+        !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
+        return;
+    double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / s->spacing;
+    if (!(residual < WORST_RESIDUAL)) return;
+    job->residual[i] = residual;
+    s->p->position[i] = x;
+    s->p->normal[i] = vec3_scale(sample.gradient, 1 / length);
+    s->column[i] = field_curvature(&sample, &s->column[n + i], &s->column[2 * n + i]);
+    if (s->params.graded) s->p->alpha[i] = amplitude(s, s->column[i]);
+}
 
 static void finish_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    finish_job *job = context;
-    sampler *s = job->s;
-    size_t n = s->p->count;
     (void)worker;
-    /* to rounding: a Newton step from 1e-7 h leaves less than doubles resolve */
-    const project_limits limits = {20, 1e-9 * s->spacing, 1e-7 * s->spacing, 1e-4 * s->spacing};
-    for (size_t i = begin; i < end; i++) {
-        vec3 x = s->p->position[i], normal;
-        field_sample sample;
-        job->residual[i] = INFINITY;
-        if (!project_point(s->field, &limits, &x, &normal) ||
-            !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
-            continue;
-        double length = vec3_norm(sample.gradient);
-        job->residual[i] = fabs(sample.value) / length / s->spacing;
+    for (size_t i = begin; i < end; i++) finish_particle(context, i);
+}
+
+/* Takes away the particles that are not on the surface and puts each on a new place there: of several drawn
+ * the one that is farthest from its nearest particle. */
+static void replace_lost(finish_job *job)
+{
+    sampler *s = job->s;
+    rng r = rng_seed(s->params.seed, 2);
+    for (size_t i = 0; i < s->p->count; i++) {
+        if (job->residual[i] != INFINITY) continue;
+        double best = -1;
+        vec3 x = s->p->position[i], normal = s->p->normal[i];
+        for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
+            vec3 q = surface_point(s->scan, rng_uniform(&r) * s->scan->area, &r), n = {0, 0, 1};
+            if (!settle_on_surface(s, &q, &n)) continue;
+            double nearest2 = INFINITY;
+            for (size_t j = 0; j < s->p->count; j++)
+                if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->p->position[j])));
+            if (nearest2 <= best) continue;
+            best = nearest2;
+            x = q;
+            normal = n;
+        }
         s->p->position[i] = x;
-        s->p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-        s->column[i] = field_curvature(&sample, &s->column[n + i], &s->column[2 * n + i]);
-        if (s->params.graded) s->p->alpha[i] = amplitude(s, s->column[i]);
+        s->p->normal[i] = normal;
+        s->removed++;
+        finish_particle(job, i);
     }
+}
+
+static void describe_result(sampler *s, const double *residual)
+{
+    size_t n = s->p->count;
+    s->out = (sampler_points){
+        .count = n,
+        .position = s->p->position,
+        .normal = s->p->normal,
+        .kappa = s->column,
+        .kappa1 = s->column + n,
+        .kappa2 = s->column + 2 * n,
+        .alpha = s->p->alpha,
+        .energy = s->p->energy,
+        .spacing = s->column + 3 * n,
+        .sigma = s->sigma,
+    };
+    for (size_t i = 0; i < n; i++) {
+        if (residual[i] == INFINITY) s->out.lost++;
+        else s->out.max_residual = fmax(s->out.max_residual, residual[i]);
+    }
+    s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma, s->p->energy);
+    s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
+    requested_spacing(s, s->column + 3 * n);
 }
 
 bool sampler_finish(sampler *s, error *e)
 {
     size_t n = s->p->count;
-    finish_job job = {s, NULL};
+    finish_job job = {s, mem_array(n, sizeof *job.residual, "the result", e)};
     bool ok = false;
     if (!s->column) s->column = mem_array(4 * n, sizeof *s->column, "the result", e);
-    job.residual = mem_array(n, sizeof *job.residual, "the result", e);
     if (!s->column || !job.residual) goto done;
     threads_run(s->pool, n, 256, finish_chunk, &job);
-    s->out = (sampler_points){.count = n, .sigma = s->sigma};
-    for (size_t i = 0; i < n; i++) {
-        if (job.residual[i] == INFINITY) s->out.lost++;
-        else s->out.max_residual = fmax(s->out.max_residual, job.residual[i]);
-    }
+    replace_lost(&job);
     if (!relax_build(s->relax, s->p, s->sigma, 0, e)) goto done;
-    s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma, s->p->energy);
-    s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
-    requested_spacing(s, s->column + 3 * n);
-    s->out.position = s->p->position;
-    s->out.normal = s->p->normal;
-    s->out.kappa = s->column;
-    s->out.kappa1 = s->column + n;
-    s->out.kappa2 = s->column + 2 * n;
-    s->out.alpha = s->p->alpha;
-    s->out.energy = s->p->energy;
-    s->out.spacing = s->column + 3 * n;
+    describe_result(s, job.residual);
     ok = true;
 done:
     free(job.residual);
