@@ -74,7 +74,7 @@ static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double 
         } else if (along < 0 && rest < along * low) {
             low = rest / along;
             low_by = c;
-        }
+        } else if (along == 0 && rest < 0) return false; /* c lies between the two */
         if (high - low < -EDGE_DOUBT * limit) return false;
     }
     *length = fmax(high - low, 0);
