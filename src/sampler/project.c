@@ -69,8 +69,7 @@ static bool find_bracket(const field *f, vec3 x, vec3 along, double reach, doubl
     for (int k = 1; k <= SEARCH_STEPS; k++)
         for (int side = -1; side <= 1; side += 2) {
             double t = side * reach * k / SEARCH_STEPS;
-            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) ||
-                (s.value < 0) == inside)
+            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) || (s.value < 0) == inside)
                 continue;
             *a = side * reach * (k - 1) / SEARCH_STEPS;
             *b = t;
@@ -89,8 +88,10 @@ bool project_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *nor
     for (int k = 0; k < HALVINGS; k++) {
         double middle = 0.5 * (a + b);
         if (!field_sample_at(f, vec3_axpy(middle, along, *x), FIELD_GRADIENT, &s)) return false;
-        if ((s.value < 0) == (at_a.value < 0)) a = middle;
-        else b = middle;
+        if ((s.value < 0) == (at_a.value < 0))
+            a = middle;
+        else
+            b = middle;
     }
     vec3 p = vec3_axpy(a, along, *x);
     if (f->open && !bbox_contains(f->domain, p)) return false;

@@ -38,8 +38,8 @@ typedef struct triangulation {
 /* A point near the surface, onto it. */
 static void place_corner(const field *f, vec3 x, corner *c)
 {
-    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
-                                   10 * CORNER_TOLERANCE * f->cell_size, 0.05 * f->cell_size};
+    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size, 10 * CORNER_TOLERANCE * f->cell_size,
+                                   0.05 * f->cell_size};
     *c = (corner){.position = x, .known = true};
     vec3 p = x;
     if (project_point(f, &limits, &p, &c->normal) &&
@@ -69,8 +69,8 @@ static double curvature_excess(const corner *t, vec3 twice_area)
         const corner *o = &t[k], *p = &t[(k + 1) % 3], *q = &t[(k + 2) % 3];
         vec3 e = vec3_sub(q->position, p->position);
         double l2 = vec3_norm2(e), turn = vec3_dot(e, vec3_sub(q->normal, p->normal));
-        double cot = vec3_dot(vec3_sub(p->position, o->position), vec3_sub(q->position, o->position)) /
-                     (2 * area);
+        double cot =
+            vec3_dot(vec3_sub(p->position, o->position), vec3_sub(q->position, o->position)) / (2 * area);
         squares += l2;
         if (l2 > 0) sum += cot / 4 * (turn * turn / l2) * l2 / 12;
     }
@@ -82,8 +82,8 @@ static double curvature_excess(const corner *t, vec3 twice_area)
 /* Area of the surface above a triangle; where it curves much, by four triangles. */
 static double curved_area(const field *f, const corner *t, int depth)
 {
-    vec3 twice_area = vec3_cross(vec3_sub(t[1].position, t[0].position),
-                                 vec3_sub(t[2].position, t[0].position));
+    vec3 twice_area =
+        vec3_cross(vec3_sub(t[1].position, t[0].position), vec3_sub(t[2].position, t[0].position));
     double area = 0.5 * vec3_norm(twice_area);
     if (!(area > 0) || !t[0].smooth || !t[1].smooth || !t[2].smooth) return area;
     double excess = curvature_excess(t, twice_area);
@@ -120,16 +120,17 @@ static void cut_cell(const field *f, size_t index, triangulation *out)
         int inside[4], outside[4], in = 0, ex = 0;
         for (int v = 0; v < 4; v++) {
             int c = tetrahedra[k][v];
-            if (cell.value[c] < 0) inside[in++] = c;
-            else outside[ex++] = c;
+            if (cell.value[c] < 0)
+                inside[in++] = c;
+            else
+                outside[ex++] = c;
         }
         if (in == 0 || ex == 0) continue;
         const corner *cut[4];
         int n = 0;
         for (int i = 0; i < in; i++) /* in the order of a ring round the section */
             for (int j = 0; j < ex; j++)
-                cut[n++] = cut_edge(f, &cell, cache, inside[i],
-                                    outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+                cut[n++] = cut_edge(f, &cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
         add_triangle(f, out, cut[0], cut[1], cut[2]);
         if (n == 4) add_triangle(f, out, cut[0], cut[2], cut[3]);
     }
@@ -201,8 +202,10 @@ vec3 surface_point(const surface *s, double where, rng *r)
     size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
     while (low < high) {
         size_t middle = low + (high - low + 1) / 2;
-        if (s->area_before[middle] <= where) low = middle;
-        else high = middle - 1;
+        if (s->area_before[middle] <= where)
+            low = middle;
+        else
+            high = middle - 1;
     }
     triangulation t;
     cut_cell(s->field, low, &t);

@@ -34,8 +34,13 @@ static sheet *make_sheet(void)
             s->normal[k] = (vec3){0, 0, 1};
             s->spacing[k] = s->alpha[k] = 1;
         }
-    s->in = (quality_input){.count = LATTICE, .position = s->position, .normal = s->normal,
-                            .alpha = s->alpha, .spacing = s->spacing, .h = 1, .open = true,
+    s->in = (quality_input){.count = LATTICE,
+                            .position = s->position,
+                            .normal = s->normal,
+                            .alpha = s->alpha,
+                            .spacing = s->spacing,
+                            .h = 1,
+                            .open = true,
                             .domain = {{0, 0, -10}, {SIDE - 0.5, (SIDE - 1) * sqrt(3) / 2, 10}}};
     return s;
 }
