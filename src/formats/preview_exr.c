@@ -145,6 +145,9 @@ static int64_t on_size(exr_const_context_t context, void *place)
     return fstat(((stream *)place)->fd, &status) == 0 ? (int64_t)status.st_size : -1;
 }
 
+/* Positions and normals hardly shrink: the quickest level gives files 5 % larger in half the time. */
+enum { ZIP_LEVEL = 1 };
+
 static exr_context_initializer_t initializer(stream *s)
 {
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -153,6 +156,7 @@ static exr_context_initializer_t initializer(stream *s)
     init.read_fn = on_read;
     init.size_fn = on_size;
     init.write_fn = on_write;
+    init.zip_level = ZIP_LEVEL;
     init.max_image_width = PREVIEW_SIZE_MAX;
     init.max_image_height = PREVIEW_SIZE_MAX;
     return init;

@@ -15,9 +15,11 @@
 #include "sampler/surface.h"
 #include "store/file.h"
 
-/* What a particle takes at the peak, from particles, neighbour lists with their weights, measures and the
- * verification's second copy; measured at 1.1 kB with lists of 32. */
-static const size_t BYTES_PER_PARTICLE = 1200;
+/* What a particle takes at the peak, from particles, neighbour lists, measures and the verification's second
+ * copy: measured at 0.9 kB from a start on the surface, 1.5 kB from a random one, whose lists are longer. */
+static const size_t BYTES_PER_PARTICLE = 1600;
+/* Likewise of the preview's pixels. */
+static const size_t BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
 static const int64_t THREADS_FROM = 20000;
 
@@ -51,15 +53,18 @@ static bool load(job *j, error *e)
     const spec *s = j->spec;
     size_t memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
     size_t particles = (size_t)s->count * BYTES_PER_PARTICLE;
+    size_t pixels = s->has_preview ? (size_t)s->preview_width * (size_t)s->preview_height * BYTES_PER_PIXEL : 0;
+    size_t needed = particles + pixels;
     progress_enter(&j->progress, PROGRESS_LOAD);
-    if (particles > memory)
+    if (needed > memory)
         return error_set(e, ERROR_LIMIT_MEMORY,
-                         "%lld points need about %zu MB, the limit is %zu MB: raise limits.memory_mb",
-                         (long long)s->count, particles >> 20, memory >> 20);
+                         "%lld points need about %zu MB and their preview %zu MB, the limit is %zu MB: raise "
+                         "limits.memory_mb",
+                         (long long)s->count, particles >> 20, pixels >> 20, memory >> 20);
     int workers = s->threads > 0 ? s->threads : threads_available();
     if (s->threads == 0 && s->count < THREADS_FROM) workers = 1;
     j->pool = threads_new(workers, e);
-    return j->pool && source_open(s, j->options->roots, memory - particles, &j->source, e);
+    return j->pool && source_open(s, j->options->roots, memory - needed, &j->source, e);
 }
 
 static bool start(job *j, error *e)

@@ -9,6 +9,8 @@
 /* Neighbours are looked for within this many times the largest requested spacing: wide enough for the
  * cell of a point beside a vacancy. */
 static const double REACH = 3.0;
+/* Points whose normals' cosine is below this are on another sheet; a right angle, as on a cube, is not. */
+static const double OTHER_SIDE = -0.2;
 /* A Voronoi edge is cut off this far from its middle, in units of h: nothing bounds it there. */
 static const double EDGE_LIMIT = 1.5;
 /* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
@@ -58,13 +60,14 @@ static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double 
     vec3 n = vec3_add(in->normal[a], in->normal[b]);
     vec3 m = vec3_axpy(0.5, r, in->position[a]);
     vec3 d = vec3_unit(vec3_cross(n, r));
+    double length_n = vec3_norm(n);
     double quarter = 0.25 * vec3_norm2(r);
     double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]), low = -limit, high = limit;
     uint32_t low_by = a, high_by = a; /* a: nobody */
     const uint32_t *list = neighbours_list(job->near, a);
     for (uint32_t k = 0; k < job->near->list_count[a]; k++) {
         uint32_t c = list[k];
-        if (c == b || vec3_dot(in->normal[c], n) <= 0) continue;
+        if (c == b || vec3_dot(in->normal[c], n) <= OTHER_SIDE * length_n) continue;
         vec3 q = vec3_sub(in->position[c], m);
         double along = 2 * vec3_dot(d, q), rest = vec3_norm2(q) - quarter;
         /* points m + t d of the bisector are nearer to c where 2 t d.q > |q|^2 - |r|^2 / 4 */
@@ -91,7 +94,7 @@ static void measure_point(const measure_job *job, uint32_t i)
     for (uint32_t k = 0; k < job->near->list_count[i]; k++) {
         uint32_t j = list[k];
         double facing = vec3_dot(in->normal[i], in->normal[j]);
-        if (facing <= 0) continue;
+        if (facing <= OTHER_SIDE) continue;
         double length = vec3_norm(vec3_sub(in->position[i], in->position[j]));
         double relative = length / (0.5 * (in->spacing[i] + in->spacing[j]));
         job->energy[i] += 0.5 * (alpha_of(in, i) + alpha_of(in, j)) *
