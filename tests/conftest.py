@@ -48,6 +48,12 @@ def pytest_collectreport(report):
 
 
 @pytest.fixture(scope="session")
+def diagnose():
+    """Says a measured figure: a TAP diagnostic, or a line of pytest's own report."""
+    return lambda text: _tap(f"# {text}") if os.environ.get("HEXAD_TAP_FD") else print(text)
+
+
+@pytest.fixture(scope="session")
 def source():
     return pathlib.Path(os.environ.get("HEXAD_SOURCE", pathlib.Path(__file__).parent.parent)).resolve()
 
