@@ -39,8 +39,7 @@ typedef struct error {
 } error;
 
 /* Fills *e (unless NULL) and returns false, so that a fault reads `return error_set(e, ...)`. */
-bool error_set(error *e, error_code code, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+bool error_set(error *e, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 /* Puts "context: " before the message; returns false. A NULL or empty error is left alone. */
 bool error_prefix(error *e, const char *format, ...) __attribute__((format(printf, 2, 3)));

@@ -71,8 +71,7 @@ threads *threads_new(int count, error *e)
         int fault = pthread_create(&t->thread[k], NULL, worker_main, s);
         if (fault) {
             free(s);
-            error_set(e, ERROR_INTERNAL, "cannot start thread %d of %d: %s", k + 1, count,
-                      strerror(fault));
+            error_set(e, ERROR_INTERNAL, "cannot start thread %d of %d: %s", k + 1, count, strerror(fault));
             threads_free(t);
             return NULL;
         }

@@ -62,8 +62,11 @@ static bool sample_box(const analytic_params *p, vec3 d, field_order order, fiel
         double k = 1 / length;
         out->value = length - p->rounding;
         out->gradient = n;
-        hessian = (sym3){k * ((q.x > 0) - n.x * n.x), k * ((q.y > 0) - n.y * n.y),
-                         k * ((q.z > 0) - n.z * n.z), -k * n.x * n.y, -k * n.x * n.z,
+        hessian = (sym3){k * ((q.x > 0) - n.x * n.x),
+                         k * ((q.y > 0) - n.y * n.y),
+                         k * ((q.z > 0) - n.z * n.z),
+                         -k * n.x * n.y,
+                         -k * n.x * n.z,
                          -k * n.y * n.z};
     } else {
         int axis = q.x >= q.y && q.x >= q.z ? 0 : q.y >= q.z ? 1 : 2;
@@ -78,8 +81,7 @@ static bool sample_box(const analytic_params *p, vec3 d, field_order order, fiel
 /* (|x / radii|^2 - 1) times half the smallest radius, so that F is near the distance at the surface */
 static bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
-    vec3 w = {1 / (p->radii.x * p->radii.x), 1 / (p->radii.y * p->radii.y),
-              1 / (p->radii.z * p->radii.z)};
+    vec3 w = {1 / (p->radii.x * p->radii.x), 1 / (p->radii.y * p->radii.y), 1 / (p->radii.z * p->radii.z)};
     double scale = 0.5 * fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
     out->value = scale * (w.x * d.x * d.x + w.y * d.y * d.y + w.z * d.z * d.z - 1);
     out->gradient = (vec3){2 * scale * w.x * d.x, 2 * scale * w.y * d.y, 2 * scale * w.z * d.z};
@@ -94,8 +96,7 @@ static bool sample_quartic(const analytic_params *p, vec3 d, field_order order, 
     double c = 10 * p->r * p->r;
     vec3 s = {d.x * d.x, d.y * d.y, d.z * d.z};
     out->value = s.x * s.x + s.y * s.y + s.z * s.z - c * (s.x + s.y + s.z);
-    out->gradient =
-        (vec3){(4 * s.x - 2 * c) * d.x, (4 * s.y - 2 * c) * d.y, (4 * s.z - 2 * c) * d.z};
+    out->gradient = (vec3){(4 * s.x - 2 * c) * d.x, (4 * s.y - 2 * c) * d.y, (4 * s.z - 2 * c) * d.z};
     if (order == FIELD_HESSIAN)
         out->hessian = (sym3){12 * s.x - 2 * c, 12 * s.y - 2 * c, 12 * s.z - 2 * c, 0, 0, 0};
     return true;
@@ -105,15 +106,18 @@ static bool sample_quartic(const analytic_params *p, vec3 d, field_order order, 
 static bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double k = 2 * M_PI / p->period;
-    double sx = sin(k * d.x), cx = cos(k * d.x), sy = sin(k * d.y), cy = cos(k * d.y),
-           sz = sin(k * d.z), cz = cos(k * d.z);
+    double sx = sin(k * d.x), cx = cos(k * d.x), sy = sin(k * d.y), cy = cos(k * d.y), sz = sin(k * d.z),
+           cz = cos(k * d.z);
     out->value = sx * cy + sy * cz + sz * cx;
     out->gradient = (vec3){k * (cx * cy - sz * sx), k * (cy * cz - sx * sy), k * (cz * cx - sy * sz)};
     if (order == FIELD_HESSIAN) {
         double kk = k * k;
-        out->hessian = (sym3){-kk * (sx * cy + sz * cx), -kk * (sy * cz + sx * cy),
-                              -kk * (sz * cx + sy * cz), -kk * cx * sy,
-                              -kk * cz * sx,             -kk * cy * sz};
+        out->hessian = (sym3){-kk * (sx * cy + sz * cx),
+                              -kk * (sy * cz + sx * cy),
+                              -kk * (sz * cx + sy * cz),
+                              -kk * cx * sy,
+                              -kk * cz * sx,
+                              -kk * cy * sz};
     }
     return true;
 }
@@ -123,12 +127,18 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
     const analytic_params *p = &((const analytic *)f)->params;
     vec3 d = vec3_sub(x, p->center);
     switch (p->shape) {
-    case ANALYTIC_SPHERE: return sample_sphere(p, d, order, out);
-    case ANALYTIC_TORUS: return sample_torus(p, d, order, out);
-    case ANALYTIC_BOX: return sample_box(p, d, order, out);
-    case ANALYTIC_ELLIPSOID: return sample_ellipsoid(p, d, order, out);
-    case ANALYTIC_QUARTIC: return sample_quartic(p, d, order, out);
-    case ANALYTIC_GYROID: return sample_gyroid(p, d, order, out);
+    case ANALYTIC_SPHERE:
+        return sample_sphere(p, d, order, out);
+    case ANALYTIC_TORUS:
+        return sample_torus(p, d, order, out);
+    case ANALYTIC_BOX:
+        return sample_box(p, d, order, out);
+    case ANALYTIC_ELLIPSOID:
+        return sample_ellipsoid(p, d, order, out);
+    case ANALYTIC_QUARTIC:
+        return sample_quartic(p, d, order, out);
+    case ANALYTIC_GYROID:
+        return sample_gyroid(p, d, order, out);
     }
     return false;
 }
@@ -136,9 +146,9 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
 static vec3 grid_corner(const analytic *a, int64_t i, int64_t j, int64_t k)
 {
     vec3 s = bbox_size(a->base.domain);
-    return vec3_add(a->base.domain.min, (vec3){s.x * (double)i / (double)a->cells[0],
-                                               s.y * (double)j / (double)a->cells[1],
-                                               s.z * (double)k / (double)a->cells[2]});
+    return vec3_add(a->base.domain.min,
+                    (vec3){s.x * (double)i / (double)a->cells[0], s.y * (double)j / (double)a->cells[1],
+                           s.z * (double)k / (double)a->cells[2]});
 }
 
 /* A point without a derivative still has a side: the centre of a sphere or of a torus' tube is
@@ -172,8 +182,7 @@ static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, ana
 static void slab_values(const analytic *a, int64_t k, double *values)
 {
     for (int64_t j = 0; j <= a->cells[1]; j++)
-        for (int64_t i = 0; i <= a->cells[0]; i++)
-            *values++ = corner_value(a, grid_corner(a, i, j, k));
+        for (int64_t i = 0; i <= a->cells[0]; i++) *values++ = corner_value(a, grid_corner(a, i, j, k));
 }
 
 /* Walks the grid slab by slab and notes the cells with corners of both signs. */
@@ -190,8 +199,8 @@ static bool find_crossing_cells(analytic *a, error *e)
         for (int64_t j = 0; j < ny; j++)
             for (int64_t i = 0; i < nx; i++) {
                 const double *b = below + j * row + i, *t = above + j * row + i;
-                int inside = (b[0] < 0) + (b[1] < 0) + (b[row] < 0) + (b[row + 1] < 0) +
-                             (t[0] < 0) + (t[1] < 0) + (t[row] < 0) + (t[row + 1] < 0);
+                int inside = (b[0] < 0) + (b[1] < 0) + (b[row] < 0) + (b[row + 1] < 0) + (t[0] < 0) +
+                             (t[1] < 0) + (t[row] < 0) + (t[row + 1] < 0);
                 if (inside == 0 || inside == 8) continue;
                 if (a->crossing_count == capacity) {
                     capacity = capacity ? 2 * capacity : 4096;
@@ -213,14 +222,19 @@ static vec3 half_extent(const analytic_params *p)
     vec3 n = p->shape == ANALYTIC_TORUS ? vec3_unit(p->axis) : (vec3){0, 0, 0};
     double quartic = 0.5 * p->r / 0.13, R = p->major_radius, m = p->minor_radius;
     switch (p->shape) {
-    case ANALYTIC_SPHERE: return vec3_make(p->radius, p->radius, p->radius);
+    case ANALYTIC_SPHERE:
+        return vec3_make(p->radius, p->radius, p->radius);
     case ANALYTIC_TORUS: /* a circle of radius R about n reaches R sqrt(1 - n_k^2) along axis k */
         return vec3_make(R * sqrt(fmax(0, 1 - n.x * n.x)) + m, R * sqrt(fmax(0, 1 - n.y * n.y)) + m,
                          R * sqrt(fmax(0, 1 - n.z * n.z)) + m);
-    case ANALYTIC_BOX: return p->half_size;
-    case ANALYTIC_ELLIPSOID: return p->radii;
-    case ANALYTIC_QUARTIC: return vec3_make(quartic, quartic, quartic);
-    case ANALYTIC_GYROID: return vec3_scale(p->size, 0.5);
+    case ANALYTIC_BOX:
+        return p->half_size;
+    case ANALYTIC_ELLIPSOID:
+        return p->radii;
+    case ANALYTIC_QUARTIC:
+        return vec3_make(quartic, quartic, quartic);
+    case ANALYTIC_GYROID:
+        return vec3_scale(p->size, 0.5);
     }
     return (vec3){0, 0, 0};
 }
@@ -229,11 +243,16 @@ static vec3 half_extent(const analytic_params *p)
 static double feature_size(const analytic_params *p)
 {
     switch (p->shape) {
-    case ANALYTIC_TORUS: return fmin(p->minor_radius, p->major_radius - p->minor_radius);
-    case ANALYTIC_BOX: return fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
-    case ANALYTIC_ELLIPSOID: return fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
-    case ANALYTIC_GYROID: return p->period / 4;
-    default: return INFINITY;
+    case ANALYTIC_TORUS:
+        return fmin(p->minor_radius, p->major_radius - p->minor_radius);
+    case ANALYTIC_BOX:
+        return fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
+    case ANALYTIC_ELLIPSOID:
+        return fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+    case ANALYTIC_GYROID:
+        return p->period / 4;
+    default:
+        return INFINITY;
     }
 }
 
@@ -251,8 +270,7 @@ static void lay_out_grid(analytic *a)
     double cell = fmin(a->base.extent / CELLS_COARSE, feature_size(p) / 6);
     cell = fmax(cell, a->base.extent / CELLS_FINE);
     vec3 size = bbox_size(a->base.domain);
-    for (int axis = 0; axis < 3; axis++)
-        a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / cell);
+    for (int axis = 0; axis < 3; axis++) a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / cell);
     a->cell = cell;
     a->base.cell_size = cell;
 }

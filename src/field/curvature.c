@@ -12,7 +12,7 @@ double field_curvature(const field_sample *s, double *kappa1, double *kappa2)
     vec3 n = vec3_scale(s->gradient, 1 / length), u, v;
     vec3_frame(n, &u, &v);
     vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
-    sym2_eigenvalues(vec3_dot(u, hu) / length, vec3_dot(u, hv) / length, vec3_dot(v, hv) / length,
-                     kappa1, kappa2);
+    sym2_eigenvalues(vec3_dot(u, hu) / length, vec3_dot(u, hv) / length, vec3_dot(v, hv) / length, kappa1,
+                     kappa2);
     return sqrt(*kappa1 * *kappa1 + *kappa2 * *kappa2);
 }

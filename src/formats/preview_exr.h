@@ -1,14 +1,13 @@
 /* preview_exr: a preview with its data as OpenEXR, through OpenEXR's C core. One part, scanlines,
  * ZIP. The same image gives the same bytes: no date, no path.
  *
- * | channels        | type  | what                                                               |
- * |-----------------|-------|--------------------------------------------------------------------|
- * | R G B A         | half  | linear light (Rec. 709 primaries), multiplied by coverage, no legend
- * | | P.X P.Y P.Z     | float | the place on the disc, world space | | N.X N.Y N.Z     | float |
- * its normal, out of the solid                                        | | kappa, spacing  | float |
- * the point's kappa and achieved spacing                              | | Z               | float |
- * depth along the camera's axis; PREVIEW_FAR where nothing is         | | id              | uint  |
- * index of the point in points.ply plus one; 0 where nothing is       |
+ *     channels            type   what
+ *     R G B A             half   linear light (Rec. 709 primaries), multiplied by coverage, no legend
+ *     P.X P.Y P.Z         float  the place on the disc, world space
+ *     N.X N.Y N.Z         float  its normal, out of the solid
+ *     kappa, spacing      float  the point's kappa and achieved spacing
+ *     Z                   float  depth along the camera's axis; PREVIEW_FAR where nothing is
+ *     id                  uint   index of the point in points.ply plus one; 0 where nothing is
  *
  * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). The
  * attribute worldToCamera is the matrix from world to camera space (right, up, forward), row

@@ -15,7 +15,10 @@ static inline bbox bbox_empty(void)
     return (bbox){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
 }
 
-static inline bool bbox_is_empty(bbox b) { return !(b.min.x <= b.max.x); }
+static inline bool bbox_is_empty(bbox b)
+{
+    return !(b.min.x <= b.max.x);
+}
 
 static inline bbox bbox_include(bbox b, vec3 p)
 {
@@ -29,8 +32,14 @@ static inline bool bbox_contains(bbox b, vec3 p)
            p.z <= b.max.z;
 }
 
-static inline vec3 bbox_size(bbox b) { return vec3_sub(b.max, b.min); }
-static inline vec3 bbox_center(bbox b) { return vec3_scale(vec3_add(b.min, b.max), 0.5); }
+static inline vec3 bbox_size(bbox b)
+{
+    return vec3_sub(b.max, b.min);
+}
+static inline vec3 bbox_center(bbox b)
+{
+    return vec3_scale(vec3_add(b.min, b.max), 0.5);
+}
 
 static inline double bbox_longest(bbox b)
 {

@@ -8,13 +8,34 @@ typedef struct vec3 {
     double x, y, z;
 } vec3;
 
-static inline vec3 vec3_make(double x, double y, double z) { return (vec3){x, y, z}; }
-static inline vec3 vec3_add(vec3 a, vec3 b) { return (vec3){a.x + b.x, a.y + b.y, a.z + b.z}; }
-static inline vec3 vec3_sub(vec3 a, vec3 b) { return (vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
-static inline vec3 vec3_scale(vec3 a, double s) { return (vec3){a.x * s, a.y * s, a.z * s}; }
-static inline double vec3_dot(vec3 a, vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static inline double vec3_norm2(vec3 a) { return vec3_dot(a, a); }
-static inline double vec3_norm(vec3 a) { return sqrt(vec3_norm2(a)); }
+static inline vec3 vec3_make(double x, double y, double z)
+{
+    return (vec3){x, y, z};
+}
+static inline vec3 vec3_add(vec3 a, vec3 b)
+{
+    return (vec3){a.x + b.x, a.y + b.y, a.z + b.z};
+}
+static inline vec3 vec3_sub(vec3 a, vec3 b)
+{
+    return (vec3){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+static inline vec3 vec3_scale(vec3 a, double s)
+{
+    return (vec3){a.x * s, a.y * s, a.z * s};
+}
+static inline double vec3_dot(vec3 a, vec3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+static inline double vec3_norm2(vec3 a)
+{
+    return vec3_dot(a, a);
+}
+static inline double vec3_norm(vec3 a)
+{
+    return sqrt(vec3_norm2(a));
+}
 
 /* a + s b */
 static inline vec3 vec3_axpy(double s, vec3 b, vec3 a)
@@ -34,8 +55,14 @@ static inline vec3 vec3_unit(vec3 a)
     return n > 0 ? vec3_scale(a, 1 / n) : (vec3){0, 0, 0};
 }
 
-static inline double vec3_get(vec3 a, int axis) { return axis == 0 ? a.x : axis == 1 ? a.y : a.z; }
-static inline void vec3_set(vec3 *a, int axis, double v) { *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v; }
+static inline double vec3_get(vec3 a, int axis)
+{
+    return axis == 0 ? a.x : axis == 1 ? a.y : a.z;
+}
+static inline void vec3_set(vec3 *a, int axis, double v)
+{
+    *(axis == 0 ? &a->x : axis == 1 ? &a->y : &a->z) = v;
+}
 
 /* Two unit vectors that make a right-handed frame with the unit vector n.
  * Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1). */

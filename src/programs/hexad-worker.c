@@ -66,20 +66,26 @@ static int exit_code_of(error_code code)
 {
     switch (code) {
     case ERROR_SPEC_INVALID:
-    case ERROR_NOT_SUPPORTED: return EXIT_SPEC;
+    case ERROR_NOT_SUPPORTED:
+        return EXIT_SPEC;
     case ERROR_PATH_FORBIDDEN:
     case ERROR_INPUT_MISSING:
     case ERROR_INPUT_DAMAGED:
     case ERROR_INPUT_UNSUPPORTED:
     case ERROR_GRID_MISSING:
     case ERROR_GRID_AMBIGUOUS:
-    case ERROR_ISOVALUE_REQUIRED: return EXIT_INPUT;
-    case ERROR_NO_SURFACE: return EXIT_SURFACE;
+    case ERROR_ISOVALUE_REQUIRED:
+        return EXIT_INPUT;
+    case ERROR_NO_SURFACE:
+        return EXIT_SURFACE;
     case ERROR_LIMIT_MEMORY:
     case ERROR_LIMIT_TIME:
-    case ERROR_STALLED: return EXIT_LIMIT;
-    case ERROR_CANCELLED: return EXIT_CANCELLED;
-    default: return EXIT_INTERNAL;
+    case ERROR_STALLED:
+        return EXIT_LIMIT;
+    case ERROR_CANCELLED:
+        return EXIT_CANCELLED;
+    default:
+        return EXIT_INTERNAL;
     }
 }
 
@@ -118,31 +124,33 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     errno = 0;
     long value = strtol(text, &end, 10);
     if (errno || end == text || *end || value < low || value > INT_MAX)
-        return error_set(e, ERROR_SPEC_INVALID, "--%s takes a whole number from %ld, not '%s'", option,
-                         low, text);
+        return error_set(e, ERROR_SPEC_INVALID, "--%s takes a whole number from %ld, not '%s'", option, low,
+                         text);
     *out = value;
     return true;
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
-    static const struct option options[] = {{"output", required_argument, NULL, 'o'},
-                                            {"progress", no_argument, NULL, 'p'},
-                                            {"progress-fd", required_argument, NULL, 'f'},
-                                            {"input-root", required_argument, NULL, 'r'},
-                                            {"memory-mb", required_argument, NULL, 'm'},
-                                            {NULL, 0, NULL, 0}};
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
+        {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
+        {"memory-mb", required_argument, NULL, 'm'},   {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
-        if (c == 'o') a->output = optarg;
-        else if (c == 'p') a->progress = true;
-        else if (c == 'r') a->roots[a->root_count++] = optarg;
+        if (c == 'o')
+            a->output = optarg;
+        else if (c == 'p')
+            a->progress = true;
+        else if (c == 'r')
+            a->roots[a->root_count++] = optarg;
         else if (c == 'f') {
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
-        } else return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
+        } else
+            return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
     if (argc - optind != 1 || !a->output)
         return error_set(e, ERROR_SPEC_INVALID,
@@ -172,8 +180,7 @@ static char *read_spec(const char *path, size_t *length, error *e)
     if (!standard) fclose(file);
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
-    error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large",
-              path);
+    error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large", path);
     return NULL;
 }
 
@@ -211,12 +218,11 @@ static int run_command(int argc, char **argv)
     if (!parse_arguments(argc, argv, &a, &e)) goto fail;
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
-    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress,
-                           &cancel_requested};
+    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested};
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
-           summary.converged ? "converged" : "not converged", summary.hex_fraction,
-           summary.max_residual, summary.total_s);
+           summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
+           summary.total_s);
     code = summary.converged ? EXIT_CONVERGED : EXIT_NOT_CONVERGED;
     goto done;
 fail:

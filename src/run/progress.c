@@ -11,8 +11,7 @@
 #include "base/clock.h"
 #include "json/json.h"
 
-const char *const progress_phase_names[PROGRESS_PHASES] = {"load", "start", "relax", "measure",
-                                                           "write"};
+const char *const progress_phase_names[PROGRESS_PHASES] = {"load", "start", "relax", "measure", "write"};
 
 static const int64_t INTERVAL_MS = 100;
 
@@ -38,11 +37,10 @@ static void draw_bar(const progress *p, const progress_numbers *n, double elapse
     memset(bar, '.', WIDTH);
     memset(bar, '#', (size_t)filled);
     bar[WIDTH] = '\0';
-    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar,
-            100 * n->fraction);
+    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar, 100 * n->fraction);
     if (n->sweep > 0)
-        fprintf(stderr, "  sweep %zu  energy %+.3f %%  step %.1e h", n->sweep,
-                100 * n->energy_excess, n->rms_step);
+        fprintf(stderr, "  sweep %zu  energy %+.3f %%  step %.1e h", n->sweep, 100 * n->energy_excess,
+                n->rms_step);
     fprintf(stderr, "  %.1f s", elapsed_s);
     fflush(stderr);
 }
@@ -90,8 +88,7 @@ void progress_enter(progress *p, progress_phase phase)
 
 void progress_update(progress *p, const progress_numbers *numbers)
 {
-    if ((p->fd >= 0 || p->bar) && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS)
-        report(p, numbers);
+    if ((p->fd >= 0 || p->bar) && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS) report(p, numbers);
 }
 
 void progress_end(progress *p)

@@ -22,12 +22,12 @@ typedef enum progress_phase {
 extern const char *const progress_phase_names[PROGRESS_PHASES];
 
 typedef struct progress {
-    int fd;            /* lines go here; -1: nowhere */
-    bool bar;          /* and a bar to standard error */
-    int64_t start_ms;  /* of the job, monotonic */
+    int fd;                            /* lines go here; -1: nowhere */
+    bool bar;                          /* and a bar to standard error */
+    int64_t start_ms;                  /* of the job, monotonic */
     int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
     int64_t entered_ms, written_ms;
-    int phase;         /* -1 before the first */
+    int phase; /* -1 before the first */
 } progress;
 
 /* Numbers of the relaxation; zero in other phases. */

@@ -61,18 +61,18 @@ static double largest_residual(const field *f, const points *set, double h)
     return worst;
 }
 
-static bool write_ply(const char *directory, const spec *s, const field *f, const points *set,
-                      double h, json *outputs, double *max_residual, error *e)
+static bool write_ply(const char *directory, const spec *s, const field *f, const points *set, double h,
+                      json *outputs, double *max_residual, error *e)
 {
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     char *path = mem_printf("%s/points.ply", directory);
     store_file file = {0};
     ply_file read = {0};
-    bool ok = store_file_begin(path, &file, e) &&
-              ply_write(file.stream, set,
-                        s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN,
-                        as_float ? PLY_FLOAT : PLY_DOUBLE, e) &&
-              ply_read(file.stream, &read, e);
+    bool ok =
+        store_file_begin(path, &file, e) &&
+        ply_write(file.stream, set, s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN,
+                  as_float ? PLY_FLOAT : PLY_DOUBLE, e) &&
+        ply_read(file.stream, &read, e);
     if (ok && !same_points(&read.points, set, as_float))
         ok = error_set(e, ERROR_INTERNAL, "points.ply does not read back as it was written");
     if (ok) {
@@ -90,8 +90,7 @@ static bool write_png(const char *directory, const image *picture, json *outputs
     char *path = mem_printf("%s/preview.png", directory);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && preview_png_write(file.stream, picture, e) &&
-              preview_png_verify(file.stream, picture, e) &&
-              commit_output(&file, "preview.png", outputs, e);
+              preview_png_verify(file.stream, picture, e) && commit_output(&file, "preview.png", outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -102,19 +101,17 @@ static bool write_exr(const char *directory, const image *picture, json *outputs
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, e) &&
-              preview_exr_verify(file.stream, picture, e) &&
-              commit_output(&file, "preview.exr", outputs, e);
+              preview_exr_verify(file.stream, picture, e) && commit_output(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
 }
 
-static bool write_preview(const char *directory, const spec *s, const points *set, json *outputs,
-                          error *e)
+static bool write_preview(const char *directory, const spec *s, const points *set, json *outputs, error *e)
 {
-    const preview_options options = {
-        s->preview_width, s->preview_height,
-        s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA : PREVIEW_CURVATURE};
+    const preview_options options = {s->preview_width, s->preview_height,
+                                     s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA
+                                                                          : PREVIEW_CURVATURE};
     image *picture;
     if (!preview_render(set, &options, &picture, e)) return false;
     bool ok = write_png(directory, picture, outputs, e) && write_exr(directory, picture, outputs, e);

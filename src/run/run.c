@@ -97,8 +97,7 @@ static bool relax_until_done(job *j, error *e)
         sampler_rounds(j->sampler, &rounds);
         progress_update(&j->progress,
                         &(progress_numbers){sampler_fraction(j->sampler), rounds, sweeps, last->count,
-                                            sampler_excess(last), last->rms_step,
-                                            last->mean_log10_lambda});
+                                            sampler_excess(last), last->rms_step, last->mean_log10_lambda});
     }
     return sampler_finish(j->sampler, e);
 }
@@ -109,8 +108,13 @@ static bool measure(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_MEASURE);
     j->spacing_local = mem_array(p->count, sizeof *j->spacing_local, "the result", e);
     if (!j->spacing_local) return false;
-    const quality_input in = {p->count, p->position, p->normal, p->alpha, p->spacing,
-                              sampler_spacing(j->sampler), j->source.field->open,
+    const quality_input in = {p->count,
+                              p->position,
+                              p->normal,
+                              p->alpha,
+                              p->spacing,
+                              sampler_spacing(j->sampler),
+                              j->source.field->open,
                               j->source.field->domain};
     return quality_measure(&in, j->pool, j->spacing_local, NULL, &j->quality, e);
 }
@@ -123,9 +127,8 @@ static bool write_results(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_WRITE);
     j->report = json_new_object();
     return may_go_on(j, e) &&
-           results_write(j->options->output, j->spec, j->source.field, &set,
-                         sampler_spacing(j->sampler), json_put_array(j->report, "outputs"),
-                         &j->max_residual, e);
+           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(j->sampler),
+                         json_put_array(j->report, "outputs"), &j->max_residual, e);
 }
 
 static bool write_report(job *j, run_summary *out, error *e)
@@ -133,8 +136,9 @@ static bool write_report(job *j, run_summary *out, error *e)
     const sampler_points *p = sampler_result_points(j->sampler);
     progress_end(&j->progress);
     bool converged = sampler_result(j->sampler) == SAMPLER_CONVERGED && p->lost == 0;
-    const report_facts facts = {j->spec, &j->source, j->scan, j->sampler, &j->quality,
-                                j->max_residual, converged, threads_count(j->pool), &j->progress};
+    const report_facts facts = {j->spec,     &j->source,      j->scan,   j->sampler,
+                                &j->quality, j->max_residual, converged, threads_count(j->pool),
+                                &j->progress};
     report_fill(j->report, &facts);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
     *out = (run_summary){converged, p->count, j->quality.hex_fraction, j->max_residual,
@@ -157,9 +161,8 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
     job j = {.spec = s, .options = options};
     j.progress = progress_begin(options->progress_fd, options->progress_bar);
     j.deadline_ms = s->timeout_s > 0 ? j.progress.start_ms + (int64_t)(1e3 * s->timeout_s) : INT64_MAX;
-    bool ok = prepare_output(options->output, e) && load(&j, e) && start(&j, e) &&
-              relax_until_done(&j, e) && measure(&j, e) && write_results(&j, e) &&
-              write_report(&j, out, e);
+    bool ok = prepare_output(options->output, e) && load(&j, e) && start(&j, e) && relax_until_done(&j, e) &&
+              measure(&j, e) && write_results(&j, e) && write_report(&j, out, e);
     json_free(j.report);
     free(j.spacing_local);
     sampler_free(j.sampler);

@@ -17,11 +17,11 @@
 #include "store/root.h"
 
 typedef struct run_options {
-    const char *output;         /* directory; made if missing */
-    const store_roots *roots;   /* where inputs may lie; NULL: anywhere */
-    int64_t memory_mb;          /* when the spec does not say */
-    int progress_fd;            /* -1: no progress lines */
-    bool progress_bar;          /* on standard error */
+    const char *output;                  /* directory; made if missing */
+    const store_roots *roots;            /* where inputs may lie; NULL: anywhere */
+    int64_t memory_mb;                   /* when the spec does not say */
+    int progress_fd;                     /* -1: no progress lines */
+    bool progress_bar;                   /* on standard error */
     const volatile sig_atomic_t *cancel; /* not 0: stop at the next sweep; may be NULL */
 } run_options;
 

@@ -5,9 +5,9 @@
 static analytic_shape shape_of(spec_shape shape)
 {
     static const analytic_shape shapes[] = {
-        [SPEC_SHAPE_SPHERE] = ANALYTIC_SPHERE,       [SPEC_SHAPE_TORUS] = ANALYTIC_TORUS,
-        [SPEC_SHAPE_BOX] = ANALYTIC_BOX,             [SPEC_SHAPE_ELLIPSOID] = ANALYTIC_ELLIPSOID,
-        [SPEC_SHAPE_QUARTIC] = ANALYTIC_QUARTIC,     [SPEC_SHAPE_GYROID] = ANALYTIC_GYROID,
+        [SPEC_SHAPE_SPHERE] = ANALYTIC_SPHERE,   [SPEC_SHAPE_TORUS] = ANALYTIC_TORUS,
+        [SPEC_SHAPE_BOX] = ANALYTIC_BOX,         [SPEC_SHAPE_ELLIPSOID] = ANALYTIC_ELLIPSOID,
+        [SPEC_SHAPE_QUARTIC] = ANALYTIC_QUARTIC, [SPEC_SHAPE_GYROID] = ANALYTIC_GYROID,
     };
     return shapes[shape];
 }
@@ -34,8 +34,7 @@ static bool open_analytic(const spec_analytic *a, source *out, error *e)
     return true;
 }
 
-static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memory, source *out,
-                        error *e)
+static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memory, source *out, error *e)
 {
     int fd = store_open_input(roots, v->path, e);
     if (fd < 0) return false;
@@ -45,8 +44,8 @@ static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memo
         .grid = v->grid,
         .has_isovalue = v->has_isovalue,
         .isovalue = v->isovalue,
-        .reconstruction = v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING
-                                                                             : VOLUME_INTERPOLATING,
+        .reconstruction =
+            v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING,
         .memory_limit = memory,
     };
     bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
@@ -83,8 +82,7 @@ void source_describe(const source *s, json *report, json *surface, json *warning
     json_put_number(surface, "voxel_size", info->voxel_size);
     json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
     json_put_integer(surface, "bricks", (int64_t)info->bricks);
-    for (size_t k = 0; k < info->warning_count; k++)
-        json_append_string(warnings, info->warning[k]);
+    for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
     json *input = json_append_object(inputs);
     json_put_string(input, "path", s->input_path);
     json_put_integer(input, "bytes", (int64_t)s->input_bytes);

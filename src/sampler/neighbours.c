@@ -62,8 +62,7 @@ static uint64_t key_of(const neighbours *n, vec3 x)
 static size_t slot_of(const neighbours *n, uint64_t key)
 {
     size_t slot = (size_t)(key * 0x9e3779b97f4a7c15u >> 20) & (n->table_size - 1);
-    while (n->table[slot] && n->bin_key[n->table[slot] - 1] != key)
-        slot = (slot + 1) & (n->table_size - 1);
+    while (n->table[slot] && n->bin_key[n->table[slot] - 1] != key) slot = (slot + 1) & (n->table_size - 1);
     return slot;
 }
 
@@ -103,8 +102,7 @@ static void sort_colours(neighbours *n)
         n->colour_begin[c + 1] += n->colour_begin[c];
         next[c] = n->colour_begin[c];
     }
-    for (size_t b = 0; b < n->bin_count; b++)
-        n->colour_bin[next[colour_of(n->bin_key[b])]++] = (uint32_t)b;
+    for (size_t b = 0; b < n->bin_count; b++) n->colour_bin[next[colour_of(n->bin_key[b])]++] = (uint32_t)b;
 }
 
 typedef struct build_job {
@@ -173,16 +171,15 @@ static bool fill_lists(neighbours *n, const vec3 *x, threads *pool, error *e)
     return true;
 }
 
-bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool,
-                      error *e)
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool, error *e)
 {
     bbox box = bbox_empty();
     for (size_t i = 0; i < count; i++) box = bbox_include(box, x[i]);
     /* one bin of margin, so that the 27 bins around any have no negative coordinate */
     if (bbox_longest(box) / cutoff > (1 << AXIS_BITS) - 4)
         return error_set(e, ERROR_LIMIT_MEMORY,
-                         "the support %g is too small for a surface of size %g: ask for fewer points",
-                         cutoff, bbox_longest(box));
+                         "the support %g is too small for a surface of size %g: ask for fewer points", cutoff,
+                         bbox_longest(box));
     n->count = count;
     n->cutoff = cutoff;
     n->origin = vec3_sub(box.min, vec3_make(cutoff, cutoff, cutoff));

@@ -28,9 +28,9 @@ typedef struct neighbours {
     uint32_t *bin_begin; /* bin_count + 1: the bin's points in `bin_item` */
     uint32_t *bin_item;  /* points by bin, ascending within a bin */
     uint64_t *bin_key;
-    uint32_t *bin_of;    /* of each point */
-    uint32_t *table;     /* open addressing: bin + 1, or 0 */
-    size_t table_size;   /* a power of two */
+    uint32_t *bin_of;  /* of each point */
+    uint32_t *table;   /* open addressing: bin + 1, or 0 */
+    size_t table_size; /* a power of two */
     vec3 origin;
 
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1];
@@ -47,8 +47,7 @@ void neighbours_free(neighbours *n);
 
 /* Bins and lists for `count` points (full lists: j in the list of i and i in that of j; a point is not
  * in its own). May grow its memory when points are crowded. Errors: limit_memory. */
-bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool,
-                      error *e);
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool, error *e);
 
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {

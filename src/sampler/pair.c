@@ -29,8 +29,8 @@ typedef struct lanes {
 
 /* One group: loops over the lanes that the compiler turns into vector instructions. Outside the
  * support the distance is drawn in, so that nothing overflows. */
-static inline __attribute__((always_inline)) void lanes_load(lanes *p, const pair_list *list,
-                                                             size_t block, vec3 x, double sigma)
+static inline __attribute__((always_inline)) void lanes_load(lanes *p, const pair_list *list, size_t block,
+                                                             vec3 x, double sigma)
 {
     const double *px = list->x + block * PAIR_LANES, *py = list->y + block * PAIR_LANES,
                  *pz = list->z + block * PAIR_LANES, *pw = list->weight + block * PAIR_LANES;
@@ -72,8 +72,7 @@ DISPATCH double pair_energy_at(const pair_list *list, vec3 x, double sigma)
     for (size_t b = 0; b < list->blocks; b++) {
         lanes p;
         lanes_load(&p, list, b, x, sigma);
-        for (int l = 0; l < PAIR_LANES; l++)
-            energy[l] += p.weight[l] * (p.cot[l] + p.w[l] - M_PI_2);
+        for (int l = 0; l < PAIR_LANES; l++) energy[l] += p.weight[l] * (p.cot[l] + p.w[l] - M_PI_2);
     }
     return lane_sum(energy);
 }
@@ -82,16 +81,15 @@ DISPATCH void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axi
                              pair_forces *out)
 {
     const double k = M_PI_2 / sigma;
-    double energy[PAIR_LANES] = {0}, d1[PAIR_LANES] = {0}, d2[PAIR_LANES] = {0},
-           h11[PAIR_LANES] = {0}, h12[PAIR_LANES] = {0}, h22[PAIR_LANES] = {0},
-           nearest[PAIR_LANES];
+    double energy[PAIR_LANES] = {0}, d1[PAIR_LANES] = {0}, d2[PAIR_LANES] = {0}, h11[PAIR_LANES] = {0},
+           h12[PAIR_LANES] = {0}, h22[PAIR_LANES] = {0}, nearest[PAIR_LANES];
     for (int l = 0; l < PAIR_LANES; l++) nearest[l] = INFINITY;
     for (size_t b = 0; b < list->blocks; b++) {
         lanes p;
         lanes_load(&p, list, b, x, sigma);
         for (int l = 0; l < PAIR_LANES; l++) {
             double cot2 = p.cot[l] * p.cot[l];
-            double slope = -k * k * cot2 * p.weight[l] / p.w[l];                  /* phi' / r */
+            double slope = -k * k * cot2 * p.weight[l] / p.w[l];                     /* phi' / r */
             double bend = 2 * k * k * p.cot[l] * (1 + cot2) * p.weight[l] / p.r2[l]; /* phi'' / r^2 */
             double a1 = p.dx[l] * axis1.x + p.dy[l] * axis1.y + p.dz[l] * axis1.z;
             double a2 = p.dx[l] * axis2.x + p.dy[l] * axis2.y + p.dz[l] * axis2.z;
@@ -107,6 +105,6 @@ DISPATCH void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axi
     }
     double closest = nearest[0];
     for (int l = 1; l < PAIR_LANES; l++) closest = fmin(closest, nearest[l]);
-    *out = (pair_forces){lane_sum(energy), lane_sum(d1),  lane_sum(d2),
-                         lane_sum(h11),    lane_sum(h12), lane_sum(h22), closest};
+    *out = (pair_forces){lane_sum(energy), lane_sum(d1),  lane_sum(d2), lane_sum(h11),
+                         lane_sum(h12),    lane_sum(h22), closest};
 }

@@ -40,8 +40,7 @@ typedef struct pair_forces {
     double nearest2;      /* squared distance of the nearest neighbour of weight > 0; inf: none */
 } pair_forces;
 
-void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
-                    pair_forces *out);
+void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma, pair_forces *out);
 double pair_energy_at(const pair_list *list, vec3 x, double sigma);
 
 #endif

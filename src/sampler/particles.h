@@ -12,13 +12,13 @@
 typedef struct particles {
     size_t count;
     vec3 *position;
-    vec3 *normal;   /* unit; of the last projection */
-    vec3 *anchor;   /* position when the neighbour lists were built */
-    double *alpha;  /* repulsion amplitude (14), lagged to the last build; 1 without grading */
-    double *lambda; /* log10 of the damping of (11) */
-    double *energy; /* E_i at the last update, full sum, lagged weights */
-    double *step;   /* length of the last move */
-    bool *cramped;  /* the last move was cut short by the validity of the neighbour lists */
+    vec3 *normal;       /* unit; of the last projection */
+    vec3 *anchor;       /* position when the neighbour lists were built */
+    double *alpha;      /* repulsion amplitude (14), lagged to the last build; 1 without grading */
+    double *lambda;     /* log10 of the damping of (11) */
+    double *energy;     /* E_i at the last update, full sum, lagged weights */
+    double *step;       /* length of the last move */
+    bool *cramped;      /* the last move was cut short by the validity of the neighbour lists */
     uint32_t *rejected; /* trials refused in the last update */
 } particles;
 

@@ -1,48 +1,35 @@
 #include "sampler/project.h"
 
-/* Clamps x into the box; the axes that were clamped or lie on a face are pinned when the gradient's
- * pull goes outwards, so that the next step slides along the face. */
-static bool clamp_to_domain(bbox b, vec3 *x)
+/* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
+static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
 {
-    bool clamped = false;
+    if (!f->open) return;
     for (int axis = 0; axis < 3; axis++) {
-        double v = vec3_get(*x, axis), lo = vec3_get(b.min, axis), hi = vec3_get(b.max, axis);
-        double inside = v < lo ? lo : v > hi ? hi : v;
-        if (inside != v) {
-            vec3_set(x, axis, inside);
-            clamped = true;
-        }
+        double v = vec3_get(*x, axis);
+        double inside = fmin(fmax(v, vec3_get(f->domain.min, axis)), vec3_get(f->domain.max, axis));
+        if (inside == v) continue;
+        vec3_set(x, axis, inside);
+        *pinned |= 1u << axis;
     }
-    return clamped;
 }
 
-/* The Newton step at x; on a face of an open domain without the component that would leave it. */
-static bool newton_step(const field *f, vec3 x, const field_sample *s, vec3 *step)
+/* The Newton step of a sample, within the faces that x is pinned to. */
+static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 {
     vec3 g = s->gradient;
-    for (int pass = 0; pass < 3; pass++) {
-        double g2 = vec3_norm2(g);
-        if (!(g2 > 0)) return false;
-        *step = vec3_scale(g, -s->value / g2);
-        if (!f->open) return true;
-        bool pinned = false;
-        for (int axis = 0; axis < 3; axis++) {
-            double v = vec3_get(x, axis), d = vec3_get(*step, axis);
-            if ((d < 0 && v <= vec3_get(f->domain.min, axis)) ||
-                (d > 0 && v >= vec3_get(f->domain.max, axis))) {
-                vec3_set(&g, axis, 0);
-                pinned = true;
-            }
-        }
-        if (!pinned) return true;
-    }
-    return false;
+    for (int axis = 0; axis < 3; axis++)
+        if (pinned >> axis & 1) vec3_set(&g, axis, 0);
+    double g2 = vec3_norm2(g);
+    if (!(g2 > 0)) return false;
+    *step = vec3_scale(g, -s->value / g2);
+    return true;
 }
 
 bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *normal)
 {
-    vec3 p = *x;
-    bool clamped = f->open && clamp_to_domain(f->domain, &p);
+    vec3 p = *x, step;
+    unsigned pinned = 0;
+    clamp_to_domain(f, &p, &pinned);
     for (int k = 0;; k++) {
         field_sample s;
         if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return false;
@@ -55,11 +42,10 @@ bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *
             done = true;
         }
         if (!done) {
-            vec3 step;
-            if (!newton_step(f, p, &s, &step)) return false;
+            if (!newton_step(&s, pinned, &step)) return false;
             p = vec3_add(p, step);
-            clamped = f->open && clamp_to_domain(f->domain, &p);
-            done = distance <= limits->shortcut && !clamped;
+            clamp_to_domain(f, &p, &pinned);
+            done = distance <= limits->shortcut && !pinned;
         }
         if (done) {
             *x = p;
@@ -83,8 +69,7 @@ static bool find_bracket(const field *f, vec3 x, vec3 along, double reach, doubl
     for (int k = 1; k <= SEARCH_STEPS; k++)
         for (int side = -1; side <= 1; side += 2) {
             double t = side * reach * k / SEARCH_STEPS;
-            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) ||
-                (s.value < 0) == inside)
+            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) || (s.value < 0) == inside)
                 continue;
             *a = side * reach * (k - 1) / SEARCH_STEPS;
             *b = t;
@@ -103,8 +88,10 @@ bool project_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *nor
     for (int k = 0; k < HALVINGS; k++) {
         double middle = 0.5 * (a + b);
         if (!field_sample_at(f, vec3_axpy(middle, along, *x), FIELD_GRADIENT, &s)) return false;
-        if ((s.value < 0) == (at_a.value < 0)) a = middle;
-        else b = middle;
+        if ((s.value < 0) == (at_a.value < 0))
+            a = middle;
+        else
+            b = middle;
     }
     vec3 p = vec3_axpy(a, along, *x);
     if (f->open && !bbox_contains(f->domain, p)) return false;

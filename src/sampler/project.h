@@ -2,7 +2,7 @@
  *
  * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is
  * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
- * rim. Pure functions, safe in any thread.
+ * rim, if anywhere. Pure functions, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_PROJECT_H
 #define HEXAD_SAMPLER_PROJECT_H

@@ -74,7 +74,8 @@ static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double 
         } else if (along < 0 && rest < along * low) {
             low = rest / along;
             low_by = c;
-        }
+        } else if (along == 0 && rest < 0)
+            return false; /* c lies between the two */
         if (high - low < -EDGE_DOUBT * limit) return false;
     }
     *length = fmax(high - low, 0);
@@ -172,8 +173,7 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
     out->area_cv = variation(area, area2, n);
     out->energy_excess = energy / alpha / energy_cotangent.ideal - 1;
     out->grading_cv = variation(ratio, ratio2, n);
-    if (coarsest > EVEN_REQUEST * finest)
-        out->grading_exponent = (sxy - sx * sy / n) / (sxx - sx * sx / n);
+    if (coarsest > EVEN_REQUEST * finest) out->grading_exponent = (sxy - sx * sy / n) / (sxx - sx * sx / n);
 }
 
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,

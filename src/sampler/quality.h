@@ -28,7 +28,7 @@ typedef struct quality_input {
 } quality_input;
 
 typedef struct quality {
-    double hex_fraction;      /* share with six neighbours */
+    double hex_fraction; /* share with six neighbours */
     double edge_cv, area_cv;
     double energy_excess;     /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha */
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */

@@ -78,8 +78,9 @@ static bool grow(relax *r, error *e)
         double *m = mem_array(8 * length, sizeof *m, "a gathered list", e);
         if (!m) return false;
         free(r->scratch[k].memory);
-        r->scratch[k] = (gather){m, {0, m, m + length, m + 2 * length, m + 3 * length, m + 4 * length,
-                                     m + 5 * length, m + 6 * length, m + 7 * length}};
+        r->scratch[k] = (gather){m,
+                                 {0, m, m + length, m + 2 * length, m + 3 * length, m + 4 * length,
+                                  m + 5 * length, m + 6 * length, m + 7 * length}};
     }
     r->scratch_entries = length;
     return true;
@@ -179,8 +180,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     }
     vec3 away = p->position[i];
     away.x += r->sigma;
-    for (size_t k = count; k < g->blocks * PAIR_LANES; k++)
-        gather_place(g, k, away, p->normal[i], 0);
+    for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0);
     if (!r->flat[i]) pair_weigh(g, p->normal[i]);
     return g;
 }
@@ -315,8 +315,8 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     for (size_t i = begin; i < end; i++)
-        job->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->p->position[i],
-                                        job->sigma);
+        job->energy[i] =
+            pair_energy_at(gather_list(job->r, job->p, worker, i), job->p->position[i], job->sigma);
 }
 
 double relax_mean_energy(relax *r, const particles *p, double sigma, double *energy)

@@ -29,12 +29,12 @@ typedef struct relax_params {
 } relax_params;
 
 typedef struct relax_sums {
-    double energy;            /* mean E_i, full sums, as the particles were visited */
+    double energy; /* mean E_i, full sums, as the particles were visited */
     double mean_log10_lambda;
-    double rms_step;          /* over h */
-    double max_step;          /* over h */
-    uint64_t rejected;        /* trials refused */
-    size_t cramped;           /* particles whose step the lists' validity cut short: build anew */
+    double rms_step;   /* over h */
+    double max_step;   /* over h */
+    uint64_t rejected; /* trials refused */
+    size_t cramped;    /* particles whose step the lists' validity cut short: build anew */
 } relax_sums;
 
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */

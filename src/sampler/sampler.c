@@ -52,7 +52,7 @@ struct sampler {
     int stage;   /* of round_gain */
     double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
-    int list_age; /* sweeps since they were built */
+    int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
     sampler_outcome outcome;
     size_t removed;
@@ -106,8 +106,8 @@ static bool build_lists(sampler *s, error *e)
     return true;
 }
 
-sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params,
-                     threads *pool, error *e)
+sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
+                     error *e)
 {
     sampler *s = mem_alloc(sizeof *s);
     s->field = f;
@@ -197,9 +197,8 @@ bool sampler_step(sampler *s, error *e)
     double alpha = 0;
     for (size_t i = 0; i < s->p->count; i++) alpha += s->p->alpha[i];
     alpha /= (double)s->p->count;
-    s->sweep[s->sweep_count++] =
-        (sampler_sweep){sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count,
-                        s->sigma, sums.rejected};
+    s->sweep[s->sweep_count++] = (sampler_sweep){
+        sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count, s->sigma, sums.rejected};
     estimate_fraction(s, sums.mean_log10_lambda);
     int over = s->sweeps_in_round - round_patience[s->stage];
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
@@ -292,9 +291,7 @@ static void finish_particle(const finish_job *job, size_t i)
     vec3 x = s->p->position[i], normal = s->p->normal[i];
     field_sample sample;
     job->residual[i] = INFINITY;
-    if (!settle_on_surface(s, &x, &normal) ||
-        !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
-        return;
+    if (!settle_on_surface(s, &x, &normal) || !field_sample_at(s->field, x, FIELD_HESSIAN, &sample)) return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / s->spacing;
     if (!(residual < WORST_RESIDUAL)) return;
     job->residual[i] = residual;
@@ -354,8 +351,10 @@ static void describe_result(sampler *s, const double *residual)
         .sigma = s->sigma,
     };
     for (size_t i = 0; i < n; i++) {
-        if (residual[i] == INFINITY) s->out.lost++;
-        else s->out.max_residual = fmax(s->out.max_residual, residual[i]);
+        if (residual[i] == INFINITY)
+            s->out.lost++;
+        else
+            s->out.max_residual = fmax(s->out.max_residual, residual[i]);
     }
     s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma, s->p->energy);
     s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);

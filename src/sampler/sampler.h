@@ -70,8 +70,8 @@ typedef struct sampler sampler;
 
 /* `f`, `scan` and `pool` stay the caller's and outlive the sampler. Errors: limit_memory, no_surface
  * (particles cannot be placed). */
-sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params,
-                     threads *pool, error *e);
+sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
+                     error *e);
 void sampler_free(sampler *s);
 
 bool sampler_step(sampler *s, error *e); /* one sweep, and control when a round ends */
@@ -84,7 +84,7 @@ double sampler_fraction(const sampler *s);
 /* The record so far; arrays belong to the sampler and live until the next step. */
 const sampler_sweep *sampler_sweeps(const sampler *s, size_t *count);
 const sampler_round *sampler_rounds(const sampler *s, size_t *count);
-double sampler_spacing(const sampler *s);     /* h of the ideal packing */
+double sampler_spacing(const sampler *s); /* h of the ideal packing */
 size_t sampler_removed_offsurface(const sampler *s);
 
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that

@@ -53,8 +53,7 @@ static bool is_degenerate(const field *f, vec3 x, double spacing)
     field_sample s;
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return true;
     sym3 h = s.hessian;
-    double norm2 = h.xx * h.xx + h.yy * h.yy + h.zz * h.zz +
-                   2 * (h.xy * h.xy + h.xz * h.xz + h.yz * h.yz);
+    double norm2 = h.xx * h.xx + h.yy * h.yy + h.zz * h.zz + 2 * (h.xy * h.xy + h.xz * h.xz + h.yz * h.yz);
     double limit = DEGENERATE / spacing;
     return norm2 > limit * limit * vec3_norm2(s.gradient);
 }
@@ -82,7 +81,8 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
             if (draw == MAX_DRAWS)
                 return error_set(e, ERROR_NO_SURFACE,
                                  "particle %zu of %zu does not reach the surface in %zu draws: the field "
-                                 "has no usable gradient near its isosurface", i + 1, p->count, draw);
+                                 "has no usable gradient near its isosurface",
+                                 i + 1, p->count, draw);
         }
     *removed = drawn_again;
     return true;

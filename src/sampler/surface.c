@@ -18,9 +18,11 @@ static const size_t GRAIN = 256; /* cells in a chunk of work */
 
 /* Corners are projected to this fraction of the cell: its square is far below the area's error. */
 static const double CORNER_TOLERANCE = 1e-4;
-/* Normals that differ by more than this (cosine) belong to different parts of a rough surface; the
- * correction for curvature would be meaningless there. */
-static const double CORRECTION_COSINE = 0.5;
+/* What the second order leaves is about the square of the excess: triangles above this are cut in four. */
+static const double EXCESS_FINE = 5e-3;
+/* For bumps of the size of a cell; a sliver at the last depth is corrected no more than this. */
+static const int EXCESS_DEPTH = 2;
+static const double EXCESS_LIMIT = 0.2;
 
 typedef struct corner {
     vec3 position, normal;
@@ -33,58 +35,78 @@ typedef struct triangulation {
     double area[CELL_TRIANGLES];
 } triangulation;
 
-static const corner *cut_edge(const field *f, const field_cell *cell, corner *cache, int a, int b)
+/* A point near the surface, onto it. */
+static void place_corner(const field *f, vec3 x, corner *c)
 {
-    if (a > b) {
-        int swap = a;
-        a = b;
-        b = swap;
-    }
-    corner *c = &cache[8 * a + b];
-    if (c->known) return c;
-    c->known = true;
-    double t = cell->value[a] / (cell->value[a] - cell->value[b]);
-    c->position = vec3_axpy(t, vec3_sub(cell->corner[b], cell->corner[a]), cell->corner[a]);
-    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
-                                   10 * CORNER_TOLERANCE * f->cell_size, 0.05 * f->cell_size};
-    vec3 p = c->position;
+    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size, 10 * CORNER_TOLERANCE * f->cell_size,
+                                   0.05 * f->cell_size};
+    *c = (corner){.position = x, .known = true};
+    vec3 p = x;
     if (project_point(f, &limits, &p, &c->normal) &&
-        vec3_norm2(vec3_sub(p, c->position)) < f->cell_size * f->cell_size) {
+        vec3_norm2(vec3_sub(p, x)) < f->cell_size * f->cell_size) {
         c->position = p;
         c->smooth = true;
     }
+}
+
+static const corner *cut_edge(const field *f, const field_cell *cell, corner *cache, int a, int b)
+{
+    corner *c = a < b ? &cache[8 * a + b] : &cache[8 * b + a];
+    if (c->known) return c;
+    double t = cell->value[a] / (cell->value[a] - cell->value[b]);
+    place_corner(f, vec3_axpy(t, vec3_sub(cell->corner[b], cell->corner[a]), cell->corner[a]), c);
     return c;
 }
 
-/* Flat area times the mean of 1 / cos of the angle between the surface's normal and the triangle's:
- * with the tilt t linear over the triangle, 1 + mean |t|^2 / 2. */
-static double curved_area(const corner *t)
+/* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge over
+ * radius of curvature. An edge of length l whose normals turn by a along it is l (1 + a^2 / 24) long on the
+ * surface, which changes the area by cot(opposite angle) / 4 per change of squared length; and a triangle with
+ * these sides has K (sum of squared sides) / 24 more area where the Gaussian curvature is K. */
+static double curvature_excess(const corner *t, vec3 twice_area)
 {
-    vec3 m = vec3_scale(vec3_cross(vec3_sub(t[1].position, t[0].position),
-                                   vec3_sub(t[2].position, t[0].position)), 0.5);
-    double area = vec3_norm(m);
-    if (!(area > 0) || !t[0].smooth || !t[1].smooth || !t[2].smooth) return area;
-    m = vec3_scale(m, 1 / area);
-    if (vec3_dot(m, t[0].normal) < 0) m = vec3_scale(m, -1);
-    vec3 tilt[3];
+    double area = 0.5 * vec3_norm(twice_area), sum = 0, squares = 0;
     for (int k = 0; k < 3; k++) {
-        double along = vec3_dot(m, t[k].normal);
-        if (along < CORRECTION_COSINE) return area;
-        tilt[k] = vec3_axpy(-along, m, t[k].normal);
+        const corner *o = &t[k], *p = &t[(k + 1) % 3], *q = &t[(k + 2) % 3];
+        vec3 e = vec3_sub(q->position, p->position);
+        double l2 = vec3_norm2(e), turn = vec3_dot(e, vec3_sub(q->normal, p->normal));
+        double cot =
+            vec3_dot(vec3_sub(p->position, o->position), vec3_sub(q->position, o->position)) / (2 * area);
+        squares += l2;
+        if (l2 > 0) sum += cot / 4 * (turn * turn / l2) * l2 / 12;
     }
-    double mean = (vec3_norm2(tilt[0]) + vec3_norm2(tilt[1]) + vec3_norm2(tilt[2]) +
-                   vec3_dot(tilt[0], tilt[1]) + vec3_dot(tilt[1], tilt[2]) +
-                   vec3_dot(tilt[2], tilt[0])) / 6;
-    return area * (1 + 0.5 * mean);
+    vec3 turns = vec3_cross(vec3_sub(t[1].normal, t[0].normal), vec3_sub(t[2].normal, t[0].normal));
+    double gauss = vec3_dot(turns, twice_area) / vec3_norm2(twice_area);
+    return sum / area + gauss * squares / 24;
 }
 
-static void add_triangle(triangulation *out, const corner *a, const corner *b, const corner *c)
+/* Area of the surface above a triangle; where it curves much, by four triangles. */
+static double curved_area(const field *f, const corner *t, int depth)
+{
+    vec3 twice_area =
+        vec3_cross(vec3_sub(t[1].position, t[0].position), vec3_sub(t[2].position, t[0].position));
+    double area = 0.5 * vec3_norm(twice_area);
+    if (!(area > 0) || !t[0].smooth || !t[1].smooth || !t[2].smooth) return area;
+    double excess = curvature_excess(t, twice_area);
+    if (fabs(excess) < EXCESS_FINE) return area * (1 + excess);
+    if (depth == EXCESS_DEPTH) return area * (1 + fmin(fmax(excess, -EXCESS_LIMIT), EXCESS_LIMIT));
+    corner middle[3]; /* opposite of corner k */
+    for (int k = 0; k < 3; k++)
+        place_corner(f, vec3_scale(vec3_add(t[(k + 1) % 3].position, t[(k + 2) % 3].position), 0.5),
+                     &middle[k]);
+    double sum = curved_area(f, middle, depth + 1);
+    for (int k = 0; k < 3; k++)
+        sum += curved_area(f, (corner[3]){t[k], middle[(k + 1) % 3], middle[(k + 2) % 3]}, depth + 1);
+    return sum;
+}
+
+static void add_triangle(const field *f, triangulation *out, const corner *a, const corner *b,
+                         const corner *c)
 {
     corner *t = out->at[out->count];
     t[0] = *a;
     t[1] = *b;
     t[2] = *c;
-    out->area[out->count++] = curved_area(t);
+    out->area[out->count++] = curved_area(f, t, 0);
 }
 
 static void cut_cell(const field *f, size_t index, triangulation *out)
@@ -98,18 +120,19 @@ static void cut_cell(const field *f, size_t index, triangulation *out)
         int inside[4], outside[4], in = 0, ex = 0;
         for (int v = 0; v < 4; v++) {
             int c = tetrahedra[k][v];
-            if (cell.value[c] < 0) inside[in++] = c;
-            else outside[ex++] = c;
+            if (cell.value[c] < 0)
+                inside[in++] = c;
+            else
+                outside[ex++] = c;
         }
         if (in == 0 || ex == 0) continue;
         const corner *cut[4];
         int n = 0;
         for (int i = 0; i < in; i++) /* in the order of a ring round the section */
             for (int j = 0; j < ex; j++)
-                cut[n++] = cut_edge(f, &cell, cache, inside[i],
-                                    outside[in == 2 && i == 1 ? ex - 1 - j : j]);
-        add_triangle(out, cut[0], cut[1], cut[2]);
-        if (n == 4) add_triangle(out, cut[0], cut[2], cut[3]);
+                cut[n++] = cut_edge(f, &cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+        add_triangle(f, out, cut[0], cut[1], cut[2]);
+        if (n == 4) add_triangle(f, out, cut[0], cut[2], cut[3]);
     }
 }
 
@@ -179,8 +202,10 @@ vec3 surface_point(const surface *s, double where, rng *r)
     size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
     while (low < high) {
         size_t middle = low + (high - low + 1) / 2;
-        if (s->area_before[middle] <= where) low = middle;
-        else high = middle - 1;
+        if (s->area_before[middle] <= where)
+            low = middle;
+        else
+            high = middle - 1;
     }
     triangulation t;
     cut_cell(s->field, low, &t);

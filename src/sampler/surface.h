@@ -2,8 +2,8 @@
  * box, and points on it in proportion to area.
  *
  * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
- * moved onto the surface. A triangle's area is corrected for the curve above it by the tilt of the
- * normals at its corners, which leaves an error of fourth order in cell size over radius of curvature.
+ * moved onto the surface. A triangle's area is corrected for the surface's curvature by how the normals at
+ * its corners turn, which leaves an error of fourth order in cell size over radius of curvature.
  */
 #ifndef HEXAD_SAMPLER_SURFACE_H
 #define HEXAD_SAMPLER_SURFACE_H

@@ -12,7 +12,11 @@
 
 static const analytic_params shapes[SHAPE_COUNT] = {
     {.shape = ANALYTIC_SPHERE, .center = {1, 2, 3}, .radius = 3},
-    {.shape = ANALYTIC_TORUS, .center = {0.5, 0, -1}, .axis = {1, 2, 2}, .major_radius = 1, .minor_radius = 0.4},
+    {.shape = ANALYTIC_TORUS,
+     .center = {0.5, 0, -1},
+     .axis = {1, 2, 2},
+     .major_radius = 1,
+     .minor_radius = 0.4},
     {.shape = ANALYTIC_BOX, .center = {0.1, 0.2, 0.3}, .half_size = {0.4, 0.3, 0.2}, .rounding = 0.1},
     {.shape = ANALYTIC_ELLIPSOID, .center = {0, 0, 0}, .radii = {1, 0.7, 0.4}},
     {.shape = ANALYTIC_QUARTIC, .center = {0.5, 0.5, 0.5}, .r = 0.13},

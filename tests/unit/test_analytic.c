@@ -46,8 +46,7 @@ static void gradient_matches_differences(void **state)
                 sample(a, vec3_axpy(step, e, x), &up);
                 sample(a, vec3_axpy(-step, e, x), &down);
                 double difference = (up.value - down.value) / (2 * step);
-                assert_close(vec3_get(s.gradient, axis), difference,
-                                   1e-5 * (vec3_norm(s.gradient) + 1e-3));
+                assert_close(vec3_get(s.gradient, axis), difference, 1e-5 * (vec3_norm(s.gradient) + 1e-3));
             }
         }
         analytic_free(a);
@@ -88,8 +87,8 @@ static void hessian_matches_differences(void **state)
 static void inside_is_negative(void **state)
 {
     (void)state;
-    const vec3 inside[SHAPE_COUNT] = {
-        {1, 2, 5}, {0, 0, 0}, {0.1, 0.2, 0.45}, {0.9, 0, 0}, {0.6, 0.5, 0.5}, {0.5, 0.5, 0.5}};
+    const vec3 inside[SHAPE_COUNT] = {{1, 2, 5},   {0, 0, 0},       {0.1, 0.2, 0.45},
+                                      {0.9, 0, 0}, {0.6, 0.5, 0.5}, {0.5, 0.5, 0.5}};
     for (int k = 0; k < SHAPE_COUNT; k++) {
         analytic *a = make(k);
         vec3 x = inside[k];

@@ -54,8 +54,8 @@ static void scale_of_f_does_not_matter(void **state)
     rng r = rng_seed(test_seed(), 1);
     for (int k = 0; k < 100; k++) {
         field_sample s = {.gradient = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}),
-                          .hessian = {rng_uniform(&r), rng_uniform(&r), rng_uniform(&r),
-                                      rng_uniform(&r), rng_uniform(&r), rng_uniform(&r)}};
+                          .hessian = {rng_uniform(&r), rng_uniform(&r), rng_uniform(&r), rng_uniform(&r),
+                                      rng_uniform(&r), rng_uniform(&r)}};
         double k1, k2, s1, s2;
         field_curvature(&s, &k1, &k2);
         /* G = 3 F + F^2 at F = 0: grad 3 g, Hessian 3 H + 2 g g' */

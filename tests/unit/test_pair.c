@@ -32,7 +32,8 @@ static void random_fixture(fixture *f, rng *r)
         f->z[k] = p.z;
         f->weight[k] = k < NEIGHBOURS ? 0.5 + rng_uniform(r) : 0;
     }
-    f->list = (pair_list){.blocks = PADDED / PAIR_LANES, .x = f->x, .y = f->y, .z = f->z, .weight = f->weight};
+    f->list =
+        (pair_list){.blocks = PADDED / PAIR_LANES, .x = f->x, .y = f->y, .z = f->z, .weight = f->weight};
     f->at = random_between(r, (vec3){-0.1, -0.1, -0.05}, (vec3){0.1, 0.1, 0.05});
     vec3_frame(vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1})), &f->axis1,
                &f->axis2);

@@ -24,8 +24,8 @@ typedef struct solved {
     quality q;
 } solved;
 
-static const sampler_params even = {.count = 1000, .seed = 1, .max_sweeps = 5000,
-                                    .step_tolerance = 1e-3, .energy_tolerance = 0.01};
+static const sampler_params even = {
+    .count = 1000, .seed = 1, .max_sweeps = 5000, .step_tolerance = 1e-3, .energy_tolerance = 0.01};
 
 static void solve(int shape, const sampler_params *params, int workers, solved *out)
 {
@@ -39,8 +39,8 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
     assert_true(sampler_finish(out->s, &e));
     out->points = sampler_result_points(out->s);
     quality_input in = {out->points->count, out->points->position, out->points->normal,
-                        out->points->alpha, out->points->spacing, sampler_spacing(out->s),
-                        out->a->base.open, out->a->base.domain};
+                        out->points->alpha, out->points->spacing,  sampler_spacing(out->s),
+                        out->a->base.open,  out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 

@@ -29,8 +29,7 @@ static void every_item_once(void **state)
         for (size_t grain = 1; grain < 2 * ITEMS; grain = grain * 3 + 1) {
             atomic_int seen[ITEMS];
             memset(seen, 0, sizeof seen);
-            for (int round = 0; round < 5; round++)
-                threads_run(pool, ITEMS, grain, count_items, seen);
+            for (int round = 0; round < 5; round++) threads_run(pool, ITEMS, grain, count_items, seen);
             for (int i = 0; i < ITEMS; i++) assert_int_equal(seen[i], 5);
         }
         threads_run(pool, 0, 1, count_items, NULL);
