@@ -126,6 +126,24 @@ def test_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name):
     diagnose(f"{name}: " + second_opinion(shared_data / "vdb" / name, grid, isovalue, report, points))
 
 
+# Of the two volumes here that a second opinion takes seconds for; the opinion itself is right to 0.2 and
+# 0.5 %. A voxel of the first is small against its tube, in the second the surface bends within a voxel.
+AREAS = [("bifrost_torus01.vdb", 0.005),
+         pytest.param("densityAndHeat.vdb", 0.02, marks=pytest.mark.xfail(
+             strict=True, reason="surface_scan counts the area of a rough surface 12 % too large"))]
+
+
+@pytest.mark.parametrize("name, within", AREAS)
+def test_the_area_of_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name, within):
+    grid, isovalue, _ = FOG[name]
+    report, _ = results(data_service, fog_jobs[name])
+    reference = Reference(shared_data / "vdb" / name, grid)
+    area = reference.area(isovalue, 0.1 * isovalue, 12, numpy.random.default_rng(1))
+    told = report["surface"]["area"]
+    diagnose(f"{name}: area {told:.6g}, by the co-area formula {area:.6g}: {100 * (told / area - 1):+.2f} %")
+    assert abs(told / area - 1) <= within
+
+
 # ---- every awkward file: its clear error or its correct points
 
 # Enough to see the shape, few enough for the whole table to take seconds.
