@@ -22,3 +22,11 @@ def new_service(build, tmp_path):
 @pytest.fixture
 def service(new_service):
     return new_service().start()
+
+
+@pytest.fixture(scope="module")
+def data_service(build, shared_data, tmp_path_factory):
+    """One daemon for all tests of a file, open to the shared data."""
+    made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", shared_data)
+    yield made.start()
+    made.clean_up()

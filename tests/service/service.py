@@ -147,7 +147,7 @@ class Service:
         assert reply.status == 200, reply.body
         return reply.json
 
-    def wait_state(self, job, *states):
+    def wait_state(self, job, *states, seconds=PATIENCE_S):
         def look():
             now = self.job(job)
             if now["state"] in states:
@@ -155,7 +155,7 @@ class Service:
             over = now["state"] in ("succeeded", "failed", "cancelled", "timed_out")
             assert not over, f"wanted {states}, got {now}\n{self.log.read_text()}"
             return None
-        return wait_until(look, f"{job} to be one of {states}")
+        return wait_until(look, f"{job} to be one of {states}", seconds)
 
     def wait_worker(self, job):
         """The pid of the worker that runs the job, once it reports progress."""

@@ -1,0 +1,139 @@
+"""Readers of hexad's results that share no code with it: PLY, PNG and EXR by their definitions."""
+import struct
+import zlib
+
+import numpy
+
+PLY_PROPERTIES = ("x y z nx ny nz kappa kappa1 kappa2 alpha energy spacing spacing_local").split()
+
+
+class Points:
+    """A points.ply, its header as text lines; raises when it is not as the contract says."""
+
+    def __init__(self, data):
+        head, mark, body = data.partition(b"end_header\n")
+        assert mark, "a PLY header without an end"
+        self.header = head.decode("ascii").splitlines()
+        assert self.header[0] == "ply"
+        kind, self.format, version = self.header[1].split()
+        assert (kind, version) == ("format", "1.0")
+        words = [line.split() for line in self.header[2:]]
+        words = [w for w in words if w[0] != "comment"]
+        assert words[0][:2] == ["element", "vertex"] and all(w[0] == "property" for w in words[1:])
+        assert [w[2] for w in words[1:]] == PLY_PROPERTIES
+        (self.type,) = {w[1] for w in words[1:]}
+        self.count = int(words[0][2])
+        if self.format == "ascii":
+            table = numpy.array([[float(v) for v in line.split()] for line in body.decode("ascii").splitlines()])
+        else:
+            assert self.format == "binary_little_endian"
+            table = numpy.frombuffer(body, {"float": "<f4", "double": "<f8"}[self.type])
+            table = table.reshape(-1, len(PLY_PROPERTIES)).astype(float)
+        assert table.shape == (self.count, len(PLY_PROPERTIES))
+        assert numpy.isfinite(table).all()
+        self.position, self.normal = table[:, 0:3], table[:, 3:6]
+        for k, name in enumerate(PLY_PROPERTIES[6:], 6):
+            setattr(self, name, table[:, k])
+
+
+def read_png(data):
+    """Rows of bytes (height, width * channels), every checksum verified, filters undone."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, packed, header = 8, b"", None
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at:at + 8])
+        body = data[at + 8:at + 8 + length]
+        assert zlib.crc32(kind + body) == struct.unpack(">I", data[at + 8 + length:at + 12 + length])[0]
+        at += 12 + length
+        if kind == b"IHDR":
+            header = struct.unpack(">IIBBBBB", body)
+        elif kind == b"IDAT":
+            packed += body
+    assert kind == b"IEND" and at == len(data)
+    width, height, depth, colour, _, _, interlace = header
+    assert depth == 8 and interlace == 0
+    pixel = {0: 1, 2: 3, 4: 2, 6: 4}[colour]
+    lines = numpy.frombuffer(zlib.decompress(packed), numpy.uint8).reshape(height, 1 + width * pixel)
+    rows = numpy.zeros((height, width * pixel), numpy.uint8)
+    above = bytearray(width * pixel)
+    for y, line in enumerate(lines):
+        above = _unfilter(line[0], bytearray(line[1:].tobytes()), above, pixel)
+        rows[y] = numpy.frombuffer(bytes(above), numpy.uint8)
+    return width, height, rows
+
+
+def _unfilter(kind, line, above, pixel):
+    for x in range(len(line) if kind else 0):
+        a = line[x - pixel] if x >= pixel else 0
+        b = above[x]
+        c = above[x - pixel] if x >= pixel else 0
+        if kind == 1:
+            guess = a
+        elif kind == 2:
+            guess = b
+        elif kind == 3:
+            guess = (a + b) // 2
+        else:
+            guess = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
+        line[x] = (line[x] + guess) & 255
+    return line
+
+
+def _exr_header(data):
+    assert struct.unpack("<II", data[:8]) == (20000630, 2)  # one part, scan lines, short names
+    at, attributes = 8, {}
+    while data[at]:
+        name, kind = data[at:].split(b"\0", 2)[:2]
+        at += len(name) + len(kind) + 2
+        (size,) = struct.unpack("<i", data[at:at + 4])
+        attributes[name.decode()] = data[at + 4:at + 4 + size]
+        at += 4 + size
+    return attributes, at + 1
+
+
+def _exr_channels(data):
+    at, channels = 0, []
+    while data[at]:
+        name = data[at:].split(b"\0", 1)[0]
+        at += len(name) + 1
+        kind, _, x, y = struct.unpack("<iB3xii", data[at:at + 16])
+        assert (x, y) == (1, 1)
+        channels.append((name.decode(), {0: "<u4", 1: "<f2", 2: "<f4"}[kind]))
+        at += 16
+    return channels
+
+
+def _unzip(packed, size):
+    """EXR's ZIP: deflate, then differences, then the even bytes before the odd ones."""
+    if len(packed) == size:
+        return packed
+    d = numpy.frombuffer(zlib.decompress(packed), numpy.uint8).astype(numpy.uint64)
+    assert len(d) == size
+    d[1:] += 128
+    d = (numpy.cumsum(d) & 255).astype(numpy.uint8)
+    out = numpy.empty(size, numpy.uint8)
+    half = (size + 1) // 2
+    out[0::2], out[1::2] = d[:half], d[half:]
+    return out.tobytes()
+
+
+def read_exr(data):
+    """(width, height, {channel: array}) of a scan line file without compression or with ZIP."""
+    attributes, at = _exr_header(data)
+    x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
+    width, height = x1 - x0 + 1, y1 - y0 + 1
+    lines = {0: 1, 2: 1, 3: 16}[attributes["compression"][0]]
+    channels = _exr_channels(attributes["channels"])
+    images = {name: numpy.empty((height, width), kind) for name, kind in channels}
+    chunks = -(-height // lines)
+    for offset in struct.unpack(f"<{chunks}Q", data[at:at + 8 * chunks]):
+        y, size = struct.unpack("<ii", data[offset:offset + 8])
+        rows = range(y - y0, min(y - y0 + lines, height))
+        row_bytes = width * sum(numpy.dtype(kind).itemsize for _, kind in channels)
+        body = _unzip(data[offset + 8:offset + 8 + size], row_bytes * len(rows))
+        start = 0
+        for row in rows:
+            for name, kind in channels:
+                images[name][row] = numpy.frombuffer(body, kind, width, start)
+                start += width * numpy.dtype(kind).itemsize
+    return width, height, images

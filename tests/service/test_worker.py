@@ -1,0 +1,424 @@
+"""hexad-worker by itself, as a farm manager calls it: exit codes, last words, progress, every result; and
+the volume that the project makes for a first try."""
+import json
+import os
+import signal
+import subprocess
+
+import numpy
+import pytest
+from scipy.spatial import ConvexHull, cKDTree
+
+from readers import Points, read_exr, read_png
+from service import PATIENCE_S, long_sphere, sphere
+
+OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
+PHASES = ["load", "start", "relax", "measure", "write"]
+LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
+
+
+@pytest.fixture
+def worker(build, tmp_path):
+    """Runs hexad-worker; a document instead of a path is written down first."""
+    def call(spec, *words, output="out", **more):
+        if not isinstance(spec, str):
+            (tmp_path / "spec.json").write_text(json.dumps(spec))
+            spec = "spec.json"
+        to = [] if output is None else ["--output", output]
+        return subprocess.run([build / "hexad-worker", "run", spec, *to, *map(str, words)], cwd=tmp_path, text=True,
+                              capture_output=True, timeout=PATIENCE_S, **more)
+    return call
+
+
+@pytest.fixture
+def start_worker(build, tmp_path):
+    """Starts hexad-worker with a pipe for progress; ends it after the test."""
+    started = []
+
+    def begin(spec):
+        (tmp_path / "spec.json").write_text(json.dumps(spec))
+        ours, theirs = os.pipe()
+        process = subprocess.Popen(
+            [build / "hexad-worker", "run", "spec.json", "--output", "out", "--progress-fd", str(theirs)], cwd=tmp_path,
+            text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[theirs])
+        os.close(theirs)
+        process.progress = os.fdopen(ours)
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
+        process.progress.close()
+
+
+@pytest.fixture(scope="module")
+def example(build, tmp_path_factory):
+    path = tmp_path_factory.mktemp("example") / "example.vdb"
+    subprocess.run([build / "hexad-worker", "make-example", path], check=True, timeout=PATIENCE_S)
+    return path
+
+
+def volume(path, count=100, **surface):
+    spec = sphere(count, surface={"vdb": {"path": str(path), **surface}})
+    spec["output"] = {"preview": False}
+    return spec
+
+
+def last_words(done):
+    words = json.loads(done.stderr.splitlines()[-1])
+    assert set(words) <= {"code", "message", "errors"} and words["message"]
+    return words
+
+
+# ---- exit codes
+
+def test_converged_is_0(worker, tmp_path):
+    done = worker(sphere())
+    assert done.returncode == 0, done.stderr
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == OUTPUTS
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "converged"
+
+
+def test_not_converged_is_10_and_delivers(worker, tmp_path):
+    done = worker(sphere(500, solver={"max_sweeps": 1, "step_tolerance": 1e-9}))
+    assert done.returncode == 10, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["outcome"] == "not_converged" and report["count"] == 500
+    assert Points((tmp_path / "out" / "points.ply").read_bytes()).count == 500
+
+
+def test_a_spec_from_standard_input(worker, tmp_path):
+    assert worker("-", input=json.dumps(sphere(output={"preview": False}))).returncode == 0
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json"]
+
+
+BAD_SPECS = {
+    "no JSON": ("{", "spec_invalid", None),
+    "no object": ("[]", "spec_invalid", ""),
+    "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),
+    "a wrong type": (sphere(count="many"), "spec_invalid", "/sampling/count"),
+    "two targets": (sphere(sampling={"count": 5, "spacing": 1}), None, None),
+    "a part not built": (sphere(sampling={"spacing": 0.1}), "not_supported", "/sampling/spacing"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SPECS)
+def test_a_bad_spec_is_2(worker, tmp_path, name):
+    spec, code, pointer = BAD_SPECS[name]
+    done = worker("-", input=spec) if isinstance(spec, str) else worker(spec)
+    assert done.returncode == 2
+    words = last_words(done)
+    assert words["code"] in ("spec_invalid", "not_supported") and code in (None, words["code"])
+    if pointer is not None:
+        assert pointer in [e["pointer"] for e in words["errors"]], words
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
+def test_a_bad_command_line_is_2(worker):
+    for done in (worker(sphere(), output=None), worker(sphere(), "--nonsense"), worker("not-there.json"),
+                 worker(sphere(), "--memory-mb", "much"), worker(sphere(), "--progress-fd", "-1")):
+        assert done.returncode == 2
+        assert last_words(done)["code"] == "spec_invalid"
+
+
+def test_a_bad_input_is_3(worker, tmp_path, example):
+    (tmp_path / "lfs.vdb").write_text(LFS)
+    (tmp_path / "empty.vdb").write_bytes(b"")
+    whole = example.read_bytes()
+    (tmp_path / "cut.vdb").write_bytes(whole[:len(whole) // 2])
+    (tmp_path / "link.vdb").symlink_to(example)
+    cases = [(volume("not-there.vdb"), [], "input_missing", "not-there.vdb"),
+             (volume("lfs.vdb"), [], "input_damaged", "lfs.vdb"),
+             (volume("empty.vdb"), [], "input_damaged", "empty.vdb"),
+             (volume("cut.vdb"), [], "input_damaged", "cut.vdb"),
+             (volume("."), [], None, "."),
+             (volume(example, grid="nothing"), [], "grid_missing", "trefoil"),
+             (volume(example), ["--input-root", tmp_path], "path_forbidden", "example.vdb"),
+             (volume(tmp_path / "link.vdb"), ["--input-root", tmp_path], "path_forbidden", "link.vdb"),
+             (volume(tmp_path / ".." / example.parent.name / "example.vdb"), ["--input-root", tmp_path],
+              "path_forbidden", "example.vdb")]
+    for spec, more, code, word in cases:
+        done = worker(spec, *more)
+        assert done.returncode == 3, (spec, done)
+        words = last_words(done)
+        assert code in (None, words["code"]) and word in words["message"], words
+        assert not (tmp_path / "out" / "report.json").exists()
+    assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 0
+
+
+def test_no_surface_is_4(worker, example):
+    done = worker(volume(example, isovalue=100))
+    assert done.returncode == 4
+    words = last_words(done)
+    assert words["code"] == "no_surface" and "example.vdb" in words["message"] and "100" in words["message"]
+
+
+def test_limits_are_5(worker, example):
+    for spec, more, code in ((sphere(10000000, limits={"memory_mb": 64}), [], "limit_memory"),
+                             (sphere(10000000), ["--memory-mb", 64], "limit_memory"),
+                             (volume(example, 4), ["--memory-mb", 1], "limit_memory"),
+                             (long_sphere(limits={"timeout_s": 0.2}), [], "limit_time")):
+        done = worker(spec, *more)
+        assert done.returncode == 5, done
+        assert last_words(done)["code"] == code
+
+
+def test_anything_else_is_1(worker, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    done = worker(sphere(), output="file/out")
+    assert done.returncode == 1
+    words = last_words(done)
+    assert words["code"] == "internal" and "file/out" in words["message"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_cancels_with_6(start_worker, tmp_path, number):
+    process = start_worker(long_sphere())
+    for line in process.progress:
+        if "sweep" in json.loads(line):
+            break
+    process.send_signal(number)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 6
+    assert json.loads(stderr.splitlines()[-1])["code"] == "cancelled"
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_signal_at_the_start_cancels_too(start_worker, tmp_path):
+    process = start_worker(long_sphere())
+    assert json.loads(process.progress.readline())["phase"] == "load"
+    process.send_signal(signal.SIGTERM)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 6 and json.loads(stderr.splitlines()[-1])["code"] == "cancelled"
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
+def test_a_failure_leaves_no_report_of_before(worker, tmp_path):
+    assert worker(sphere()).returncode == 0
+    assert (tmp_path / "out" / "report.json").exists()
+    assert worker(volume("not-there.vdb")).returncode == 3
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
+# ---- progress
+
+def test_progress(start_worker):
+    process = start_worker(sphere(8000))
+    lines = [json.loads(line) for line in process.progress]
+    process.communicate(timeout=PATIENCE_S)
+    assert process.returncode in (0, 10)
+    known = {"phase", "fraction", "round", "sweep", "count", "energy_excess", "rms_step", "mean_log10_lambda",
+             "elapsed_s", "eta_s"}
+    for line in lines:
+        assert {"phase", "fraction", "elapsed_s"} <= set(line) <= known
+        assert 0 <= line["fraction"] <= 1
+        assert all(isinstance(v, (int, float)) for k, v in line.items() if k != "phase")
+    order = [PHASES.index(line["phase"]) for line in lines]
+    assert order == sorted(order) and set(order) == set(range(len(PHASES)))
+    for before, after in zip(lines, lines[1:]):
+        assert after["elapsed_s"] >= before["elapsed_s"]
+        if after["phase"] == before["phase"]:
+            assert after["fraction"] >= before["fraction"], (before, after)
+            assert after.get("sweep", 0) >= before.get("sweep", 0)
+    relax = [line for line in lines if "sweep" in line]
+    assert relax and all(line["phase"] == "relax" for line in relax)
+    # ten a second, and the first line of each phase
+    duration = lines[-1]["elapsed_s"]
+    assert len(lines) <= 10 * (duration + 0.1) + len(PHASES)
+
+
+# ---- results, made again by other means
+
+@pytest.fixture(scope="module")
+def ball(build, tmp_path_factory):
+    """Report and points of an even sphere of radius 1, in double."""
+    where = tmp_path_factory.mktemp("ball")
+    spec = sphere(2000, output={"ply": {"precision": "double"}, "preview": {"size": [320, 256]}})
+    done = subprocess.run([build / "hexad-worker", "run", "-", "--output", where], input=json.dumps(spec), text=True,
+                          timeout=PATIENCE_S, stdout=subprocess.DEVNULL, cwd=where)
+    assert done.returncode == 0
+    return where, json.loads((where / "report.json").read_text()), Points((where / "points.ply").read_bytes())
+
+
+NUMBER = (int, float)
+REPORT = {
+    "schema": str, "version": int, "outcome": str, "count": int, "requested": {"count": int},
+    "surface": {"area": NUMBER, "bounding_box": {"min": [NUMBER], "max": [NUMBER]}, "warnings": [str]},
+    "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER,
+    "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
+    "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER,
+                "min_spacing_ratio": NUMBER, "max_residual": NUMBER, "lost": int, "removed_offsurface": int,
+                "rim_count": int, "euler": NUMBER, "grading": {"cv": NUMBER, "exponent": NUMBER}},
+    "rounds": [{"sweeps": int, "inserted": int, "deleted": int, "sigma": NUMBER, "count": int, "energy": NUMBER}],
+    "sweeps": [{"energy": NUMBER, "mean_log10_lambda": NUMBER, "rms_step": NUMBER, "count": int, "sigma": NUMBER,
+                "rejected": int}],
+    "timing_s": {phase: NUMBER for phase in PHASES + ["total"]},
+    "peak_memory_bytes": int, "threads": int, "isa": str,
+    "inputs": [{"path": str, "bytes": int, "sha256": str}],
+    "outputs": [{"name": str, "bytes": int, "sha256": str}],
+    "spec": dict,
+}
+
+
+def assert_shape(value, shape, where):
+    """Every member that the contract lists, of its type; more may be there."""
+    if isinstance(shape, list):
+        assert isinstance(value, list), where
+        for k, item in enumerate(value):
+            assert_shape(item, shape[0], f"{where}/{k}")
+    elif isinstance(shape, dict):
+        assert isinstance(value, dict), where
+        for key, inner in shape.items():
+            assert key in value, f"{where}/{key} is missing"
+            assert_shape(value[key], inner, f"{where}/{key}")
+    else:
+        assert isinstance(value, shape) and not isinstance(value, bool), f"{where} is {value!r}"
+
+
+def test_the_report_has_every_member(ball, worker, tmp_path, example):
+    where, report, points = ball
+    assert_shape(report, REPORT, "")
+    assert report["rounds"] and report["sweeps"] and report["inputs"] == []
+    assert sum(o["bytes"] for o in report["outputs"]) == sum(
+        (where / o["name"]).stat().st_size for o in report["outputs"])
+    assert {o["name"] for o in report["outputs"]} == set(OUTPUTS) - {"report.json"}
+    assert abs(sum(report["timing_s"][p] for p in PHASES) - report["timing_s"]["total"]) < 0.01
+    assert worker(volume(example)).returncode == 0
+    of_volume = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert_shape(of_volume, REPORT, "")
+    assert of_volume["surface"]["voxels"] > 100000
+    (entry,) = of_volume["inputs"]
+    assert entry["path"] == str(example) and entry["bytes"] == example.stat().st_size
+
+
+def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
+    where, report, _ = ball
+    assert worker(report["spec"]).returncode == 0
+    assert (tmp_path / "out" / "points.ply").read_bytes() == (where / "points.ply").read_bytes()
+    again = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert again["spec"] == report["spec"]
+
+
+@pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_ply_forms(ball, worker, tmp_path, form, precision):
+    done = worker(sphere(2000, output={"ply": {"format": form, "precision": precision}, "preview": False}))
+    assert done.returncode == 0, done.stderr
+    data = (tmp_path / "out" / "points.ply").read_bytes()
+    points, meant = Points(data), ball[2]
+    assert (points.format, points.type) == (form, precision)
+    assert str(tmp_path).encode() not in data[:1000]
+    for name in ("position", "normal", "kappa", "alpha", "energy", "spacing", "spacing_local"):
+        got, want = getattr(points, name), getattr(meant, name)
+        if precision == "float":
+            want = want.astype(numpy.float32)
+        assert (got.astype(want.dtype) == want).all(), name  # ASCII too: every digit that counts
+
+
+def test_the_quality_of_a_sphere(ball, diagnose):
+    """The Delaunay triangulation of points on a sphere is their convex hull: degrees without any of the
+    approximations of the restricted Voronoi diagram."""
+    _, report, points = ball
+    n, told = points.count, report["quality"]
+    hull = ConvexHull(points.position)
+    sides = numpy.sort(numpy.concatenate([hull.simplices[:, [0, 1]], hull.simplices[:, [1, 2]],
+                                          hull.simplices[:, [2, 0]]]), axis=1)
+    edges = numpy.unique(sides, axis=0)
+    assert len(edges) == 3 * n - 6
+    degree = numpy.bincount(edges.ravel(), minlength=n)
+    length = numpy.linalg.norm(points.position[edges[:, 0]] - points.position[edges[:, 1]], axis=1)
+    relative = length / points.spacing[edges].mean(axis=1)
+    hex_fraction, edge_cv = (degree == 6).mean(), relative.std() / relative.mean()
+    # equations (6) and (7), full sum, support sqrt(3) h
+    h = numpy.sqrt(2 * 4 * numpy.pi / (numpy.sqrt(3) * n))
+    reach = numpy.sqrt(3) * h
+    pairs = cKDTree(points.position).query_pairs(reach, output_type="ndarray")
+    u = numpy.linalg.norm(points.position[pairs[:, 0]] - points.position[pairs[:, 1]], axis=1) * numpy.pi / (2 * reach)
+    excess = 2 * (1 / numpy.tan(u) + u - numpy.pi / 2).sum() / n / report["energy"]["ideal"] - 1
+    diagnose(f"hex_fraction {hex_fraction:.6f} told {told['hex_fraction']:.6f}, edge_cv {edge_cv:.6f} told "
+             f"{told['edge_cv']:.6f}, energy_excess {excess:.6f} told {told['energy_excess']:.6f}, "
+             f"min_spacing_ratio {relative.min():.6f} told {told['min_spacing_ratio']:.6f}")
+    assert abs(hex_fraction - told["hex_fraction"]) <= 1e-6
+    assert abs(edge_cv / told["edge_cv"] - 1) <= 0.01
+    assert abs(relative.min() / told["min_spacing_ratio"] - 1) <= 0.01
+    # the area that h comes from is right to 0.1 %, of which energy takes 2.3 times as much
+    assert abs(excess - told["energy_excess"]) <= 0.0025
+    assert told["euler"] == 2 and abs(report["spacing"] / h - 1) <= 0.0005
+    assert told["hex_fraction"] >= 0.9
+    residual = numpy.abs(numpy.linalg.norm(points.position, axis=1) - 1).max() / h
+    assert abs(residual - told["max_residual"]) <= 1e-12
+    # Voronoi areas tile the surface
+    tiled = (numpy.sqrt(3) / 2 * points.spacing_local ** 2).sum()
+    assert abs(tiled / (4 * numpy.pi) - 1) < 0.02
+
+
+def test_the_curvature_of_a_sphere(ball):
+    _, _, points = ball
+    for name, value in (("kappa1", 1), ("kappa2", 1), ("kappa", numpy.sqrt(2)), ("alpha", 1)):
+        assert numpy.abs(getattr(points, name) - value).max() < 1e-9, name
+    assert numpy.abs(points.normal - points.position).max() < 1e-9
+
+
+def test_the_previews_of_a_sphere(ball):
+    where, report, points = ball
+    width, height, rows = read_png((where / "preview.png").read_bytes())
+    assert (width, height) == (320, 256)
+    wide, high, image = read_exr((where / "preview.exr").read_bytes())
+    assert (wide, high) == (width, height)
+    kinds = {name: channel.dtype.str for name, channel in image.items()}
+    assert kinds == {**dict.fromkeys("RGBA", "<f2"), "id": "<u4",
+                     **dict.fromkeys(["N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z", "Z", "kappa", "spacing"], "<f4")}
+    assert all(numpy.isfinite(channel).all() for channel in image.values())
+    # where a disc is: its point, one of ours, seen from in front, its disc in its tangent plane
+    ids = image["id"][image["id"] > 0].astype(int) - 1
+    assert 0.3 * points.count < len(set(ids)) <= 0.75 * points.count  # somewhat less than the near half
+    shown = image["id"] > 0
+    place = numpy.stack([image[f"P.{axis}"][shown] for axis in "XYZ"], axis=1)
+    normal = numpy.stack([image[f"N.{axis}"][shown] for axis in "XYZ"], axis=1)
+    assert numpy.abs(normal - points.normal[ids]).max() < 1e-6
+    apart = place - points.position[ids]
+    above = (apart * normal).sum(axis=1)  # the gaps between discs are filled from a little below them
+    assert above.max() < 1e-5 and above.min() > -0.15 * report["spacing"]
+    assert (numpy.abs(above) < 1e-5).mean() > 0.5
+    assert numpy.linalg.norm(apart, axis=1).max() < 1.5 * report["spacing"]
+    assert numpy.abs(image["kappa"][shown] - numpy.sqrt(2)).max() < 1e-6
+    colours = rows.reshape(height, width, -1)
+    assert len(numpy.unique(colours[shown].reshape(shown.sum(), -1), axis=0)) > 50  # shaded
+
+
+# ---- the volume that the project makes
+
+def trefoil_distance(points):
+    """From the middle of the tube: its closed curve, near its nearest of many places, by Newton's method."""
+    def curve(t):
+        return numpy.stack([numpy.sin(t) + 2 * numpy.sin(2 * t), numpy.cos(t) - 2 * numpy.cos(2 * t),
+                            -numpy.sin(3 * t)], axis=-1) / 3
+    t = numpy.linspace(0, 2 * numpy.pi, 20000, endpoint=False)
+    return cKDTree(curve(t)).query(points)[0]  # 1e-3 apart: 3e-6 of the distance at most
+
+
+def test_the_example_through_rest(new_service, example, diagnose):
+    service = new_service("--input_roots", example.parent).start()
+    job = service.submit(volume(example, 3000, grid="trefoil"))
+    assert service.wait_state(job, "succeeded")["outcome"] == "converged"
+    report = service.get(f"/v1/jobs/{job}/results/report.json").json
+    points = Points(service.get(f"/v1/jobs/{job}/results/points.ply").body)
+    off = (trefoil_distance(points.position) - 0.15) / 0.02
+    diagnose(f"off the tube: {numpy.abs(off).max():.2g} voxel at most, {numpy.median(off):.2g} in the median; "
+             f"kappa1 {numpy.median(points.kappa1) * 0.15:.4f} of 1 / radius; hex_fraction "
+             f"{report['quality']['hex_fraction']}, {report['timing_s']['total']} s")
+    assert points.count == 3000 and report["quality"]["lost"] == 0
+    assert report["quality"]["euler"] == 0  # a tube along a knot is a torus
+    assert report["quality"]["hex_fraction"] >= 0.9
+    assert numpy.abs(off).max() < 0.02
+    assert abs(numpy.median(points.kappa1) * 0.15 - 1) < 0.02
+
+
+def test_the_example_is_the_same_each_time(build, tmp_path, example):
+    subprocess.run([build / "hexad-worker", "make-example", tmp_path / "again.vdb"], check=True, timeout=PATIENCE_S)
+    # OpenVDB gives each file a random identifier of 36 characters, at the start
+    first, again = example.read_bytes(), (tmp_path / "again.vdb").read_bytes()
+    assert len(first) == len(again)
+    assert [k for k in range(len(first)) if first[k] != again[k] and not 16 <= k < 64] == []
