@@ -22,6 +22,13 @@ static const double CORNER_TOLERANCE = 1e-4;
 static const double EXCESS_FINE = 5e-3;
 /* For bumps of the size of a cell; a sliver at the last depth is corrected no more than this. */
 static const int EXCESS_DEPTH = 2;
+/* A middle that lies farther off its side than this share of the side belongs to another sheet, or the
+ * surface is too rough there: the side stays straight. An arc of a right angle rises by 0.21. */
+static const double RISE_LIMIT = 0.25;
+/* Of the cell: a false position's error is not squared by the step after, as that of Newton's is. */
+static const double ROOT_TOLERANCE = 1e-6;
+/* Steps of a false position that halves the end which stays (Illinois): more than a bisection to 1e-6. */
+static const int ROOT_STEPS = 24;
 static const double EXCESS_LIMIT = 0.2;
 
 typedef struct corner {
@@ -35,26 +42,50 @@ typedef struct triangulation {
     double area[CELL_TRIANGLES];
 } triangulation;
 
-/* A point near the surface, onto it. */
-static void place_corner(const field *f, vec3 x, corner *c)
+/* A point near the surface, onto it, if that is within `reach`. */
+static void place_corner(const field *f, vec3 x, double reach, corner *c)
 {
     const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size, 10 * CORNER_TOLERANCE * f->cell_size,
                                    0.05 * f->cell_size};
     *c = (corner){.position = x, .known = true};
     vec3 p = x;
-    if (project_point(f, &limits, &p, &c->normal) &&
-        vec3_norm2(vec3_sub(p, x)) < f->cell_size * f->cell_size) {
+    if (project_point(f, &limits, &p, &c->normal) && vec3_norm2(vec3_sub(p, x)) < reach * reach) {
         c->position = p;
         c->smooth = true;
     }
 }
 
+/* Where the surface cuts an edge: a root between its ends, never elsewhere. Newton's steps would leave the
+ * cell where the surface bends within it, and the triangles fold over each other and count twice. */
 static const corner *cut_edge(const field *f, const field_cell *cell, corner *cache, int a, int b)
 {
     corner *c = a < b ? &cache[8 * a + b] : &cache[8 * b + a];
     if (c->known) return c;
-    double t = cell->value[a] / (cell->value[a] - cell->value[b]);
-    place_corner(f, vec3_axpy(t, vec3_sub(cell->corner[b], cell->corner[a]), cell->corner[a]), c);
+    double low = 0, high = 1, at_low = cell->value[a], at_high = cell->value[b];
+    vec3 edge = vec3_sub(cell->corner[b], cell->corner[a]);
+    bool low_is_inside = at_low < 0;
+    c->known = true;
+    for (int k = 0; k < ROOT_STEPS; k++) {
+        field_sample s;
+        double t = low + (high - low) * at_low / (at_low - at_high);
+        c->position = vec3_axpy(t, edge, cell->corner[a]);
+        if (!field_sample_at(f, c->position, FIELD_GRADIENT, &s)) return c;
+        double length = vec3_norm(s.gradient);
+        if (length > 0 && fabs(s.value) <= ROOT_TOLERANCE * f->cell_size * length) {
+            c->normal = vec3_scale(s.gradient, 1 / length);
+            c->smooth = true;
+            return c;
+        }
+        if ((s.value < 0) == low_is_inside) {
+            low = t;
+            at_low = s.value;
+            if (k % 2) at_high *= 0.5;
+        } else {
+            high = t;
+            at_high = s.value;
+            if (k % 2) at_low *= 0.5;
+        }
+    }
     return c;
 }
 
@@ -90,9 +121,10 @@ static double curved_area(const field *f, const corner *t, int depth)
     if (fabs(excess) < EXCESS_FINE) return area * (1 + excess);
     if (depth == EXCESS_DEPTH) return area * (1 + fmin(fmax(excess, -EXCESS_LIMIT), EXCESS_LIMIT));
     corner middle[3]; /* opposite of corner k */
-    for (int k = 0; k < 3; k++)
-        place_corner(f, vec3_scale(vec3_add(t[(k + 1) % 3].position, t[(k + 2) % 3].position), 0.5),
-                     &middle[k]);
+    for (int k = 0; k < 3; k++) {
+        vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
+        place_corner(f, vec3_scale(vec3_add(p, q), 0.5), RISE_LIMIT * vec3_norm(vec3_sub(q, p)), &middle[k]);
+    }
     double sum = curved_area(f, middle, depth + 1);
     for (int k = 0; k < 3; k++)
         sum += curved_area(f, (corner[3]){t[k], middle[(k + 1) % 3], middle[(k + 2) % 3]}, depth + 1);
