@@ -2,7 +2,7 @@
 
 HEXAD_BUILD    directory of the built programs (needed)
 HEXAD_SOURCE   the source tree; default: above this file
-HEXAD_SHARED   directory that holds data/; default: ../shared beside the source tree
+HEXAD_SHARED   directory of the shared data; default: ../shared/data beside the source tree
 HEXAD_TAP_FD   descriptor for TAP; without it pytest reports as usual
 """
 import os
@@ -73,7 +73,7 @@ def build():
 @pytest.fixture(scope="session")
 def shared_data(source):
     """The directory of files from outside, or a skip that says so."""
-    where = pathlib.Path(os.environ.get("HEXAD_SHARED", source.parent / "shared")) / "data"
+    where = pathlib.Path(os.environ.get("HEXAD_SHARED", source.parent / "shared" / "data"))
     if not where.is_dir():
-        pytest.skip(f"there is no {where}: set HEXAD_SHARED to the directory that holds data/")
+        pytest.skip(f"there is no {where}: set HEXAD_SHARED to the directory of the shared data")
     return where
