@@ -27,7 +27,7 @@ static const int EXCESS_DEPTH = 2;
 static const double RISE_LIMIT = 0.25;
 /* Of the cell: a false position's error is not squared by the step after, as that of Newton's is. */
 static const double ROOT_TOLERANCE = 1e-6;
-/* Steps of a false position that halves the end which stays (Illinois): more than a bisection to 1e-6. */
+/* Steps of a false position that halves the value of an end that stays twice (Illinois): a few do. */
 static const int ROOT_STEPS = 24;
 static const double EXCESS_LIMIT = 0.2;
 
@@ -64,6 +64,7 @@ static const corner *cut_edge(const field *f, const field_cell *cell, corner *ca
     double low = 0, high = 1, at_low = cell->value[a], at_high = cell->value[b];
     vec3 edge = vec3_sub(cell->corner[b], cell->corner[a]);
     bool low_is_inside = at_low < 0;
+    int kept = 0; /* which end the last step left alone: -1 low, 1 high */
     c->known = true;
     for (int k = 0; k < ROOT_STEPS; k++) {
         field_sample s;
@@ -79,11 +80,13 @@ static const corner *cut_edge(const field *f, const field_cell *cell, corner *ca
         if ((s.value < 0) == low_is_inside) {
             low = t;
             at_low = s.value;
-            if (k % 2) at_high *= 0.5;
+            if (kept == 1) at_high *= 0.5;
+            kept = 1;
         } else {
             high = t;
             at_high = s.value;
-            if (k % 2) at_low *= 0.5;
+            if (kept == -1) at_low *= 0.5;
+            kept = -1;
         }
     }
     return c;

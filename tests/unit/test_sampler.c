@@ -181,24 +181,6 @@ static void seeds_differ_and_repeat(void **state)
     release(&c);
 }
 
-/* The energy of the system falls with every sweep under one support: each accepted step is a decrease
- * of the sum, pairs being symmetric. */
-static void energy_never_rises(void **state)
-{
-    (void)state;
-    sampler_params params = even;
-    params.max_sweeps = 100;
-    solved x;
-    solve(4, &params, 1, &x);
-    size_t count;
-    const sampler_sweep *sweep = sampler_sweeps(x.s, &count);
-    for (size_t k = 1; k < count; k++)
-        if (sweep[k].sigma == sweep[k - 1].sigma && k > 20)
-            assert_true(sweep[k].energy < sweep[k - 1].energy * (1 + 1e-3));
-    assert_true(sweep[99 < count ? 99 : count - 1].energy < sweep[0].energy);
-    release(&x);
-}
-
 static void tiny_counts_work(void **state)
 {
     (void)state;
@@ -224,7 +206,6 @@ int main(void)
         cmocka_unit_test(every_shape_converges),
         cmocka_unit_test(threads_do_not_show),
         cmocka_unit_test(seeds_differ_and_repeat),
-        cmocka_unit_test(energy_never_rises),
         cmocka_unit_test(tiny_counts_work),
     };
     return cmocka_run_group_tests_name("sampler", tests, NULL, NULL);
