@@ -5,24 +5,14 @@
 #include "base/memory.h"
 #include "sampler/energy.h"
 #include "sampler/neighbours.h"
-
-/* Neighbours are looked for within this many times the largest requested spacing: wide enough for the
- * cell of a point beside a vacancy. */
-static const double REACH = 3.0;
-/* Points whose normals' cosine is below this are on another sheet; a right angle, as on a cube, is not. */
-static const double OTHER_SIDE = -0.2;
-/* A Voronoi edge is cut off this far from its middle, in units of h: nothing bounds it there. */
-static const double EDGE_LIMIT = 1.5;
-/* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
- * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
-static const double EDGE_DOUBT = 0.1;
+#include "sampler/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
 static const double EVEN_REQUEST = 1.0001;
 
 typedef struct measure_job {
     const quality_input *in;
-    const neighbours *near;
+    voronoi_sites sites;
     double support;
     double *area, *energy, *nearest; /* per point; nearest over requested spacing */
     double *edge_sum, *edge_squares; /* of relative lengths of the edges to points of higher index */
@@ -35,73 +25,22 @@ static double alpha_of(const quality_input *in, size_t i)
     return in->alpha ? in->alpha[i] : 1;
 }
 
-/* The angle at p under which a and b are seen. */
-static double angle_at(vec3 p, vec3 a, vec3 b)
-{
-    vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
-    return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
-}
-
-/* Of a quadrilateral a c b d that nearly lies on a circle: is ab its Delaunay diagonal, rather than cd?
- * The same answer for either diagonal. */
-static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
-{
-    double opposite = angle_at(x[c], x[a], x[b]) + angle_at(x[d], x[a], x[b]);
-    double own = angle_at(x[a], x[c], x[d]) + angle_at(x[b], x[c], x[d]);
-    if (opposite != own) return opposite < own;
-    return (a < b ? a : b) < (c < d ? c : d);
-}
-
-/* Whether a < b are joined, and the length of the Voronoi edge between them. */
-static bool voronoi_edge(const measure_job *job, uint32_t a, uint32_t b, double *length)
-{
-    const quality_input *in = job->in;
-    vec3 r = vec3_sub(in->position[b], in->position[a]);
-    vec3 n = vec3_add(in->normal[a], in->normal[b]);
-    vec3 m = vec3_axpy(0.5, r, in->position[a]);
-    vec3 d = vec3_unit(vec3_cross(n, r));
-    double length_n = vec3_norm(n);
-    double quarter = 0.25 * vec3_norm2(r);
-    double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]), low = -limit, high = limit;
-    uint32_t low_by = a, high_by = a; /* a: nobody */
-    const uint32_t *list = neighbours_list(job->near, a);
-    for (uint32_t k = 0; k < job->near->list_count[a]; k++) {
-        uint32_t c = list[k];
-        if (c == b || vec3_dot(in->normal[c], n) <= OTHER_SIDE * length_n) continue;
-        vec3 q = vec3_sub(in->position[c], m);
-        double along = 2 * vec3_dot(d, q), rest = vec3_norm2(q) - quarter;
-        /* points m + t d of the bisector are nearer to c where 2 t d.q > |q|^2 - |r|^2 / 4 */
-        if (along > 0 && rest < along * high) {
-            high = rest / along;
-            high_by = c;
-        } else if (along < 0 && rest < along * low) {
-            low = rest / along;
-            low_by = c;
-        } else if (along == 0 && rest < 0)
-            return false; /* c lies between the two */
-        if (high - low < -EDGE_DOUBT * limit) return false;
-    }
-    *length = fmax(high - low, 0);
-    if (high - low > EDGE_DOUBT * limit || low_by == a || high_by == a) return high > low;
-    return is_diagonal(in->position, a, b, low_by, high_by);
-}
-
 static void measure_point(const measure_job *job, uint32_t i)
 {
     const quality_input *in = job->in;
-    const uint32_t *list = neighbours_list(job->near, i);
+    const uint32_t *list = neighbours_list(job->sites.near, i);
     double nearest = INFINITY;
-    for (uint32_t k = 0; k < job->near->list_count[i]; k++) {
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
         double facing = vec3_dot(in->normal[i], in->normal[j]);
-        if (facing <= OTHER_SIDE) continue;
+        if (facing <= VORONOI_OTHER_SIDE) continue;
         double length = vec3_norm(vec3_sub(in->position[i], in->position[j]));
         double relative = length / (0.5 * (in->spacing[i] + in->spacing[j]));
         job->energy[i] += 0.5 * (alpha_of(in, i) + alpha_of(in, j)) *
                           energy_cotangent.value(fmax(length / job->support, 1e-6));
         nearest = fmin(nearest, relative);
         double edge;
-        if (!voronoi_edge(job, i < j ? i : j, i < j ? j : i, &edge)) continue;
+        if (!voronoi_edge(&job->sites, i, j, &edge)) continue;
         job->area[i] += 0.25 * length * edge;
         if (job->degree[i] < UINT8_MAX) job->degree[i]++;
         if (i > j || job->rim[i] || job->rim[j]) continue;
@@ -109,7 +48,7 @@ static void measure_point(const measure_job *job, uint32_t i)
         job->edge_squares[i] += relative * relative;
         job->edges[i]++;
     }
-    job->nearest[i] = nearest;
+    job->sites.nearest[i] = nearest;
 }
 
 static void measure_chunk(void *context, int worker, size_t begin, size_t end)
@@ -162,7 +101,7 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
         ratio2 += r * r;
         finest = fmin(finest, in->spacing[i]);
         coarsest = fmax(coarsest, in->spacing[i]);
-        out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->nearest[i]);
+        out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->sites.nearest[i]);
         if (!(local[i] > 0)) continue;
         sx += x;
         sy += y;
@@ -192,8 +131,8 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     if (!column || !bytes || !near) goto done;
     double widest = 0;
     for (size_t i = 0; i < n; i++) widest = fmax(widest, in->spacing[i]);
-    if (!neighbours_build(near, n, in->position, REACH * fmax(widest, in->h), pool, e)) goto done;
-    job.near = near;
+    if (!neighbours_build(near, n, in->position, VORONOI_REACH * fmax(widest, in->h), pool, e)) goto done;
+    job.sites = (voronoi_sites){in->position, in->normal, in->spacing, near};
     job.area = column;
     job.energy = column + n;
     job.nearest = column + 2 * n;

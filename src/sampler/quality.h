@@ -1,9 +1,7 @@
 /* quality: measures of a finished point set, from its points alone.
  *
- * The Voronoi diagram restricted to the surface: two points are joined when their bisector, in the
- * plane through their midpoint with their mean normal, is not cut away by a third. Seen from both
- * ends the same, so that degrees agree and the sum of (6 - degree) tells the Euler characteristic.
- * Neighbours whose normals differ by more than 101 degrees are on another sheet and do not count.
+ * Neighbours are those of the Voronoi diagram restricted to the surface (voronoi.h); the sum of (6 - degree)
+ * tells the Euler characteristic.
  * See SPEC `report.json` for the meaning of each measure.
  */
 #ifndef HEXAD_SAMPLER_QUALITY_H

@@ -1,0 +1,22 @@
+/* refine: from a coarse packing to one of about four times as many particles, on the middles of the Delaunay
+ * edges, which keeps the packing's order. */
+#ifndef HEXAD_SAMPLER_REFINE_H
+#define HEXAD_SAMPLER_REFINE_H
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "sampler/particles.h"
+#include "sampler/surface.h"
+
+/* How many particles to solve for so that refining gives at least `count`. A closed surface of Euler
+ * characteristic x has 3 (n - x) edges, so n become 4 n - 3 x; spheres, x = 2, have the fewest. */
+size_t refine_coarser(size_t count);
+
+/* Adds particles until there are exactly `count` (p has room for them): those on the middles of Delaunay edges,
+ * with what is too many left out evenly, or what is missing drawn from the surface. `spacing` is that of the
+ * particles at hand. Errors: limit_memory, no_surface. */
+bool refine_particles(const field *f, const surface *scan, particles *p, size_t count, double spacing,
+                      uint64_t seed, threads *pool, error *e);
+
+#endif
