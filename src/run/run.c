@@ -84,6 +84,7 @@ static bool start(job *j, error *e)
         .nu = s->alpha.nu,
         .kappa_max = s->alpha.kappa_max,
         .sigma = s->sigma,
+        .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .max_sweeps = s->max_sweeps,
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,

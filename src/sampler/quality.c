@@ -48,7 +48,7 @@ static void measure_point(const measure_job *job, uint32_t i)
         job->edge_squares[i] += relative * relative;
         job->edges[i]++;
     }
-    job->sites.nearest[i] = nearest;
+    job->nearest[i] = nearest;
 }
 
 static void measure_chunk(void *context, int worker, size_t begin, size_t end)
@@ -101,7 +101,7 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
         ratio2 += r * r;
         finest = fmin(finest, in->spacing[i]);
         coarsest = fmax(coarsest, in->spacing[i]);
-        out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->sites.nearest[i]);
+        out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->nearest[i]);
         if (!(local[i] > 0)) continue;
         sx += x;
         sy += y;

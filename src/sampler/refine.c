@@ -55,8 +55,9 @@ static bool draw_rest(const field *f, const surface *scan, particles *p, size_t 
     for (int draws = 0; p->count < count; draws++) {
         vec3 x = surface_point(scan, rng_uniform(&r) * scan->area, &r), n;
         if (draws == MAX_DRAWS)
-            return error_set(e, ERROR_NO_SURFACE, "particle %zu of %zu does not reach the surface in %d draws",
-                             p->count + 1, count, draws);
+            return error_set(e, ERROR_NO_SURFACE,
+                             "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
+                             count, draws);
         if (!project_point(f, &limits, &x, &n)) continue;
         p->position[p->count] = x;
         p->normal[p->count++] = n;

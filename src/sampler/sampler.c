@@ -7,6 +7,7 @@
 #include "sampler/energy.h"
 #include "sampler/particles.h"
 #include "sampler/project.h"
+#include "sampler/refine.h"
 #include "sampler/relax.h"
 #include "sampler/start.h"
 
@@ -24,6 +25,8 @@ static const double round_gain[] = {1e-4, 1e-6, 1e-8};
 enum { ROUNDS = sizeof round_gain / sizeof round_gain[0] };
 /* Share of the sweeps that a job typically spends before each round, for the estimate of progress. */
 static const double round_share[ROUNDS + 1] = {0, 0.07, 0.35, 1};
+/* And where refined levels begin. */
+static const double FINE_BEGINS = 0.4;
 
 /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that.
  * A round that is longer than this many sweeps asks for ten times the gain, and again after each so many. */
@@ -35,9 +38,19 @@ static const int CRAMPED_WAIT = 4;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */
 static const double WORST_RESIDUAL = 1e-6;
 static const int REPLACEMENT_DRAWS = 30;
-enum { MAX_ROUNDS = 12 };
+enum { MAX_ROUNDS = 24 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
+
+/* Coarse to fine: the coarsest packing sets the order of the finest, at a cost that does not show, unless its
+ * spacing is coarser than this fraction of the radius of curvature, where strain is locked in. */
+static const double COARSEST_BEND = 1.0 / 2;
+enum { MAX_LEVELS = 12, FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
+/* Of the curvatures of those samples, the one that counts. */
+static const double BEND_QUANTILE = 0.9;
+/* A level that is to be refined is left when the rms step is below this (of h), or after so many sweeps. */
+static const double LEVEL_STEP = 5e-3;
+static const int LEVEL_SWEEPS = 30;
 
 struct sampler {
     const field *field;
@@ -49,6 +62,8 @@ struct sampler {
     double spacing; /* h */
     double sigma;
     double skin;
+    size_t level_count[MAX_LEVELS]; /* particles of each level; the last is params.count */
+    int level, levels;
     int stage;   /* of round_gain */
     double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
@@ -106,6 +121,58 @@ static bool build_lists(sampler *s, error *e)
     return true;
 }
 
+static int compare_double(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The larger principal curvature that a tenth of the surface exceeds. */
+static double typical_bend(const sampler *s)
+{
+    rng r = rng_seed(s->params.seed, 4);
+    double bend[BEND_SAMPLES];
+    size_t found = 0;
+    for (int k = 0; k < BEND_SAMPLES; k++) {
+        field_sample sample;
+        double kappa1, kappa2;
+        vec3 x = surface_point(s->scan, (k + 0.5) / BEND_SAMPLES * s->scan->area, &r);
+        if (!field_sample_at(s->field, x, FIELD_HESSIAN, &sample)) continue;
+        field_curvature(&sample, &kappa1, &kappa2);
+        bend[found++] = fmax(fabs(kappa1), fabs(kappa2));
+    }
+    if (found == 0) return INFINITY;
+    qsort(bend, found, sizeof *bend, compare_double);
+    return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
+}
+
+static double even_spacing(const sampler *s, size_t count)
+{
+    return sqrt(2 * s->scan->area / (sqrt(3) * (double)count));
+}
+
+static void plan_levels(sampler *s)
+{
+    size_t count[MAX_LEVELS] = {s->params.count};
+    s->levels = 1;
+    double coarsest = s->params.coarse_to_fine ? COARSEST_BEND / typical_bend(s) : 0;
+    while (s->levels < MAX_LEVELS) {
+        size_t next = refine_coarser(count[s->levels - 1]);
+        if (next < FEWEST_PARTICLES || even_spacing(s, next) > coarsest) break;
+        count[s->levels++] = next;
+    }
+    for (int k = 0; k < s->levels; k++) s->level_count[k] = count[s->levels - 1 - k];
+}
+
+/* The scales of the level at hand. */
+static void enter_level(sampler *s, double support)
+{
+    s->spacing = even_spacing(s, s->p->count);
+    s->sigma = support * s->spacing;
+    s->skin = 0.6 * s->spacing;
+    s->gain = round_gain[s->stage];
+}
+
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
                      error *e)
 {
@@ -114,18 +181,19 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->scan = scan;
     s->params = *params;
     s->pool = pool;
-    s->spacing = sqrt(2 * scan->area / (sqrt(3) * (double)params->count));
-    s->sigma = params->sigma > 0 ? params->sigma : sqrt(3) * s->spacing;
-    s->skin = 0.6 * s->spacing;
-    s->gain = round_gain[0];
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
-    if (!s->sweep || !(s->p = particles_new(params->count, e)) ||
-        !(s->relax = relax_new(params->count, pool, e)) ||
-        !start_place(f, scan, params, s->spacing, s->p, &s->removed, e) || !build_lists(s, e)) {
-        sampler_free(s);
-        return NULL;
-    }
+    s->p = particles_new(params->count, e);
+    s->relax = relax_new(params->count, pool, e);
+    if (!s->sweep || !s->p || !s->relax) goto fail;
+    plan_levels(s);
+    s->p->count = s->level_count[0];
+    /* a support that is given is meant for the whole count */
+    enter_level(s, params->sigma > 0 ? params->sigma / even_spacing(s, params->count) : sqrt(3));
+    if (!start_place(f, scan, params, s->spacing, s->p, &s->removed, e) || !build_lists(s, e)) goto fail;
     return s;
+fail:
+    sampler_free(s);
+    return NULL;
 }
 
 void sampler_free(sampler *s)
@@ -162,28 +230,67 @@ static void note_round(sampler *s, double energy)
     s->sweeps_in_round = 0;
 }
 
-/* A round has come to rest: adapt the support, look closer, or end. */
+/* A level has come to rest: four times as many particles, with the support that it needed. */
+static bool refine(sampler *s, error *e)
+{
+    double support = s->sigma / s->spacing;
+    if (!refine_particles(s->field, s->scan, s->p, s->level_count[++s->level], s->spacing, s->params.seed,
+                          s->pool, e))
+        return false;
+    enter_level(s, support);
+    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
+    return build_lists(s, e);
+}
+
+/* A round has come to rest: adapt the support and look closer, refine, or end. */
 static bool control(sampler *s, error *e)
 {
     double energy = relax_mean_energy(s->relax, s->p, s->sigma, NULL);
     note_round(s, energy);
+    bool last_stage = s->stage == ROUNDS - 1;
+    if (last_stage && s->level < s->levels - 1) return refine(s, e);
     bool on_target = fabs(energy / energy_cotangent.ideal - 1) < s->params.energy_tolerance;
-    if (s->stage == ROUNDS - 1 && (on_target || s->round_count == MAX_ROUNDS)) {
+    if (last_stage && (on_target || s->round_count == MAX_ROUNDS)) {
         s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
     s->sigma = ideal_support(s, &energy);
-    if (s->stage < ROUNDS - 1) s->stage++;
+    if (!last_stage) s->stage++;
     s->gain = round_gain[s->stage];
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
     return build_lists(s, e);
 }
 
-/* Lambda climbs from its floor to its cap within a round. */
-static void estimate_fraction(sampler *s, double mean_log10_lambda)
+/* The paper's steady state; a refined level starts near its own and is judged by its steps, and one that is
+ * to be refined again need not wait for the last of them. */
+static bool is_at_rest(const sampler *s, const relax_sums *sums)
 {
-    double low = round_share[s->stage], high = round_share[s->stage + 1];
-    double climb = fmin(fmax((mean_log10_lambda + 3) / (REST_LAMBDA + 3), 0), 1);
+    bool last_stage = s->stage == ROUNDS - 1, last_level = s->level == s->levels - 1;
+    if (s->level > 0 && !last_level) return sums->rms_step < LEVEL_STEP || s->sweeps_in_round >= LEVEL_SWEEPS;
+    bool still = sums->rms_step < s->params.step_tolerance;
+    if (s->level > 0) return still;
+    return sums->mean_log10_lambda > REST_LAMBDA && (!last_stage || still);
+}
+
+/* Lambda climbs from its floor to its cap within a round, and the step falls to its tolerance on a refined
+ * level. Levels count by their particles, but for the coarsest, which takes more sweeps. */
+static void estimate_fraction(sampler *s, const relax_sums *sums)
+{
+    double low = 0, high = 1;
+    if (s->levels > 1) {
+        low = s->level == 0 ? 0
+                            : FINE_BEGINS + (1 - FINE_BEGINS) * (double)s->level_count[s->level - 1] /
+                                                (double)s->params.count;
+        high = s->level == 0 ? FINE_BEGINS
+                             : FINE_BEGINS + (1 - FINE_BEGINS) * (double)s->level_count[s->level] /
+                                                 (double)s->params.count;
+    }
+    double climb;
+    if (s->level == 0) {
+        climb = fmin(fmax((sums->mean_log10_lambda + 3) / (REST_LAMBDA + 3), 0), 1);
+        climb = round_share[s->stage] + (round_share[s->stage + 1] - round_share[s->stage]) * climb;
+    } else
+        climb = fmin(1, s->params.step_tolerance / fmax(sums->rms_step, 1e-300));
     s->fraction = fmax(s->fraction, low + (high - low) * climb);
 }
 
@@ -199,16 +306,14 @@ bool sampler_step(sampler *s, error *e)
     alpha /= (double)s->p->count;
     s->sweep[s->sweep_count++] = (sampler_sweep){
         sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count, s->sigma, sums.rejected};
-    estimate_fraction(s, sums.mean_log10_lambda);
+    estimate_fraction(s, &sums);
     int over = s->sweeps_in_round - round_patience[s->stage];
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
     s->list_age++;
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
     s->skin = fmin(0.6, fmax(0.2, 6 * sums.rms_step)) * s->spacing;
-    bool at_rest = sums.mean_log10_lambda > REST_LAMBDA &&
-                   (s->stage < ROUNDS - 1 || sums.rms_step < s->params.step_tolerance);
-    if (at_rest && !control(s, e)) return false;
+    if (is_at_rest(s, &sums) && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;

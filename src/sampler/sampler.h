@@ -33,6 +33,8 @@ typedef struct sampler_params {
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
     double sigma; /* initial support, world units; 0: that of the ideal packing */
+    bool
+        coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
     int max_sweeps;
     double step_tolerance;   /* of the rms step over h */
     double energy_tolerance; /* of |E / E_ideal - 1| */

@@ -36,12 +36,12 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     return p;
 }
 
-/* Draw number `draw` of particle i. The surface start takes its k-th stratum of area. */
+/* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area. */
 static vec3 draw_point(const field *f, const surface *scan, const sampler_params *params, size_t i,
-                       size_t draw, rng *r)
+                       size_t count, size_t draw, rng *r)
 {
     if (params->start == SAMPLER_START_SURFACE) {
-        double where = ((double)i + rng_uniform(r)) / (double)params->count;
+        double where = ((double)i + rng_uniform(r)) / (double)count;
         if (draw > 0) where = rng_uniform(r);
         return surface_point(scan, where * scan->area, r);
     }
@@ -71,7 +71,7 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
     size_t drawn_again = 0;
     for (size_t i = 0; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
-            vec3 x = draw_point(f, scan, params, i, draw, &r);
+            vec3 x = draw_point(f, scan, params, i, p->count, draw, &r);
             if (project_point(f, &limits, &x, &p->normal[i]) && bbox_contains(near, x) &&
                 !is_degenerate(f, x, spacing)) {
                 p->position[i] = x;

@@ -393,6 +393,7 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
 
 static const char *default_of(const reading *r, const spec_row *row)
 {
+    if (row->offset == offsetof(spec, method) && r->s->has_alpha) return "\"paper\"";
     if (row->offset == offsetof(spec, preview_color))
         return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
@@ -472,6 +473,14 @@ static void check_analytic(reading *r, const json_at *at)
                   a->rounding);
 }
 
+static void check_solver(reading *r, const json_at *at)
+{
+    json_at method = json_member(at, "method");
+    if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
+        add_fault(r, &method, ERROR_SPEC_INVALID,
+                  "sampling.alpha belongs to the method \"paper\" (given \"sized\")");
+}
+
 /* Reads the members of a group; a place without a node stands for an object without members. */
 static void read_group(reading *r, const json_at *at, const char *group, json *normal)
 {
@@ -491,6 +500,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
         if (r->total == before) check_analytic(r, at);
     }
+    if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
 }
 
 /* ---- the whole ---- */

@@ -60,6 +60,7 @@ typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
 } spec_alpha;
 
+typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER } spec_method;
 typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
 typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
 typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
@@ -76,6 +77,7 @@ typedef struct spec {
     bool has_alpha;
     spec_alpha alpha;
 
+    spec_method method; /* default: paper with alpha, else sized */
     double sigma; /* solver.sigma: initial support; 0: chosen from count and area */
     spec_init init;
     uint64_t seed;

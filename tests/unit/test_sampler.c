@@ -146,17 +146,42 @@ static void every_shape_converges(void **state)
     }
 }
 
+/* Coarse to fine: a few defects of the coarsest level are all that the finest has. */
+static void coarse_to_fine_leaves_few_defects(void **state)
+{
+    (void)state;
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        if (shapes[k].shape == ANALYTIC_GYROID || shapes[k].shape == ANALYTIC_ELLIPSOID) continue;
+        sampler_params params = even;
+        params.count = 10000;
+        params.coarse_to_fine = true;
+        solved x;
+        solve(k, &params, 2, &x);
+        size_t rounds;
+        const sampler_round *round = sampler_rounds(x.s, &rounds);
+        print_message("# %s from %zu: hex %.4f edge_cv %.4f area_cv %.4f excess %.5f\n", shape_names[k],
+                      round[0].count, x.q.hex_fraction, x.q.edge_cv, x.q.area_cv, x.q.energy_excess);
+        assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
+        assert_int_equal(x.points->count, 10000);
+        assert_true(round[0].count < 3000);
+        assert_true(x.q.hex_fraction >= 0.965 && x.q.edge_cv <= 0.05 && x.q.area_cv <= 0.016);
+        assert_true(x.q.energy_excess <= 0.005 && x.q.min_spacing_ratio >= 0.83);
+        release(&x);
+    }
+}
+
 /* Bytes, not tolerances. */
 static void threads_do_not_show(void **state)
 {
     (void)state;
     sampler_params params = even;
-    params.max_sweeps = 60;
+    params.max_sweeps = 150;
+    params.coarse_to_fine = true;
     solved one;
-    solve(1, &params, 1, &one);
+    solve(0, &params, 1, &one);
     for (int workers = 2; workers <= 8; workers += 3) {
         solved many;
-        solve(1, &params, workers, &many);
+        solve(0, &params, workers, &many);
         assert_memory_equal(one.points->position, many.points->position, 1000 * sizeof(vec3));
         assert_memory_equal(one.points->energy, many.points->energy, 1000 * sizeof(double));
         release(&many);
@@ -204,6 +229,7 @@ int main(void)
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
         cmocka_unit_test(every_shape_converges),
+        cmocka_unit_test(coarse_to_fine_leaves_few_defects),
         cmocka_unit_test(threads_do_not_show),
         cmocka_unit_test(seeds_differ_and_repeat),
         cmocka_unit_test(tiny_counts_work),

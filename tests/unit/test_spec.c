@@ -430,7 +430,7 @@ static void test_normalised_is_idempotent(void **state)
         text,
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
         "\"radius\":0.4}},"
-        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"paper\",\"energy\":\"cotangent\","
+        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
         "\"minimiser\":"
         "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
         "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
@@ -491,8 +491,10 @@ static void test_faults(void **state)
                  "/output/preview/size/1", "8193");
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1",
                  "(given 7)");
-    expect_fault(SPHERE ",\"solver\":{\"method\":\"sized\"}}", ERROR_NOT_SUPPORTED,
-                 "/solver/method", "\"sized\" is not supported by this version: use \"paper\"");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}", ERROR_NOT_SUPPORTED, "/solver/method",
+                 "\"witkin-heckbert\" is not supported by this version: use \"sized\"");
+    expect_fault("{\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}", invalid,
+                 "/solver/method", "belongs to the method \"paper\"");
     assert_null(spec_parse(NULL, NULL, NULL));
 }
 
