@@ -468,6 +468,8 @@ static void describe_result(sampler *s, const double *residual)
 
 bool sampler_finish(sampler *s, error *e)
 {
+    while (s->level < s->levels - 1) /* stopped early: the count is exact all the same */
+        if (!refine(s, e)) return false;
     size_t n = s->p->count;
     finish_job job = {s, mem_array(n, sizeof *job.residual, "the result", e)};
     bool ok = false;
