@@ -107,7 +107,9 @@ void report_fill(json *report, const report_facts *facts)
     json_put_string(report, "outcome", facts->converged ? "converged" : "not_converged");
     json_put_integer(report, "count", (int64_t)points->count);
     json *requested = json_put_object(report, "requested");
-    json_put_integer(requested, "count", facts->spec->count);
+    if (facts->spec->count > 0) json_put_integer(requested, "count", facts->spec->count);
+    if (facts->spec->spacing > 0) json_put_number(requested, "spacing", facts->spec->spacing);
+    if (facts->spec->density > 0) json_put_number(requested, "density", facts->spec->density);
     put_surface(report, facts);
     json_put_number(report, "sigma", points->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));

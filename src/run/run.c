@@ -1,5 +1,6 @@
 #include "run/run.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -17,20 +18,24 @@
 
 /* What a particle takes at the peak, from particles, neighbour lists, measures and the verification's second
  * copy: measured at 0.9 kB from a start on the surface, 1.5 kB from a random one, whose lists are longer. */
-static const size_t BYTES_PER_PARTICLE = 1600;
+static const double BYTES_PER_PARTICLE = 1600;
 /* Likewise of the preview's pixels. */
-static const size_t BYTES_PER_PIXEL = 20;
+static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
 static const int64_t THREADS_FROM = 20000;
+/* The range of sampling.count, for targets that come to a count. */
+static const double COUNT_MIN = 4, COUNT_MAX = 1e8;
 
 typedef struct job {
     const spec *spec;
     const run_options *options;
     progress progress;
     int64_t deadline_ms; /* monotonic; INT64_MAX: none */
+    size_t memory; /* bytes, the job's limit */
     threads *pool;
     source source;
     surface *scan;
+    size_t count;
     sampler *sampler;
     double *spacing_local;
     quality quality;
@@ -48,23 +53,45 @@ static bool may_go_on(const job *j, error *e)
     return true;
 }
 
+static bool fits_memory(const job *j, double count, error *e)
+{
+    const spec *s = j->spec;
+    double particles = count * BYTES_PER_PARTICLE;
+    double pixels = s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
+    double memory = (double)j->memory - (double)source_memory(&j->source);
+    if (particles + pixels <= memory) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "%.0f points need about %.0f MB and their preview %.0f MB, the limit leaves %.0f MB: raise "
+                     "limits.memory_mb",
+                     count, particles / (1 << 20), pixels / (1 << 20), fmax(memory, 0) / (1 << 20));
+}
+
 static bool load(job *j, error *e)
 {
     const spec *s = j->spec;
-    size_t memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
-    size_t particles = (size_t)s->count * BYTES_PER_PARTICLE;
-    size_t pixels = s->has_preview ? (size_t)s->preview_width * (size_t)s->preview_height * BYTES_PER_PIXEL : 0;
-    size_t needed = particles + pixels;
     progress_enter(&j->progress, PROGRESS_LOAD);
-    if (needed > memory)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "%lld points need about %zu MB and their preview %zu MB, the limit is %zu MB: raise "
-                         "limits.memory_mb",
-                         (long long)s->count, particles >> 20, pixels >> 20, memory >> 20);
+    j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
+    if (!fits_memory(j, (double)s->count, e)) return false;
     int workers = s->threads > 0 ? s->threads : threads_available();
-    if (s->threads == 0 && s->count < THREADS_FROM) workers = 1;
+    if (s->threads == 0 && s->count > 0 && s->count < THREADS_FROM) workers = 1;
     j->pool = threads_new(workers, e);
-    return j->pool && source_open(s, j->options->roots, memory - needed, &j->source, e);
+    return j->pool && source_open(s, j->options->roots, j->memory, &j->source, e);
+}
+
+/* The count that the target asks for on a surface of this area. */
+static bool resolve_count(job *j, error *e)
+{
+    const spec *s = j->spec;
+    double area = j->scan->area, count = (double)s->count;
+    if (s->spacing > 0) count = round(2 * area / (sqrt(3) * s->spacing * s->spacing));
+    if (s->density > 0) count = round(s->density * area);
+    if (count < COUNT_MIN || count > COUNT_MAX)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",
+                         s->spacing > 0 ? "/sampling/spacing" : "/sampling/density", count, area, COUNT_MIN,
+                         COUNT_MAX, s->spacing > 0 ? "spacing" : "density");
+    j->count = (size_t)count;
+    return fits_memory(j, count, e);
 }
 
 static bool start(job *j, error *e)
@@ -72,9 +99,9 @@ static bool start(job *j, error *e)
     const spec *s = j->spec;
     progress_enter(&j->progress, PROGRESS_START);
     j->scan = surface_scan(j->source.field, j->pool, e);
-    if (!j->scan) return false;
+    if (!j->scan || !resolve_count(j, e)) return false;
     const sampler_params params = {
-        .count = (size_t)s->count,
+        .count = j->count,
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
         .random_in_cells = j->source.volume != NULL,
         .seed = s->seed,

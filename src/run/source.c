@@ -88,3 +88,9 @@ void source_describe(const source *s, json *report, json *surface, json *warning
     json_put_integer(input, "bytes", (int64_t)s->input_bytes);
     json_put_string(input, "sha256", s->input_sha256);
 }
+
+size_t source_memory(const source *s)
+{
+    if (s->volume) return volume_describe(s->volume)->memory_bytes;
+    return s->analytic ? s->analytic->crossing_count * sizeof *s->analytic->crossing : 0;
+}

@@ -28,4 +28,7 @@ void source_close(source *s);
 /* The report's `inputs`, the volume's members of `surface`, and what it warns of. */
 void source_describe(const source *s, json *report, json *surface, json *warnings);
 
+/* Bytes that the source holds; 0 for one that is not open. */
+size_t source_memory(const source *s);
+
 #endif

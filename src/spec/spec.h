@@ -73,7 +73,10 @@ typedef struct spec {
     spec_vdb vdb;
     spec_analytic analytic;
 
+    /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */
+    double spacing; /* mean distance between neighbours */
+    double density; /* points per unit of area */
     bool has_alpha;
     spec_alpha alpha;
 

@@ -1,6 +1,7 @@
 """hexad-worker by itself, as a farm manager calls it: exit codes, last words, progress, every result; and
 the volume that the project makes for a first try."""
 import json
+import math
 import os
 import signal
 import subprocess
@@ -70,6 +71,30 @@ def last_words(done):
     words = json.loads(done.stderr.splitlines()[-1])
     assert set(words) <= {"code", "message", "errors"} and words["message"]
     return words
+
+
+# ---- targets
+
+@pytest.mark.parametrize("target, value, count", [
+    ("spacing", 0.1, 2 * 4 * math.pi / (math.sqrt(3) * 0.01)),
+    ("density", 25, 25 * 4 * math.pi),
+])
+def test_a_target_comes_to_a_count(worker, tmp_path, target, value, count):
+    """On the sphere of radius 1."""
+    spec = sphere(sampling={target: value}, output={"preview": False})
+    assert worker(spec).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["requested"] == {target: value}
+    assert report["count"] == round(count)
+    assert report["spec"]["sampling"] == {target: value}
+
+
+@pytest.mark.parametrize("target, value", [("spacing", 100), ("spacing", 1e-9), ("density", 1e-9), ("density", 1e12)])
+def test_a_target_beyond_the_counts_is_told(worker, target, value):
+    done = worker(sphere(sampling={target: value}))
+    assert done.returncode == 2
+    words = last_words(done)
+    assert words["code"] == "spec_invalid" and f"/sampling/{target}" in words["message"]
 
 
 # ---- exit codes
