@@ -125,7 +125,7 @@ BAD_SPECS = {
     "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),
     "a wrong type": (sphere(count="many"), "spec_invalid", "/sampling/count"),
     "two targets": (sphere(sampling={"count": 5, "spacing": 1}), None, None),
-    "a part not built": (sphere(sampling={"spacing": 0.1}), "not_supported", "/sampling/spacing"),
+    "a part not built": (sphere(sampling={"time_s": 5}), "not_supported", "/sampling/time_s"),
 }
 
 
