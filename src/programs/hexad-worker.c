@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "json/json.h"
 #include "run/run.h"
+#include "sampler/energy.h"
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
@@ -44,11 +45,13 @@ static void request_cancel(int number)
 static const char help_text[] =
     "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker make-example FILE.vdb\n"
+    "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
     "make-example: writes a small level set to try things with.\n"
+    "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
     "\n"
     "  --output DIR       where results go; made if missing (required)\n"
@@ -244,12 +247,28 @@ static int make_example(const char *path)
     return ok ? 0 : fail(&e, NULL);
 }
 
+/* The data of Figure 2: potentials and forces over the distance in units of the support. */
+static int print_energies(void)
+{
+    const energy_function *const all[] = {&energy_gaussian, &energy_electrostatic, &energy_cotangent};
+    enum { COUNT = sizeof all / sizeof all[0], STEPS = 120 };
+    printf("u");
+    for (int k = 0; k < COUNT; k++) printf(",%s_energy,%s_force", all[k]->name, all[k]->name);
+    for (int i = 1; i <= STEPS; i++) {
+        double u = i / 100.0;
+        printf("\n%.2f", u);
+        for (int k = 0; k < COUNT; k++) printf(",%.9g,%.9g", all[k]->value(u), all[k]->first(u));
+    }
+    return puts("") < 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
+    if (strcmp(command, "energies") == 0) return print_energies();
     if (strcmp(command, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;

@@ -116,8 +116,8 @@ void report_fill(json *report, const report_facts *facts)
     json_put_number(report, "mean_neighbours", points->mean_neighbours);
     json *energy = json_put_object(report, "energy");
     json_put_number(energy, "mean", points->mean_energy);
-    json_put_number(energy, "ideal", energy_cotangent.ideal);
-    json_put_number(energy, "excess", points->mean_energy / energy_cotangent.ideal - 1);
+    json_put_number(energy, "ideal", points->ideal_energy);
+    json_put_number(energy, "excess", points->mean_energy / points->ideal_energy - 1);
     put_quality(report, facts);
     put_rounds(report, facts->sampler);
     put_sweeps(report, facts->sampler);

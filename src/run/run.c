@@ -31,7 +31,7 @@ typedef struct job {
     const run_options *options;
     progress progress;
     int64_t deadline_ms; /* monotonic; INT64_MAX: none */
-    size_t memory; /* bytes, the job's limit */
+    size_t memory;       /* bytes, the job's limit */
     threads *pool;
     source source;
     surface *scan;
@@ -60,10 +60,11 @@ static bool fits_memory(const job *j, double count, error *e)
     double pixels = s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
     double memory = (double)j->memory - (double)source_memory(&j->source);
     if (particles + pixels <= memory) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "%.0f points need about %.0f MB and their preview %.0f MB, the limit leaves %.0f MB: raise "
-                     "limits.memory_mb",
-                     count, particles / (1 << 20), pixels / (1 << 20), fmax(memory, 0) / (1 << 20));
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "%.0f points need about %.0f MB and their preview %.0f MB, the limit leaves %.0f MB: raise "
+        "limits.memory_mb",
+        count, particles / (1 << 20), pixels / (1 << 20), fmax(memory, 0) / (1 << 20));
 }
 
 static bool load(job *j, error *e)
@@ -94,6 +95,10 @@ static bool resolve_count(job *j, error *e)
     return fits_memory(j, count, e);
 }
 
+static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent",
+                                           [SPEC_ENERGY_GAUSSIAN] = "gaussian",
+                                           [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
+
 static bool start(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -112,6 +117,9 @@ static bool start(job *j, error *e)
         .kappa_max = s->alpha.kappa_max,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
+        .energy = energy_find(energy_names[s->energy]),
+        .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
+        .step = s->step,
         .max_sweeps = s->max_sweeps,
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
@@ -128,9 +136,9 @@ static bool relax_until_done(job *j, error *e)
         size_t sweeps, rounds;
         const sampler_sweep *last = sampler_sweeps(j->sampler, &sweeps) + sweeps - 1;
         sampler_rounds(j->sampler, &rounds);
-        progress_update(&j->progress,
-                        &(progress_numbers){sampler_fraction(j->sampler), rounds, sweeps, last->count,
-                                            sampler_excess(last), last->rms_step, last->mean_log10_lambda});
+        progress_update(&j->progress, &(progress_numbers){sampler_fraction(j->sampler), rounds, sweeps,
+                                                          last->count, sampler_excess(j->sampler, last),
+                                                          last->rms_step, last->mean_log10_lambda});
     }
     return sampler_finish(j->sampler, e);
 }

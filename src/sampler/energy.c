@@ -1,6 +1,8 @@
 #include "sampler/energy.h"
 
 #include <math.h>
+#include <stddef.h>
+#include <string.h>
 
 const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     0.9999999999999993,      -0.33333333333263604,    -0.02222222223830475,   -0.0021164019721737048,
@@ -35,3 +37,64 @@ const energy_function energy_cotangent = {
     .ideal = 0.7108259081922546,      /* 6 phi(1 / sqrt 3) */
     .ideal_slope = 4.685640854798417, /* -u phi'(u) / phi(u) at u = 1 / sqrt 3 */
 };
+
+/* The standard deviation of the Gaussian, as a fraction of the support. */
+#define GAUSSIAN_DEVIATION (1.0 / 3)
+
+static double gaussian_value(double u)
+{
+    double z = u / GAUSSIAN_DEVIATION;
+    return u < 1 ? exp(-0.5 * z * z) : 0;
+}
+
+static double gaussian_first(double u)
+{
+    return -u / (GAUSSIAN_DEVIATION * GAUSSIAN_DEVIATION) * gaussian_value(u);
+}
+
+static double gaussian_second(double u)
+{
+    double z = u / GAUSSIAN_DEVIATION;
+    return (z * z - 1) / (GAUSSIAN_DEVIATION * GAUSSIAN_DEVIATION) * gaussian_value(u);
+}
+
+const energy_function energy_gaussian = {
+    .name = "gaussian",
+    .value = gaussian_value,
+    .first = gaussian_first,
+    .second = gaussian_second,
+    .ideal = 1.3387809608905789, /* 6 exp(-3 / 2) */
+    .ideal_slope = 3,            /* (u / deviation)^2 */
+};
+
+static double electrostatic_value(double u)
+{
+    return u < 1 ? 1 / u : 0;
+}
+
+static double electrostatic_first(double u)
+{
+    return u < 1 ? -1 / (u * u) : 0;
+}
+
+static double electrostatic_second(double u)
+{
+    return u < 1 ? 2 / (u * u * u) : 0;
+}
+
+const energy_function energy_electrostatic = {
+    .name = "electrostatic",
+    .value = electrostatic_value,
+    .first = electrostatic_first,
+    .second = electrostatic_second,
+    .ideal = 10.392304845413264, /* 6 sqrt 3 */
+    .ideal_slope = 1,
+};
+
+const energy_function *energy_find(const char *name)
+{
+    static const energy_function *const all[] = {&energy_cotangent, &energy_gaussian, &energy_electrostatic};
+    for (size_t k = 0; k < sizeof all / sizeof all[0]; k++)
+        if (strcmp(all[k]->name, name) == 0) return all[k];
+    return NULL;
+}

@@ -18,8 +18,17 @@ typedef struct energy_function {
     double ideal_slope;
 } energy_function;
 
-/* cot w + w - pi/2 with w = u pi/2 */
+/* cot w + w - pi/2 with w = u pi/2: nearly free of scale, and compact. The one to use. */
 extern const energy_function energy_cotangent;
+
+/* exp(-(3 u)^2 / 2): Witkin and Heckbert's, whose standard deviation is a third of the support, truncated. */
+extern const energy_function energy_gaussian;
+
+/* 1 / u, truncated: free of scale, but its steady states depend on where it is cut off. */
+extern const energy_function energy_electrostatic;
+
+/* NULL for a name that is not one of the above's. */
+const energy_function *energy_find(const char *name);
 
 /* w cot w on [0, pi/2] as a polynomial in w^2, coefficients from the constant term up: the Taylor
  * series' first ENERGY_COT_TERMS - 1 terms 1 - w^2/3 - w^4/45 - ... would need twice as many, so this

@@ -66,7 +66,7 @@ DISPATCH void pair_weigh(pair_list *list, vec3 n)
     }
 }
 
-DISPATCH double pair_energy_at(const pair_list *list, vec3 x, double sigma)
+DISPATCH static double cotangent_energy(const pair_list *list, vec3 x, double sigma)
 {
     double energy[PAIR_LANES] = {0};
     for (size_t b = 0; b < list->blocks; b++) {
@@ -77,8 +77,8 @@ DISPATCH double pair_energy_at(const pair_list *list, vec3 x, double sigma)
     return lane_sum(energy);
 }
 
-DISPATCH void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
-                             pair_forces *out)
+DISPATCH static void cotangent_forces(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
+                                      pair_forces *out)
 {
     const double k = M_PI_2 / sigma;
     double energy[PAIR_LANES] = {0}, d1[PAIR_LANES] = {0}, d2[PAIR_LANES] = {0}, h11[PAIR_LANES] = {0},
@@ -107,4 +107,41 @@ DISPATCH void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axi
     for (int l = 1; l < PAIR_LANES; l++) closest = fmin(closest, nearest[l]);
     *out = (pair_forces){lane_sum(energy), lane_sum(d1),  lane_sum(d2), lane_sum(h11),
                          lane_sum(h12),    lane_sum(h22), closest};
+}
+
+double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma)
+{
+    if (energy == &energy_cotangent) return cotangent_energy(list, x, sigma);
+    double sum = 0;
+    for (size_t k = 0; k < list->blocks * PAIR_LANES; k++) {
+        double r = vec3_norm(vec3_sub(x, (vec3){list->x[k], list->y[k], list->z[k]}));
+        if (list->weight[k] > 0) sum += list->weight[k] * energy->value(fmax(r / sigma, CLOSEST));
+    }
+    return sum;
+}
+
+void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
+                    double sigma, pair_forces *out)
+{
+    if (energy == &energy_cotangent) {
+        cotangent_forces(list, x, axis1, axis2, sigma, out);
+        return;
+    }
+    *out = (pair_forces){.nearest2 = INFINITY};
+    for (size_t k = 0; k < list->blocks * PAIR_LANES; k++) {
+        vec3 d = vec3_sub(x, (vec3){list->x[k], list->y[k], list->z[k]});
+        double r = fmax(vec3_norm(d), CLOSEST * sigma), u = r / sigma, weight = list->weight[k];
+        if (weight == 0 || u >= 1) continue;
+        double slope = weight * energy->first(u) / (sigma * r);
+        /* a potential may bend the wrong way near its centre, as the Gaussian does: no damping from there */
+        double bend = weight * fmax(energy->second(u), 0) / (sigma * sigma * r * r);
+        double a1 = vec3_dot(d, axis1), a2 = vec3_dot(d, axis2);
+        out->energy += weight * energy->value(u);
+        out->d1 += slope * a1;
+        out->d2 += slope * a2;
+        out->h11 += bend * a1 * a1;
+        out->h12 += bend * a1 * a2;
+        out->h22 += bend * a2 * a2;
+        out->nearest2 = fmin(out->nearest2, r * r);
+    }
 }

@@ -1,6 +1,6 @@
 /* pair: the sums over a particle's neighbours, which is where the solver's time goes.
  *
- * The cotangent potential (6), its slope (7) and the first term of its Hessian (10), in the tangent
+ * The potential (6), its slope (7) and the first term of its Hessian (10), in the tangent
  * frame of the particle: the Hessian in three dimensions leaks the normal part of the force into the
  * step. Sums run over PAIR_LANES partial sums that are added in a fixed order, so that every vector
  * width gives the same bits. Pure functions of their arguments.
@@ -11,6 +11,7 @@
 #include <stddef.h>
 
 #include "geometry/vec3.h"
+#include "sampler/energy.h"
 
 #define PAIR_LANES 8
 
@@ -40,7 +41,9 @@ typedef struct pair_forces {
     double nearest2;      /* squared distance of the nearest neighbour of weight > 0; inf: none */
 } pair_forces;
 
-void pair_forces_at(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma, pair_forces *out);
-double pair_energy_at(const pair_list *list, vec3 x, double sigma);
+/* The cotangent has a vectorised kernel; the other potentials go through their tables. */
+void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
+                    double sigma, pair_forces *out);
+double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma);
 
 #endif

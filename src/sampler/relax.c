@@ -33,6 +33,7 @@ typedef struct gather {
 
 struct relax {
     threads *pool;
+    const energy_function *energy;
     neighbours *near;
     bool *flat;         /* all of a particle's neighbours face its way, clearly */
     double sigma, skin; /* of the lists */
@@ -40,10 +41,11 @@ struct relax {
     size_t scratch_entries;
 };
 
-relax *relax_new(size_t capacity, threads *pool, error *e)
+relax *relax_new(size_t capacity, const energy_function *energy, threads *pool, error *e)
 {
     relax *r = mem_alloc(sizeof *r);
     r->pool = pool;
+    r->energy = energy;
     r->scratch = mem_alloc((size_t)threads_count(pool) * sizeof *r->scratch);
     r->near = neighbours_new(capacity, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
@@ -125,6 +127,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 
 typedef struct attempt {
     const relax_params *params;
+    const energy_function *potential;
     pair_list *near;
     bool flat;
     vec3 x, axis1, axis2;
@@ -151,7 +154,7 @@ static void add_turning(const attempt *a, pair_forces *f)
         double r = vec3_norm(vec3_sub(a->x, (vec3){g->x[k], g->y[k], g->z[k]}));
         if (t <= 0 || t >= 1 || r >= a->params->sigma) continue;
         double slope = g->amplitude[k] * 6 * t * (1 - t) / PAIR_FACING_RANGE *
-                       energy_cotangent.value(fmax(r / a->params->sigma, TURNING_NEAREST));
+                       a->potential->value(fmax(r / a->params->sigma, TURNING_NEAREST));
         f->d1 += slope * vec3_dot(turn1, nj);
         f->d2 += slope * vec3_dot(turn2, nj);
     }
@@ -201,19 +204,28 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* Moves along the tangent plane (8), back onto the surface (9), and looks at the energy there. */
-static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal, double *energy)
+/* Moves along the tangent plane (8) and back onto the surface (9). */
+static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
     double h = a->params->spacing;
     const project_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
-    double length = sqrt(s1 * s1 + s2 * s2), scale = a->params->omega;
-    if (length * scale > a->bound) scale = a->bound / length;
+    double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* a projection that is longer than the step was pulled to another sheet */
     if (vec3_norm2(vec3_sub(q, a->x)) > 2 * a->bound * a->bound) return false;
+    *x = q;
+    *normal = n;
+    return true;
+}
+
+/* Moves, and looks at the energy there. */
+static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal, double *energy)
+{
+    vec3 q, n;
+    if (!move(a, a->params->omega * s1, a->params->omega * s2, &q, &n)) return false;
     if (!a->flat) pair_weigh(a->near, n);
-    double trial = pair_energy_at(a->near, q, a->params->sigma);
+    double trial = pair_energy_at(a->near, a->potential, q, a->params->sigma);
     if (!(trial < a->energy * (1 - a->params->gain))) return false;
     *x = q;
     *normal = n;
@@ -230,17 +242,64 @@ static void straighten(const relax_params *params, vec3 *x, vec3 *normal)
     project_point(params->field, &limits, x, normal);
 }
 
+static void take_step(particles *p, size_t i, vec3 x, vec3 normal, double room)
+{
+    p->step[i] = vec3_norm(vec3_sub(x, p->position[i]));
+    p->cramped[i] = p->step[i] >= 0.8 * room;
+    p->position[i] = x;
+    p->normal[i] = normal;
+}
+
+/* Steps 1 to 4 of section 5. */
+static void descend_damped(const attempt *a, const pair_forces *f, particles *p, size_t i, double room)
+{
+    const relax_params *params = a->params;
+    double lambda = p->lambda[i] >= RELAX_LAMBDA_CAP ? 0 : p->lambda[i];
+    for (bool first = true;; first = false) {
+        double s1, s2, expected = damped_step(f, pow(10, lambda), &s1, &s2);
+        if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
+            p->lambda[i] = RELAX_LAMBDA_CAP;
+            if (!first) straighten(params, &p->position[i], &p->normal[i]);
+            return;
+        }
+        if (a->bound < STEP_FLOOR * params->spacing && room < sqrt(f->nearest2)) { /* wait for new lists */
+            p->cramped[i] = true;
+            return;
+        }
+        vec3 x, normal;
+        if (try_step(a, s1, s2, &x, &normal, &p->energy[i])) {
+            take_step(p, i, x, normal, room);
+            p->lambda[i] = first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda;
+            return;
+        }
+        p->rejected[i]++;
+        lambda += 1;
+    }
+}
+
+/* (5), as used for Table 1. */
+static void descend_gradient(const attempt *a, const pair_forces *f, particles *p, size_t i, double room)
+{
+    double scale = -a->params->step * a->params->sigma * a->params->sigma;
+    vec3 x, normal;
+    if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
+        take_step(p, i, x, normal, room);
+    else
+        p->rejected[i]++;
+}
+
 static void update_particle(const sweep_job *job, int worker, size_t i)
 {
     particles *p = job->p;
     const relax_params *params = job->params;
     attempt a = {.params = params,
+                 .potential = job->r->energy,
                  .near = gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i],
                  .x = p->position[i]};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
-    pair_forces_at(a.near, a.x, a.axis1, a.axis2, params->sigma, &f);
+    pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, params->sigma, &f);
     if (!a.flat) add_turning(&a, &f);
     p->energy[i] = a.energy = f.energy;
     p->step[i] = 0;
@@ -248,32 +307,11 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
     p->rejected[i] = 0;
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
     double room = 0.5 * job->r->skin - vec3_norm(vec3_sub(a.x, p->anchor[i]));
-    double nearest = sqrt(f.nearest2);
-    a.bound = fmin(nearest, 0.9 * room);
-    double lambda = p->lambda[i] >= RELAX_LAMBDA_CAP ? 0 : p->lambda[i];
-    for (bool first = true;; first = false) {
-        double s1, s2, expected = damped_step(&f, pow(10, lambda), &s1, &s2);
-        if (!(expected > params->gain * f.energy) || lambda > RELAX_LAMBDA_CAP) {
-            p->lambda[i] = RELAX_LAMBDA_CAP;
-            if (!first) straighten(params, &p->position[i], &p->normal[i]);
-            return;
-        }
-        if (a.bound < STEP_FLOOR * params->spacing && room < nearest) {
-            p->cramped[i] = true;
-            return;
-        }
-        vec3 x, normal;
-        if (try_step(&a, s1, s2, &x, &normal, &p->energy[i])) {
-            double step = p->step[i] = vec3_norm(vec3_sub(x, a.x));
-            p->cramped[i] = step >= 0.8 * room;
-            p->position[i] = x;
-            p->normal[i] = normal;
-            p->lambda[i] = first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda;
-            return;
-        }
-        p->rejected[i]++;
-        lambda += 1;
-    }
+    a.bound = fmin(sqrt(f.nearest2), 0.9 * room);
+    if (params->minimiser == RELAX_GRADIENT)
+        descend_gradient(&a, &f, p, i, room);
+    else
+        descend_damped(&a, &f, p, i, room);
 }
 
 static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
@@ -315,8 +353,8 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     for (size_t i = begin; i < end; i++)
-        job->energy[i] =
-            pair_energy_at(gather_list(job->r, job->p, worker, i), job->p->position[i], job->sigma);
+        job->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->r->energy,
+                                        job->p->position[i], job->sigma);
 }
 
 double relax_mean_energy(relax *r, const particles *p, double sigma, double *energy)

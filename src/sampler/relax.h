@@ -16,12 +16,20 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
+#include "sampler/energy.h"
 #include "sampler/particles.h"
 
 typedef struct relax relax;
 
+typedef enum relax_minimiser {
+    RELAX_LEVENBERG_MARQUARDT,
+    RELAX_GRADIENT /* steepest descent (5) by `step`: every step is taken, lambda stays 0 */
+} relax_minimiser;
+
 typedef struct relax_params {
     const field *field;
+    relax_minimiser minimiser;
+    double step;    /* of the gradient minimiser, in units of sigma^2 per energy */
     double sigma;   /* support of the potential */
     double spacing; /* h, the scale of tolerances */
     double omega;   /* over-relaxation of the step: 1 is the paper's */
@@ -39,8 +47,9 @@ typedef struct relax_sums {
 
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
 
-/* Scratch for `capacity` particles, worked on by `pool` (not owned). Error: limit_memory. */
-relax *relax_new(size_t capacity, threads *pool, error *e);
+/* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned). Error:
+ * limit_memory. */
+relax *relax_new(size_t capacity, const energy_function *energy, threads *pool, error *e);
 void relax_free(relax *r);
 
 /* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, with

@@ -180,10 +180,11 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->field = f;
     s->scan = scan;
     s->params = *params;
+    if (!params->energy) s->params.energy = &energy_cotangent;
     s->pool = pool;
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
     s->p = particles_new(params->count, e);
-    s->relax = relax_new(params->count, pool, e);
+    s->relax = relax_new(params->count, s->params.energy, pool, e);
     if (!s->sweep || !s->p || !s->relax) goto fail;
     plan_levels(s);
     s->p->count = s->level_count[0];
@@ -215,9 +216,9 @@ static double ideal_support(const sampler *s, double *energy)
     for (int k = 0; k < 6; k++) {
         *energy = relax_mean_energy(s->relax, s->p, sigma, NULL);
         if (!(*energy > 0)) return high;
-        double ratio = *energy / energy_cotangent.ideal;
+        double ratio = *energy / s->params.energy->ideal;
         if (fabs(ratio - 1) < 1e-6) break;
-        sigma *= pow(ratio, -1 / energy_cotangent.ideal_slope);
+        sigma *= pow(ratio, -1 / s->params.energy->ideal_slope);
         sigma = fmin(fmax(sigma, low), high);
     }
     return sigma;
@@ -249,7 +250,7 @@ static bool control(sampler *s, error *e)
     note_round(s, energy);
     bool last_stage = s->stage == ROUNDS - 1;
     if (last_stage && s->level < s->levels - 1) return refine(s, e);
-    bool on_target = fabs(energy / energy_cotangent.ideal - 1) < s->params.energy_tolerance;
+    bool on_target = fabs(energy / s->params.energy->ideal - 1) < s->params.energy_tolerance;
     if (last_stage && (on_target || s->round_count == MAX_ROUNDS)) {
         s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
@@ -268,7 +269,7 @@ static bool is_at_rest(const sampler *s, const relax_sums *sums)
     bool last_stage = s->stage == ROUNDS - 1, last_level = s->level == s->levels - 1;
     if (s->level > 0 && !last_level) return sums->rms_step < LEVEL_STEP || s->sweeps_in_round >= LEVEL_SWEEPS;
     bool still = sums->rms_step < s->params.step_tolerance;
-    if (s->level > 0) return still;
+    if (s->level > 0 || s->params.gradient) return still; /* there is no lambda to go by */
     return sums->mean_log10_lambda > REST_LAMBDA && (!last_stage || still);
 }
 
@@ -297,7 +298,13 @@ static void estimate_fraction(sampler *s, const relax_sums *sums)
 bool sampler_step(sampler *s, error *e)
 {
     if (s->lists_stale && !build_lists(s, e)) return false;
-    relax_params params = {s->field, s->sigma, s->spacing, OMEGA, s->gain};
+    relax_params params = {.field = s->field,
+                           .minimiser = s->params.gradient ? RELAX_GRADIENT : RELAX_LEVENBERG_MARQUARDT,
+                           .step = s->params.step,
+                           .sigma = s->sigma,
+                           .spacing = s->spacing,
+                           .omega = OMEGA,
+                           .gain = s->gain};
     relax_sums sums;
     relax_sweep(s->relax, s->p, &params, &sums);
     s->sweeps_in_round++;
@@ -346,9 +353,9 @@ double sampler_fraction(const sampler *s)
     return s->fraction;
 }
 
-double sampler_excess(const sampler_sweep *sweep)
+double sampler_excess(const sampler *s, const sampler_sweep *sweep)
 {
-    return sweep->energy / energy_cotangent.ideal - 1;
+    return sweep->energy / s->params.energy->ideal - 1;
 }
 
 double sampler_spacing(const sampler *s)
@@ -454,6 +461,7 @@ static void describe_result(sampler *s, const double *residual)
         .energy = s->p->energy,
         .spacing = s->column + 3 * n,
         .sigma = s->sigma,
+        .ideal_energy = s->params.energy->ideal,
     };
     for (size_t i = 0; i < n; i++) {
         if (residual[i] == INFINITY)

@@ -18,7 +18,10 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
+#include "sampler/energy.h"
 #include "sampler/surface.h"
+
+typedef struct sampler sampler;
 
 typedef enum sampler_start {
     SAMPLER_START_SURFACE, /* in proportion to the area */
@@ -35,6 +38,9 @@ typedef struct sampler_params {
     double sigma; /* initial support, world units; 0: that of the ideal packing */
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
+    const energy_function *energy; /* NULL: cotangent */
+    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
+    double step;
     int max_sweeps;
     double step_tolerance;   /* of the rms step over h */
     double energy_tolerance; /* of |E / E_ideal - 1| */
@@ -57,7 +63,7 @@ typedef struct sampler_sweep {
 } sampler_sweep;
 
 /* E / E_ideal - 1 of a sweep. */
-double sampler_excess(const sampler_sweep *sweep);
+double sampler_excess(const sampler *s, const sampler_sweep *sweep);
 
 typedef struct sampler_round {
     int sweeps;
@@ -67,8 +73,6 @@ typedef struct sampler_round {
     double energy; /* at its end, under its sigma */
     double gain;   /* no particle could lower its energy by more than this fraction */
 } sampler_round;
-
-typedef struct sampler sampler;
 
 /* `f`, `scan` and `pool` stay the caller's and outlive the sampler. Errors: limit_memory, no_surface
  * (particles cannot be placed). */
@@ -101,7 +105,7 @@ typedef struct sampler_points {
     const double *spacing; /* requested */
     size_t lost;
     double max_residual; /* max |F| / |grad F|, over h */
-    double sigma, mean_energy, mean_neighbours;
+    double sigma, mean_energy, ideal_energy, mean_neighbours;
 } sampler_points;
 
 /* After sampler_finish; the arrays belong to the sampler. */

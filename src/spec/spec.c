@@ -394,6 +394,7 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
 static const char *default_of(const reading *r, const spec_row *row)
 {
     if (row->offset == offsetof(spec, method) && r->s->has_alpha) return "\"paper\"";
+    if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
     if (row->offset == offsetof(spec, preview_color))
         return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
@@ -475,7 +476,9 @@ static void check_analytic(reading *r, const json_at *at)
 
 static void check_solver(reading *r, const json_at *at)
 {
-    json_at method = json_member(at, "method");
+    json_at method = json_member(at, "method"), step = json_member(at, "step");
+    if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
+        add_fault(r, &step, ERROR_SPEC_INVALID, "belongs to the minimiser \"gradient\"");
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
         add_fault(r, &method, ERROR_SPEC_INVALID,
                   "sampling.alpha belongs to the method \"paper\" (given \"sized\")");

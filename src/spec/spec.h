@@ -61,6 +61,12 @@ typedef struct spec_alpha { /* (14) */
 } spec_alpha;
 
 typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER } spec_method;
+typedef enum spec_energy {
+    SPEC_ENERGY_COTANGENT,
+    SPEC_ENERGY_GAUSSIAN,
+    SPEC_ENERGY_ELECTROSTATIC
+} spec_energy;
+typedef enum spec_minimiser { SPEC_MINIMISER_LM, SPEC_MINIMISER_GRADIENT } spec_minimiser;
 typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
 typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
 typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
@@ -81,6 +87,9 @@ typedef struct spec {
     spec_alpha alpha;
 
     spec_method method; /* default: paper with alpha, else sized */
+    spec_energy energy;
+    spec_minimiser minimiser;
+    double step;  /* of the gradient minimiser, times sigma^2 */
     double sigma; /* solver.sigma: initial support; 0: chosen from count and area */
     spec_init init;
     uint64_t seed;

@@ -29,16 +29,34 @@ static void first_is_equation_7(void **state)
     }
 }
 
+static const energy_function *const all[] = {&energy_cotangent, &energy_gaussian, &energy_electrostatic};
+enum { ENERGIES = sizeof all / sizeof all[0] };
+
 static void derivatives_match_differences(void **state)
 {
     (void)state;
     const double step = 1e-5;
-    for (double u = 0.05; u < 0.999; u += 0.013) {
-        double first = (energy_cotangent.value(u + step) - energy_cotangent.value(u - step)) / (2 * step);
-        double second = (energy_cotangent.first(u + step) - energy_cotangent.first(u - step)) / (2 * step);
-        assert_close(first / energy_cotangent.first(u), 1, 1e-4);
-        assert_close(second / energy_cotangent.second(u), 1, 1e-4);
+    for (int k = 0; k < ENERGIES; k++)
+        for (double u = 0.05; u < 0.999; u += 0.013) {
+            double first = (all[k]->value(u + step) - all[k]->value(u - step)) / (2 * step);
+            double second = (all[k]->first(u + step) - all[k]->first(u - step)) / (2 * step);
+            assert_close(first, all[k]->first(u), 1e-4 * (1e-3 + fabs(first)));
+            assert_close(second, all[k]->second(u), 1e-4 * (1e-2 + fabs(second)));
+        }
+}
+
+/* What the tables say of the packing whose second ring lies at the support. */
+static void ideals_are_of_six_neighbours(void **state)
+{
+    (void)state;
+    const double u = 1 / sqrt(3);
+    for (int k = 0; k < ENERGIES; k++) {
+        assert_close(6 * all[k]->value(u) / all[k]->ideal, 1, 1e-12);
+        assert_close(-u * all[k]->first(u) / all[k]->value(u) / all[k]->ideal_slope, 1, 1e-12);
+        assert_true(energy_find(all[k]->name) == all[k]);
+        assert_true(all[k]->value(1) == 0 && all[k]->first(1.1) == 0 && all[k]->second(2) == 0);
     }
+    assert_null(energy_find("gravity"));
 }
 
 /* Scale invariance near zero: the force behaves as -1/r^2 (section 4). */
@@ -90,6 +108,7 @@ int main(void)
         cmocka_unit_test(value_is_equation_6),
         cmocka_unit_test(first_is_equation_7),
         cmocka_unit_test(derivatives_match_differences),
+        cmocka_unit_test(ideals_are_of_six_neighbours),
         cmocka_unit_test(force_is_inverse_square_when_near),
         cmocka_unit_test(all_vanish_smoothly_at_the_support),
         cmocka_unit_test(ideal_is_the_hexagonal_packing),

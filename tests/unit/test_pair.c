@@ -55,8 +55,8 @@ static void energy_is_the_sum_of_pairs(void **state)
             if (d < sigma) nearest = fmin(nearest, d);
         }
         pair_forces forces;
-        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &forces);
-        assert_close(pair_energy_at(&f.list, f.at, sigma) / sum, 1, 1e-11);
+        pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &forces);
+        assert_close(pair_energy_at(&f.list, &energy_cotangent, f.at, sigma) / sum, 1, 1e-11);
         assert_close(forces.energy / sum, 1, 1e-11);
         assert_close(sqrt(forces.nearest2), nearest, 1e-12);
     }
@@ -71,12 +71,12 @@ static void forces_match_differences_of_energy(void **state)
         fixture f;
         random_fixture(&f, &r);
         pair_forces p;
-        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+        pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &p);
         const vec3 axes[2] = {f.axis1, f.axis2};
         const double d[2] = {p.d1, p.d2};
         for (int k = 0; k < 2; k++) {
-            double up = pair_energy_at(&f.list, vec3_axpy(step, axes[k], f.at), sigma);
-            double down = pair_energy_at(&f.list, vec3_axpy(-step, axes[k], f.at), sigma);
+            double up = pair_energy_at(&f.list, &energy_cotangent, vec3_axpy(step, axes[k], f.at), sigma);
+            double down = pair_energy_at(&f.list, &energy_cotangent, vec3_axpy(-step, axes[k], f.at), sigma);
             assert_close(d[k], (up - down) / (2 * step), 1e-5 * (1 + fabs(d[k])));
         }
     }
@@ -91,7 +91,7 @@ static void hessian_is_the_first_term_of_equation_10(void **state)
         fixture f;
         random_fixture(&f, &r);
         pair_forces p;
-        pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+        pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &p);
         double h11 = 0, h12 = 0, h22 = 0;
         for (int k = 0; k < NEIGHBOURS; k++) {
             vec3 d = vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]});
@@ -108,6 +108,37 @@ static void hessian_is_the_first_term_of_equation_10(void **state)
     }
 }
 
+/* The path through the tables, on the cotangent's own table and on the others. */
+static void tables_agree_with_the_kernel_and_with_differences(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 4);
+    energy_function copy = energy_cotangent; /* another address: not the vectorised kernel */
+    const energy_function *const tables[] = {&copy, &energy_gaussian, &energy_electrostatic};
+    const double step = 1e-6;
+    for (int round = 0; round < 60; round++) {
+        const energy_function *t = tables[round % 3];
+        fixture f;
+        random_fixture(&f, &r);
+        for (int k = 0; k < NEIGHBOURS; k++) /* keep off the truncation, where differences mean nothing */
+            if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sigma) < 1e-4)
+                f.weight[k] = 0;
+        pair_forces p, q;
+        pair_forces_at(&f.list, t, f.at, f.axis1, f.axis2, sigma, &p);
+        assert_close(p.energy, pair_energy_at(&f.list, t, f.at, sigma), 1e-12 * p.energy);
+        double up = pair_energy_at(&f.list, t, vec3_axpy(step, f.axis1, f.at), sigma);
+        double down = pair_energy_at(&f.list, t, vec3_axpy(-step, f.axis1, f.at), sigma);
+        assert_close(p.d1, (up - down) / (2 * step), 1e-4 * (1 + fabs(p.d1)));
+        if (t != &copy) continue;
+        pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &q);
+        assert_close(p.energy, q.energy, 1e-10 * q.energy);
+        assert_close(p.d2, q.d2, 1e-8 * (fabs(q.d1) + fabs(q.d2)));
+        assert_close(p.h11, q.h11, 1e-8 * q.h11);
+        assert_close(p.h12, q.h12, 1e-8 * (q.h11 + q.h22));
+        assert_close(p.nearest2, q.nearest2, 1e-12);
+    }
+}
+
 static void coincident_pair_stays_finite(void **state)
 {
     (void)state;
@@ -116,9 +147,9 @@ static void coincident_pair_stays_finite(void **state)
     random_fixture(&f, &r);
     f.at = (vec3){f.x[0], f.y[0], f.z[0]};
     pair_forces p;
-    pair_forces_at(&f.list, f.at, f.axis1, f.axis2, sigma, &p);
+    pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &p);
     assert_true(isfinite(p.energy) && isfinite(p.d1) && isfinite(p.h11));
-    assert_true(isfinite(pair_energy_at(&f.list, f.at, sigma)));
+    assert_true(isfinite(pair_energy_at(&f.list, &energy_cotangent, f.at, sigma)));
 }
 
 int main(void)
@@ -127,6 +158,7 @@ int main(void)
         cmocka_unit_test(energy_is_the_sum_of_pairs),
         cmocka_unit_test(forces_match_differences_of_energy),
         cmocka_unit_test(hessian_is_the_first_term_of_equation_10),
+        cmocka_unit_test(tables_agree_with_the_kernel_and_with_differences),
         cmocka_unit_test(coincident_pair_stays_finite),
     };
     return cmocka_run_group_tests_name("pair", tests, NULL, NULL);

@@ -32,7 +32,7 @@ static void set_up(bench *b, int shape, uint64_t stream)
     b->pool = threads_new(2, &e);
     b->scan = surface_scan(&b->a->base, b->pool, &e);
     b->p = particles_new(COUNT, &e);
-    b->r = relax_new(COUNT, b->pool, &e);
+    b->r = relax_new(COUNT, &energy_cotangent, b->pool, &e);
     assert_non_null(b->r);
     for (size_t i = 0; i < COUNT;) {
         vec3 x = surface_point(b->scan, rng_uniform(&r) * b->scan->area, &r);
@@ -41,7 +41,8 @@ static void set_up(bench *b, int shape, uint64_t stream)
         b->p->position[i++] = x;
     }
     double h = sqrt(2 * b->scan->area / (sqrt(3) * COUNT));
-    b->params = (relax_params){&b->a->base, sqrt(3) * h, h, 2.6, 1e-9};
+    b->params =
+        (relax_params){.field = &b->a->base, .sigma = sqrt(3) * h, .spacing = h, .omega = 2.6, .gain = 1e-9};
 }
 
 static void tear_down(bench *b)
@@ -113,7 +114,7 @@ static void sheets_do_not_push_each_other(void **state)
     analytic *a = analytic_new(&plate, &e);
     threads *pool = threads_new(1, &e);
     particles *p = particles_new(2, &e);
-    relax *r = relax_new(2, pool, &e);
+    relax *r = relax_new(2, &energy_cotangent, pool, &e);
     p->position[0] = (vec3){0.1, 0, 0.03};
     p->position[1] = (vec3){0.12, 0, -0.03};
     p->normal[0] = (vec3){0, 0, 1};

@@ -146,6 +146,33 @@ static void every_shape_converges(void **state)
     }
 }
 
+/* Section 4 and Table 1: the Gaussian's characteristic length leaves a worse packing than the cotangent, by
+ * descent of either kind. */
+static void cotangent_packs_better_than_gaussian(void **state)
+{
+    (void)state;
+    double hex[2][2];
+    for (int gaussian = 0; gaussian < 2; gaussian++)
+        for (int gradient = 0; gradient < 2; gradient++) {
+            sampler_params params = even;
+            params.count = 600;
+            params.max_sweeps = 1000;
+            params.energy = gaussian ? &energy_gaussian : &energy_cotangent;
+            params.gradient = gradient;
+            params.step = 0.05;
+            solved x;
+            solve(0, &params, 1, &x);
+            assert_int_equal(x.points->lost, 0);
+            assert_true(x.points->max_residual < 1e-6);
+            hex[gaussian][gradient] = x.q.hex_fraction;
+            release(&x);
+        }
+    print_message("# cotangent %.3f (lm) %.3f (gradient), gaussian %.3f %.3f\n", hex[0][0], hex[0][1],
+                  hex[1][0], hex[1][1]);
+    assert_true(hex[0][0] > 0.85 && hex[0][1] > 0.8);
+    assert_true(hex[1][0] < hex[0][0]);
+}
+
 /* Coarse to fine: a few defects of the coarsest level are all that the finest has. */
 static void coarse_to_fine_leaves_few_defects(void **state)
 {
@@ -229,6 +256,7 @@ int main(void)
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
         cmocka_unit_test(every_shape_converges),
+        cmocka_unit_test(cotangent_packs_better_than_gaussian),
         cmocka_unit_test(coarse_to_fine_leaves_few_defects),
         cmocka_unit_test(threads_do_not_show),
         cmocka_unit_test(seeds_differ_and_repeat),

@@ -14,8 +14,8 @@
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 
-#define SPHERE                                                                                     \
-    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"             \
+#define SPHERE                                                                                               \
+    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"                       \
     "\"sampling\":{\"count\":100}"
 
 static json *document(const char *text)
@@ -91,6 +91,9 @@ static json *document_for(const spec_row *row)
     if (strncmp(row->pointer, "/surface/vdb", 12) == 0)
         return document("{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{"
                         "\"count\":100}}");
+    if (strcmp(row->pointer, "/solver/step") == 0)
+        return document("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{"
+                        "\"count\":100},\"solver\":{\"minimiser\":\"gradient\"}}");
     int shape = row->shapes ? __builtin_ctz(row->shapes) : 0;
     bool target = row->choice == SPEC_CHOICE_TARGET && row->type != SPEC_TYPE_LATER; /* one at a time */
     char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{%s}}",
@@ -213,9 +216,8 @@ static void test_types_of_every_row(void **state)
         for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
             bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) ||
                         (row->type == SPEC_TYPE_STRING && k == 5) ||
-                        (row->type == SPEC_TYPE_GROUP && k == 2) ||
-                        (row->flags & SPEC_SWITCH && k == 3) || is_bound_by_another(row) ||
-                        strcmp(row->pointer, "/surface") == 0;
+                        (row->type == SPEC_TYPE_GROUP && k == 2) || (row->flags & SPEC_SWITCH && k == 3) ||
+                        is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
             if (fits)
                 json_free(wrong[k]);
             else
@@ -300,7 +302,7 @@ static void test_every_later_member_is_not_supported(void **state)
         json_free(root);
         seen++;
     }
-    assert_true(seen >= 20);
+    assert_true(seen >= 20); /* fewer as parts are built */
 }
 
 static void test_unknown_member_in_every_group(void **state)
@@ -323,8 +325,7 @@ static void test_unknown_member_in_every_group(void **state)
     }
     expect_fault(SPHERE ",\"solver\":{\"max_sweep\":1}}", ERROR_SPEC_INVALID, "/solver/max_sweep",
                  "did you mean 'max_sweeps'?");
-    expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed",
-                 "did you mean '/solver/seed'?");
+    expect_fault(SPHERE ",\"seed\":1}", ERROR_SPEC_INVALID, "/seed", "did you mean '/solver/seed'?");
     expect_fault(SPHERE ",\"\":1}", ERROR_SPEC_INVALID, "/", "unknown member ''");
     expect_fault(SPHERE ",\"limits\":{\"a/b\":1}}", ERROR_SPEC_INVALID, "/limits/a~1b",
                  "unknown member 'a/b'");
@@ -335,16 +336,16 @@ static void test_unknown_member_in_every_group(void **state)
 static void test_fields(void **state)
 {
     (void)state;
-    spec *s = good(
-        "{\"version\":1,\"name\":\"n\",\"surface\":{\"vdb\":{\"path\":\"p\",\"grid\":\"g\","
-        "\"isovalue\":0.5,"
-        "\"reconstruction\":\"smoothing\"}},\"sampling\":{\"count\":5000,\"alpha\":{\"d\":3}},"
-        "\"solver\":{\"sigma\":0.125,\"init\":\"random\",\"seed\":9007199254740992,\"threads\":3},"
-        "\"output\":{\"ply\":{\"format\":\"ascii\",\"precision\":\"double\"},\"preview\":{\"size\":"
-        "[640,480],"
-        "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_"
-        "attempts\":2},"
-        "\"queue\":{\"priority\":-7,\"labels\":[\"a\",\"b\xc3\xa4\"]}}");
+    spec *s =
+        good("{\"version\":1,\"name\":\"n\",\"surface\":{\"vdb\":{\"path\":\"p\",\"grid\":\"g\","
+             "\"isovalue\":0.5,"
+             "\"reconstruction\":\"smoothing\"}},\"sampling\":{\"count\":5000,\"alpha\":{\"d\":3}},"
+             "\"solver\":{\"sigma\":0.125,\"init\":\"random\",\"seed\":9007199254740992,\"threads\":3},"
+             "\"output\":{\"ply\":{\"format\":\"ascii\",\"precision\":\"double\"},\"preview\":{\"size\":"
+             "[640,480],"
+             "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_"
+             "attempts\":2},"
+             "\"queue\":{\"priority\":-7,\"labels\":[\"a\",\"b\xc3\xa4\"]}}");
     assert_int_equal(s->surface_kind, SPEC_SURFACE_VDB);
     assert_string_equal(s->name, "n");
     assert_string_equal(s->vdb.path, "p");
@@ -362,16 +363,14 @@ static void test_fields(void **state)
     assert_int_equal(s->ply_precision, SPEC_PRECISION_DOUBLE);
     assert_true(s->has_preview && s->preview_width == 640 && s->preview_height == 480);
     assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
-    assert_true(s->memory_mb == 512 && s->timeout_s == 1.5 && s->stall_s == 0 &&
-                s->max_attempts == 2);
+    assert_true(s->memory_mb == 512 && s->timeout_s == 1.5 && s->stall_s == 0 && s->max_attempts == 2);
     assert_int_equal(s->priority, -7);
     assert_int_equal(s->label_count, 2);
     assert_string_equal(s->labels[1], "b\xc3\xa4");
     spec_free(s);
-    s = good(
-        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_"
-        "radius\":2,"
-        "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
+    s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_"
+             "radius\":2,"
+             "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
     assert_int_equal(s->surface_kind, SPEC_SURFACE_ANALYTIC);
     assert_int_equal(s->analytic.shape, SPEC_SHAPE_TORUS);
     assert_true(s->analytic.axis.y == 2 && s->analytic.center.x == 0.5 && s->analytic.radius == 0);
@@ -406,8 +405,7 @@ static void test_normalised_is_idempotent(void **state)
     static const char *const texts[] = {
         SPHERE "}",
         SPHERE ",\"output\":{\"preview\":false}}",
-        SPHERE
-        ",\"output\":{\"preview\":true},\"queue\":{\"labels\":[\"x\"]},\"name\":\"\\\"\\u00e4\"}",
+        SPHERE ",\"output\":{\"preview\":true},\"queue\":{\"labels\":[\"x\"]},\"name\":\"\\\"\\u00e4\"}",
         "{\"sampling\":{\"alpha\":{},\"count\":1e3},\"version\":1.0,\"solver\":{\"seed\":-0},"
         "\"surface\":{\"vdb\":{\"path\":\"p\",\"isovalue\":-0.0}}}",
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"gyroid\",\"period\":0.3}},"
@@ -428,18 +426,17 @@ static void test_normalised_is_idempotent(void **state)
     spec *s = good(SPHERE "}");
     char *text = json_print(s->normalised);
     assert_string_equal(
-        text,
-        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
-        "\"radius\":0.4}},"
-        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
-        "\"minimiser\":"
-        "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
-        "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
-        "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],"
-        "\"color\":"
-        "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
-        "attempts\":0},"
-        "\"queue\":{\"priority\":0,\"labels\":[]}}");
+        text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
+              "\"radius\":0.4}},"
+              "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
+              "\"minimiser\":"
+              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
+              "\"step_tolerance\":0.001,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
+              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],"
+              "\"color\":"
+              "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
+              "attempts\":0},"
+              "\"queue\":{\"priority\":0,\"labels\":[]}}");
     free(text);
     spec_free(s);
 }
@@ -454,8 +451,7 @@ static void test_faults(void **state)
     expect_fault("{}", invalid, "/sampling", "is required");
     expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
     expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, analytic");
-    expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface",
-                 "(given vdb, mesh)");
+    expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
     expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
     expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path",
                  "characters (given 0)");
@@ -463,37 +459,30 @@ static void test_faults(void **state)
                  "exactly one of count, spacing, density, control, time_s");
     expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling",
                  "needs at most one of alpha");
-    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count",
-                 "from 4 to 100000000 (given 3)");
-    expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count",
-                 "must be an integer from");
-    expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count",
-                 "(given \"many\")");
+    expect_fault("{\"sampling\":{\"count\":3}}", invalid, "/sampling/count", "from 4 to 100000000 (given 3)");
+    expect_fault("{\"sampling\":{\"count\":4.5}}", invalid, "/sampling/count", "must be an integer from");
+    expect_fault("{\"sampling\":{\"count\":\"many\"}}", invalid, "/sampling/count", "(given \"many\")");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0}}}", invalid,
-                 "/surface/analytic/radius",
-                 "must be a number above 0 and at most 1000000000000 (given 0)");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}",
-                 invalid, "/surface/analytic/period", "is no member of the shape \"sphere\"");
-    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid,
-                 "/surface/analytic/shape", "must be one of \"sphere\", \"torus\"");
-    expect_fault(
-        "{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}",
-        invalid, "/surface/analytic/minor_radius", "less than major_radius, 1 (given 1)");
-    expect_fault(
-        "{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
-        "\"axis\":[0,0,0]}}}",
-        invalid, "/surface/analytic/axis", "zero vector");
-    expect_fault(
-        "{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
-        invalid, "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
+                 "/surface/analytic/radius", "must be a number above 0 and at most 1000000000000 (given 0)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}", invalid,
+                 "/surface/analytic/period", "is no member of the shape \"sphere\"");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid, "/surface/analytic/shape",
+                 "must be one of \"sphere\", \"torus\"");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}",
+                 invalid, "/surface/analytic/minor_radius", "less than major_radius, 1 (given 1)");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":2,\"minor_radius\":1,"
+                 "\"axis\":[0,0,0]}}}",
+                 invalid, "/surface/analytic/axis", "zero vector");
+    expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,2,3],\"rounding\":1.5}}}",
+                 invalid, "/surface/analytic/rounding", "at most the smallest half size, 1 (given 1.5)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"box\",\"half_size\":[1,-2,3]}}}", invalid,
                  "/surface/analytic/half_size/1", "(given -2)");
-    expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid,
-                 "/output/preview/size/1", "8193");
-    expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1",
-                 "(given 7)");
-    expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}", ERROR_NOT_SUPPORTED, "/solver/method",
-                 "\"witkin-heckbert\" is not supported by this version: use \"sized\"");
+    expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
+                 "8193");
+    expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}", ERROR_NOT_SUPPORTED,
+                 "/solver/method", "\"witkin-heckbert\" is not supported by this version: use \"sized\"");
+    expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "belongs to the minimiser");
     expect_fault("{\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}", invalid,
                  "/solver/method", "belongs to the method \"paper\"");
     assert_null(spec_parse(NULL, NULL, NULL));
@@ -509,8 +498,8 @@ static void test_all_faults_are_collected(void **state)
             &e);
     assert_int_equal(faults.count, 6);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
-    assert_string_equal(
-        e.message, "/sampling/counts: unknown member 'counts': did you mean 'count'? (and 5 more)");
+    assert_string_equal(e.message,
+                        "/sampling/counts: unknown member 'counts': did you mean 'count'? (and 5 more)");
     char *text = mem_strdup(SPHERE);
     for (int i = 0; i < 500; i++) {
         char *longer = mem_printf("%s,\"unknown%d\":1", text, i);
@@ -547,8 +536,7 @@ static void test_lengths(void **state)
     (void)state;
     for (int over = 0; over <= 1; over++) {
         char name[2 * 201 + 1] = "";
-        for (int i = 0; i < 200 + over; i++)
-            strcat(name, "\xc3\xa4"); /* characters count, not bytes */
+        for (int i = 0; i < 200 + over; i++) strcat(name, "\xc3\xa4"); /* characters count, not bytes */
         char *text = mem_printf(SPHERE ",\"name\":\"%s\"}", name);
         json *root = document(text);
         spec *s = spec_parse(root, NULL, NULL);
