@@ -10,6 +10,8 @@
 
 struct threads {
     int count;
+    bool narrow;
+    const volatile sig_atomic_t *stop_flag;
     pthread_t *thread;
     pthread_mutex_t lock;
     pthread_cond_t start, finished;
@@ -29,7 +31,7 @@ typedef struct seat {
 
 static void take_chunks(threads *t, int worker)
 {
-    for (;;) {
+    while (!threads_stopped(t)) {
         size_t begin = atomic_fetch_add_explicit(&t->next, t->grain, memory_order_relaxed);
         if (begin >= t->end) return;
         size_t end = t->end - begin < t->grain ? t->end : begin + t->grain;
@@ -57,10 +59,11 @@ static void *worker_main(void *argument)
     return NULL;
 }
 
-threads *threads_new(int count, error *e)
+threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e)
 {
     threads *t = mem_alloc(sizeof *t);
     t->count = 1;
+    t->stop_flag = stop;
     t->thread = mem_alloc((size_t)count * sizeof *t->thread);
     pthread_mutex_init(&t->lock, NULL);
     pthread_cond_init(&t->start, NULL);
@@ -100,10 +103,21 @@ int threads_count(const threads *t)
     return t->count;
 }
 
+void threads_narrow(threads *t)
+{
+    t->narrow = true;
+}
+
+bool threads_stopped(const threads *t)
+{
+    return t && t->stop_flag && *t->stop_flag;
+}
+
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context)
 {
-    if (t->count == 1 || count <= grain) {
-        if (count > 0) work(context, 0, 0, count);
+    if (t->count == 1 || t->narrow || count <= grain) {
+        for (size_t begin = 0; begin < count && !threads_stopped(t); begin += grain)
+            work(context, 0, begin, count - begin < grain ? count : begin + grain);
         return;
     }
     pthread_mutex_lock(&t->lock);

@@ -4,10 +4,15 @@
  * runs a chunk is not determined, so a loop's result must not depend on it: write to places that
  * belong to the chunk, and reduce afterwards in a fixed order. One loop at a time per pool, started
  * by the thread that made the pool (which works too, as worker 0).
+ *
+ * A pool may watch a flag that a signal handler sets: from then on loops hand out no more chunks, and who
+ * ran one asks threads_stopped whether it is whole.
  */
 #ifndef HEXAD_BASE_THREADS_H
 #define HEXAD_BASE_THREADS_H
 
+#include <signal.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "base/error.h"
@@ -15,10 +20,17 @@
 typedef struct threads threads;
 typedef void (*threads_work)(void *context, int worker, size_t begin, size_t end);
 
-/* `count` workers, 1 .. 256; 1 starts no thread at all. */
-threads *threads_new(int count, error *e);
+#define THREADS_MAX 256
+
+/* `count` workers, 1 .. THREADS_MAX; 1 starts no thread at all. `stop` may be NULL. */
+threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);
 int threads_count(const threads *t);
+
+/* From now on loops are run by the calling thread alone: the right thing for small ones. */
+void threads_narrow(threads *t);
+
+bool threads_stopped(const threads *t); /* false for NULL */
 
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context);
 

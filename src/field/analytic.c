@@ -5,11 +5,14 @@
 
 #include "base/memory.h"
 
-/* Cells along the longest side of the domain unless the shape has finer features; the area that is
- * computed from the cells is then good to about 1e-5. */
-static const int CELLS_COARSE = 40;
-/* Cells are never finer than this fraction of the domain: 16 million values, a third of a second. */
-static const int CELLS_FINE = 256;
+/* Cells along the longest side of the domain unless the shape has finer features, and across a feature. */
+static const double CELLS_COARSE = 40, CELLS_FEATURE = 6;
+/* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
+static const double CELLS_SHARP = 160;
+/* More cells than this are a shape whose parts differ too much in size. */
+static const size_t CELLS_MAX = 20u << 20;
+/* Blocks of this many cells along each axis are looked at cell by cell. */
+enum { BLOCK = 8 };
 
 static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
@@ -179,42 +182,108 @@ static void analytic_cell(const field *f, size_t index, field_cell *out)
 
 static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell};
 
-static void slab_values(const analytic *a, int64_t k, double *values)
+/* A bound of the second derivatives within `radius` of a point, in any direction. */
+static double bend_bound(const analytic_params *p, vec3 d, double radius)
 {
-    for (int64_t j = 0; j <= a->cells[1]; j++)
-        for (int64_t i = 0; i <= a->cells[0]; i++) *values++ = corner_value(a, grid_corner(a, i, j, k));
+    double far = vec3_norm(d) + radius, k = 2 * M_PI / p->period, c = 10 * p->r * p->r;
+    double thin = fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+    switch (p->shape) {
+    case ANALYTIC_ELLIPSOID:
+        return 1 / thin;
+    case ANALYTIC_QUARTIC:
+        return 12 * far * far + 2 * c;
+    case ANALYTIC_GYROID:
+        return 3 * k * k;
+    default:
+        return 0;
+    }
 }
 
-/* Walks the grid slab by slab and notes the cells with corners of both signs. */
-static bool find_crossing_cells(analytic *a, error *e)
+/* Whether F may be zero within `radius` of x. Distances have slope 1; the others are bounded by Taylor. */
+static bool may_cross(const analytic *a, vec3 x, double radius)
 {
-    int64_t nx = a->cells[0], ny = a->cells[1], row = nx + 1;
-    size_t slab = (size_t)(row * (ny + 1)), capacity = 0;
-    double *below = mem_array(slab, sizeof *below, "the cells of the formula", e);
-    double *above = mem_array(slab, sizeof *above, "the cells of the formula", e);
-    bool ok = below && above;
-    if (ok) slab_values(a, 0, below);
-    for (int64_t k = 0; ok && k < a->cells[2]; k++) {
-        slab_values(a, k + 1, above);
-        for (int64_t j = 0; j < ny; j++)
-            for (int64_t i = 0; i < nx; i++) {
-                const double *b = below + j * row + i, *t = above + j * row + i;
-                int inside = (b[0] < 0) + (b[1] < 0) + (b[row] < 0) + (b[row + 1] < 0) + (t[0] < 0) +
-                             (t[1] < 0) + (t[row] < 0) + (t[row + 1] < 0);
-                if (inside == 0 || inside == 8) continue;
-                if (a->crossing_count == capacity) {
-                    capacity = capacity ? 2 * capacity : 4096;
-                    a->crossing = mem_resize(a->crossing, capacity * sizeof *a->crossing);
-                }
-                a->crossing[a->crossing_count++] = (k * ny + j) * nx + i;
-            }
-        double *swap = below;
-        below = above;
-        above = swap;
+    field_sample s;
+    if (!analytic_sample(&a->base, x, FIELD_GRADIENT, &s)) return true;
+    double bend = bend_bound(&a->params, vec3_sub(x, a->params.center), radius);
+    double slope = bend > 0 ? vec3_norm(s.gradient) + 0.5 * bend * radius : 1;
+    return fabs(s.value) <= slope * radius * (1 + 1e-9);
+}
+
+typedef struct search {
+    analytic *a;
+    size_t capacity;
+    double *corners; /* (BLOCK + 1)^3 values of the block at hand */
+    threads *pool;   /* only to ask whether to stop */
+} search;
+
+static void note_crossing(search *w, int64_t linear)
+{
+    analytic *a = w->a;
+    if (a->crossing_count == w->capacity) {
+        w->capacity = w->capacity ? 2 * w->capacity : 4096;
+        a->crossing = mem_resize(a->crossing, w->capacity * sizeof *a->crossing);
     }
-    free(below);
-    free(above);
-    return ok;
+    a->crossing[a->crossing_count++] = linear;
+}
+
+static void search_cells(search *w, const int64_t *first)
+{
+    const analytic *a = w->a;
+    enum { ROW = BLOCK + 1, SLAB = ROW * ROW };
+    for (int k = 0; k <= BLOCK; k++)
+        for (int j = 0; j <= BLOCK; j++)
+            for (int i = 0; i <= BLOCK; i++)
+                w->corners[(k * ROW + j) * ROW + i] =
+                    corner_value(a, grid_corner(a, first[0] + i, first[1] + j, first[2] + k));
+    for (int64_t k = 0; k < BLOCK && first[2] + k < a->cells[2]; k++)
+        for (int64_t j = 0; j < BLOCK && first[1] + j < a->cells[1]; j++)
+            for (int64_t i = 0; i < BLOCK && first[0] + i < a->cells[0]; i++) {
+                const double *c = w->corners + (k * ROW + j) * ROW + i;
+                int inside = 0;
+                for (int v = 0; v < 8; v++) inside += c[(v & 1) + (v >> 1 & 1) * ROW + (v >> 2) * SLAB] < 0;
+                if (inside > 0 && inside < 8)
+                    note_crossing(w,
+                                  ((first[2] + k) * a->cells[1] + first[1] + j) * a->cells[0] + first[0] + i);
+            }
+}
+
+/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
+static void search_block(search *w, const int64_t *first, int64_t size)
+{
+    const analytic *a = w->a;
+    for (int axis = 0; axis < 3; axis++)
+        if (first[axis] >= a->cells[axis]) return;
+    if (w->a->crossing_count > CELLS_MAX || threads_stopped(w->pool)) return;
+    vec3 low = grid_corner(a, first[0], first[1], first[2]);
+    vec3 high = grid_corner(a, first[0] + size, first[1] + size, first[2] + size);
+    vec3 half = vec3_scale(vec3_sub(high, low), 0.5);
+    if (!may_cross(a, vec3_add(low, half), vec3_norm(half))) return;
+    if (size == BLOCK) {
+        search_cells(w, first);
+        return;
+    }
+    for (int child = 0; child < 8; child++) {
+        int64_t at[3];
+        for (int axis = 0; axis < 3; axis++) at[axis] = first[axis] + (child >> axis & 1) * (size / 2);
+        search_block(w, at, size / 2);
+    }
+}
+
+/* Finds the cells with corners of both signs, block by block. */
+static bool find_crossing_cells(analytic *a, threads *pool, error *e)
+{
+    search w = {a, 0, mem_alloc((BLOCK + 1) * (BLOCK + 1) * (BLOCK + 1) * sizeof(double)), pool};
+    int64_t size = BLOCK;
+    while (size < a->cells[0] || size < a->cells[1] || size < a->cells[2]) size *= 2;
+    search_block(&w, (const int64_t[3]){0, 0, 0}, size);
+    free(w.corners);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (a->crossing_count <= CELLS_MAX) return true;
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "the formula's surface crosses more than %zu cells of size %g: its parts differ too much in "
+        "size",
+        CELLS_MAX, a->cell);
 }
 
 static vec3 half_extent(const analytic_params *p)
@@ -239,18 +308,20 @@ static vec3 half_extent(const analytic_params *p)
     return (vec3){0, 0, 0};
 }
 
-/* The length that the cells must resolve. */
-static double feature_size(const analytic_params *p)
+/* The longest cell that resolves the shape. */
+static double cell_bound(const analytic_params *p)
 {
+    double thin = fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
+    double box = fmax(p->half_size.x, fmax(p->half_size.y, p->half_size.z));
     switch (p->shape) {
     case ANALYTIC_TORUS:
-        return fmin(p->minor_radius, p->major_radius - p->minor_radius);
-    case ANALYTIC_BOX:
-        return fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
+        return fmin(p->minor_radius, p->major_radius - p->minor_radius) / CELLS_FEATURE;
+    case ANALYTIC_BOX: /* the rounding, unless it is too sharp to be worth that */
+        return fmin(thin / CELLS_FEATURE, fmax(p->rounding / CELLS_FEATURE * 2, 2 * box / CELLS_SHARP));
     case ANALYTIC_ELLIPSOID:
-        return fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+        return fmin(p->radii.x, fmin(p->radii.y, p->radii.z)) / CELLS_FEATURE;
     case ANALYTIC_GYROID:
-        return p->period / 4;
+        return p->period / (4 * CELLS_FEATURE);
     default:
         return INFINITY;
     }
@@ -261,28 +332,25 @@ static void lay_out_grid(analytic *a)
     const analytic_params *p = &a->params;
     vec3 half = half_extent(p);
     a->base.open = p->shape == ANALYTIC_GYROID;
-    /* a closed surface must not touch the faces: an irrational-looking margin also keeps symmetric
-     * shapes from putting their zeros exactly on corners */
-    double margin = a->base.open || p->shape == ANALYTIC_QUARTIC ? 0 : 0.0317;
-    half = vec3_add(half, vec3_scale((vec3){1, 1, 1}, margin * fmax(half.x, fmax(half.y, half.z))));
+    /* a closed surface must not touch the faces; an odd margin also keeps symmetric shapes from putting
+     * their zeros exactly on corners */
+    double margin = a->base.open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
+    half = vec3_scale(half, margin);
     a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
     a->base.extent = bbox_longest(a->base.domain);
-    double cell = fmin(a->base.extent / CELLS_COARSE, feature_size(p) / 6);
-    cell = fmax(cell, a->base.extent / CELLS_FINE);
+    a->cell = a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
     vec3 size = bbox_size(a->base.domain);
-    for (int axis = 0; axis < 3; axis++) a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / cell);
-    a->cell = cell;
-    a->base.cell_size = cell;
+    for (int axis = 0; axis < 3; axis++) a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / a->cell);
 }
 
-analytic *analytic_new(const analytic_params *params, error *e)
+analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
 {
     analytic *a = mem_alloc(sizeof *a);
     a->base.ops = &analytic_ops;
     a->params = *params;
     lay_out_grid(a);
     assert(a->cells[0] > 0 && a->cells[1] > 0 && a->cells[2] > 0);
-    if (!find_crossing_cells(a, e)) goto fail;
+    if (!find_crossing_cells(a, pool, e)) goto fail;
     if (a->crossing_count == 0) {
         error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain");
         goto fail;

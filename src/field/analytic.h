@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/field.h"
 
 typedef enum analytic_shape {
@@ -42,12 +43,13 @@ typedef struct analytic {
     analytic_params params;
     double cell; /* edge of a cell */
     int64_t cells[3];
-    int64_t *crossing; /* linear indices of the crossing cells, ascending */
+    int64_t *crossing; /* linear indices of the crossing cells, by block */
     size_t crossing_count;
 } analytic;
 
-/* Error: no_surface when no cell is crossed, limit_memory. */
-analytic *analytic_new(const analytic_params *params, error *e);
+/* Errors: no_surface when no cell is crossed, limit_memory, cancelled (the pool, which may be NULL, was
+ * told to stop). */
+analytic *analytic_new(const analytic_params *params, threads *pool, error *e);
 void analytic_free(analytic *a);
 
 #endif

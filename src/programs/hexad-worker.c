@@ -4,10 +4,12 @@
 #include <errno.h>
 #include <getopt.h>
 #include <limits.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include "base/error.h"
@@ -205,7 +207,17 @@ static void handle_signals(void)
     struct sigaction action = {.sa_handler = request_cancel};
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
+    sigaction(SIGALRM, &action, NULL);
     signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+}
+
+/* limits.timeout_s, as a signal like that of a cancellation. */
+static void start_timer(double seconds)
+{
+    if (seconds <= 0) return;
+    struct itimerval timer = {.it_value = {(time_t)seconds, (suseconds_t)(1e6 * fmod(seconds, 1))}};
+    if (timer.it_value.tv_sec == 0 && timer.it_value.tv_usec == 0) timer.it_value.tv_usec = 1;
+    setitimer(ITIMER_REAL, &timer, NULL);
 }
 
 static int run_command(int argc, char **argv)
@@ -221,6 +233,7 @@ static int run_command(int argc, char **argv)
     if (!parse_arguments(argc, argv, &a, &e)) goto fail;
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
+    start_timer(s->timeout_s);
     run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested};
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
@@ -265,6 +278,7 @@ static int print_energies(void)
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
+    if (argc > 2 && strcmp(argv[2], "--help") == 0) command = "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);

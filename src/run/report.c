@@ -1,11 +1,15 @@
 #include "run/report.h"
 
+#include <math.h>
 #include <sys/resource.h>
 
-#include "sampler/energy.h"
+#include "sampler/pair.h"
 
-/* Above this fraction of h the rounding of single precision shows in the positions. */
-static const double RESIDUAL_WARNING = 1e-3;
+/* Neighbours within the support when the spacing resolves the surface: six, and a few of the next ring. Many
+ * more means other sheets within reach. */
+static const double NEIGHBOURS_CROWDED = 12;
+/* The sum of (6 - degree) is six times a whole number where the points are a triangulation of the surface. */
+static const double EULER_DOUBT = 0.01;
 
 static void put_vec3(json *object, const char *key, vec3 v)
 {
@@ -24,9 +28,15 @@ static void put_surface(json *report, const report_facts *facts)
     put_vec3(box, "max", facts->scan->box.max);
     json *warnings = json_put_array(object, "warnings");
     source_describe(facts->source, report, object, warnings);
-    if (facts->max_residual > RESIDUAL_WARNING)
-        json_append_string(warnings, "single precision moves the points by more than 1e-3 h: ask for "
-                                     "output.ply.precision \"double\"");
+    if (facts->results->widened)
+        json_append_string(warnings,
+                           "points.ply is written in double: in single precision the points would be "
+                           "more than 1e-3 h off the surface");
+    double euler = facts->quality->euler;
+    if (sampler_result_points(facts->sampler)->mean_neighbours > NEIGHBOURS_CROWDED ||
+        (!facts->source->field->open && fabs(euler - round(euler)) > EULER_DOUBT))
+        json_append_string(warnings, "the spacing does not resolve the whole surface: where it does not, "
+                                     "hex_fraction, euler and the like say little");
 }
 
 static void put_quality(json *report, const report_facts *facts)
@@ -38,7 +48,7 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_number(object, "area_cv", q->area_cv);
     json_put_number(object, "energy_excess", q->energy_excess);
     json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
-    json_put_number(object, "max_residual", facts->max_residual);
+    json_put_number(object, "max_residual", facts->results->max_residual);
     json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
     json_put_integer(object, "rim_count", (int64_t)q->rim_count);
@@ -101,29 +111,29 @@ static int64_t peak_memory(void)
 
 void report_fill(json *report, const report_facts *facts)
 {
-    const sampler_points *points = sampler_result_points(facts->sampler);
+    const sampler_points *solved = sampler_result_points(facts->sampler);
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
     json_put_string(report, "outcome", facts->converged ? "converged" : "not_converged");
-    json_put_integer(report, "count", (int64_t)points->count);
+    json_put_integer(report, "count", (int64_t)solved->count);
     json *requested = json_put_object(report, "requested");
     if (facts->spec->count > 0) json_put_integer(requested, "count", facts->spec->count);
     if (facts->spec->spacing > 0) json_put_number(requested, "spacing", facts->spec->spacing);
     if (facts->spec->density > 0) json_put_number(requested, "density", facts->spec->density);
     put_surface(report, facts);
-    json_put_number(report, "sigma", points->sigma);
+    json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));
-    json_put_number(report, "mean_neighbours", points->mean_neighbours);
+    json_put_number(report, "mean_neighbours", solved->mean_neighbours);
     json *energy = json_put_object(report, "energy");
-    json_put_number(energy, "mean", points->mean_energy);
-    json_put_number(energy, "ideal", points->ideal_energy);
-    json_put_number(energy, "excess", points->mean_energy / points->ideal_energy - 1);
+    json_put_number(energy, "mean", solved->mean_energy);
+    json_put_number(energy, "ideal", solved->ideal_energy);
+    json_put_number(energy, "excess", solved->mean_energy / solved->ideal_energy - 1);
     put_quality(report, facts);
     put_rounds(report, facts->sampler);
     put_sweeps(report, facts->sampler);
     put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", peak_memory());
     json_put_integer(report, "threads", facts->threads);
-    json_put_string(report, "isa", "double");
+    json_put_string(report, "isa", pair_isa());
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

@@ -4,6 +4,7 @@
 
 #include "json/json.h"
 #include "run/progress.h"
+#include "run/results.h"
 #include "run/source.h"
 #include "sampler/quality.h"
 #include "sampler/sampler.h"
@@ -16,7 +17,7 @@ typedef struct report_facts {
     const surface *scan;
     const sampler *sampler;
     const quality *quality;
-    double max_residual; /* of the points as written, over h */
+    const results_facts *results;
     bool converged;
     int threads;
     const progress *progress; /* ended */

@@ -9,11 +9,18 @@
 #include "json/json.h"
 #include "spec/spec.h"
 
+/* Above this fraction of h the rounding of single precision would show: such points are written in double. */
+#define RESULTS_RESIDUAL 1e-3
+
+typedef struct results_facts {
+    double max_residual; /* largest |F| / |grad F| of the positions as they stand in points.ply, over h */
+    bool widened;        /* float was asked for, and double was written */
+} results_facts;
+
 /* Writes what s->output asks for into `directory` and appends {name, bytes, sha256} of each file to
- * `outputs`. *max_residual is the largest |F| / |grad F| of the positions as they stand in points.ply,
- * over h. Errors: internal (the disk, or a file that does not read back as written). */
+ * `outputs`. Errors: internal (the disk, or a file that does not read back as written). */
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   json *outputs, double *max_residual, error *e);
+                   json *outputs, results_facts *out, error *e);
 
 /* The same for the report itself, which comes last and makes the directory a result. */
 bool results_write_report(const char *directory, const json *report, error *e);

@@ -22,7 +22,7 @@ static const double BYTES_PER_PARTICLE = 1600;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
-static const int64_t THREADS_FROM = 20000;
+static const size_t THREADS_FROM = 20000;
 /* The range of sampling.count, for targets that come to a count. */
 static const double COUNT_MIN = 4, COUNT_MAX = 1e8;
 
@@ -30,8 +30,7 @@ typedef struct job {
     const spec *spec;
     const run_options *options;
     progress progress;
-    int64_t deadline_ms; /* monotonic; INT64_MAX: none */
-    size_t memory;       /* bytes, the job's limit */
+    size_t memory; /* bytes, the job's limit */
     threads *pool;
     source source;
     surface *scan;
@@ -40,17 +39,17 @@ typedef struct job {
     double *spacing_local;
     quality quality;
     json *report;
-    double max_residual;
+    results_facts results;
 } job;
 
+/* Also after a loop that was told to stop, which then says cancelled whatever the reason. */
 static bool may_go_on(const job *j, error *e)
 {
-    if (j->options->cancel && *j->options->cancel)
-        return error_set(e, ERROR_CANCELLED, "the job was cancelled");
-    if (clock_monotonic_ms() > j->deadline_ms)
+    int stop = j->options->cancel ? *j->options->cancel : 0;
+    if (stop == SIGALRM)
         return error_set(e, ERROR_LIMIT_TIME, "the job did not end within limits.timeout_s = %g s",
                          j->spec->timeout_s);
-    return true;
+    return stop == 0 || error_set(e, ERROR_CANCELLED, "the job was cancelled");
 }
 
 static bool fits_memory(const job *j, double count, error *e)
@@ -74,9 +73,9 @@ static bool load(job *j, error *e)
     j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
     if (!fits_memory(j, (double)s->count, e)) return false;
     int workers = s->threads > 0 ? s->threads : threads_available();
-    if (s->threads == 0 && s->count > 0 && s->count < THREADS_FROM) workers = 1;
-    j->pool = threads_new(workers, e);
-    return j->pool && source_open(s, j->options->roots, j->memory, &j->source, e);
+    if (workers > THREADS_MAX) workers = THREADS_MAX;
+    j->pool = threads_new(workers, j->options->cancel, e);
+    return j->pool && source_open(s, j->options->roots, j->memory, j->pool, &j->source, e);
 }
 
 /* The count that the target asks for on a surface of this area. */
@@ -105,6 +104,7 @@ static bool start(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_START);
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan || !resolve_count(j, e)) return false;
+    if (j->count < THREADS_FROM) threads_narrow(j->pool);
     const sampler_params params = {
         .count = j->count,
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
@@ -120,6 +120,7 @@ static bool start(job *j, error *e)
         .energy = energy_find(energy_names[s->energy]),
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
         .step = s->step,
+        .list_limit = j->memory - source_memory(&j->source),
         .max_sweeps = s->max_sweeps,
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
@@ -169,41 +170,48 @@ static bool write_results(job *j, error *e)
     j->report = json_new_object();
     return may_go_on(j, e) &&
            results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(j->sampler),
-                         json_put_array(j->report, "outputs"), &j->max_residual, e);
+                         json_put_array(j->report, "outputs"), &j->results, e);
 }
 
 static bool write_report(job *j, run_summary *out, error *e)
 {
     const sampler_points *p = sampler_result_points(j->sampler);
-    progress_end(&j->progress);
     bool converged = sampler_result(j->sampler) == SAMPLER_CONVERGED && p->lost == 0;
-    const report_facts facts = {j->spec,     &j->source,      j->scan,   j->sampler,
-                                &j->quality, j->max_residual, converged, threads_count(j->pool),
+    const report_facts facts = {j->spec,     &j->source,  j->scan,   j->sampler,
+                                &j->quality, &j->results, converged, threads_count(j->pool),
                                 &j->progress};
     report_fill(j->report, &facts);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
-    *out = (run_summary){converged, p->count, j->quality.hex_fraction, j->max_residual,
+    *out = (run_summary){converged, p->count, j->quality.hex_fraction, j->results.max_residual,
                          1e-3 * (double)(clock_monotonic_ms() - j->progress.start_ms)};
     return true;
 }
 
-/* A report of an earlier run in the same directory must not vouch for this one's files. */
+/* Files of an earlier run in the same directory must not stand beside this one's report. */
 static bool prepare_output(const char *directory, error *e)
 {
-    if (!store_directory_create(directory, e)) return false;
-    char *report = mem_printf("%s/report.json", directory);
-    bool ok = store_remove(report, e);
-    free(report);
+    static const char *const names[] = {"report.json", "points.ply", "preview.png", "preview.exr"};
+    bool ok = store_directory_create(directory, e);
+    for (size_t k = 0; ok && k < sizeof names / sizeof names[0]; k++) {
+        char *path = mem_printf("%s/%s", directory, names[k]);
+        ok = store_remove(path, e);
+        free(path);
+    }
     return ok;
 }
 
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
 {
+    static bool (*const phases[])(job *, error *) = {load, start, relax_until_done, measure, write_results};
     job j = {.spec = s, .options = options};
     j.progress = progress_begin(options->progress_fd, options->progress_bar);
-    j.deadline_ms = s->timeout_s > 0 ? j.progress.start_ms + (int64_t)(1e3 * s->timeout_s) : INT64_MAX;
-    bool ok = prepare_output(options->output, e) && load(&j, e) && start(&j, e) && relax_until_done(&j, e) &&
-              measure(&j, e) && write_results(&j, e) && write_report(&j, out, e);
+    bool ok = prepare_output(options->output, e);
+    for (size_t k = 0; ok && k < sizeof phases / sizeof phases[0]; k++) {
+        ok = phases[k](&j, e);
+        if (!may_go_on(&j, e)) ok = false;
+    }
+    progress_end(&j.progress);
+    ok = ok && write_report(&j, out, e);
     json_free(j.report);
     free(j.spacing_local);
     sampler_free(j.sampler);

@@ -2,7 +2,7 @@
  *
  * run_job loads the surface, samples it, measures the points, writes the results into a directory and
  * verifies them by reading them back; report.json comes last, by rename, so that a directory without
- * it is no result. What a caller may do meanwhile: set *cancel.
+ * it is no result. What a caller may do meanwhile: set *cancel, from a signal handler.
  */
 #ifndef HEXAD_RUN_RUN_H
 #define HEXAD_RUN_RUN_H
@@ -22,7 +22,7 @@ typedef struct run_options {
     int64_t memory_mb;                   /* when the spec does not say */
     int progress_fd;                     /* -1: no progress lines */
     bool progress_bar;                   /* on standard error */
-    const volatile sig_atomic_t *cancel; /* not 0: stop at the next sweep; may be NULL */
+    const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */
 } run_options;
 
 typedef struct run_summary {

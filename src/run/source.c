@@ -12,7 +12,7 @@ static analytic_shape shape_of(spec_shape shape)
     return shapes[shape];
 }
 
-static bool open_analytic(const spec_analytic *a, source *out, error *e)
+static bool open_analytic(const spec_analytic *a, threads *pool, source *out, error *e)
 {
     const analytic_params params = {
         .shape = shape_of(a->shape),
@@ -28,7 +28,7 @@ static bool open_analytic(const spec_analytic *a, source *out, error *e)
         .size = a->size,
         .period = a->period,
     };
-    out->analytic = analytic_new(&params, e);
+    out->analytic = analytic_new(&params, pool, e);
     if (!out->analytic) return false;
     out->field = &out->analytic->base;
     return true;
@@ -57,11 +57,11 @@ static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memo
     return true;
 }
 
-bool source_open(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
+bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
 {
     *out = (source){0};
     return s->surface_kind == SPEC_SURFACE_VDB ? open_volume(&s->vdb, roots, memory, out, e)
-                                               : open_analytic(&s->analytic, out, e);
+                                               : open_analytic(&s->analytic, pool, out, e);
 }
 
 void source_close(source *s)

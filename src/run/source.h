@@ -3,6 +3,7 @@
 #define HEXAD_RUN_SOURCE_H
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/analytic.h"
 #include "field/field.h"
 #include "json/json.h"
@@ -22,7 +23,8 @@ typedef struct source {
 
 /* `memory` bounds what the surface may hold, in bytes. Errors: those of volume_open and
  * store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
-bool source_open(const spec *s, const store_roots *roots, size_t memory, source *out, error *e);
+bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
+                 error *e);
 void source_close(source *s);
 
 /* The report's `inputs`, the volume's members of `surface`, and what it warns of. */

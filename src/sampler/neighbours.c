@@ -11,10 +11,11 @@ static const size_t GRAIN = 16; /* bins in a chunk of work */
 #define AXIS_BITS 21            /* of a bin's coordinate in its key */
 static const size_t FIRST_STRIDE = 32;
 
-neighbours *neighbours_new(size_t capacity, error *e)
+neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
 {
     neighbours *n = mem_alloc(sizeof *n);
     n->capacity = capacity;
+    n->list_limit = list_limit;
     n->stride = FIRST_STRIDE;
     n->table_size = 64;
     while (n->table_size < 2 * capacity) n->table_size *= 2;
@@ -162,6 +163,13 @@ static bool fill_lists(neighbours *n, const vec3 *x, threads *pool, error *e)
     size_t longest = atomic_load(&job.longest);
     if (longest <= n->stride) return true;
     size_t stride = (longest + longest / 4 + 7) / 8 * 8;
+    if ((double)n->capacity * (double)stride * sizeof *n->list > (double)n->list_limit)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
+            "left: lower solver.sigma, or raise limits.memory_mb",
+            n->cutoff, longest, (double)n->capacity * (double)stride * sizeof *n->list / (1 << 20),
+            (double)n->list_limit / (1 << 20));
     uint32_t *list = mem_array(n->capacity * stride, sizeof *list, "neighbour lists", e);
     if (!list) return false;
     free(n->list);

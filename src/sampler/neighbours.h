@@ -36,13 +36,14 @@ typedef struct neighbours {
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1];
     uint32_t *colour_bin; /* bins by colour, ascending */
 
+    size_t list_limit;    /* bytes that the lists may take */
     size_t stride;        /* room for this many entries per point */
     uint32_t *list;       /* entry k of point i at [i * stride + k] */
     uint32_t *list_count; /* of each point */
 } neighbours;
 
-/* Room for `capacity` points. Error: limit_memory. */
-neighbours *neighbours_new(size_t capacity, error *e);
+/* Room for `capacity` points, whose lists may take `list_limit` bytes. Error: limit_memory. */
+neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e);
 void neighbours_free(neighbours *n);
 
 /* Bins and lists for `count` points (full lists: j in the list of i and i in that of j; a point is not

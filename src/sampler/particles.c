@@ -16,6 +16,7 @@ particles *particles_new(size_t count, error *e)
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
         !(p->step = mem_array(count, sizeof *p->step, what, e)) ||
+        !(p->rim = mem_array(count, sizeof *p->rim, what, e)) ||
         !(p->cramped = mem_array(count, sizeof *p->cramped, what, e)) ||
         !(p->rejected = mem_array(count, sizeof *p->rejected, what, e))) {
         particles_free(p);
@@ -35,6 +36,7 @@ void particles_free(particles *p)
     free(p->lambda);
     free(p->energy);
     free(p->step);
+    free(p->rim);
     free(p->cramped);
     free(p->rejected);
     free(p);

@@ -8,7 +8,7 @@
 #include "sampler/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
-static const double EVEN_REQUEST = 1.0001;
+static const double EVEN_REQUEST = 1.05;
 
 typedef struct measure_job {
     const quality_input *in;
@@ -16,7 +16,8 @@ typedef struct measure_job {
     double support;
     double *area, *energy, *nearest; /* per point; nearest over requested spacing */
     double *edge_sum, *edge_squares; /* of relative lengths of the edges to points of higher index */
-    uint8_t *degree, *edges;         /* edges: number in the sums */
+    uint8_t *degree;
+    double *edges; /* number in the sums */
     bool *rim;
 } measure_job;
 
@@ -78,7 +79,7 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
     const quality_input *in = job->in;
     double n = 0, hex = 0, degrees = 0, alpha = 0, energy = 0;
     double edge = 0, edge2 = 0, edges = 0, area = 0, area2 = 0, ratio = 0, ratio2 = 0;
-    double sx = 0, sy = 0, sxx = 0, sxy = 0, finest = INFINITY, coarsest = 0;
+    double sx = 0, sy = 0, sxx = 0, sxy = 0, finest = INFINITY, coarsest = 0, sized = 0;
     *out = (quality){.min_spacing_ratio = INFINITY, .grading_exponent = 1};
     for (size_t i = 0; i < in->count; i++) {
         degrees += 6.0 - job->degree[i];
@@ -103,19 +104,25 @@ static void sum_up(const measure_job *job, const double *local, quality *out)
         coarsest = fmax(coarsest, in->spacing[i]);
         out->min_spacing_ratio = fmin(out->min_spacing_ratio, job->nearest[i]);
         if (!(local[i] > 0)) continue;
+        sized++;
         sx += x;
         sy += y;
         sxx += x * x;
         sxy += x * y;
     }
     out->euler = degrees / 6;
-    if (n < 1) return;
+    if (n < 1) { /* nothing but rims: there is nothing to say */
+        out->hex_fraction = out->edge_cv = out->area_cv = out->energy_excess = out->grading_cv =
+            out->grading_exponent = NAN;
+        return;
+    }
     out->hex_fraction = hex / n;
     out->edge_cv = variation(edge, edge2, edges);
     out->area_cv = variation(area, area2, n);
     out->energy_excess = energy / alpha / energy_cotangent.ideal - 1;
     out->grading_cv = variation(ratio, ratio2, n);
-    if (coarsest > EVEN_REQUEST * finest) out->grading_exponent = (sxy - sx * sy / n) / (sxx - sx * sx / n);
+    if (coarsest > EVEN_REQUEST * finest)
+        out->grading_exponent = (sxy - sx * sy / sized) / (sxx - sx * sx / sized);
 }
 
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
@@ -125,9 +132,9 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     size_t n = in->count;
     const char *what = "the quality measures";
     measure_job job = {.in = in, .support = sqrt(3) * in->h};
-    double *column = mem_array(6 * n, sizeof *column, what, e), *local = column + 5 * n;
-    uint8_t *bytes = mem_array(3 * n, 1, what, e);
-    neighbours *near = neighbours_new(n, e);
+    double *column = mem_array(7 * n, sizeof *column, what, e), *local = column + 5 * n;
+    uint8_t *bytes = mem_array(2 * n, 1, what, e);
+    neighbours *near = neighbours_new(n, SIZE_MAX, e);
     if (!column || !bytes || !near) goto done;
     double widest = 0;
     for (size_t i = 0; i < n; i++) widest = fmax(widest, in->spacing[i]);
@@ -139,8 +146,8 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     job.edge_sum = column + 3 * n;
     job.edge_squares = column + 4 * n;
     job.degree = bytes;
-    job.edges = bytes + n;
-    job.rim = (bool *)(bytes + 2 * n);
+    job.edges = column + 6 * n;
+    job.rim = (bool *)(bytes + n);
     find_rim(in, job.rim);
     threads_run(pool, n, 256, measure_chunk, &job);
     for (size_t i = 0; i < n; i++) {

@@ -73,7 +73,7 @@ bool refine_particles(const field *f, const surface *scan, particles *p, size_t 
     size_t wanted = count - p->count, capacity = 4 * p->count;
     double *even = mem_array(p->count, sizeof *even, "refinement", e);
     middle *middles = mem_array(capacity, sizeof *middles, "refinement", e);
-    neighbours *near = neighbours_new(p->count, e);
+    neighbours *near = neighbours_new(p->count, SIZE_MAX, e);
     if (!even || !middles || !near ||
         !neighbours_build(near, p->count, p->position, VORONOI_REACH * spacing, pool, e))
         goto done;

@@ -9,7 +9,8 @@
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Where all normals agree to within 60 degrees the weights are 1 and stay so while the lists are valid. */
+/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists are
+ * valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
@@ -24,6 +25,10 @@ static const double STRAIGHT_ACCEPT = 1e-7;
 static const double HESSIAN_FLOOR = 1e-9;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
 static const double STEP_FLOOR = 1e-3;
+/* Of the longest displacement, what the step in the tangent plane may take: the projection adds its own. */
+static const double BOUND_SHARE = 0.9;
+/* A step that used this share of what the lists allow leaves too little for the next. */
+static const double CRAMPED_STEP = 0.8;
 
 /* One particle's neighbours, gathered. */
 typedef struct gather {
@@ -41,13 +46,13 @@ struct relax {
     size_t scratch_entries;
 };
 
-relax *relax_new(size_t capacity, const energy_function *energy, threads *pool, error *e)
+relax *relax_new(size_t capacity, const energy_function *energy, size_t list_limit, threads *pool, error *e)
 {
     relax *r = mem_alloc(sizeof *r);
     r->pool = pool;
     r->energy = energy;
     r->scratch = mem_alloc((size_t)threads_count(pool) * sizeof *r->scratch);
-    r->near = neighbours_new(capacity, e);
+    r->near = neighbours_new(capacity, list_limit, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
     if (!r->near || !r->flat) {
         relax_free(r);
@@ -131,7 +136,8 @@ typedef struct attempt {
     pair_list *near;
     bool flat;
     vec3 x, axis1, axis2;
-    double bound; /* longest step */
+    double bound; /* longest step in the tangent plane */
+    double limit; /* longest displacement */
     double energy;
 } attempt;
 
@@ -212,8 +218,8 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
-    /* a projection that is longer than the step was pulled to another sheet */
-    if (vec3_norm2(vec3_sub(q, a->x)) > 2 * a->bound * a->bound) return false;
+    /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
+    if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
     *normal = n;
     return true;
@@ -245,7 +251,7 @@ static void straighten(const relax_params *params, vec3 *x, vec3 *normal)
 static void take_step(particles *p, size_t i, vec3 x, vec3 normal, double room)
 {
     p->step[i] = vec3_norm(vec3_sub(x, p->position[i]));
-    p->cramped[i] = p->step[i] >= 0.8 * room;
+    p->cramped[i] = p->step[i] >= CRAMPED_STEP * room;
     p->position[i] = x;
     p->normal[i] = normal;
 }
@@ -307,7 +313,8 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
     p->rejected[i] = 0;
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
     double room = 0.5 * job->r->skin - vec3_norm(vec3_sub(a.x, p->anchor[i]));
-    a.bound = fmin(sqrt(f.nearest2), 0.9 * room);
+    a.limit = fmin(sqrt(f.nearest2), room);
+    a.bound = BOUND_SHARE * a.limit;
     if (params->minimiser == RELAX_GRADIENT)
         descend_gradient(&a, &f, p, i, room);
     else
@@ -357,22 +364,24 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
                                         job->p->position[i], job->sigma);
 }
 
-double relax_mean_energy(relax *r, const particles *p, double sigma, double *energy)
+double relax_mean_energy(relax *r, particles *p, double sigma)
 {
-    /* without a place of their own the values go where the next sweep writes them anyway */
-    sweep_job job = {.r = r, .p = (particles *)p, .sigma = sigma, .energy = energy ? energy : p->energy};
+    sweep_job job = {.r = r, .p = p, .sigma = sigma, .energy = p->energy};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
-    double sum = 0, alpha = 0;
+    double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
-        sum += job.energy[i];
+        all += p->energy[i];
+        all_alpha += p->alpha[i];
+        if (p->rim[i]) continue;
+        sum += p->energy[i];
         alpha += p->alpha[i];
     }
-    return sum / alpha;
+    return alpha > 0 ? sum / alpha : all / all_alpha;
 }
 
 double relax_max_support(const relax *r)
 {
-    return r->sigma + 0.5 * r->skin;
+    return r->sigma + r->skin;
 }
 
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)

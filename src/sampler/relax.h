@@ -47,9 +47,9 @@ typedef struct relax_sums {
 
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
 
-/* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned). Error:
- * limit_memory. */
-relax *relax_new(size_t capacity, const energy_function *energy, threads *pool, error *e);
+/* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
+ * `list_limit` bytes. Error: limit_memory. */
+relax *relax_new(size_t capacity, const energy_function *energy, size_t list_limit, threads *pool, error *e);
 void relax_free(relax *r);
 
 /* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, with
@@ -59,11 +59,11 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
-/* Mean of E_i over the mean of alpha, everyone where they are, for any support that the lists cover;
- * `energy` (may be NULL) receives each E_i. */
-double relax_mean_energy(relax *r, const particles *p, double sigma, double *energy);
+/* Mean of E_i over the mean of alpha, everyone where they are, for any support that the lists cover; rims
+ * left out, where half of the neighbours are missing, unless there is nothing else. Sets p->energy. */
+double relax_mean_energy(relax *r, particles *p, double sigma);
 
-/* The largest support that the lists at hand cover. */
+/* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 
 /* Mean number of neighbours within `sigma` (m of Table 1). */

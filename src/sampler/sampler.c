@@ -38,7 +38,16 @@ static const int CRAMPED_WAIT = 4;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */
 static const double WORST_RESIDUAL = 1e-6;
 static const int REPLACEMENT_DRAWS = 30;
+static const int SETTLE_STEPS = 20;
+static const double SETTLE_FARTHEST = 0.05;
 enum { MAX_ROUNDS = 24 };
+/* What the lists reach beyond the support, of h: wide while particles move far, narrow when a few sweeps of
+ * their steps are less. */
+static const double SKIN_WIDE = 0.6, SKIN_NARROW = 0.2, SKIN_STEPS = 6;
+/* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the
+ * other; so many Newton steps settle it to the tolerance, so many sets of lists reach it from anywhere. */
+static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
+enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
 
@@ -78,7 +87,6 @@ struct sampler {
     int sweeps_in_round;
     double fraction;
     sampler_points out;
-    vec3 *normal;
     double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
 };
 
@@ -109,12 +117,21 @@ static bool amplitudes_are_due(const sampler *s)
     return s->params.graded && s->sweep_count >= s->next_amplitudes;
 }
 
+static void mark_rims(sampler *s)
+{
+    if (!s->field->open) return;
+    vec3 margin = vec3_scale((vec3){1, 1, 1}, 2 * s->spacing);
+    bbox inner = {vec3_add(s->field->domain.min, margin), vec3_sub(s->field->domain.max, margin)};
+    for (size_t i = 0; i < s->p->count; i++) s->p->rim[i] = !bbox_contains(inner, s->p->position[i]);
+}
+
 static bool build_lists(sampler *s, error *e)
 {
     if (amplitudes_are_due(s)) {
         threads_run(s->pool, s->p->count, 256, amplitude_chunk, s);
         s->next_amplitudes = s->sweep_count + 1 + s->sweep_count / 4;
     }
+    mark_rims(s);
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
     s->list_age = 0;
@@ -169,7 +186,7 @@ static void enter_level(sampler *s, double support)
 {
     s->spacing = even_spacing(s, s->p->count);
     s->sigma = support * s->spacing;
-    s->skin = 0.6 * s->spacing;
+    s->skin = SKIN_WIDE * s->spacing;
     s->gain = round_gain[s->stage];
 }
 
@@ -184,13 +201,14 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->pool = pool;
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
     s->p = particles_new(params->count, e);
-    s->relax = relax_new(params->count, s->params.energy, pool, e);
+    s->relax = relax_new(params->count, s->params.energy, params->list_limit, pool, e);
     if (!s->sweep || !s->p || !s->relax) goto fail;
     plan_levels(s);
     s->p->count = s->level_count[0];
     /* a support that is given is meant for the whole count */
     enter_level(s, params->sigma > 0 ? params->sigma / even_spacing(s, params->count) : sqrt(3));
-    if (!start_place(f, scan, params, s->spacing, s->p, &s->removed, e) || !build_lists(s, e)) goto fail;
+    if (!start_place(f, scan, params, s->spacing, pool, s->p, &s->removed, e) || !build_lists(s, e))
+        goto fail;
     return s;
 fail:
     sampler_free(s);
@@ -203,25 +221,40 @@ void sampler_free(sampler *s)
     particles_free(s->p);
     relax_free(s->relax);
     free(s->sweep);
-    free(s->normal);
     free(s->column);
     free(s);
 }
 
-/* The support under which the particles, where they are, have the ideal energy: Newton's method on
- * log E against log sigma (6.1: a one-dimensional optimisation). Bounded by what the lists cover. */
-static double ideal_support(const sampler *s, double *energy)
+/* The support under which the particles, where they are, have the ideal energy: Newton's method on log E
+ * against log sigma (6.1: a one-dimensional optimisation), no farther than the lists cover. */
+static double ideal_support(const sampler *s)
 {
-    double low = 0.2 * s->sigma, high = relax_max_support(s->relax), sigma = s->sigma;
-    for (int k = 0; k < 6; k++) {
-        *energy = relax_mean_energy(s->relax, s->p, sigma, NULL);
-        if (!(*energy > 0)) return high;
-        double ratio = *energy / s->params.energy->ideal;
-        if (fabs(ratio - 1) < 1e-6) break;
+    double low = SHRINK_LIMIT * s->sigma, high = relax_max_support(s->relax), sigma = s->sigma;
+    for (int k = 0; k < SUPPORT_STEPS; k++) {
+        double energy = relax_mean_energy(s->relax, s->p, sigma);
+        if (!(energy > 0)) return high;
+        double ratio = energy / s->params.energy->ideal;
+        if (fabs(ratio - 1) < SUPPORT_TOLERANCE) break;
         sigma *= pow(ratio, -1 / s->params.energy->ideal_slope);
         sigma = fmin(fmax(sigma, low), high);
     }
     return sigma;
+}
+
+/* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range. */
+static bool adapt_support(sampler *s, error *e)
+{
+    for (int k = 0; k < SUPPORT_BUILDS; k++) {
+        double before = s->sigma;
+        s->skin = fmax(SKIN_WIDE * s->spacing, SUPPORT_GROWTH * s->sigma);
+        if (!build_lists(s, e)) return false;
+        s->sigma = fmin(ideal_support(s), bbox_longest(s->scan->box) * 2);
+        bool at_bound = s->sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->relax) ||
+                        s->sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
+        if (!at_bound) break;
+    }
+    s->skin = SKIN_WIDE * s->spacing;
+    return build_lists(s, e);
 }
 
 static void note_round(sampler *s, double energy)
@@ -243,23 +276,27 @@ static bool refine(sampler *s, error *e)
     return build_lists(s, e);
 }
 
+static bool is_on_target(const sampler *s, double energy)
+{
+    return fabs(energy / s->params.energy->ideal - 1) < s->params.energy_tolerance;
+}
+
 /* A round has come to rest: adapt the support and look closer, refine, or end. */
 static bool control(sampler *s, error *e)
 {
-    double energy = relax_mean_energy(s->relax, s->p, s->sigma, NULL);
+    double energy = relax_mean_energy(s->relax, s->p, s->sigma);
     note_round(s, energy);
     bool last_stage = s->stage == ROUNDS - 1;
     if (last_stage && s->level < s->levels - 1) return refine(s, e);
-    bool on_target = fabs(energy / s->params.energy->ideal - 1) < s->params.energy_tolerance;
+    bool on_target = is_on_target(s, energy);
     if (last_stage && (on_target || s->round_count == MAX_ROUNDS)) {
         s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
-    s->sigma = ideal_support(s, &energy);
     if (!last_stage) s->stage++;
     s->gain = round_gain[s->stage];
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return build_lists(s, e);
+    return adapt_support(s, e);
 }
 
 /* The paper's steady state; a refined level starts near its own and is judged by its steps, and one that is
@@ -319,7 +356,7 @@ bool sampler_step(sampler *s, error *e)
     s->list_age++;
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
-    s->skin = fmin(0.6, fmax(0.2, 6 * sums.rms_step)) * s->spacing;
+    s->skin = fmin(SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
     if (is_at_rest(s, &sums) && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
@@ -387,13 +424,19 @@ typedef struct finish_job {
     double *residual; /* over h; inf: not on the surface */
 } finish_job;
 
-/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. */
-static bool settle_on_surface(const sampler *s, vec3 *x, vec3 *normal)
+/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01 h
+ * of the surface; one that would have to go much farther sits where Newton's method goes astray. */
+static bool settle_on_surface(const sampler *s, double farthest, vec3 *x, vec3 *normal)
 {
     double h = s->spacing;
-    const project_limits limits = {20, 1e-9 * h, 1e-7 * h, 1e-6 * h};
-    return project_point(s->field, &limits, x, normal) ||
-           project_bisect(s->field, *normal, 0.25 * h, x, normal);
+    const project_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+    vec3 q = *x, n = *normal;
+    if (project_point(s->field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+        *x = q;
+        *normal = n;
+        return true;
+    }
+    return project_bisect(s->field, *normal, farthest, x, normal);
 }
 
 static void finish_particle(const finish_job *job, size_t i)
@@ -403,7 +446,9 @@ static void finish_particle(const finish_job *job, size_t i)
     vec3 x = s->p->position[i], normal = s->p->normal[i];
     field_sample sample;
     job->residual[i] = INFINITY;
-    if (!settle_on_surface(s, &x, &normal) || !field_sample_at(s->field, x, FIELD_HESSIAN, &sample)) return;
+    if (!settle_on_surface(s, SETTLE_FARTHEST * s->spacing, &x, &normal) ||
+        !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
+        return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / s->spacing;
     if (!(residual < WORST_RESIDUAL)) return;
     job->residual[i] = residual;
@@ -425,13 +470,13 @@ static void replace_lost(finish_job *job)
 {
     sampler *s = job->s;
     rng r = rng_seed(s->params.seed, 2);
-    for (size_t i = 0; i < s->p->count; i++) {
+    for (size_t i = 0; i < s->p->count && !threads_stopped(s->pool); i++) {
         if (job->residual[i] != INFINITY) continue;
         double best = -1;
         vec3 x = s->p->position[i], normal = s->p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
             vec3 q = surface_point(s->scan, rng_uniform(&r) * s->scan->area, &r), n = {0, 0, 1};
-            if (!settle_on_surface(s, &q, &n)) continue;
+            if (!settle_on_surface(s, s->field->cell_size, &q, &n)) continue;
             double nearest2 = INFINITY;
             for (size_t j = 0; j < s->p->count; j++)
                 if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->p->position[j])));
@@ -440,6 +485,7 @@ static void replace_lost(finish_job *job)
             x = q;
             normal = n;
         }
+        if (best < 0) continue;
         s->p->position[i] = x;
         s->p->normal[i] = normal;
         s->removed++;
@@ -469,7 +515,7 @@ static void describe_result(sampler *s, const double *residual)
         else
             s->out.max_residual = fmax(s->out.max_residual, residual[i]);
     }
-    s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma, s->p->energy);
+    s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma);
     s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
     requested_spacing(s, s->column + 3 * n);
 }
@@ -487,6 +533,8 @@ bool sampler_finish(sampler *s, error *e)
     replace_lost(&job);
     if (!relax_build(s->relax, s->p, s->sigma, 0, e)) goto done;
     describe_result(s, job.residual);
+    if (s->outcome == SAMPLER_CONVERGED && (s->out.lost > 0 || !is_on_target(s, s->out.mean_energy)))
+        s->outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
     ok = true;
 done:
     free(job.residual);

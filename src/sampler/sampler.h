@@ -4,8 +4,9 @@
  *     while (!sampler_ended(s)) sampler_step(s, e);  // one sweep each; the caller may stop at any
  *     sampler_finish(s, e);                     // exact projection, normals, curvature, energies
  *
- * The caller owns the loop, the progress and the cancellation. Steps allocate nothing, but for lists
- * that grow where particles crowd. Same field, parameters and seed give the same result for any
+ * The caller owns the loop, the progress and the cancellation; a pool that is told to stop leaves a step
+ * undone, and the caller is to end. Steps allocate nothing, but for lists that grow where particles crowd and
+ * for the refinement of a level. Same field, parameters and seed give the same result for any
  * number of threads. Source: Meyer, Georgel, Whitaker 2005, sections 4 to 7.
  */
 #ifndef HEXAD_SAMPLER_SAMPLER_H
@@ -41,6 +42,7 @@ typedef struct sampler_params {
     const energy_function *energy; /* NULL: cotangent */
     bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
     double step;
+    size_t list_limit; /* bytes that neighbour lists may take */
     int max_sweeps;
     double step_tolerance;   /* of the rms step over h */
     double energy_tolerance; /* of |E / E_ideal - 1| */
@@ -103,8 +105,8 @@ typedef struct sampler_points {
     const double *kappa, *kappa1, *kappa2, *alpha;
     const double *energy;  /* E_i, full sum under the final sigma */
     const double *spacing; /* requested */
-    size_t lost;
-    double max_residual; /* max |F| / |grad F|, over h */
+    size_t lost;           /* not on the surface, and no place found for them */
+    double max_residual;   /* max |F| / |grad F|, over h */
     double sigma, mean_energy, ideal_energy, mean_neighbours;
 } sampler_points;
 

@@ -9,11 +9,11 @@ static const int WALK_STEPS = 50;
 static const double START_ACCEPT = 1e-3;
 /* Draws per particle before the surface is given up: a fifth of random starts may be lost. */
 static const size_t MAX_DRAWS = 1000;
-/* |H| h / |grad F| above this marks a degenerate zero, such as the centre of (15), where the gradient
- * vanishes with F: Newton's method creeps there, but there is no surface. On a surface that h
- * resolves the ratio is kappa h, below 2. */
-static const double DEGENERATE = 100;
-/* Newton's method that ends more than this many domain sizes away ran off. */
+/* |H| / |grad F| times the size of a cell above this marks a degenerate zero, such as the centre of (15),
+ * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
+ * that its cells resolve the ratio is below 2. */
+static const double DEGENERATE = 50;
+/* Newton's method that ends farther outside of the surface's box than this times h, or a cell, ran off. */
 static const double FARTHEST = 1.0;
 
 static vec3 random_in_domain(const field *f, rng *r)
@@ -48,32 +48,39 @@ static vec3 draw_point(const field *f, const surface *scan, const sampler_params
     return params->random_in_cells ? random_in_cells(f, scan->cells, r) : random_in_domain(f, r);
 }
 
-static bool is_degenerate(const field *f, vec3 x, double spacing)
+static bool is_degenerate(const field *f, vec3 x)
 {
     field_sample s;
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return true;
     sym3 h = s.hessian;
     double norm2 = h.xx * h.xx + h.yy * h.yy + h.zz * h.zz + 2 * (h.xy * h.xy + h.xz * h.xz + h.yz * h.yz);
-    double limit = DEGENERATE / spacing;
+    double limit = DEGENERATE / f->cell_size;
     return norm2 > limit * limit * vec3_norm2(s.gradient);
 }
 
-bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
-                 particles *p, size_t *removed, error *e)
+/* A draw, onto the surface; those from its own cells are nearly there and need no doubt. */
+static bool settle(const field *f, const sampler_params *params, double spacing, bbox near, vec3 *x,
+                   vec3 *normal)
 {
-    rng r = rng_seed(params->seed, 1);
     const project_limits limits = {WALK_STEPS, START_ACCEPT * spacing, START_ACCEPT * spacing,
                                    START_ACCEPT * spacing};
-    /* a point far outside of the surface's box has run along a degenerate gradient */
+    return project_point(f, &limits, x, normal) && bbox_contains(near, *x) &&
+           (params->start == SAMPLER_START_SURFACE || !is_degenerate(f, *x));
+}
+
+bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
+                 threads *pool, particles *p, size_t *removed, error *e)
+{
+    rng r = rng_seed(params->seed, 1);
     double reach = FARTHEST * fmax(spacing, f->cell_size);
     bbox near = {vec3_sub(scan->box.min, vec3_make(reach, reach, reach)),
                  vec3_add(scan->box.max, vec3_make(reach, reach, reach))};
     size_t drawn_again = 0;
     for (size_t i = 0; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
+            if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
             vec3 x = draw_point(f, scan, params, i, p->count, draw, &r);
-            if (project_point(f, &limits, &x, &p->normal[i]) && bbox_contains(near, x) &&
-                !is_degenerate(f, x, spacing)) {
+            if (settle(f, params, spacing, near, &x, &p->normal[i])) {
                 p->position[i] = x;
                 break;
             }

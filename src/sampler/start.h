@@ -7,8 +7,8 @@
 
 /* Places p->count particles on the surface, with normals. Those that do not reach it, or land where
  * the field degenerates, are taken away and drawn again; *removed counts them. Deterministic in
- * params->seed. Error: no_surface when too few reach the surface. */
+ * params->seed. Errors: no_surface when too few reach the surface, cancelled (the pool was told to stop). */
 bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
-                 particles *p, size_t *removed, error *e);
+                 threads *pool, particles *p, size_t *removed, error *e);
 
 #endif

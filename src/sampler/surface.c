@@ -207,6 +207,10 @@ surface *surface_scan(const field *f, threads *pool, error *e)
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
     if (!job.box || !s->area_before) goto fail;
     threads_run(pool, chunks, 1, scan_chunk, &job);
+    if (threads_stopped(pool)) {
+        error_set(e, ERROR_CANCELLED, "stopped");
+        goto fail;
+    }
     s->box = bbox_empty();
     for (size_t k = 0; k < chunks; k++)
         if (!bbox_is_empty(job.box[k]))

@@ -21,7 +21,7 @@ typedef struct surface {
     double *area_before; /* cells + 1: area of the cells before each, the last is the whole */
 } surface;
 
-/* Errors: no_surface (area 0), limit_memory. Deterministic for any number of threads. */
+/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
 

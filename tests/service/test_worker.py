@@ -97,6 +97,52 @@ def test_a_target_beyond_the_counts_is_told(worker, target, value):
     assert words["code"] == "spec_invalid" and f"/sampling/{target}" in words["message"]
 
 
+# ---- what is written is on the surface, and a verdict is of what is written
+
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e9])
+def test_points_far_from_the_origin(worker, tmp_path, far):
+    """Where single precision would put them beside the surface they are in double, and the report says so."""
+    spec = sphere(500, surface={"analytic": {"shape": "sphere", "center": [far, far, 0], "radius": 3}},
+                  output={"preview": False})
+    assert worker(spec).returncode == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    off = numpy.abs(numpy.linalg.norm(points.position - [far, far, 0], axis=1) - 3) / report["spacing"]
+    assert off.max() <= 1e-3
+    assert report["quality"]["max_residual"] == pytest.approx(off.max(), rel=0.5, abs=1e-6)
+    assert any("double" in w for w in report["surface"]["warnings"]) == (far > 1e4)
+
+
+@pytest.mark.parametrize("shape", [
+    {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [30, 30, 0.5]},
+    {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.01, "axis": [1, 2, 3]},
+    {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 1]},
+    {"shape": "gyroid", "center": [0, 0, 0], "period": 0.3},
+])
+def test_converged_is_said_of_the_final_points(worker, tmp_path, shape):
+    done = worker(sphere(600, surface={"analytic": shape}, output={"preview": False}))
+    assert done.returncode in (0, 10)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["count"] == 600 and report["quality"]["lost"] == 0
+    if report["outcome"] == "converged":
+        assert abs(report["energy"]["excess"]) < report["spec"]["solver"]["energy_tolerance"]
+
+
+def test_lists_are_held_to_the_limit(worker):
+    """A support that sees everyone: the lists would take 1.6 GB."""
+    done = worker(sphere(20000, solver={"sigma": 10, "method": "paper"}, limits={"memory_mb": 200}))
+    assert done.returncode == 5
+    assert last_words(done)["code"] == "limit_memory"
+
+
+def test_time_is_up_before_the_first_sweep(worker):
+    """The scan of a fine gyroid takes longer than that."""
+    fine = {"analytic": {"shape": "gyroid", "center": [0, 0, 0], "size": [1, 1, 1], "period": 0.02}}
+    done = worker(sphere(1000, surface=fine, limits={"timeout_s": 0.3}))
+    assert done.returncode == 5
+    assert last_words(done)["code"] == "limit_time"
+
+
 # ---- exit codes
 
 def test_converged_is_0(worker, tmp_path):

@@ -12,7 +12,7 @@
 static analytic *make(int k)
 {
     error e = {0};
-    analytic *a = analytic_new(&shapes[k], &e);
+    analytic *a = analytic_new(&shapes[k], NULL, &e);
     if (!a) fail_msg("%s: %s", shape_names[k], e.message);
     return a;
 }

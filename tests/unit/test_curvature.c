@@ -13,7 +13,7 @@ static void sphere_has_one_over_r(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 0);
-    analytic *a = analytic_new(&shapes[0], NULL);
+    analytic *a = analytic_new(&shapes[0], NULL, NULL);
     for (int k = 0; k < 100; k++) {
         vec3 n = vec3_unit(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}));
         field_sample s;
@@ -31,7 +31,7 @@ static void sphere_has_one_over_r(void **state)
 static void torus_has_a_convex_and_a_saddle_equator(void **state)
 {
     (void)state;
-    analytic *a = analytic_new(&shapes[1], NULL);
+    analytic *a = analytic_new(&shapes[1], NULL, NULL);
     vec3 u, v;
     vec3_frame(vec3_unit(shapes[1].axis), &u, &v);
     field_sample s;

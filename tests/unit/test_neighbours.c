@@ -32,8 +32,8 @@ static void lists_hold_every_pair_within_the_cutoff(void **state)
     rng r = rng_seed(test_seed(), 0);
     vec3 x[COUNT];
     error e = {0};
-    threads *pool = threads_new(2, &e);
-    neighbours *n = neighbours_new(COUNT, &e);
+    threads *pool = threads_new(2, NULL, &e);
+    neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
     for (double cutoff = 0.05; cutoff < 1; cutoff *= 2.3) {
         awkward_points(x, &r);
         assert_true(neighbours_build(n, COUNT, x, cutoff, pool, &e));
@@ -57,8 +57,8 @@ static void points_of_one_colour_in_two_bins_are_not_neighbours(void **state)
     rng r = rng_seed(test_seed(), 1);
     vec3 x[COUNT];
     error e = {0};
-    threads *pool = threads_new(1, &e);
-    neighbours *n = neighbours_new(COUNT, &e);
+    threads *pool = threads_new(1, NULL, &e);
+    neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
     awkward_points(x, &r);
     assert_true(neighbours_build(n, COUNT, x, 0.2, pool, &e));
     uint32_t seen = 0;
@@ -86,8 +86,8 @@ static void a_cutoff_too_small_is_refused(void **state)
     (void)state;
     error e = {0};
     vec3 x[2] = {{0, 0, 0}, {1, 0, 0}};
-    threads *pool = threads_new(1, &e);
-    neighbours *n = neighbours_new(2, &e);
+    threads *pool = threads_new(1, NULL, &e);
+    neighbours *n = neighbours_new(2, SIZE_MAX, &e);
     assert_false(neighbours_build(n, 2, x, 1e-9, pool, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     neighbours_free(n);

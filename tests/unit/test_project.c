@@ -17,12 +17,14 @@ static void ends_on_the_surface(void **state)
     (void)state;
     rng r = rng_seed(test_seed(), 0);
     for (int k = 0; k < SHAPE_COUNT; k++) {
-        analytic *a = analytic_new(&shapes[k], NULL);
+        analytic *a = analytic_new(&shapes[k], NULL, NULL);
         for (int done = 0, tries = 0; done < 100 && tries < 100000; tries++) {
             vec3 x = random_between(&r, a->base.domain.min, a->base.domain.max), n;
             field_sample s;
             if (!field_sample_at(&a->base, x, FIELD_GRADIENT, &s) ||
-                fabs(s.value) > 0.02 * a->base.extent * vec3_norm(s.gradient))
+                fabs(s.value) > 0.02 * a->base.extent * vec3_norm(s.gradient) ||
+                /* the quartic's centre is a zero without a gradient: no surface, and Newton's method creeps */
+                (shapes[k].shape == ANALYTIC_QUARTIC && vec3_norm(vec3_sub(x, shapes[k].center)) < 0.2))
                 continue;
             done++;
             assert_true(project_point(&a->base, &exact, &x, &n));
@@ -40,7 +42,7 @@ static void slides_along_the_rim(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
-    analytic *a = analytic_new(&shapes[5], NULL);
+    analytic *a = analytic_new(&shapes[5], NULL, NULL);
     int rims = 0;
     for (int k = 0; k < 200; k++) {
         vec3 x = random_between(&r, (vec3){1.001, 0.1, 0.1}, (vec3){1.02, 0.9, 0.9}), n;
@@ -58,7 +60,7 @@ static void slides_along_the_rim(void **state)
 static void refuses_what_it_cannot_reach(void **state)
 {
     (void)state;
-    analytic *sphere = analytic_new(&shapes[0], NULL), *quartic = analytic_new(&shapes[4], NULL);
+    analytic *sphere = analytic_new(&shapes[0], NULL, NULL), *quartic = analytic_new(&shapes[4], NULL, NULL);
     vec3 centre = shapes[0].center, n = {7, 7, 7};
     assert_false(project_point(&sphere->base, &exact, &centre, &n)); /* no gradient */
     assert_true(n.x == 7 && centre.x == 1);

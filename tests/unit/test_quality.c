@@ -48,7 +48,7 @@ static sheet *make_sheet(void)
 static void measure(sheet *s, quality *q)
 {
     error e = {0};
-    threads *pool = threads_new(2, &e);
+    threads *pool = threads_new(2, NULL, &e);
     if (!quality_measure(&s->in, pool, s->local, s->degree, q, &e)) fail_msg("%s", e.message);
     threads_free(pool);
 }
@@ -109,7 +109,7 @@ static void euler_of_a_sphere_is_two(void **state)
     double spacing[POINTS];
     error e = {0};
     rng r = rng_seed(test_seed(), 0);
-    threads *pool = threads_new(1, &e);
+    threads *pool = threads_new(1, NULL, &e);
     double h = sqrt(2 * 4 * M_PI / (sqrt(3) * POINTS));
     int exact = 0;
     for (int round = 0; round < 10; round++) {

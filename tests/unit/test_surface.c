@@ -13,8 +13,8 @@
 static double scan_area(int k, int workers)
 {
     error e = {0};
-    analytic *a = analytic_new(&shapes[k], &e);
-    threads *pool = threads_new(workers, &e);
+    analytic *a = analytic_new(&shapes[k], NULL, &e);
+    threads *pool = threads_new(workers, NULL, &e);
     surface *s = surface_scan(&a->base, pool, &e);
     assert_non_null(s);
     double area = s->area;
@@ -35,6 +35,37 @@ static void areas_are_right(void **state)
     assert_close(scan_area(4, 1) / 4.563927350656813, 1, 2e-5); /* Gauss-Legendre over the sphere */
 }
 
+/* Needles, discs, wires and sharp edges, against closed forms. */
+static void areas_of_awkward_shapes(void **state)
+{
+    (void)state;
+    double e = sqrt(1 - 1e-4), prolate = 2 * M_PI * (1 + 100 / e * asin(e));
+    double oblate = 2 * M_PI * 1e4 + M_PI / e * log((1 + e) / (1 - e));
+    const struct {
+        analytic_params params;
+        double area, within;
+    } cases[] = {
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {100, 1, 1}}, prolate, 1e-3},
+        {{.shape = ANALYTIC_ELLIPSOID, .radii = {10, 10, 0.1}}, oblate / 100, 1e-2},
+        {{.shape = ANALYTIC_TORUS, .axis = {1, 2, 3}, .major_radius = 1, .minor_radius = 0.01},
+         4 * M_PI * M_PI * 0.01,
+         1e-3},
+        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 1}}, 24, 2e-3},
+        {{.shape = ANALYTIC_BOX, .half_size = {1, 1, 0.05}}, 8 * 1.1, 1e-2},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        error fault = {0};
+        threads *pool = threads_new(2, NULL, &fault);
+        analytic *a = analytic_new(&cases[k].params, pool, &fault);
+        surface *s = a ? surface_scan(&a->base, pool, &fault) : NULL;
+        if (!s) fail_msg("case %zu: %s", k, fault.message);
+        assert_close(s->area / cases[k].area, 1, cases[k].within);
+        surface_free(s);
+        analytic_free(a);
+        threads_free(pool);
+    }
+}
+
 static void area_does_not_depend_on_threads(void **state)
 {
     (void)state;
@@ -48,8 +79,8 @@ static void points_follow_area(void **state)
     enum { POINTS = 20000, SLABS = 10 };
     error e = {0};
     rng r = rng_seed(test_seed(), 0);
-    analytic *a = analytic_new(&shapes[0], &e);
-    threads *pool = threads_new(1, &e);
+    analytic *a = analytic_new(&shapes[0], NULL, &e);
+    threads *pool = threads_new(1, NULL, &e);
     surface *s = surface_scan(&a->base, pool, &e);
     int slab[SLABS] = {0};
     for (int k = 0; k < POINTS; k++) {
@@ -70,6 +101,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(areas_are_right),
+        cmocka_unit_test(areas_of_awkward_shapes),
         cmocka_unit_test(area_does_not_depend_on_threads),
         cmocka_unit_test(points_follow_area),
     };

@@ -23,7 +23,7 @@ static void every_item_once(void **state)
     (void)state;
     for (int workers = 1; workers <= 8; workers++) {
         error e = {0};
-        threads *pool = threads_new(workers, &e);
+        threads *pool = threads_new(workers, NULL, &e);
         assert_non_null(pool);
         assert_int_equal(threads_count(pool), workers);
         for (size_t grain = 1; grain < 2 * ITEMS; grain = grain * 3 + 1) {
