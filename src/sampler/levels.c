@@ -1,0 +1,58 @@
+#include "sampler/levels.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/rng.h"
+#include "sampler/refine.h"
+
+/* The coarsest packing sets the order of the finest, at a cost that does not show, unless its
+ * spacing is coarser than this fraction of the radius of curvature, where strain is locked in. */
+static const double COARSEST_BEND = 1.0 / 2;
+enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
+/* Of the curvatures of those samples, the one that counts. */
+static const double BEND_QUANTILE = 0.9;
+
+static int compare_double(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The larger principal curvature that a tenth of the surface exceeds. */
+static double typical_bend(const field *f, const surface *scan, uint64_t seed)
+{
+    rng r = rng_seed(seed, 4);
+    double bend[BEND_SAMPLES];
+    size_t found = 0;
+    for (int k = 0; k < BEND_SAMPLES; k++) {
+        field_sample sample;
+        double kappa1, kappa2;
+        vec3 x = surface_point(scan, (k + 0.5) / BEND_SAMPLES * scan->area, &r);
+        if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
+        field_curvature(&sample, &kappa1, &kappa2);
+        bend[found++] = fmax(fabs(kappa1), fabs(kappa2));
+    }
+    if (found == 0) return INFINITY;
+    qsort(bend, found, sizeof *bend, compare_double);
+    return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
+}
+
+double levels_spacing(double area, size_t count)
+{
+    return sqrt(2 * area / (sqrt(3) * (double)count));
+}
+
+int levels_plan(const field *f, const surface *scan, size_t count, uint64_t seed, size_t out[LEVELS_MAX])
+{
+    size_t finest_first[LEVELS_MAX] = {count};
+    int levels = 1;
+    double coarsest = COARSEST_BEND / typical_bend(f, scan, seed);
+    while (levels < LEVELS_MAX) {
+        size_t next = refine_coarser(finest_first[levels - 1]);
+        if (next < FEWEST_PARTICLES || levels_spacing(scan->area, next) > coarsest) break;
+        finest_first[levels++] = next;
+    }
+    for (int k = 0; k < levels; k++) out[k] = finest_first[levels - 1 - k];
+    return levels;
+}

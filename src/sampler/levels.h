@@ -1,0 +1,20 @@
+/* levels: how many particles to solve for, from the coarsest packing to the count that was asked for. */
+#ifndef HEXAD_SAMPLER_LEVELS_H
+#define HEXAD_SAMPLER_LEVELS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "field/field.h"
+#include "sampler/surface.h"
+
+#define LEVELS_MAX 12
+
+/* The distance of neighbours in a hexagonal packing of `count` points on an area. */
+double levels_spacing(double area, size_t count);
+
+/* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest is
+ * still fine enough for the surface's curvature. Deterministic in the seed. */
+int levels_plan(const field *f, const surface *scan, size_t count, uint64_t seed, size_t out[LEVELS_MAX]);
+
+#endif

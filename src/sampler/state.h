@@ -1,0 +1,50 @@
+/* state: what a sampler is made of. Private to sampler.c, which runs it, and finish.c, which ends it. */
+#ifndef HEXAD_SAMPLER_STATE_H
+#define HEXAD_SAMPLER_STATE_H
+
+#include "sampler/levels.h"
+#include "sampler/particles.h"
+#include "sampler/relax.h"
+#include "sampler/sampler.h"
+
+enum { SAMPLER_MAX_ROUNDS = 24 };
+
+struct sampler {
+    const field *field;
+    const surface *scan;
+    sampler_params params;
+    threads *pool;
+    particles *p;
+    relax *relax;
+    double spacing; /* h */
+    double sigma;
+    double skin;
+    size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
+    int level, levels;
+    int stage;   /* of round_gain */
+    double gain; /* in force: that of the stage, or more when it does not come to rest */
+    bool lists_stale;
+    int list_age;           /* sweeps since they were built */
+    size_t next_amplitudes; /* the sweep before which they are renewed */
+    sampler_outcome outcome;
+    size_t removed;
+    sampler_sweep *sweep;
+    size_t sweep_count;
+    sampler_round round[SAMPLER_MAX_ROUNDS];
+    size_t round_count;
+    int sweeps_in_round;
+    double fraction;
+    sampler_points out;
+    double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
+};
+
+/* (14), with curvature freed of scale by L and bounded. */
+double sampler_amplitude(const sampler *s, double kappa);
+
+/* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
+bool sampler_is_on_target(const sampler *s, double energy);
+
+/* From the level at hand to the next, without relaxing it. Errors: limit_memory, no_surface. */
+bool sampler_refine(sampler *s, error *e);
+
+#endif
