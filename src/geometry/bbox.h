@@ -36,11 +36,6 @@ static inline vec3 bbox_size(bbox b)
 {
     return vec3_sub(b.max, b.min);
 }
-static inline vec3 bbox_center(bbox b)
-{
-    return vec3_scale(vec3_add(b.min, b.max), 0.5);
-}
-
 static inline double bbox_longest(bbox b)
 {
     vec3 s = bbox_size(b);

@@ -14,12 +14,6 @@ static inline vec3 sym3_apply(sym3 m, vec3 v)
                   m.xz * v.x + m.yz * v.y + m.zz * v.z};
 }
 
-/* a' M b */
-static inline double sym3_form(sym3 m, vec3 a, vec3 b)
-{
-    return vec3_dot(a, sym3_apply(m, b));
-}
-
 /* The eigenvalues of the 2x2 matrix ((a, b), (b, c)), *high >= *low. */
 static inline void sym2_eigenvalues(double a, double b, double c, double *high, double *low)
 {
