@@ -135,6 +135,23 @@ static void slot_settle(executor *x, slot *s)
     if (atomic_load(&x->draining)) slot_clear(x, s);
 }
 
+/* What becomes of an attempt that ended, and then that. */
+static void slot_decide(executor *x, slot *s)
+{
+    settlement_decide(&s->job, s->stop,
+                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
+                      &s->ending, s->directory, &s->verdict);
+    if (s->verdict.undecided) {
+        log_write(LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s", s->job.id,
+                  s->job.attempt, s->verdict.message);
+        s->retry_ms = clock_monotonic_ms() + RETRY_MS;
+        if (atomic_load(&x->draining)) slot_clear(x, s);
+        return;
+    }
+    s->decided = true;
+    slot_settle(x, s);
+}
+
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
@@ -251,8 +268,10 @@ static void stop_if_due(executor *x, slot *s)
 
 static void slot_serve(executor *x, slot *s)
 {
-    if (s->decided) {
-        if (clock_monotonic_ms() >= s->retry_ms) slot_settle(x, s);
+    if (s->decided || !s->attempt) {
+        if (clock_monotonic_ms() < s->retry_ms) return;
+        if (s->decided) slot_settle(x, s);
+        else slot_decide(x, s);
         return;
     }
     const char *progress;
@@ -264,17 +283,13 @@ static void slot_serve(executor *x, slot *s)
     }
     x->engine->settle(s->attempt, &s->ending);
     s->attempt = NULL;
-    settlement_decide(&s->job, s->stop,
-                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
-                      &s->ending, s->directory, &s->verdict);
-    s->decided = true;
-    slot_settle(x, s);
+    slot_decide(x, s);
 }
 
 /* When the slot wants to be looked at again although none of its descriptors is ready. */
 static int64_t slot_due(executor *x, const slot *s)
 {
-    if (s->decided) return s->retry_ms;
+    if (s->decided || !s->attempt) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;
     int64_t due =

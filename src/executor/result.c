@@ -13,7 +13,7 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* A report has a line per sweep; this is a hundred times the longest one that a job can make. */
+/* A report has a record per sweep, and a million sweeps is the most that a job may ask for. */
 #define REPORT_LIMIT_BYTES (256u << 20)
 #define MAX_OUTPUTS 64
 
@@ -42,16 +42,22 @@ static bool is_plain_name(const char *name)
     return true;
 }
 
+/* What says that a file is not there, apart from what says that it could not be looked at. */
+static bool is_absence(int fault)
+{
+    return fault == ENOENT || fault == ENOTDIR || fault == ELOOP;
+}
+
 int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
     int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     struct stat info;
     if (fd < 0) {
-        error_set(e, ERROR_INTERNAL, "the result file %s cannot be opened: %s", name,
-                  strerror(errno));
+        error_set(e, is_absence(errno) ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL,
+                  "the result file %s cannot be opened: %s", name, strerror(errno));
     } else if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
-        error_set(e, ERROR_INTERNAL, "the result file %s is not a regular file", name);
+        error_set(e, ERROR_INPUT_DAMAGED, "the result file %s is not a regular file", name);
         close(fd);
         fd = -1;
     } else {
@@ -70,14 +76,14 @@ static bool read_output(const char *directory, json_at at, result_output *output
     double size = json_number(bytes, -1);
     if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] ||
         !(size >= 0) || size > 0x1p53 || size != floor(size))
-        return error_set(e, ERROR_INTERNAL,
+        return error_set(e, ERROR_INPUT_DAMAGED,
                          "report.json lists an output without name, bytes and sha256");
     int64_t there = 0;
     int fd = result_open_file(directory, file, &there, e);
     if (fd < 0) return false;
     close(fd);
     if (there != (int64_t)size)
-        return error_set(e, ERROR_INTERNAL,
+        return error_set(e, ERROR_INPUT_DAMAGED,
                          "the result file %s has %lld bytes where its report says %.0f", file,
                          (long long)there, size);
     output->name = mem_strdup(file);
@@ -97,13 +103,13 @@ static bool read_report(const char *directory, const json *report, result *r, er
     else if (strcmp(outcome, "not_converged") == 0)
         r->outcome = QUEUE_NOT_CONVERGED;
     else
-        return error_set(e, ERROR_INTERNAL, "report.json has no outcome");
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no outcome");
     if (!(count >= 0) || count > 0x1p53 || count != floor(count))
-        return error_set(e, ERROR_INTERNAL, "report.json has no count");
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");
     r->count = (int64_t)count;
     size_t listed = json_size(outputs);
     if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
-        return error_set(e, ERROR_INTERNAL, "report.json has no list of outputs");
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no list of outputs");
     r->output = mem_alloc(listed * sizeof *r->output);
     for (; r->output_count < listed; r->output_count++)
         if (!read_output(directory, json_element(&outputs, r->output_count),
@@ -119,11 +125,16 @@ bool result_read(const char *directory, result *r, error *e)
     result read = {0};
     json *report = NULL;
     bool ok = false;
-    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, e);
-    if (!text) goto done;
-    report = json_parse(text, length, e);
+    error why = {0};
+    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, &why);
+    if (!text) {
+        error_set(e, is_absence(errno) || errno == EFBIG ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL, "%s",
+                  why.message);
+        goto done;
+    }
+    report = json_parse(text, length, &why);
     if (!report) {
-        error_prefix(e, "%s", RESULT_REPORT_NAME);
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", RESULT_REPORT_NAME, why.message);
         goto done;
     }
     ok = read_report(directory, report, &read, e);

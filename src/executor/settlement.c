@@ -47,9 +47,8 @@ static bool read_last_words(const char *words, error *said)
     return ok;
 }
 
-static void decide_success(const queue_job *job, const char *directory, settlement *s)
+static void decide_success(const char *directory, settlement *s)
 {
-    (void)job;
     result r = {0};
     error e = {0};
     if (result_read(directory, &r, &e)) {
@@ -57,6 +56,11 @@ static void decide_success(const queue_job *job, const char *directory, settleme
         s->state = QUEUE_SUCCEEDED;
         s->outcome = r.outcome;
         result_clear(&r);
+        return;
+    }
+    if (e.code == ERROR_INTERNAL) { /* a job that is done must not fail because we cannot look just now */
+        s->undecided = true;
+        snprintf(s->message, sizeof s->message, "%s", e.message);
         return;
     }
     error_prefix(&e, "the worker reported success but left no valid result");
@@ -136,7 +140,7 @@ void settlement_decide(const queue_job *job, settlement_stop stop, double limit_
         break;
     }
     if (is_success(ending))
-        decide_success(job, directory, s);
+        decide_success(directory, s);
     else if (ending->signal >= 0)
         decide_signal(job, ending, s);
     else
@@ -149,11 +153,16 @@ void settlement_decide_unstarted(const error *why, settlement *s)
     snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
-/* Moves the result into place. That it already is there is what a repetition finds. */
-static bool deliver(const char *from, const char *to, error *e)
+/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a flush
+ * that failed. */
+static bool deliver(const char *state_dir, const char *from, const char *to, error *e)
 {
-    if (access(from, F_OK) != 0 && access(to, F_OK) == 0) return true;
-    return store_rename(from, to, e);
+    if (access(from, F_OK) == 0 || access(to, F_OK) != 0) return store_rename(from, to, e);
+    char *attempts = mem_printf("%s/attempts", state_dir), *results = mem_printf("%s/results", state_dir);
+    bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
+    free(attempts);
+    free(results);
+    return ok;
 }
 
 /* Of an attempt that failed nothing is kept but its log. */
@@ -188,7 +197,6 @@ static bool check_fence(queue *q, const queue_job *job, bool *current, error *e)
 bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
                       const engine_ending *ending, error *e)
 {
-    error trouble = {0};
     bool accepted = false, current = true;
     if (s->deliver && !check_fence(q, job, &current, e)) return false;
     queue_ending end = {
@@ -203,11 +211,10 @@ bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, con
     };
     char *directory = result_attempt_directory(state_dir, job->id, job->attempt);
     char *results = result_directory(state_dir, job->id);
-    if (s->deliver && current && !deliver(directory, results, &trouble)) {
-        end.state = QUEUE_FAILED;
-        end.outcome = QUEUE_NO_OUTCOME;
-        end.error_code = error_code_name(ERROR_INTERNAL);
-        end.error_message = trouble.message;
+    if (s->deliver && current && !deliver(state_dir, directory, results, e)) {
+        free(directory);
+        free(results);
+        return false; /* the disk's fault, not the job's: to be tried again */
     }
     if (!s->deliver || !current) remove_leftovers(directory);
     bool ok = s->requeue ? queue_requeue(q, job->id, job->attempt, s->counts, &end, &accepted, e)
@@ -238,7 +245,13 @@ static bool recover_job(queue *q, const char *state_dir, const queue_job *job, e
     error why = {0};
     char *results = result_directory(state_dir, job->id);
     snprintf(s.reason, sizeof s.reason, "the daemon ended during the attempt");
-    if (access(results, F_OK) == 0 && result_read(results, &r, &why)) {
+    bool found = access(results, F_OK) == 0, good = found && result_read(results, &r, &why);
+    if (found && !good && why.code == ERROR_INTERNAL) { /* never throw away what we could not look at */
+        free(results);
+        if (e) *e = why;
+        return error_prefix(e, "the result of job %s", job->id);
+    }
+    if (good) {
         s.deliver = true;
         s.state = QUEUE_SUCCEEDED;
         s.outcome = r.outcome;

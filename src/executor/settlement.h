@@ -23,6 +23,7 @@ typedef enum settlement_stop {
 } settlement_stop;
 
 typedef struct settlement {
+    bool undecided;       /* the result cannot be looked at just now (message): decide again later */
     bool deliver;         /* the directory is a result */
     bool requeue, counts; /* back into the queue; whether the attempt counts */
     queue_state state;    /* otherwise: the job's end */

@@ -664,12 +664,14 @@ static void add_number(text *t, double value)
     add_text(t, digits);
 }
 
+/* Bytes that are not UTF-8, as a worker's last words may be, become U+FFFD: what we print is always JSON. */
 static void add_string(text *t, const char *s)
 {
     add(t, "\"", 1);
-    for (; *s; s++) {
+    for (size_t left = strlen(s), n; left > 0; s += n, left -= n) {
         unsigned char c = (unsigned char)*s;
         char escape[8];
+        n = utf8_sequence((const unsigned char *)s, left);
         if (c == '"' || c == '\\') {
             escape[0] = '\\';
             escape[1] = (char)c;
@@ -679,8 +681,11 @@ static void add_string(text *t, const char *s)
         } else if (c < 0x20) {
             snprintf(escape, sizeof escape, "\\u%04x", c);
             add_text(t, escape);
+        } else if (n > 0) {
+            add(t, s, n);
         } else {
-            add(t, s, 1);
+            add_text(t, "\xEF\xBF\xBD");
+            n = 1;
         }
     }
     add(t, "\"", 1);

@@ -74,7 +74,8 @@ json *json_append_object(json *array);
 json *json_copy(const json *node);
 
 /* The text of a node, NUL-terminated, released with free(): on one line, or indented by two spaces
- * and ended by a line break. Numbers are the shortest text that reads back to the same double. */
+ * and ended by a line break. Numbers are the shortest text that reads back to the same double;
+ * bytes of a string that are not UTF-8 are printed as U+FFFD. */
 char *json_print(const json *node);
 char *json_print_pretty(const json *node);
 

@@ -118,7 +118,9 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
 {
     FILE *stream = fopen(path, "rbe");
     if (!stream) {
+        int why = errno;
         fail(e, "read", path);
+        errno = why;
         return NULL;
     }
     size_t used = 0, room = 0, got;
@@ -135,6 +137,7 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
         free(text);
         errno = failed ? why : EFBIG;
         fail(e, "read", path);
+        errno = failed ? why : EFBIG;
         return NULL;
     }
     text[used] = '\0';

@@ -168,6 +168,37 @@ static void test_success_is_delivered(void **state)
     free(results);
 }
 
+/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it can. */
+static void test_a_result_waits_for_the_disk(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "mv \"$D/../../results\" \"$D/../../away\"\n: > \"$D/../../results\"\n"
+                      "echo $$ > \"$D/../../pid\"\n" REPORT, 1);
+    put(p, "{\"version\":1}", 1, id);
+    wait_file(p, "pid");
+    char *results = mem_printf("%s/results", p->base), *away = mem_printf("%s/away", p->base);
+    char *pid_file = mem_printf("%s/pid", p->base), *text = NULL;
+    size_t length;
+    for (int64_t since = clock_monotonic_ms(); !text || length < 2; look_again(since, "the worker's id")) {
+        free(text);
+        text = store_file_read(pid_file, 100, &length, NULL);
+    }
+    pid_t worker = (pid_t)atoi(text);
+    for (int64_t since = clock_monotonic_ms(); kill(worker, 0) == 0;) look_again(since, "the worker's end");
+    queue_job job = get(p, id);
+    if (queue_state_is_final(job.state)) fail_msg("%s: %s", queue_state_name(job.state), job.error_message);
+    queue_job_clear(&job);
+    assert_int_equal(unlink(results), 0);
+    assert_int_equal(rename(away, results), 0);
+    expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
+    assert_int_equal(count_attempts(p, id), 1);
+    free(results);
+    free(away);
+    free(pid_file);
+    free(text);
+}
+
 static void test_a_crash_is_tried_again(void **state)
 {
     place *p = *state;
@@ -460,6 +491,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         CASE(test_success_is_delivered),
+        CASE(test_a_result_waits_for_the_disk),
         CASE(test_a_crash_is_tried_again),
         CASE(test_crashes_end_with_the_reason),
         CASE(test_errors_come_from_the_last_line),

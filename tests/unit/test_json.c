@@ -304,6 +304,30 @@ static void test_suite(void **state)
     assert_true(seen > 300);
 }
 
+static void test_ill_formed_utf8_is_printed_as_json(void **state)
+{
+    (void)state;
+    const struct {
+        const char *given, *printed;
+    } cases[] = {
+        {"caf\xE9", "[\"caf\xEF\xBF\xBD\"]"},
+        {"\xFF\xFEx", "[\"\xEF\xBF\xBD\xEF\xBF\xBDx\"]"},
+        {"cut \xE2\x82", "[\"cut \xEF\xBF\xBD\xEF\xBF\xBD\"]"},
+        {"\xE2\x82\xAC good", "[\"\xE2\x82\xAC good\"]"},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        json *list = json_new_array();
+        json_append_string(list, cases[k].given);
+        char *text = json_print(list);
+        assert_string_equal(text, cases[k].printed);
+        json *back = json_parse(text, strlen(text), NULL);
+        assert_non_null(back);
+        json_free(back);
+        free(text);
+        json_free(list);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -314,6 +338,7 @@ int main(void)
         cmocka_unit_test(test_pointer_is_not_cut_inside_a_character),
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),
+        cmocka_unit_test(test_ill_formed_utf8_is_printed_as_json),
         cmocka_unit_test(test_suite), /* last: left out without shared data */
     };
     size_t count = sizeof tests / sizeof *tests;
