@@ -1,4 +1,5 @@
 """A daemon in a state directory of its own, and what tests ask of it over HTTP."""
+import hashlib
 import http.client
 import json
 import os
@@ -37,6 +38,28 @@ def long_sphere(**parts):
     """A spec of a job that runs until it is stopped."""
     solver = {"max_sweeps": 1000000, "step_tolerance": 1e-12, "energy_tolerance": 1e-12}
     return sphere(count=20000, solver=solver, **parts)
+
+
+# The contract of a worker, held by one that runs until its gate opens: a file beside the state directory.
+GATED_WORKER = """#!/bin/sh
+%s
+spec=$(cat)
+D="$4"
+job=${D##*/}
+base=${D%%/*/*/*}
+echo '{"phase":"relax","fraction":0.5}' >&3
+while ! [ -e "$base/open.${job%%.*}" ]; do sleep 0.01; done
+printf x > "$D/points.ply"
+printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes":1,"sha256":"%s"}]}' > "$D/report.json"
+"""
+
+
+def gated_worker(where, deaf=False):
+    """A program to be given as --worker: no job ends before Service.open_gate. A deaf one does not hear SIGTERM."""
+    path = pathlib.Path(where) / "gated-worker"
+    path.write_text(GATED_WORKER % ("trap '' TERM" if deaf else ":", hashlib.sha256(b"x").hexdigest()))
+    path.chmod(0o700)
+    return path
 
 
 def processes():
@@ -161,6 +184,10 @@ class Service:
         """The pid of the worker that runs the job, once it reports progress."""
         wait_until(lambda: self.job(job)["progress"], "progress")
         return wait_until(lambda: self.workers_of(job), "the worker")[0]
+
+    def open_gate(self, job):
+        """Lets a job of the gated worker end."""
+        (self.base / f"open.{job}").touch()
 
     def environment(self):
         return {**os.environ, "HEXAD_SERVER": f"http://{self.address}"}

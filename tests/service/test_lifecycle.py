@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, long_sphere, processes, sphere, wait_until
+from service import PATIENCE_S, gated_worker, long_sphere, processes, sphere, wait_until
 
 
 def assert_one_result(service, job):
@@ -54,10 +54,12 @@ def test_a_higher_priority_runs_first(new_service):
     assert high["finished"] <= low["started"]
 
 
-def test_a_killed_worker_is_tried_again(service):
-    other = service.submit(long_sphere(name="other"))
-    job = service.submit(sphere(count=6000))
+def test_a_killed_worker_is_tried_again(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path)).start()
+    other = service.submit(sphere(name="other"))
+    job = service.submit(sphere())
     os.kill(service.wait_worker(job), signal.SIGKILL)
+    service.open_gate(job)
     done = service.wait_state(job, "succeeded")
     assert [a.get("signal") for a in done["attempts"]] == [signal.SIGKILL, None]
     assert done["attempt"] == 2
@@ -82,9 +84,9 @@ def test_a_timeout(service):
     assert done["error"]["code"] == "limit_time"
 
 
-def test_a_killed_daemon_loses_nothing(new_service):
-    service = new_service().start()
-    running = [service.submit(sphere(count=6000, name=f"r{i}")) for i in range(2)]
+def test_a_killed_daemon_loses_nothing(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path)).start()
+    running = [service.submit(sphere(name=f"r{i}")) for i in range(2)]
     waiting = [service.submit(sphere(name=f"w{i}")) for i in range(3)]
     workers = [service.wait_worker(job) for job in running]
     service.end(signal.SIGKILL)
@@ -92,6 +94,7 @@ def test_a_killed_daemon_loses_nothing(new_service):
     wait_until(lambda: all(processes().get(w, (0, "Z", ""))[1] == "Z" for w in workers), "the workers' end")
     service.start()
     for job in running + waiting:
+        service.open_gate(job)
         service.wait_state(job, "succeeded")
         assert_one_result(service, job)
     assert len(service.get("/v1/jobs").json["jobs"]) == 5
@@ -117,19 +120,21 @@ def test_a_daemon_killed_between_rename_and_commit(new_service):
     assert_one_result(service, job)
 
 
-def test_a_drain_lets_jobs_end(new_service):
-    service = new_service("--workers", 1).start()
-    running = service.submit(sphere(count=6000))
+def test_a_drain_lets_jobs_end(new_service, tmp_path):
+    service = new_service("--workers", 1, "--worker", gated_worker(tmp_path)).start()
+    running = service.submit(sphere())
     waiting = service.submit(sphere())
     service.wait_worker(running)
     service.process.send_signal(signal.SIGTERM)
     wait_until(lambda: service.get("/healthz").json["status"] == "draining", "the drain")
     refused = service.post("/v1/jobs", sphere())
     assert refused.status == 503 and refused.json["code"] == "unavailable" and refused.headers["Retry-After"]
+    service.open_gate(running)
     assert service.process.wait(PATIENCE_S) == 0
     assert not service.workers_of(running) and not service.workers_of(waiting)
     service.start()
     assert service.job(running)["attempt"] == 1
+    service.open_gate(waiting)
     service.wait_state(running, "succeeded")
     service.wait_state(waiting, "succeeded")
 
