@@ -61,7 +61,7 @@ struct executor {
     const engine *engine;
     pthread_t thread;
     int wake_fd, drained_fd;
-    atomic_bool draining, stopping;
+    atomic_bool draining, forcing, stopping;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
     pthread_mutex_t mutex;
@@ -260,7 +260,7 @@ static void stop_if_due(executor *x, slot *s)
         s->asked = true;
         s->force_ms = now + (int64_t)(x->settings.grace_s * 1000);
     }
-    if (!s->forced && (now >= s->force_ms || atomic_load(&x->stopping))) {
+    if (!s->forced && (now >= s->force_ms || atomic_load(&x->forcing))) {
         x->engine->cancel(s->attempt, true);
         s->forced = true;
     }
@@ -407,7 +407,7 @@ void executor_stop(executor *x)
 {
     if (!x) return;
     atomic_store(&x->stopping, true);
-    executor_drain(x, 0);
+    executor_force(x);
     pthread_join(x->thread, NULL);
     executor_free(x);
 }
@@ -417,6 +417,12 @@ void executor_drain(executor *x, double seconds)
     atomic_store(&x->drain_ms, clock_monotonic_ms() + (int64_t)(seconds * 1000));
     atomic_store(&x->draining, true);
     executor_wake(x);
+}
+
+void executor_force(executor *x)
+{
+    atomic_store(&x->forcing, true);
+    executor_drain(x, 0);
 }
 
 bool executor_is_draining(const executor *x)

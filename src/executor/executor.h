@@ -50,6 +50,9 @@ char *executor_progress(executor *x, const char *id);
  * the queue without counting the attempt. Returns at once; may be called again to shorten the time.
  */
 void executor_drain(executor *x, double seconds);
+
+/* A drain without patience: what runs is killed, asked to end or not, and put back. */
+void executor_force(executor *x);
 bool executor_is_draining(const executor *x);
 
 /* A descriptor that becomes readable when a drain has ended. */

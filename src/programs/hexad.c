@@ -174,7 +174,7 @@ static const struct step {
     {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
 };
 
-/* Waits for a signal, then until the drain has ended; another signal shortens it. */
+/* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
 static void serve(service *s)
 {
     bool draining = false;
@@ -186,7 +186,10 @@ static void serve(service *s)
         if (read(s->signals, &info, sizeof info) == sizeof info) {
             log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
                       info.ssi_signo);
-            executor_drain(s->x, draining ? 0 : s->settings.drain_s);
+            if (draining)
+                executor_force(s->x);
+            else
+                executor_drain(s->x, s->settings.drain_s);
             draining = true;
         } else if (draining && fds[1].revents) {
             return;

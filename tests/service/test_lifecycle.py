@@ -164,6 +164,21 @@ def test_a_second_signal_ends_at_once(new_service):
     assert not service.workers_of(job)
 
 
+def test_a_second_signal_waits_for_no_deaf_worker(new_service, tmp_path):
+    """The first signal has asked the worker already; grace_s is longer than the test's patience."""
+    service = new_service("--drain_s", 0, "--grace_s", 3600, "--worker", gated_worker(tmp_path, deaf=True)).start()
+    job = service.submit(sphere(limits={"max_attempts": 1}))
+    service.wait_worker(job)
+    service.process.send_signal(signal.SIGTERM)
+    wait_until(lambda: "asked to end" in service.log.read_text(), "the worker to be asked")
+    assert service.end(signal.SIGTERM) == 0
+    assert not service.workers_of(job)
+    service.start()
+    service.wait_state(job, "running")  # put back, not counted
+    service.open_gate(job)
+    service.wait_state(job, "succeeded")
+
+
 def run_hexad(build, *options):
     return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
 
