@@ -15,6 +15,9 @@
 #include "base/memory.h"
 #include "queue/schema.h"
 
+/* At a start somebody may still look with the sqlite3 program. */
+#define OPEN_PATIENCE_MS 5000
+
 #define HEAD_COLUMNS                                                                               \
     "seq, id, name, labels, state, outcome, priority, created_ms, started_ms, finished_ms,"        \
     " attempt, spent, max_attempts, error_code, error_message"
@@ -172,9 +175,10 @@ queue *queue_open(const char *state_dir, error *e)
                               NULL) != SQLITE_OK)
         ok = q->database ? fail(q, e)
                          : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
-    if (ok)
-        sqlite3_busy_timeout(q->database, 5000); /* somebody may look with the sqlite3 program */
+    if (ok) sqlite3_busy_timeout(q->database, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->database, e);
+    /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */
+    if (ok) sqlite3_busy_timeout(q->database, 0);
     for (int i = 0; ok && i < STATEMENT_COUNT; i++)
         if (sqlite3_prepare_v3(q->database, sql[i], -1, SQLITE_PREPARE_PERSISTENT, &q->statement[i],
                                NULL) != SQLITE_OK)

@@ -1,7 +1,8 @@
 /* queue: the jobs and their attempts, durable. The only user of SQLite.
  *
- * One process owns the database (a lock on the state directory says so) over one connection behind
- * a mutex, so any thread may call any function. A function that returns true has its change on disk
+ * One process owns the database (a lock on the state directory says so, and SQLite's exclusive
+ * locking keeps other programs out) over one connection behind a mutex, so any thread may call any
+ * function and none waits for anything but the disk. A function that returns true has its change on disk
  * (WAL, synchronous=FULL). Database trouble is an error with code internal; outputs are then
  * untouched.
  *

@@ -67,7 +67,7 @@ bool schema_prepare(sqlite3 *database, error *e)
 {
     int version = 0;
     if (!run(database,
-             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;",
+             "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;",
              e) ||
         !read_version(database, &version, e))
         return false;

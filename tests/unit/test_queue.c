@@ -261,6 +261,20 @@ static void test_a_second_owner_is_refused(void **state)
     assert_non_null(strstr(e.message, p->base));
 }
 
+/* Another program at the database neither gets in nor makes anybody wait. */
+static void test_the_database_has_one_owner(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    char *path = mem_printf("%s/queue.db", p->base);
+    sqlite3 *other;
+    assert_int_equal(sqlite3_open(path, &other), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_BUSY);
+    put(p, "undisturbed", 0, id);
+    sqlite3_close(other);
+    free(path);
+}
+
 static void test_a_newer_schema_is_refused(void **state)
 {
     place *p = *state;
@@ -318,6 +332,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_cancel, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_list_pages_newest_first, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_second_owner_is_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_the_database_has_one_owner, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_newer_schema_is_refused, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_damaged_database_is_refused, set_up, tear_down),
         cmocka_unit_test(test_ulids),
