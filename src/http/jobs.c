@@ -111,6 +111,7 @@ static bool find_job(const jobs_context *c, const jobs_request *request, queue_j
     return found;
 }
 
+/* The document of a job that is in the queue, read from there. */
 static void show_job(const jobs_context *c, const char *id, int status, reply *r)
 {
     error e = {0};
@@ -187,6 +188,26 @@ static char *print_labels(const spec *s)
     return text;
 }
 
+/* The document of a job that was put in the queue just now. It is made of what was put: the job is
+ * accepted, whatever another look at the database would say. */
+static void show_accepted(const jobs_context *c, const char *id, const queue_submission *put,
+                          reply *r)
+{
+    queue_job job = {
+        .name = (char *)put->name,
+        .labels = (char *)put->labels,
+        .state = QUEUE_QUEUED,
+        .priority = put->priority,
+        .created_ms = ulid_time_ms(id),
+        .max_attempts = put->max_attempts,
+    }; /* borrows its texts */
+    memcpy(job.id, id, sizeof job.id);
+    json *document = describe_job(c, &job);
+    put_stored(document, "spec", put->spec);
+    json_put_array(document, "attempts");
+    reply_set_json(r, 201, document);
+}
+
 void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 {
     if (executor_is_draining(c->x)) {
@@ -209,7 +230,7 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
     if (queue_put(c->q, &submission, id, &e)) {
         executor_wake(c->x);
         log_write(LOG_LEVEL_INFO, "job accepted job=%s", id);
-        show_job(c, id, 201, r);
+        show_accepted(c, id, &submission, r);
         char *location = mem_printf("/v1/jobs/%s", id);
         reply_add_header(r, "Location", location);
         free(location);

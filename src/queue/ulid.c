@@ -21,6 +21,13 @@ void ulid_make(int64_t wall_ms, char text[ULID_SIZE])
     text[ULID_SIZE - 1] = '\0';
 }
 
+int64_t ulid_time_ms(const char *text)
+{
+    int64_t value = 0;
+    for (int i = 0; i < 10; i++) value = value << 5 | (strchr(alphabet, text[i]) - alphabet);
+    return value;
+}
+
 bool ulid_is_valid(const char *text)
 {
     return strspn(text, alphabet) == ULID_SIZE - 1 && text[ULID_SIZE - 1] == '\0' && text[0] <= '7';

@@ -13,6 +13,9 @@
 
 void ulid_make(int64_t wall_ms, char text[ULID_SIZE]);
 
+/* The time that a valid one was made for, below 2^48. */
+int64_t ulid_time_ms(const char *text);
+
 /* Whether a text has the form of one; anything else is nobody's identifier. */
 bool ulid_is_valid(const char *text);
 

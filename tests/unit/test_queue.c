@@ -315,6 +315,7 @@ static void test_ulids(void **state)
     assert_true(strcmp(early, late) < 0);
     ulid_make(1469918176385, early); /* the example of the specification */
     assert_memory_equal(early, "01aryz6s41", 10);
+    assert_int_equal(ulid_time_ms(early), 1469918176385);
     assert_false(ulid_is_valid(""));
     assert_false(ulid_is_valid("../../../../etc/passwd0000"));
     assert_false(ulid_is_valid("01ARYPYB610000000000000000"));

@@ -1,0 +1,115 @@
+/* Handlers over a queue that fails when the test wants it to. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "http/jobs.h"
+#include "store/file.h"
+
+static bool get_fails;
+
+/* The linker puts these in the place of the queue's own (--wrap). */
+bool __real_queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
+bool __wrap_queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
+
+bool __wrap_queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
+{
+    if (get_fails) return error_set(e, ERROR_INTERNAL, "the disk cannot be read");
+    return __real_queue_get(q, id, job, found, e);
+}
+
+typedef struct place {
+    char base[64];
+    queue *q;
+    executor *x;
+    jobs_context context;
+} place;
+
+static int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-jobs-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+    executor_settings settings = {
+        .state_dir = p->base, .worker = "/nonexistent", .workers = 1, .memory_mb = 1024};
+    p->x = executor_start(&settings, p->q, &e);
+    if (!p->x) fail_msg("%s", e.message);
+    p->context =
+        (jobs_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
+    get_fails = false;
+    *state = p;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    place *p = *state;
+    executor_stop(p->x);
+    queue_close(p->q);
+    assert_true(store_remove(p->base, NULL));
+    free(p);
+    return 0;
+}
+
+static const char body[] =
+    "{\"version\":1,\"name\":\"ball\",\"surface\":{\"analytic\":{\"shape\":\"sphere\","
+    "\"center\":[0,0,0],\"radius\":1}},\"sampling\":{\"count\":9},"
+    "\"queue\":{\"priority\":4,\"labels\":[\"a\"]}}";
+
+/* A job that is in the queue is accepted, whatever befalls the database afterwards. */
+static void test_an_accepted_job_is_answered_201(void **state)
+{
+    place *p = *state;
+    jobs_request request = {.body = body, .length = sizeof body - 1};
+    reply r = {.fd = -1};
+    get_fails = true;
+    jobs_submit(&p->context, &request, &r);
+    get_fails = false;
+    if (r.status != 201) fail_msg("%d: %s", r.status, r.body);
+    json *document = json_parse(r.body, r.length, NULL);
+    json_at root = json_root(document);
+    const char *id = json_string(json_member(&root, "id"), "");
+    assert_string_equal(json_string(json_member(&root, "state"), ""), "queued");
+    assert_string_equal(json_string(json_member(&root, "name"), ""), "ball");
+    assert_int_equal((int)json_number(json_member(&root, "priority"), 0), 4);
+    assert_int_equal((int)json_number(json_member(&root, "max_attempts"), 0), 3);
+    assert_int_equal(json_size(json_member(&root, "labels")), 1);
+    assert_int_equal(json_size(json_member(&root, "attempts")), 0);
+    json_at spec = json_member(&root, "spec");
+    assert_int_equal((int)json_number(json_member(&spec, "version"), 0), 1);
+    /* the time of arrival is the one that the queue keeps */
+    jobs_request look = {.parameter = {id}};
+    reply shown = {.fd = -1};
+    jobs_show(&p->context, &look, &shown);
+    assert_int_equal(shown.status, 200);
+    json *stored = json_parse(shown.body, shown.length, NULL);
+    json_at stored_root = json_root(stored);
+    assert_string_equal(json_string(json_member(&root, "created"), ""),
+                        json_string(json_member(&stored_root, "created"), "?"));
+    json_free(stored);
+    json_free(document);
+    reply_clear(&shown);
+    reply_clear(&r);
+}
+
+#define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        CASE(test_an_accepted_job_is_answered_201),
+    };
+    log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
+    return cmocka_run_group_tests_name("jobs", tests, NULL, NULL);
+}
