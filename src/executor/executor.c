@@ -128,8 +128,9 @@ static void slot_settle(executor *x, slot *s)
         slot_clear(x, s);
         return;
     }
-    log_write(LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s", s->job.id,
-              s->job.attempt, e.message);
+    /* once an attempt: it is tried until it works */
+    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
+              "attempt not settled job=%s attempt=%d: %s", s->job.id, s->job.attempt, e.message);
     s->retry_ms = clock_monotonic_ms() + RETRY_MS;
     /* when the daemon ends, the next start settles it as after a crash */
     if (atomic_load(&x->draining)) slot_clear(x, s);
@@ -197,7 +198,7 @@ static bool claim(executor *x, slot *s)
             s->used = true;
         }
     } else {
-        log_write(LOG_LEVEL_ERROR, "no job can be claimed: %s", e.message);
+        log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue said it */
         x->claim_ms = clock_monotonic_ms() + RETRY_MS;
     }
     pthread_mutex_unlock(&x->mutex);

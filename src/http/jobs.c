@@ -208,12 +208,16 @@ static void show_accepted(const jobs_context *c, const char *id, const queue_sub
     reply_set_json(r, 201, document);
 }
 
+static void refuse_for_now(reply *r, const char *why)
+{
+    reply_set_problem(r, "unavailable", NULL, "%s", why);
+    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+}
+
 void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 {
     if (executor_is_draining(c->x)) {
-        reply_set_problem(r, "unavailable", NULL,
-                          "the service is about to end and takes no more jobs");
-        reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+        refuse_for_now(r, "the service is about to end and takes no more jobs");
         return;
     }
     spec *s = read_spec(request, r);
@@ -235,7 +239,7 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
         reply_add_header(r, "Location", location);
         free(location);
     } else {
-        reply_set_error(r, &e, NULL);
+        refuse_for_now(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
     }
     free(labels);
     free(text);

@@ -12,7 +12,7 @@
  *     conflict 409                the job's state does not admit it
  *     body_too_large 413          over body_limit_bytes
  *     media_type_unsupported 415  a body that is not application/json
- *     unavailable 503             draining; Retry-After says when to come again
+ *     unavailable 503             draining, or the queue cannot store; Retry-After says when to come again
  */
 #ifndef HEXAD_HTTP_REPLY_H
 #define HEXAD_HTTP_REPLY_H

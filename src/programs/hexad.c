@@ -43,6 +43,7 @@ static bool init_signals(service *s, error *e)
     sigaddset(&wanted, SIGTERM);
     sigaddset(&wanted, SIGINT);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
     s->signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
     return s->signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));

@@ -12,6 +12,7 @@
 #include <sqlite3.h>
 
 #include "base/clock.h"
+#include "base/log.h"
 #include "base/memory.h"
 #include "queue/schema.h"
 
@@ -80,6 +81,7 @@ struct queue {
     int lock; /* descriptor that holds the lock on the state directory */
     sqlite3 *database;
     sqlite3_stmt *statement[STATEMENT_COUNT];
+    char *trouble; /* what kept the last change from being stored; NULL: nothing did */
 };
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
@@ -136,6 +138,24 @@ void queue_attempts_free(queue_attempt *attempts, size_t count)
 {
     for (size_t i = 0; i < count; i++) free(attempts[i].reason);
     free(attempts);
+}
+
+/* Says so when changes can no longer be stored, and when they can again; not at every try. */
+static void note_stored(queue *q)
+{
+    if (!q->trouble) return;
+    log_write(LOG_LEVEL_INFO, "the queue stores again");
+    free(q->trouble);
+    q->trouble = NULL;
+}
+
+static void note_trouble(queue *q)
+{
+    const char *why = sqlite3_errmsg(q->database);
+    if (q->trouble && strcmp(q->trouble, why) == 0) return;
+    log_write(LOG_LEVEL_ERROR, "the queue cannot store: %s", why);
+    free(q->trouble);
+    q->trouble = mem_strdup(why);
 }
 
 static bool fail(queue *q, error *e)
@@ -199,6 +219,7 @@ void queue_close(queue *q)
     sqlite3_close(q->database);
     if (q->lock >= 0) close(q->lock);
     pthread_mutex_destroy(&q->mutex);
+    free(q->trouble);
     free(q);
 }
 
@@ -227,6 +248,7 @@ static bool run(queue *q, enum statement which, error *e)
 {
     sqlite3_stmt *s = q->statement[which];
     bool ok = sqlite3_step(s) == SQLITE_DONE || fail(q, e);
+    if (!ok) note_trouble(q);
     reset(s);
     return ok;
 }
@@ -326,6 +348,7 @@ bool queue_put(queue *q, const queue_submission *submission, char id[ULID_SIZE],
     sqlite3_bind_int64(s, 6, now);
     bind_text(s, 7, submission->spec);
     bool ok = run(q, PUT, e);
+    if (ok) note_stored(q);
     pthread_mutex_unlock(&q->mutex);
     if (ok) memcpy(id, made, sizeof made);
     return ok;
@@ -418,6 +441,7 @@ bool queue_claim(queue *q, queue_job *job, bool *found, error *e)
         }
         ok = end(q, ok, e);
     }
+    if (ok && got) note_stored(q);
     pthread_mutex_unlock(&q->mutex);
     if (!ok) {
         queue_job_clear(&claimed);
@@ -459,6 +483,7 @@ static bool settle(queue *q, enum statement which, const char *id, int attempt,
     bool changed = ok && sqlite3_changes(q->database) > 0;
     if (changed) ok = end_attempt(q, id, attempt, ending, now, e);
     ok = end(q, ok, e);
+    if (ok && changed) note_stored(q);
     if (ok) *accepted = changed;
     return ok;
 }

@@ -4,7 +4,7 @@
  * locking keeps other programs out) over one connection behind a mutex, so any thread may call any
  * function and none waits for anything but the disk. A function that returns true has its change on disk
  * (WAL, synchronous=FULL). Database trouble is an error with code internal; outputs are then
- * untouched.
+ * untouched. That changes cannot be stored is logged here, when it begins and when it ends.
  *
  * Every claim of a job raises its attempt number, which is a fence: what an older attempt reports
  * is not accepted. `spent` counts the attempts that weigh against max_attempts; one that the

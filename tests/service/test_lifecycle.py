@@ -1,6 +1,7 @@
 """Cancelling, crashes of workers and of the daemon, draining, and what the daemon refuses at the start."""
 import os
 import pathlib
+import resource
 import signal
 import sqlite3
 import subprocess
@@ -177,6 +178,35 @@ def test_a_second_signal_waits_for_no_deaf_worker(new_service, tmp_path):
     service.wait_state(job, "running")  # put back, not counted
     service.open_gate(job)
     service.wait_state(job, "succeeded")
+
+
+def test_a_full_disk(new_service, tmp_path):
+    """A limit on the size of files stands for it: what is stored fails, then works again."""
+    service = new_service("--workers", 1, "--worker", gated_worker(tmp_path)).start()
+    job = service.submit(sphere())
+    service.wait_worker(job)
+    pid, free = service.process.pid, resource.prlimit(service.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (1 << 18, free[1]))
+    for _ in range(1000):
+        reply = service.post("/v1/jobs", sphere())
+        if reply.status != 201:
+            break
+    assert reply.status == 503 and reply.json["code"] == "unavailable" and reply.headers["Retry-After"], reply.body
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (1 << 17, free[1]))  # nor has the smallest change room now
+    service.open_gate(job)  # its end cannot be stored, and is tried again and again
+
+    def lines(words):
+        return [line for line in service.log.read_text().splitlines() if words in line]
+
+    wait_until(lambda: len(lines("attempt not settled")) >= 3, "the settlement to be tried again")
+    for _ in range(3):
+        assert service.post("/v1/jobs", sphere()).status == 503
+    assert len(lines(" error attempt not settled")) == 1
+    assert len(lines("cannot store")) == 1, lines("cannot store")
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, free)
+    service.wait_state(job, "succeeded")
+    assert service.post("/v1/jobs", sphere()).status == 201
+    assert len(lines("stores again")) == 1
 
 
 def run_hexad(build, *options):
