@@ -264,6 +264,11 @@ static bool read_filter(const jobs_request *request, queue_filter *filter, reply
     for (size_t i = 0; i < request->query_count; i++) {
         const char *key = request->query[i].key, *value = request->query[i].value;
         queue_state state = QUEUE_QUEUED;
+        for (size_t other = 0; other < i; other++) {
+            if (strcmp(key, request->query[other].key) != 0) continue;
+            reply_set_problem(r, "request_invalid", NULL, "query %.100s stands twice", key);
+            return false;
+        }
         if (strcmp(key, "state") == 0 && value && queue_state_from_name(value, &state)) {
             filter->state = (int)state;
         } else if (strcmp(key, "limit") == 0 && read_integer(value, 1, LIST_MOST, &limit)) {

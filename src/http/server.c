@@ -1,5 +1,6 @@
 #include "http/server.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
@@ -28,7 +29,7 @@
 /* A connection, from accept to close. Guarded by the server's mutex. */
 typedef struct peer {
     int fd;
-    int64_t since_ms; /* waiting for (the rest of) a request since; NEVER while it is answered */
+    int64_t since_ms; /* idle since, or in a request since its first line; NEVER while answered */
     struct peer *previous, *next;
 } peer;
 
@@ -49,6 +50,7 @@ typedef struct exchange {
     route_match route;
     char *body;
     size_t length, room;
+    bool too_large; /* the body: what still comes is thrown away */
 } exchange;
 
 static void peer_mark(server *s, struct MHD_Connection *connection, int64_t since_ms)
@@ -59,6 +61,14 @@ static void peer_mark(server *s, struct MHD_Connection *connection, int64_t sinc
     pthread_mutex_lock(&s->mutex);
     ((peer *)info->socket_context)->since_ms = since_ms;
     pthread_mutex_unlock(&s->mutex);
+}
+
+/* A request line has come: the time that the connection stood idle is not the request's. */
+static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
+{
+    (void)uri;
+    peer_mark(context, connection, clock_monotonic_ms());
+    return NULL;
 }
 
 static void note_connection(void *context, struct MHD_Connection *connection, void **socket_context,
@@ -224,11 +234,18 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
     return queue_reply(connection, &r);
 }
 
-/* Takes a piece of the body. Over the limit nothing can be answered any more (the library sends
- * replies before a body or after it): the connection is cut. */
+/* Takes a piece of the body. Over the limit nothing is kept any more; the answer has to wait for the
+ * end, since the library sends replies before a body or after it, and the watch bounds that. */
 static enum MHD_Result take_body(const server *s, exchange *x, const char *data, size_t *size)
 {
-    if (x->length + *size > s->settings.body_limit_bytes) return MHD_NO;
+    if (x->too_large || *size > s->settings.body_limit_bytes - x->length) {
+        free(x->body);
+        x->body = NULL;
+        x->length = x->room = 0;
+        x->too_large = true;
+        *size = 0;
+        return MHD_YES;
+    }
     if (x->length + *size + 1 > x->room) {
         x->room = (x->length + *size) * 2 + 1;
         x->body = mem_resize(x->body, x->room);
@@ -244,7 +261,6 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
 {
     (void)kind;
     jobs_request *request = context;
-    if (request->query_count == JOBS_MAX_QUERY) return MHD_NO;
     request->query[request->query_count].key = key;
     request->query[request->query_count++].value = value;
     return MHD_YES;
@@ -257,9 +273,19 @@ static enum MHD_Result finish(server *s, struct MHD_Connection *connection, cons
     jobs_request request = {.body = x->body ? x->body : "", .length = x->length};
     if (x->body) x->body[x->length] = '\0';
     memcpy(request.parameter, x->route.parameter, sizeof request.parameter);
-    MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, read_query, &request);
     peer_mark(s, connection, NEVER);
-    x->route.handler(s->context, &request, &r);
+    if (x->too_large) {
+        reply_set_problem(&r, "body_too_large", NULL, "the body is longer than the limit of %zu bytes",
+                          s->settings.body_limit_bytes);
+        reply_add_header(&r, MHD_HTTP_HEADER_CONNECTION, "close");
+    } else if (MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, NULL, NULL) >
+               JOBS_MAX_QUERY) {
+        reply_set_problem(&r, "request_invalid", NULL, "the query has more than %d parameters",
+                          JOBS_MAX_QUERY);
+    } else {
+        MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, read_query, &request);
+        x->route.handler(s->context, &request, &r);
+    }
     log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path,
               r.status);
     return queue_reply(connection, &r);
@@ -274,6 +300,31 @@ static enum MHD_Result answer(void *context, struct MHD_Connection *connection, 
     if (!*slot) return begin(s, connection, method, path, slot);
     if (*size) return take_body(s, *slot, data, size);
     return finish(s, connection, method, path, *slot);
+}
+
+static int hex_digit(char c)
+{
+    const char digits[] = "0123456789abcdef";
+    const char *found = c ? strchr(digits, tolower((unsigned char)c)) : NULL;
+    return found ? (int)(found - digits) : -1;
+}
+
+/* Decodes %XX in place, all but %00: that stays as it is written, so that it neither ends the text
+ * for those who read it nor names anything. */
+static size_t unescape(void *context, struct MHD_Connection *connection, char *text)
+{
+    (void)context;
+    (void)connection;
+    char *to = text;
+    for (const char *from = text; *from; from++) {
+        int high = *from == '%' ? hex_digit(from[1]) : -1;
+        int low = high >= 0 ? hex_digit(from[2]) : -1;
+        bool escaped = low >= 0 && (high || low);
+        *to++ = escaped ? (char)(high << 4 | low) : *from;
+        if (escaped) from += 2;
+    }
+    *to = '\0';
+    return (size_t)(to - text);
 }
 
 static void complete(void *context, struct MHD_Connection *connection, void **slot,
@@ -336,7 +387,8 @@ server *server_start(const server_settings *settings, const listen_socket *socke
                              settings->connection_limit, MHD_OPTION_CONNECTION_TIMEOUT, idle_s,
                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY_BYTES,
                              MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, complete,
-                             s, MHD_OPTION_NOTIFY_CONNECTION, note_connection, s, MHD_OPTION_END);
+                             s, MHD_OPTION_URI_LOG_CALLBACK, note_request, s,
+                             MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_NOTIFY_CONNECTION, note_connection, s, MHD_OPTION_END);
     if (s->daemon) return s;
     error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
               strerror(errno));

@@ -1,9 +1,10 @@
 /* server: HTTP/1.1 over libmicrohttpd, whose only user this is.
  *
  * One thread serves all connections with epoll; a second one ends connections whose client takes
- * longer than timeout_s to bring a request, however it drips (the library itself only knows idle
- * time). Bodies over the limit are answered 413 before they are read when their length is
- * announced; a chunked one is cut off. A request with two lengths is refused.
+ * longer than timeout_s to begin a request or, from its first line on, to bring all of it, however
+ * it drips (the library itself only knows idle time). Bodies over the limit are answered 413:
+ * before they are read when their length is announced, at its end for a chunked one, of which
+ * nothing is kept. A request with two lengths is refused.
  */
 #ifndef HEXAD_HTTP_SERVER_H
 #define HEXAD_HTTP_SERVER_H
