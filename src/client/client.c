@@ -91,7 +91,15 @@ static bool perform(client *c, const char *path, long *status, error *e)
     return true;
 }
 
-bool client_call(client *c, const char *method, const char *path, const char *body,
+char *client_escape(client *c, const char *text)
+{
+    char *escaped = curl_easy_escape(c->curl, text, (int)strlen(text));
+    char *copy = mem_strdup(escaped ? escaped : "");
+    curl_free(escaped);
+    return copy;
+}
+
+bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
                  client_reply *reply, error *e)
 {
     buffer b = {0};
@@ -102,8 +110,7 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
     if (strcmp(method, "POST") == 0) {
         curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
-        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE,
-                         (curl_off_t)(body ? strlen(body) : 0));
+        curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE, (curl_off_t)(body ? length : 0));
         curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, body ? body : "");
     } else {
         curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);

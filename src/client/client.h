@@ -20,13 +20,18 @@ typedef struct client_reply {
 client *client_open(const char *server, error *e);
 void client_close(client *c); /* accepts NULL */
 
-/* Sends a request and takes its reply, whatever the status. `body` is JSON text, or NULL for none.
- * False and an error only when no reply came. The caller clears the reply. */
-bool client_call(client *c, const char *method, const char *path, const char *body,
+/* Sends a request and takes its reply, whatever the status. `body` has `length` bytes and is meant
+ * to be JSON, or is NULL for none. False and an error only when no reply came. The caller clears
+ * the reply. */
+bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
                  client_reply *reply, error *e);
 void client_reply_clear(client_reply *reply);
 
-/* Writes the body of a reply to a stream; *status tells whether it is what was asked for. */
+/* A text as it stands for itself in a query; to be freed. */
+char *client_escape(client *c, const char *text);
+
+/* Writes the body of a reply to a stream; *status tells whether it is what was asked for. When it
+ * fails, ferror(stream) tells whether the stream was at fault. */
 bool client_download(client *c, const char *path, FILE *stream, long *status, error *e);
 
 #endif

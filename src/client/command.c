@@ -1,5 +1,6 @@
 #include "client/command.h"
 
+#include <errno.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -122,7 +123,7 @@ static int call_and_print(client *c, const char *method, char *path, const comma
     client_reply reply = {0};
     int code = COMMAND_OK;
     if (!path) return COMMAND_USAGE;
-    if (!client_call(c, method, path, NULL, &reply, &e)) {
+    if (!client_call(c, method, path, NULL, 0, &reply, &e)) {
         code = unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = refused(&reply);
@@ -158,7 +159,7 @@ static int wait_for(client *c, char *path, const command_options *options)
     while (!done) {
         error e = {0};
         client_reply reply = {0};
-        if (!client_call(c, "GET", path, NULL, &reply, &e)) {
+        if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
             done = clock_monotonic_ms() - heard_ms > UNREACHABLE_MS;
             if (done) code = unreachable(&e);
         } else if (reply.status >= 300 || !reply.document) {
@@ -193,17 +194,27 @@ int command_wait(client *c, const char *argument, const command_options *options
     return wait_for(c, job_path(argument, ""), options);
 }
 
-static char *read_stream(FILE *stream)
+/* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
+static char *read_input(size_t *length, error *e)
 {
     char *text = mem_alloc(1);
     size_t used = 0, got;
     do {
         text = mem_resize(text, used + 65537);
-        got = fread(text + used, 1, 65536, stream);
+        got = fread(text + used, 1, 65536, stdin);
         used += got;
     } while (got > 0 && used <= SPEC_LIMIT_BYTES);
-    text[used] = '\0';
-    return text;
+    if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
+        text[used] = '\0';
+        *length = used;
+        return text;
+    }
+    if (ferror(stdin))
+        error_set(e, ERROR_INTERNAL, "standard input cannot be read: %s", strerror(errno));
+    else
+        error_set(e, ERROR_INTERNAL, "standard input has more than %u bytes", SPEC_LIMIT_BYTES);
+    free(text);
+    return NULL;
 }
 
 int command_submit(client *c, const char *argument, const command_options *options)
@@ -212,7 +223,7 @@ int command_submit(client *c, const char *argument, const command_options *optio
     size_t length = 0;
     client_reply reply = {0};
     char *body = strcmp(argument, "-") == 0
-                     ? read_stream(stdin)
+                     ? read_input(&length, &e)
                      : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
     if (!body) {
         complain(e.message);
@@ -220,7 +231,7 @@ int command_submit(client *c, const char *argument, const command_options *optio
     }
     int code = COMMAND_OK;
     char *path = NULL;
-    if (!client_call(c, "POST", "/v1/jobs", body, &reply, &e)) {
+    if (!client_call(c, "POST", "/v1/jobs", body, length, &reply, &e)) {
         code = unreachable(&e);
     } else if (reply.status != 201 || !reply.document) {
         code = refused(&reply);
@@ -258,12 +269,16 @@ int command_list(client *c, const char *argument, const command_options *options
     error e = {0};
     client_reply reply = {0};
     int code = COMMAND_OK;
-    char *path = mem_printf("/v1/jobs?%s%s%s%s%s", options->state ? "state=" : "",
-                            options->state ? options->state : "",
-                            options->state && options->limit ? "&" : "",
-                            options->limit ? "limit=" : "", options->limit ? options->limit : "");
-    if (path[strlen(path) - 1] == '?') path[strlen(path) - 1] = '\0';
-    if (!client_call(c, "GET", path, NULL, &reply, &e)) {
+    char *state = options->state ? client_escape(c, options->state) : NULL;
+    char *limit = options->limit ? client_escape(c, options->limit) : NULL;
+    char *path = mem_printf("/v1/jobs%s%s%s%s", state ? "?state=" : "", state ? state : "",
+                            !limit  ? ""
+                            : state ? "&limit="
+                                    : "?limit=",
+                            limit ? limit : "");
+    free(state);
+    free(limit);
+    if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
         code = unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
         code = refused(&reply);
@@ -301,7 +316,10 @@ static int fetch_file(client *c, const char *directory, json_at item, error *e)
     char *path = mem_printf("%s/%s", directory, name);
     if (!store_file_begin(path, &file, e)) goto done;
     if (!client_download(c, href, file.stream, &status, e)) {
-        code = COMMAND_UNREACHABLE;
+        if (ferror(file.stream))
+            error_set(e, ERROR_INTERNAL, "%s cannot be written", path);
+        else
+            code = COMMAND_UNREACHABLE;
         goto done;
     }
     if (status != 200) {
@@ -352,7 +370,7 @@ int command_fetch(client *c, const char *argument, const command_options *option
     int code;
     char *path = job_path(argument, "/results");
     if (!path) return COMMAND_USAGE;
-    if (!client_call(c, "GET", path, NULL, &reply, &e)) {
+    if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
         code = unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
         code = refused(&reply);

@@ -3,6 +3,8 @@ import hashlib
 import json
 import os
 import pty
+import resource
+import select
 import signal
 import subprocess
 
@@ -23,6 +25,13 @@ def write(tmp_path, spec):
     path = tmp_path / "spec.json"
     path.write_text(json.dumps(spec))
     return path
+
+
+def read_some(fd):
+    """What has come, after a wait that ends."""
+    ready, _, _ = select.select([fd], [], [], PATIENCE_S)
+    assert ready, "waited in vain for output"
+    return os.read(fd, 4096)
 
 
 def test_submit_wait_fetch(run, tmp_path, service):
@@ -67,7 +76,7 @@ def test_a_bar_on_a_terminal(service, build, tmp_path):
     seen = b""
     try:
         while b"\r\x1b[K[" not in seen or b"%" not in seen:
-            seen += os.read(master, 4096)
+            seen += read_some(master)
         job = service.get("/v1/jobs").json["jobs"][0]["id"]
         service.post(f"/v1/jobs/{job}/cancel")
         process.wait(PATIENCE_S)
@@ -104,6 +113,41 @@ def test_a_bad_spec_names_the_place(run, tmp_path):
     assert run("submit", tmp_path / "bad.json").returncode == 2
 
 
+def test_a_spec_is_sent_as_it_is(run, tmp_path, service):
+    text = json.dumps(sphere()) + "\0more"
+    (tmp_path / "nul.json").write_text(text)
+    assert run("submit", tmp_path / "nul.json").returncode == 2
+    assert run("submit", "-", input=text).returncode == 2
+    assert service.get("/v1/jobs").json["jobs"] == []
+
+
+def test_an_input_that_cannot_be_read(run, tmp_path):
+    with open("/proc/self/mem", "rb") as unreadable:  # its first page is nobody's
+        done = run("submit", "-", stdin=unreadable)
+    assert done.returncode == 2 and "standard input" in done.stderr, done.stderr
+    done = run("submit", "-", input=" " * ((64 << 20) + 1))
+    assert done.returncode == 2 and "67108864 bytes" in done.stderr, done.stderr
+
+
+def test_a_full_local_disk_is_not_the_servers_fault(run, tmp_path, service):
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+
+    def no_room():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    done = run("fetch", job, "--output", tmp_path / "out", preexec_fn=no_room)
+    assert done.returncode == 1 and "cannot be written" in done.stderr, done.stderr
+
+
+def test_a_state_is_one_word_of_the_query(run):
+    assert run("list", "--state", "queued&limit=1").returncode == 2
+    assert run("list", "--limit", "1&state=queued").returncode == 2
+    assert run("list", "--state", "queued", "--limit", "1").returncode == 0
+    assert run("list", "--limit", "1").returncode == 0
+
+
 def test_usage(run):
     for words in ([], ["nonsense"], ["show"], ["show", "a", "b"], ["list", "a"], ["show", "--nonsense", "a"],
                   ["--server", "ftp://x", "list"], ["show", "../../etc"], ["list", "--state", "nonsense"]):
@@ -131,7 +175,10 @@ def test_a_wait_outlives_a_restart(new_service, build):
         process.stdin.write(json.dumps(sphere(count=6000)))
         process.stdin.close()
         process.stdin = None
-        assert process.stderr.readline().startswith("job ")  # accepted: from here it waits
+        said = b""
+        while b"\n" not in said:
+            said += read_some(process.stderr.fileno())
+        assert said.startswith(b"job ")  # accepted: from here it waits
         service.end(signal.SIGKILL)
         service.start()
         out, _ = process.communicate(timeout=PATIENCE_S)
