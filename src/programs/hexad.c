@@ -213,8 +213,20 @@ static int run(service *s)
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
 }
 
+/* Without the three standard descriptors the next files opened would take their numbers, and what is
+ * meant for the log would go into the queue. */
+static void open_standard_descriptors(void)
+{
+    int fd;
+    do {
+        fd = open("/dev/null", O_RDWR);
+    } while (fd >= 0 && fd <= STDERR_FILENO);
+    if (fd >= 0) close(fd);
+}
+
 int main(int argc, char **argv)
 {
+    open_standard_descriptors();
     service s = {.signals = -1, .socket.fd = -1};
     config_action action;
     error e = {0};

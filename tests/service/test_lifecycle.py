@@ -213,6 +213,20 @@ def run_hexad(build, *options):
     return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
 
 
+def test_closed_standard_descriptors(build, tmp_path):
+    """They must not become the log's, the lock's or the database's."""
+    port = tmp_path / "other-port"
+    words = [build / "hexad", "--listen", "127.0.0.1:0", "--state_dir", tmp_path / "other", "--port_file", port]
+    process = subprocess.Popen(["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *words])
+    try:
+        wait_until(lambda: port.exists() or process.poll() is not None, "the daemon")
+        assert process.poll() is None
+        assert [os.readlink(f"/proc/{process.pid}/fd/{n}") for n in range(3)] == ["/dev/null"] * 3
+    finally:
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 0
+
+
 def test_two_daemons_on_one_state_directory(service, build):
     second = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", service.state)
     assert second.returncode == 1
