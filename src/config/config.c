@@ -18,7 +18,6 @@ typedef struct source {
     FILE *file;
     const char *path;
     int line;
-    bool line_too_long;
     bool seen[64];
     error *e;
 } source;
@@ -264,7 +263,7 @@ bool config_find_worker(config *c, error *e)
         c->worker = mem_printf("%s/hexad-worker", own);
         if (access(c->worker, X_OK) != 0) {
             free(c->worker);
-            c->worker = mem_strdup(HEXAD_LIBEXECDIR "/hexad-worker");
+            c->worker = mem_strdup(HEXAD_BINDIR "/hexad-worker");
         }
     }
     if (access(c->worker, X_OK) == 0) return true;

@@ -1,5 +1,6 @@
 #include "http/reply.h"
 
+#include <assert.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,7 +50,7 @@ void reply_clear(reply *r)
 
 void reply_add_header(reply *r, const char *name, const char *value)
 {
-    if (r->header_count == REPLY_MAX_HEADERS) return;
+    assert(r->header_count < REPLY_MAX_HEADERS);
     r->header[r->header_count].name = name;
     r->header[r->header_count++].value = mem_strdup(value);
 }

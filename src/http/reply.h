@@ -40,6 +40,8 @@ typedef struct reply {
 } reply;
 
 void reply_clear(reply *r); /* frees and closes what it holds; accepts an empty one with fd -1 */
+
+/* At most REPLY_MAX_HEADERS of them. */
 void reply_add_header(reply *r, const char *name, const char *value);
 
 /* Takes the document over. */
