@@ -275,7 +275,8 @@ static enum MHD_Result finish(server *s, struct MHD_Connection *connection, cons
     memcpy(request.parameter, x->route.parameter, sizeof request.parameter);
     peer_mark(s, connection, NEVER);
     if (x->too_large) {
-        reply_set_problem(&r, "body_too_large", NULL, "the body is longer than the limit of %zu bytes",
+        reply_set_problem(&r, "body_too_large", NULL,
+                          "the body is longer than the limit of %zu bytes",
                           s->settings.body_limit_bytes);
         reply_add_header(&r, MHD_HTTP_HEADER_CONNECTION, "close");
     } else if (MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, NULL, NULL) >
