@@ -143,8 +143,9 @@ static void slot_decide(executor *x, slot *s)
                       s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
                       &s->ending, s->directory, &s->verdict);
     if (s->verdict.undecided) {
-        log_write(LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s", s->job.id,
-                  s->job.attempt, s->verdict.message);
+        log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
+                  "attempt not settled job=%s attempt=%d: %s", s->job.id, s->job.attempt,
+                  s->verdict.message);
         s->retry_ms = clock_monotonic_ms() + RETRY_MS;
         if (atomic_load(&x->draining)) slot_clear(x, s);
         return;
