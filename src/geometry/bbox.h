@@ -36,6 +36,13 @@ static inline vec3 bbox_size(bbox b)
 {
     return vec3_sub(b.max, b.min);
 }
+/* Moved outwards by `margin` on every side; inwards where it is negative. */
+static inline bbox bbox_grow(bbox b, double margin)
+{
+    vec3 m = {margin, margin, margin};
+    return (bbox){vec3_sub(b.min, m), vec3_add(b.max, m)};
+}
+
 static inline double bbox_longest(bbox b)
 {
     vec3 s = bbox_size(b);

@@ -61,8 +61,7 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 static void find_rim(const quality_input *in, bool *rim)
 {
     if (!in->open) return;
-    vec3 margin = vec3_make(2 * in->h, 2 * in->h, 2 * in->h);
-    bbox inner = {vec3_add(in->domain.min, margin), vec3_sub(in->domain.max, margin)};
+    bbox inner = bbox_grow(in->domain, -2 * in->h);
     for (size_t i = 0; i < in->count; i++) rim[i] = !bbox_contains(inner, in->position[i]);
 }
 

@@ -99,7 +99,6 @@ typedef struct sweep_job {
     const relax_params *params;
     const uint32_t *bins;
     double sigma;
-    double *energy;
 } sweep_job;
 
 /* Notes who has neighbours that face another way, and where everyone was. */
@@ -360,13 +359,13 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     for (size_t i = begin; i < end; i++)
-        job->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->r->energy,
-                                        job->p->position[i], job->sigma);
+        job->p->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->r->energy,
+                                           job->p->position[i], job->sigma);
 }
 
 double relax_mean_energy(relax *r, particles *p, double sigma)
 {
-    sweep_job job = {.r = r, .p = p, .sigma = sigma, .energy = p->energy};
+    sweep_job job = {.r = r, .p = p, .sigma = sigma};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {

@@ -79,8 +79,7 @@ static bool amplitudes_are_due(const sampler *s)
 static void mark_rims(sampler *s)
 {
     if (!s->field->open) return;
-    vec3 margin = vec3_scale((vec3){1, 1, 1}, 2 * s->spacing);
-    bbox inner = {vec3_add(s->field->domain.min, margin), vec3_sub(s->field->domain.max, margin)};
+    bbox inner = bbox_grow(s->field->domain, -2 * s->spacing);
     for (size_t i = 0; i < s->p->count; i++) s->p->rim[i] = !bbox_contains(inner, s->p->position[i]);
 }
 

@@ -72,9 +72,7 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
                  threads *pool, particles *p, size_t *removed, error *e)
 {
     rng r = rng_seed(params->seed, 1);
-    double reach = FARTHEST * fmax(spacing, f->cell_size);
-    bbox near = {vec3_sub(scan->box.min, vec3_make(reach, reach, reach)),
-                 vec3_add(scan->box.max, vec3_make(reach, reach, reach))};
+    bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0;
     for (size_t i = 0; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
