@@ -313,13 +313,15 @@ static double cell_bound(const analytic_params *p)
 {
     double thin = fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z));
     double box = fmax(p->half_size.x, fmax(p->half_size.y, p->half_size.z));
+    double round = fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
+    double longest = fmax(p->radii.x, fmax(p->radii.y, p->radii.z)), tip = round * round / longest;
     switch (p->shape) {
     case ANALYTIC_TORUS:
         return fmin(p->minor_radius, p->major_radius - p->minor_radius) / CELLS_FEATURE;
     case ANALYTIC_BOX: /* the rounding, unless it is too sharp to be worth that */
         return fmin(thin / CELLS_FEATURE, fmax(p->rounding / CELLS_FEATURE * 2, 2 * box / CELLS_SHARP));
-    case ANALYTIC_ELLIPSOID:
-        return fmin(p->radii.x, fmin(p->radii.y, p->radii.z)) / CELLS_FEATURE;
+    case ANALYTIC_ELLIPSOID: /* its sharpest end, unless that is too sharp */
+        return fmin(round / CELLS_FEATURE, fmax(tip / CELLS_FEATURE, 2 * longest / CELLS_SHARP));
     case ANALYTIC_GYROID:
         return p->period / (4 * CELLS_FEATURE);
     default:

@@ -53,9 +53,9 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
     json_put_integer(object, "rim_count", (int64_t)q->rim_count);
     json_put_number(object, "euler", q->euler);
-    json *grading = json_put_object(object, "grading");
-    json_put_number(grading, "cv", q->grading_cv);
-    json_put_number(grading, "exponent", q->grading_exponent);
+    json *graded = json_put_object(object, "grading");
+    json_put_number(graded, "cv", q->grading_cv);
+    json_put_number(graded, "exponent", q->grading_exponent);
 }
 
 static void put_rounds(json *report, const sampler *s)

@@ -34,6 +34,7 @@ typedef struct job {
     threads *pool;
     source source;
     surface *scan;
+    grading *grading; /* NULL: even, or by alpha */
     size_t count;
     sampler *sampler;
     double *spacing_local;
@@ -94,6 +95,24 @@ static bool resolve_count(job *j, error *e)
     return fits_memory(j, count, e);
 }
 
+/* The spacing by place that sampling.curvature or sampling.grid asks for. */
+static bool start_grading(job *j, error *e)
+{
+    const spec *s = j->spec;
+    if (!s->has_curvature && !s->has_grid) return true;
+    const grading_params params = {
+        .kind = s->curvature.chord_error > 0 ? GRADING_CHORD : GRADING_RATIO,
+        .chord_error = s->curvature.chord_error,
+        .ratio = s->curvature.ratio,
+        .exponent = s->curvature.exponent,
+        .min_spacing = s->min_spacing,
+        .max_spacing = s->max_spacing,
+        .gradation = s->gradation,
+    };
+    j->grading = grading_new(j->source.field, j->scan, &params, j->count, j->pool, e);
+    return j->grading != NULL;
+}
+
 static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent",
                                            [SPEC_ENERGY_GAUSSIAN] = "gaussian",
                                            [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
@@ -103,7 +122,7 @@ static bool start(job *j, error *e)
     const spec *s = j->spec;
     progress_enter(&j->progress, PROGRESS_START);
     j->scan = surface_scan(j->source.field, j->pool, e);
-    if (!j->scan || !resolve_count(j, e)) return false;
+    if (!j->scan || !resolve_count(j, e) || !start_grading(j, e)) return false;
     if (j->count < THREADS_FROM) threads_narrow(j->pool);
     const sampler_params params = {
         .count = j->count,
@@ -115,6 +134,7 @@ static bool start(job *j, error *e)
         .gamma = s->alpha.gamma,
         .nu = s->alpha.nu,
         .kappa_max = s->alpha.kappa_max,
+        .grading = j->grading,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .energy = energy_find(energy_names[s->energy]),
@@ -156,6 +176,7 @@ static bool measure(job *j, error *e)
                               p->alpha,
                               p->spacing,
                               sampler_spacing(j->sampler),
+                              j->grading != NULL,
                               j->source.field->open,
                               j->source.field->domain};
     return quality_measure(&in, j->pool, j->spacing_local, NULL, &j->quality, e);
@@ -215,6 +236,7 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
     json_free(j.report);
     free(j.spacing_local);
     sampler_free(j.sampler);
+    grading_free(j.grading);
     surface_free(j.scan);
     source_close(&j.source);
     threads_free(j.pool);

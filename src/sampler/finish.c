@@ -12,12 +12,16 @@ static const int REPLACEMENT_DRAWS = 30;
 static const int SETTLE_STEPS = 20;
 static const double SETTLE_FARTHEST = 0.05;
 
-/* What (13) makes of an amplitude under a common support: the spacing goes as alpha^0.18 (measured on the
+/* What the grading asks for; or what (13) makes of an amplitude under a common support: the spacing goes as alpha^0.18 (measured on the
  * quartic: 0.181 with d = 1, 0.171 with d = 3; a mean-field estimate gives the inverse of E_ideal's slope,
  * 0.21). The scale keeps the sum of the ideal cells equal to the area. */
 static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
+    if (s->params.grading) {
+        for (size_t i = 0; i < s->p->count; i++) spacing[i] = s->p->size[i] * s->spacing;
+        return;
+    }
     for (size_t i = 0; i < s->p->count; i++) {
         spacing[i] = s->params.graded ? pow(s->p->alpha[i], ALPHA_EXPONENT) : 1;
         squares += spacing[i] * spacing[i];
@@ -33,9 +37,8 @@ typedef struct finish_job {
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01 h
  * of the surface; one that would have to go much farther sits where Newton's method goes astray. */
-static bool settle_on_surface(const sampler *s, double farthest, vec3 *x, vec3 *normal)
+static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
 {
-    double h = s->spacing;
     const project_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
     if (project_point(s->field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
@@ -53,10 +56,11 @@ static void finish_particle(const finish_job *job, size_t i)
     vec3 x = s->p->position[i], normal = s->p->normal[i];
     field_sample sample;
     job->residual[i] = INFINITY;
-    if (!settle_on_surface(s, SETTLE_FARTHEST * s->spacing, &x, &normal) ||
+    double h = s->spacing * s->p->size[i];
+    if (!settle_on_surface(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
         !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
         return;
-    double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / s->spacing;
+    double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
     job->residual[i] = residual;
     s->p->position[i] = x;
@@ -82,8 +86,8 @@ static void replace_lost(finish_job *job)
         double best = -1;
         vec3 x = s->p->position[i], normal = s->p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
-            vec3 q = surface_point(s->scan, rng_uniform(&r) * s->scan->area, &r), n = {0, 0, 1};
-            if (!settle_on_surface(s, s->field->cell_size, &q, &n)) continue;
+            vec3 q = grading_draw(s->params.grading, s->scan, rng_uniform(&r), &r), n = {0, 0, 1};
+            if (!settle_on_surface(s, s->spacing, s->field->cell_size, &q, &n)) continue;
             double nearest2 = INFINITY;
             for (size_t j = 0; j < s->p->count; j++)
                 if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->p->position[j])));
@@ -138,6 +142,7 @@ bool sampler_finish(sampler *s, error *e)
     if (!s->column || !job.residual) goto done;
     threads_run(s->pool, n, 256, finish_chunk, &job);
     replace_lost(&job);
+    sampler_resize(s);
     if (!relax_build(s->relax, s->p, s->sigma, 0, e)) goto done;
     describe_result(s, job.residual);
     if (s->outcome == SAMPLER_CONVERGED && (s->out.lost > 0 || !sampler_is_on_target(s, s->out.mean_energy)))

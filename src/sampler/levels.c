@@ -10,7 +10,7 @@
  * spacing is coarser than this fraction of the radius of curvature, where strain is locked in. */
 static const double COARSEST_BEND = 1.0 / 2;
 enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
-/* Of the curvatures of those samples, the one that counts. */
+/* Of those samples, the one that counts. */
 static const double BEND_QUANTILE = 0.9;
 
 static int compare_double(const void *a, const void *b)
@@ -19,8 +19,10 @@ static int compare_double(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The larger principal curvature that a tenth of the surface exceeds. */
-static double typical_bend(const field *f, const surface *scan, uint64_t seed)
+/* What must be small times the spacing h of an even packing: the larger principal curvature and the growth of
+ * the spacing, both for the spacing at the place, as a tenth of the particles have it. */
+static double typical_bend(const field *f, const surface *scan, const grading *graded, double h,
+                           uint64_t seed)
 {
     rng r = rng_seed(seed, 4);
     double bend[BEND_SAMPLES];
@@ -28,10 +30,11 @@ static double typical_bend(const field *f, const surface *scan, uint64_t seed)
     for (int k = 0; k < BEND_SAMPLES; k++) {
         field_sample sample;
         double kappa1, kappa2;
-        vec3 x = surface_point(scan, (k + 0.5) / BEND_SAMPLES * scan->area, &r);
+        vec3 x = grading_draw(graded, scan, (k + 0.5) / BEND_SAMPLES, &r), growth = {0, 0, 0};
+        double size = graded ? grading_spacing(graded, x, &growth) / h : 1;
         if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
         field_curvature(&sample, &kappa1, &kappa2);
-        bend[found++] = fmax(fabs(kappa1), fabs(kappa2));
+        bend[found++] = size * fmax(fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth));
     }
     if (found == 0) return INFINITY;
     qsort(bend, found, sizeof *bend, compare_double);
@@ -43,11 +46,12 @@ double levels_spacing(double area, size_t count)
     return sqrt(2 * area / (sqrt(3) * (double)count));
 }
 
-int levels_plan(const field *f, const surface *scan, size_t count, uint64_t seed, size_t out[LEVELS_MAX])
+int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
+                size_t out[LEVELS_MAX])
 {
     size_t finest_first[LEVELS_MAX] = {count};
     int levels = 1;
-    double coarsest = COARSEST_BEND / typical_bend(f, scan, seed);
+    double coarsest = COARSEST_BEND / typical_bend(f, scan, graded, levels_spacing(scan->area, count), seed);
     while (levels < LEVELS_MAX) {
         size_t next = refine_coarser(finest_first[levels - 1]);
         if (next < FEWEST_PARTICLES || levels_spacing(scan->area, next) > coarsest) break;

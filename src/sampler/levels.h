@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "field/field.h"
+#include "sampler/grading.h"
 #include "sampler/surface.h"
 
 #define LEVELS_MAX 12
@@ -14,7 +15,8 @@
 double levels_spacing(double area, size_t count);
 
 /* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest is
- * still fine enough for the surface's curvature. Deterministic in the seed. */
-int levels_plan(const field *f, const surface *scan, size_t count, uint64_t seed, size_t out[LEVELS_MAX]);
+ * still fine enough for the surface's curvature, and for the grading (NULL: even). Deterministic in the seed. */
+int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
+                size_t out[LEVELS_MAX]);
 
 #endif

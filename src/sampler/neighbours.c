@@ -8,8 +8,43 @@
 #include "geometry/bbox.h"
 
 static const size_t GRAIN = 16; /* bins in a chunk of work */
-#define AXIS_BITS 21            /* of a bin's coordinate in its key */
+#define AXIS_BITS 20            /* of a bin's coordinate in its key; the level stands above the three */
 static const size_t FIRST_STRIDE = 32;
+static const size_t FEWEST_BINS = 64;
+
+/* Bins with points are no more than points; those above them rarely as many again. */
+static bool reserve_bins(neighbours *n, size_t bins, error *e)
+{
+    const char *what = "neighbour lists";
+    size_t table_size = FEWEST_BINS;
+    while (table_size < 2 * bins) table_size *= 2;
+    uint32_t *begin = mem_array(bins + 1, sizeof *begin, what, e),
+             *colour_bin = mem_array(bins, sizeof *colour_bin, what, e),
+             *table = mem_array(table_size, sizeof *table, what, e);
+    uint64_t *key = mem_array(bins, sizeof *key, what, e);
+    bool *split = mem_array(bins, sizeof *split, what, e);
+    if (!begin || !colour_bin || !table || !key || !split) {
+        free(begin);
+        free(colour_bin);
+        free(table);
+        free(key);
+        free(split);
+        return false;
+    }
+    free(n->bin_begin);
+    free(n->colour_bin);
+    free(n->table);
+    free(n->bin_key);
+    free(n->bin_split);
+    n->bin_begin = begin;
+    n->colour_bin = colour_bin;
+    n->table = table;
+    n->bin_key = key;
+    n->bin_split = split;
+    n->bin_capacity = bins;
+    n->table_size = table_size;
+    return true;
+}
 
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
 {
@@ -17,15 +52,9 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
     n->capacity = capacity;
     n->list_limit = list_limit;
     n->stride = FIRST_STRIDE;
-    n->table_size = 64;
-    while (n->table_size < 2 * capacity) n->table_size *= 2;
     const char *what = "neighbour lists";
-    if (!(n->bin_begin = mem_array(capacity + 1, sizeof *n->bin_begin, what, e)) ||
-        !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
-        !(n->bin_key = mem_array(capacity, sizeof *n->bin_key, what, e)) ||
+    if (!reserve_bins(n, capacity, e) || !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
         !(n->bin_of = mem_array(capacity, sizeof *n->bin_of, what, e)) ||
-        !(n->table = mem_array(n->table_size, sizeof *n->table, what, e)) ||
-        !(n->colour_bin = mem_array(capacity, sizeof *n->colour_bin, what, e)) ||
         !(n->list = mem_array(capacity * n->stride, sizeof *n->list, what, e)) ||
         !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
         neighbours_free(n);
@@ -40,6 +69,7 @@ void neighbours_free(neighbours *n)
     free(n->bin_begin);
     free(n->bin_item);
     free(n->bin_key);
+    free(n->bin_split);
     free(n->bin_of);
     free(n->table);
     free(n->colour_bin);
@@ -48,15 +78,43 @@ void neighbours_free(neighbours *n)
     free(n);
 }
 
-static uint64_t key_make(int64_t i, int64_t j, int64_t k)
+/* A bin's place: coordinates in units of its level's edge. */
+typedef struct place {
+    int level;
+    int64_t at[3];
+} place;
+
+static uint64_t key_of(const place *p)
 {
-    return (uint64_t)i | (uint64_t)j << AXIS_BITS | (uint64_t)k << 2 * AXIS_BITS;
+    return (uint64_t)p->at[0] | (uint64_t)p->at[1] << AXIS_BITS | (uint64_t)p->at[2] << 2 * AXIS_BITS |
+           (uint64_t)p->level << 3 * AXIS_BITS;
 }
 
-static uint64_t key_of(const neighbours *n, vec3 x)
+static place place_of(uint64_t key)
 {
-    vec3 d = vec3_scale(vec3_sub(x, n->origin), 1 / n->cutoff);
-    return key_make((int64_t)d.x, (int64_t)d.y, (int64_t)d.z);
+    const uint64_t mask = ((uint64_t)1 << AXIS_BITS) - 1;
+    return (place){
+        (int)(key >> 3 * AXIS_BITS),
+        {(int64_t)(key & mask), (int64_t)(key >> AXIS_BITS & mask), (int64_t)(key >> 2 * AXIS_BITS & mask)}};
+}
+
+static int level_of(const neighbours *n, double size)
+{
+    double over = size * n->cutoff / n->edge;
+    int level = 0;
+    while (level < NEIGHBOURS_LEVELS - 1 && over > (double)(1 << level)) level++;
+    return level;
+}
+
+static place place_at(const neighbours *n, vec3 x, int level)
+{
+    vec3 d = vec3_scale(vec3_sub(x, n->origin), 1 / n->edge);
+    return (place){level, {(int64_t)d.x >> level, (int64_t)d.y >> level, (int64_t)d.z >> level}};
+}
+
+static place parent_of(const place *p)
+{
+    return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
 }
 
 /* The slot of a key: where its bin is, or where it would go. */
@@ -67,78 +125,192 @@ static size_t slot_of(const neighbours *n, uint64_t key)
     return slot;
 }
 
-/* Bins are numbered as points first fall into them, so their order follows that of the points. */
-static void fill_bins(neighbours *n, const vec3 *x)
+#define NO_BIN UINT32_MAX
+
+/* The bin of a key, made if there is none; NO_BIN when there is no room for it. */
+static uint32_t bin_at(neighbours *n, uint64_t key)
+{
+    size_t slot = slot_of(n, key);
+    if (!n->table[slot]) {
+        if (n->bin_count == n->bin_capacity) return NO_BIN;
+        n->bin_key[n->bin_count] = key;
+        n->bin_begin[n->bin_count] = 0;
+        n->bin_split[n->bin_count] = false;
+        n->table[slot] = (uint32_t)++n->bin_count;
+    }
+    return n->table[slot] - 1;
+}
+
+/* Bins are numbered as points first fall into them, so their order follows that of the points; then come those
+ * that have only bins below them. False when there are more than there is room for. */
+static bool number_bins(neighbours *n, const vec3 *x, const double *size)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);
     n->bin_count = 0;
+    n->levels = 1;
     for (size_t i = 0; i < n->count; i++) {
-        uint64_t key = key_of(n, x[i]);
-        size_t slot = slot_of(n, key);
-        if (!n->table[slot]) {
-            n->bin_key[n->bin_count] = key;
-            n->bin_begin[n->bin_count] = 0;
-            n->table[slot] = (uint32_t)++n->bin_count;
-        }
-        n->bin_of[i] = n->table[slot] - 1;
+        place p = place_at(n, x[i], size ? level_of(n, size[i]) : 0);
+        if (p.level >= n->levels) n->levels = p.level + 1;
+        n->bin_of[i] = bin_at(n, key_of(&p));
         n->bin_begin[n->bin_of[i]]++;
     }
+    for (size_t b = 0; b < n->bin_count; b++) {
+        place p = place_of(n->bin_key[b]);
+        if (p.level == n->levels - 1) continue;
+        p = parent_of(&p);
+        uint32_t parent = bin_at(n, key_of(&p));
+        if (parent == NO_BIN) return false;
+        n->bin_split[parent] = true;
+    }
+    return true;
+}
+
+static bool fill_bins(neighbours *n, const vec3 *x, const double *size, error *e)
+{
+    while (!number_bins(n, x, size))
+        if (!reserve_bins(n, 2 * n->bin_capacity, e)) return false;
     uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
     for (size_t b = 0; b < n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
     n->bin_begin[n->bin_count] = total;
     for (size_t i = n->count; i-- > 0;) n->bin_item[--n->bin_begin[n->bin_of[i]]] = (uint32_t)i;
+    return true;
 }
 
 static int colour_of(uint64_t key)
 {
-    return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2);
+    return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
+                 (key >> 3 * AXIS_BITS) << 3);
+}
+
+static bool has_points(const neighbours *n, size_t bin)
+{
+    return n->bin_begin[bin] < n->bin_begin[bin + 1];
 }
 
 static void sort_colours(neighbours *n)
 {
+    n->colours = 8 * n->levels;
     memset(n->colour_begin, 0, sizeof n->colour_begin);
-    for (size_t b = 0; b < n->bin_count; b++) n->colour_begin[colour_of(n->bin_key[b]) + 1]++;
+    for (size_t b = 0; b < n->bin_count; b++)
+        if (has_points(n, b)) n->colour_begin[colour_of(n->bin_key[b]) + 1]++;
     uint32_t next[NEIGHBOURS_COLOURS];
-    for (int c = 0; c < NEIGHBOURS_COLOURS; c++) {
+    for (int c = 0; c < n->colours; c++) {
         n->colour_begin[c + 1] += n->colour_begin[c];
         next[c] = n->colour_begin[c];
     }
-    for (size_t b = 0; b < n->bin_count; b++) n->colour_bin[next[colour_of(n->bin_key[b])]++] = (uint32_t)b;
+    for (size_t b = 0; b < n->bin_count; b++)
+        if (has_points(n, b)) n->colour_bin[next[colour_of(n->bin_key[b])]++] = (uint32_t)b;
 }
 
 typedef struct build_job {
     neighbours *n;
     const vec3 *x;
+    const double *size;
     atomic_size_t longest;
 } build_job;
 
-/* The lists of one bin's points; entries beyond the stride are counted, not stored. */
-static size_t list_bin(const build_job *job, size_t bin)
+/* Bins that may hold neighbours of one bin's points, handed on in batches. */
+typedef struct search {
+    const build_job *job;
+    size_t bin;
+    place at;
+    uint32_t near[64];
+    int near_count;
+} search;
+
+/* Lists what the batch holds; entries beyond the stride are counted, not stored. */
+static void list_batch(search *s)
 {
-    neighbours *n = job->n;
-    uint32_t near[27];
-    int near_count = 0;
-    uint64_t key = n->bin_key[bin];
-    for (int k = 0; k < 27; k++) {
-        uint64_t other = key + key_make(k % 3, k / 3 % 3, k / 9) - key_make(1, 1, 1);
-        uint32_t entry = n->table[slot_of(n, other)];
-        if (entry) near[near_count++] = entry - 1;
-    }
+    neighbours *n = s->job->n;
+    const vec3 *x = s->job->x;
+    const double *size = s->job->size;
     double cutoff2 = n->cutoff * n->cutoff;
-    size_t longest = 0;
-    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
+    for (uint32_t a = n->bin_begin[s->bin]; a < n->bin_begin[s->bin + 1]; a++) {
         uint32_t i = n->bin_item[a];
         uint32_t *list = n->list + i * n->stride;
-        size_t count = 0;
-        for (int k = 0; k < near_count; k++)
-            for (uint32_t b = n->bin_begin[near[k]]; b < n->bin_begin[near[k] + 1]; b++) {
+        size_t count = n->list_count[i];
+        for (int k = 0; k < s->near_count; k++)
+            for (uint32_t b = n->bin_begin[s->near[k]]; b < n->bin_begin[s->near[k] + 1]; b++) {
                 uint32_t j = n->bin_item[b];
-                if (vec3_norm2(vec3_sub(job->x[i], job->x[j])) >= cutoff2 || j == i) continue;
+                double mean = size ? 0.5 * (size[i] + size[j]) : 1;
+                if (vec3_norm2(vec3_sub(x[i], x[j])) >= cutoff2 * (mean * mean) || j == i) continue;
                 if (count < n->stride) list[count] = j;
                 count++;
             }
-        n->list_count[i] = (uint32_t)(count < n->stride ? count : n->stride);
-        if (count > longest) longest = count;
+        n->list_count[i] = (uint32_t)count;
+    }
+    s->near_count = 0;
+}
+
+static void add_near(search *s, uint32_t bin)
+{
+    if (!has_points(s->job->n, bin)) return;
+    if (s->near_count == (int)(sizeof s->near / sizeof *s->near)) list_batch(s);
+    s->near[s->near_count++] = bin;
+}
+
+/* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
+static void search_coarser(search *s, int up)
+{
+    const neighbours *n = s->job->n;
+    int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
+    for (int a = 0; a < 3; a++) {
+        low[a] = (s->at.at[a] - reach) >> up;
+        high[a] = (s->at.at[a] + reach) >> up;
+    }
+    place p = {.level = s->at.level + up};
+    for (p.at[2] = low[2]; p.at[2] <= high[2]; p.at[2]++)
+        for (p.at[1] = low[1]; p.at[1] <= high[1]; p.at[1]++)
+            for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++) {
+                uint32_t entry = n->table[slot_of(n, key_of(&p))];
+                if (entry) add_near(s, entry - 1);
+            }
+}
+
+/* Likewise those of the levels below, down from a bin that has some. */
+static void search_finer(search *s, uint32_t bin)
+{
+    const neighbours *n = s->job->n;
+    place parent = place_of(n->bin_key[bin]);
+    int down = s->at.level - parent.level + 1;
+    int64_t reach = ((1 << down) + 2) / 2;
+    for (int k = 0; k < 8; k++) {
+        place p = {
+            parent.level - 1,
+            {2 * parent.at[0] + (k & 1), 2 * parent.at[1] + (k >> 1 & 1), 2 * parent.at[2] + (k >> 2)}};
+        bool inside = true;
+        for (int a = 0; a < 3; a++) {
+            int64_t low = s->at.at[a] << down, high = (s->at.at[a] + 1) << down;
+            inside = inside && p.at[a] >= low - reach && p.at[a] < high + reach;
+        }
+        uint32_t entry = inside ? n->table[slot_of(n, key_of(&p))] : 0;
+        if (!entry) continue;
+        add_near(s, entry - 1);
+        if (n->bin_split[entry - 1]) search_finer(s, entry - 1);
+    }
+}
+
+/* The lists of one bin's points. */
+static size_t list_bin(const build_job *job, size_t bin)
+{
+    neighbours *n = job->n;
+    if (!has_points(n, bin)) return 0;
+    search s = {.job = job, .bin = bin, .at = place_of(n->bin_key[bin])};
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) n->list_count[n->bin_item[a]] = 0;
+    for (int k = 0; k < 27; k++) {
+        place p = {s.at.level, {s.at.at[0] + k % 3 - 1, s.at.at[1] + k / 3 % 3 - 1, s.at.at[2] + k / 9 - 1}};
+        uint32_t entry = n->table[slot_of(n, key_of(&p))];
+        if (!entry) continue;
+        add_near(&s, entry - 1);
+        if (n->bin_split[entry - 1]) search_finer(&s, entry - 1);
+    }
+    for (int up = 1; s.at.level + up < n->levels; up++) search_coarser(&s, up);
+    list_batch(&s);
+    size_t longest = 0;
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
+        uint32_t *count = &n->list_count[n->bin_item[a]];
+        if (*count > longest) longest = *count;
+        if (*count > n->stride) *count = (uint32_t)n->stride;
     }
     return longest;
 }
@@ -156,9 +328,9 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
 }
 
-static bool fill_lists(neighbours *n, const vec3 *x, threads *pool, error *e)
+static bool fill_lists(neighbours *n, const vec3 *x, const double *size, threads *pool, error *e)
 {
-    build_job job = {n, x, 0};
+    build_job job = {n, x, size, 0};
     threads_run(pool, n->bin_count, GRAIN, list_chunk, &job);
     size_t longest = atomic_load(&job.longest);
     if (longest <= n->stride) return true;
@@ -179,19 +351,29 @@ static bool fill_lists(neighbours *n, const vec3 *x, threads *pool, error *e)
     return true;
 }
 
-bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool, error *e)
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
+                      threads *pool, error *e)
 {
     bbox box = bbox_empty();
-    for (size_t i = 0; i < count; i++) box = bbox_include(box, x[i]);
-    /* one bin of margin, so that the 27 bins around any have no negative coordinate */
-    if (bbox_longest(box) / cutoff > (1 << AXIS_BITS) - 4)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "the support %g is too small for a surface of size %g: ask for fewer points", cutoff,
-                         bbox_longest(box));
+    double least = size && count > 0 ? size[0] : 1, largest = least;
+    for (size_t i = 0; i < count; i++) {
+        box = bbox_include(box, x[i]);
+        if (!size) continue;
+        least = fmin(least, size[i]);
+        largest = fmax(largest, size[i]);
+    }
     n->count = count;
     n->cutoff = cutoff;
-    n->origin = vec3_sub(box.min, vec3_make(cutoff, cutoff, cutoff));
-    fill_bins(n, x);
+    /* a hair wider, so that rounding does not put the least size on level 1 */
+    n->edge = (1 + 1e-9) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));
+    /* one bin of margin on any level, so that the bins around one have no negative coordinate */
+    double margin = cutoff * 2 * largest;
+    if ((bbox_longest(box) + 2 * margin) / n->edge > (1 << AXIS_BITS) - 4)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "the support %g is too small for a surface of size %g: ask for fewer points",
+                         n->edge, bbox_longest(box));
+    n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
+    if (!fill_bins(n, x, size, e)) return false;
     sort_colours(n);
-    return fill_lists(n, x, pool, e);
+    return fill_lists(n, x, size, pool, e);
 }

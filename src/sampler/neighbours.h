@@ -1,15 +1,19 @@
 /* neighbours: who is within a cutoff of whom, from spatial bins, and an order of updates in which
  * any number of threads gives the same result.
  *
- * Bins are cubes with edge = cutoff (hashed, so that only those with points cost memory). Bins of the
- * same parity in every axis have one colour; two points in different bins of one colour are farther
- * apart than the cutoff, so neither is in the other's list: the bins of a colour may be updated at once,
- * the eight colours one after the other, and the result is that of one thread (Gauss-Seidel).
- * The lists stay valid while no point has moved farther than half of (cutoff - support).
+ * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points are
+ * binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is the
+ * cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost memory.
+ *
+ * Bins of one level whose coordinates agree in parity have one colour; two points in different bins of one
+ * colour are farther apart than their cutoff, so neither is in the other's list: the bins of a colour may be
+ * updated at once, the colours one after the other, and the result is that of one thread (Gauss-Seidel).
+ * The lists stay valid while no point has moved farther than its size times half of (cutoff - support).
  */
 #ifndef HEXAD_SAMPLER_NEIGHBOURS_H
 #define HEXAD_SAMPLER_NEIGHBOURS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -17,24 +21,29 @@
 #include "base/threads.h"
 #include "geometry/vec3.h"
 
-#define NEIGHBOURS_COLOURS 8
+#define NEIGHBOURS_LEVELS 16 /* sizes of 1 : 2^15 are told apart */
+#define NEIGHBOURS_COLOURS (8 * NEIGHBOURS_LEVELS)
 
 typedef struct neighbours {
     size_t capacity; /* points there is room for */
     size_t count;
-    double cutoff;
+    double cutoff; /* of points of size 1 */
+    double edge;   /* of the bins of level 0 */
+    int levels;    /* in use */
 
-    size_t bin_count;
+    size_t bin_capacity, bin_count;
     uint32_t *bin_begin; /* bin_count + 1: the bin's points in `bin_item` */
     uint32_t *bin_item;  /* points by bin, ascending within a bin */
     uint64_t *bin_key;
+    bool *bin_split;   /* bins of the level below lie in it */
     uint32_t *bin_of;  /* of each point */
     uint32_t *table;   /* open addressing: bin + 1, or 0 */
     size_t table_size; /* a power of two */
     vec3 origin;
 
+    int colours; /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1];
-    uint32_t *colour_bin; /* bins by colour, ascending */
+    uint32_t *colour_bin; /* bins with points by colour, ascending */
 
     size_t list_limit;    /* bytes that the lists may take */
     size_t stride;        /* room for this many entries per point */
@@ -46,9 +55,10 @@ typedef struct neighbours {
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e);
 void neighbours_free(neighbours *n);
 
-/* Bins and lists for `count` points (full lists: j in the list of i and i in that of j; a point is not
- * in its own). May grow its memory when points are crowded. Errors: limit_memory. */
-bool neighbours_build(neighbours *n, size_t count, const vec3 *x, double cutoff, threads *pool, error *e);
+/* Bins and lists for `count` points of the given sizes, > 0 (NULL: 1 each). Full lists: j in the list of i and
+ * i in that of j; a point is not in its own. May grow its memory when points are crowded. Errors: limit_memory. */
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
+                      threads *pool, error *e);
 
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {

@@ -21,7 +21,8 @@ static inline double lane_sum(const double *a)
 /* What the potential needs of one group of neighbours. */
 typedef struct lanes {
     double dx[PAIR_LANES], dy[PAIR_LANES], dz[PAIR_LANES];
-    double r2[PAIR_LANES];     /* within (CLOSEST sigma)^2 .. sigma^2 */
+    double size2[PAIR_LANES];
+    double r2[PAIR_LANES];     /* over size2, within (CLOSEST sigma)^2 .. sigma^2 */
     double weight[PAIR_LANES]; /* 0 outside the support */
     double w[PAIR_LANES];      /* r / sigma * pi / 2 */
     double cot[PAIR_LANES];    /* cot w */
@@ -33,14 +34,16 @@ static inline __attribute__((always_inline)) void lanes_load(lanes *p, const pai
                                                              vec3 x, double sigma)
 {
     const double *px = list->x + block * PAIR_LANES, *py = list->y + block * PAIR_LANES,
-                 *pz = list->z + block * PAIR_LANES, *pw = list->weight + block * PAIR_LANES;
+                 *pz = list->z + block * PAIR_LANES, *pw = list->weight + block * PAIR_LANES,
+                 *ps = list->size2 + block * PAIR_LANES;
     const double sigma2 = sigma * sigma, closest2 = CLOSEST * CLOSEST * sigma2, k = M_PI_2 / sigma;
     for (int l = 0; l < PAIR_LANES; l++) {
         double dx = x.x - px[l], dy = x.y - py[l], dz = x.z - pz[l], weight = pw[l];
-        double r2 = dx * dx + dy * dy + dz * dz;
+        double r2 = (dx * dx + dy * dy + dz * dz) / ps[l];
         p->dx[l] = dx;
         p->dy[l] = dy;
         p->dz[l] = dz;
+        p->size2[l] = ps[l];
         p->weight[l] = r2 < sigma2 ? weight : 0.0;
         r2 = r2 < sigma2 ? r2 : sigma2;
         p->r2[l] = r2 > closest2 ? r2 : closest2;
@@ -72,7 +75,8 @@ DISPATCH static double cotangent_energy(const pair_list *list, vec3 x, double si
     for (size_t b = 0; b < list->blocks; b++) {
         lanes p;
         lanes_load(&p, list, b, x, sigma);
-        for (int l = 0; l < PAIR_LANES; l++) energy[l] += p.weight[l] * (p.cot[l] + p.w[l] - M_PI_2);
+        for (int l = 0; l < PAIR_LANES; l++)
+            energy[l] += p.weight[l] * p.size2[l] * (p.cot[l] + p.w[l] - M_PI_2);
     }
     return lane_sum(energy);
 }
@@ -89,17 +93,18 @@ DISPATCH static void cotangent_forces(const pair_list *list, vec3 x, vec3 axis1,
         lanes_load(&p, list, b, x, sigma);
         for (int l = 0; l < PAIR_LANES; l++) {
             double cot2 = p.cot[l] * p.cot[l];
-            double slope = -k * k * cot2 * p.weight[l] / p.w[l];                     /* phi' / r */
-            double bend = 2 * k * k * p.cot[l] * (1 + cot2) * p.weight[l] / p.r2[l]; /* phi'' / r^2 */
+            double distance2 = p.r2[l] * p.size2[l];
+            double slope = -k * k * cot2 * p.weight[l] / p.w[l];                       /* phi' / r */
+            double bend = 2 * k * k * p.cot[l] * (1 + cot2) * p.weight[l] / distance2; /* phi'' / r^2 */
             double a1 = p.dx[l] * axis1.x + p.dy[l] * axis1.y + p.dz[l] * axis1.z;
             double a2 = p.dx[l] * axis2.x + p.dy[l] * axis2.y + p.dz[l] * axis2.z;
-            energy[l] += p.weight[l] * (p.cot[l] + p.w[l] - M_PI_2);
+            energy[l] += p.weight[l] * p.size2[l] * (p.cot[l] + p.w[l] - M_PI_2);
             d1[l] += slope * a1;
             d2[l] += slope * a2;
             h11[l] += bend * a1 * a1;
             h12[l] += bend * a1 * a2;
             h22[l] += bend * a2 * a2;
-            double distance2 = p.weight[l] > 0 ? p.r2[l] : INFINITY;
+            distance2 = p.weight[l] > 0 ? distance2 : INFINITY;
             nearest[l] = distance2 < nearest[l] ? distance2 : nearest[l];
         }
     }
@@ -115,7 +120,9 @@ double pair_energy_at(const pair_list *list, const energy_function *energy, vec3
     double sum = 0;
     for (size_t k = 0; k < list->blocks * PAIR_LANES; k++) {
         double r = vec3_norm(vec3_sub(x, (vec3){list->x[k], list->y[k], list->z[k]}));
-        if (list->weight[k] > 0) sum += list->weight[k] * energy->value(fmax(r / sigma, CLOSEST));
+        if (list->weight[k] > 0)
+            sum += list->weight[k] * list->size2[k] *
+                   energy->value(fmax(r / (sqrt(list->size2[k]) * sigma), CLOSEST));
     }
     return sum;
 }
@@ -130,11 +137,12 @@ void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x
     *out = (pair_forces){.nearest2 = INFINITY};
     for (size_t k = 0; k < list->blocks * PAIR_LANES; k++) {
         vec3 d = vec3_sub(x, (vec3){list->x[k], list->y[k], list->z[k]});
-        double r = fmax(vec3_norm(d), CLOSEST * sigma), u = r / sigma, weight = list->weight[k];
+        double support = sqrt(list->size2[k]) * sigma, weight = list->weight[k] * list->size2[k];
+        double r = fmax(vec3_norm(d), CLOSEST * support), u = r / support;
         if (weight == 0 || u >= 1) continue;
-        double slope = weight * energy->first(u) / (sigma * r);
+        double slope = weight * energy->first(u) / (support * r);
         /* a potential may bend the wrong way near its centre, as the Gaussian does: no damping from there */
-        double bend = weight * fmax(energy->second(u), 0) / (sigma * sigma * r * r);
+        double bend = weight * fmax(energy->second(u), 0) / (support * support * r * r);
         double a1 = vec3_dot(d, axis1), a2 = vec3_dot(d, axis2);
         out->energy += weight * energy->value(u);
         out->d1 += slope * a1;

@@ -1,5 +1,8 @@
 /* pair: the sums over a particle's neighbours, which is where the solver's time goes.
  *
+ * The energy of a pair of size s is weight s^2 phi(r / (s sigma)): with the size the mean of the ends' requested
+ * spacings, the local spacing follows the request (exponent 1; without the factor s^2 it is 0.67).
+ *
  * The potential (6), its slope (7) and the first term of its Hessian (10), in the tangent
  * frame of the particle: the Hessian in three dimensions leaks the normal part of the force into the
  * step. Sums run over PAIR_LANES partial sums that are added in a fixed order, so that every vector
@@ -20,7 +23,8 @@
 typedef struct pair_list {
     size_t blocks;
     double *x, *y, *z;    /* positions, world space */
-    double *weight;       /* what the pair's energy is multiplied by */
+    double *weight;       /* what the pair's energy is multiplied by, beside size2 */
+    double *size2;        /* squared size of the pair over the particle's own: its support is sigma times that */
     double *nx, *ny, *nz; /* unit normals; only pair_weigh reads them and the next */
     double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */
 } pair_list;

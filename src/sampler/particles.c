@@ -13,6 +13,7 @@ particles *particles_new(size_t count, error *e)
         !(p->normal = mem_array(count, sizeof *p->normal, what, e)) ||
         !(p->anchor = mem_array(count, sizeof *p->anchor, what, e)) ||
         !(p->alpha = mem_array(count, sizeof *p->alpha, what, e)) ||
+        !(p->size = mem_array(count, sizeof *p->size, what, e)) ||
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
         !(p->step = mem_array(count, sizeof *p->step, what, e)) ||
@@ -22,7 +23,7 @@ particles *particles_new(size_t count, error *e)
         particles_free(p);
         return NULL;
     }
-    for (size_t i = 0; i < count; i++) p->alpha[i] = 1;
+    for (size_t i = 0; i < count; i++) p->alpha[i] = p->size[i] = 1;
     return p;
 }
 
@@ -33,6 +34,7 @@ void particles_free(particles *p)
     free(p->normal);
     free(p->anchor);
     free(p->alpha);
+    free(p->size);
     free(p->lambda);
     free(p->energy);
     free(p->step);

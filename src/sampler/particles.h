@@ -15,8 +15,9 @@ typedef struct particles {
     vec3 *normal;       /* unit; of the last projection */
     vec3 *anchor;       /* position when the neighbour lists were built */
     double *alpha;      /* repulsion amplitude (14), lagged to the last build; 1 without grading */
+    double *size;       /* requested spacing over h, lagged to the last build; 1 when even */
     double *lambda;     /* log10 of the damping of (11) */
-    double *energy;     /* E_i, full sum, when it was last looked at */
+    double *energy;     /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
     double *step;       /* length of the last move */
     bool *rim;          /* within 2 h of a rim of an open surface, at the last build of lists */
     bool *cramped;      /* the last move was cut short by the validity of the neighbour lists */

@@ -13,7 +13,6 @@ static const double EVEN_REQUEST = 1.05;
 typedef struct measure_job {
     const quality_input *in;
     voronoi_sites sites;
-    double support;
     double *area, *energy, *nearest; /* per point; nearest over requested spacing */
     double *edge_sum, *edge_squares; /* of relative lengths of the edges to points of higher index */
     uint8_t *degree;
@@ -24,6 +23,15 @@ typedef struct measure_job {
 static double alpha_of(const quality_input *in, size_t i)
 {
     return in->alpha ? in->alpha[i] : 1;
+}
+
+/* What j adds to the energy of i, `distance` away: see quality.energy_excess. */
+static double pair_energy(const quality_input *in, size_t i, size_t j, double distance)
+{
+    double size = in->sized ? 0.5 * (1 + in->spacing[j] / in->spacing[i]) : 1;
+    double support = sqrt(3) * (in->sized ? in->spacing[i] : in->h);
+    return 0.5 * (alpha_of(in, i) + alpha_of(in, j)) * size * size *
+           energy_cotangent.value(fmax(distance / (size * support), 1e-6));
 }
 
 static void measure_point(const measure_job *job, uint32_t i)
@@ -37,8 +45,7 @@ static void measure_point(const measure_job *job, uint32_t i)
         if (facing <= VORONOI_OTHER_SIDE) continue;
         double length = vec3_norm(vec3_sub(in->position[i], in->position[j]));
         double relative = length / (0.5 * (in->spacing[i] + in->spacing[j]));
-        job->energy[i] += 0.5 * (alpha_of(in, i) + alpha_of(in, j)) *
-                          energy_cotangent.value(fmax(length / job->support, 1e-6));
+        job->energy[i] += pair_energy(in, i, j, length);
         nearest = fmin(nearest, relative);
         double edge;
         if (!voronoi_edge(&job->sites, i, j, &edge)) continue;
@@ -61,8 +68,8 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
 static void find_rim(const quality_input *in, bool *rim)
 {
     if (!in->open) return;
-    bbox inner = bbox_grow(in->domain, -2 * in->h);
-    for (size_t i = 0; i < in->count; i++) rim[i] = !bbox_contains(inner, in->position[i]);
+    for (size_t i = 0; i < in->count; i++)
+        rim[i] = !bbox_contains(bbox_grow(in->domain, -2 * in->spacing[i]), in->position[i]);
 }
 
 /* Coefficient of variation from sums over n values. */
@@ -130,14 +137,12 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
     bool ok = false;
     size_t n = in->count;
     const char *what = "the quality measures";
-    measure_job job = {.in = in, .support = sqrt(3) * in->h};
+    measure_job job = {.in = in};
     double *column = mem_array(7 * n, sizeof *column, what, e), *local = column + 5 * n;
     uint8_t *bytes = mem_array(2 * n, 1, what, e);
     neighbours *near = neighbours_new(n, SIZE_MAX, e);
     if (!column || !bytes || !near) goto done;
-    double widest = 0;
-    for (size_t i = 0; i < n; i++) widest = fmax(widest, in->spacing[i]);
-    if (!neighbours_build(near, n, in->position, VORONOI_REACH * fmax(widest, in->h), pool, e)) goto done;
+    if (!neighbours_build(near, n, in->position, in->spacing, VORONOI_REACH, pool, e)) goto done;
     job.sites = (voronoi_sites){in->position, in->normal, in->spacing, near};
     job.area = column;
     job.energy = column + n;

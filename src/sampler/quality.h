@@ -21,6 +21,7 @@ typedef struct quality_input {
     const double *alpha;   /* NULL: 1 everywhere */
     const double *spacing; /* requested spacing of each, world units */
     double h;              /* spacing of the ideal even packing, sqrt(2 A / (sqrt(3) N)) */
+    bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
     bool open;             /* rims at the faces of `domain` */
     bbox domain;
 } quality_input;
@@ -28,9 +29,11 @@ typedef struct quality_input {
 typedef struct quality {
     double hex_fraction; /* share with six neighbours */
     double edge_cv, area_cv;
-    double energy_excess;     /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha */
+    /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha. Sized: sqrt(3) times the mean of the pair's
+     * spacings, E_i over its own spacing squared */
+    double energy_excess;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
-    size_t rim_count;         /* points within 2 h of a rim, left out of the above */
+    size_t rim_count;         /* points within two spacings of a rim, left out of the above */
     double euler;             /* sum of (6 - degree) / 6 over all points */
     double grading_cv;        /* of local over requested spacing */
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */

@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
+#include "sampler/grading.h"
 #include "sampler/particles.h"
 #include "sampler/surface.h"
 
@@ -14,9 +15,9 @@
 size_t refine_coarser(size_t count);
 
 /* Adds particles until there are exactly `count` (p has room for them): those on the middles of Delaunay edges,
- * with what is too many left out evenly, or what is missing drawn from the surface. `spacing` is that of the
- * particles at hand. Errors: limit_memory, no_surface. */
-bool refine_particles(const field *f, const surface *scan, particles *p, size_t count, double spacing,
-                      uint64_t seed, threads *pool, error *e);
+ * with what is too many left out evenly, or what is missing drawn from the surface by `graded` (NULL: evenly).
+ * `spacing` is that of the particles at hand, of size 1. Errors: limit_memory, no_surface. */
+bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
+                      double spacing, uint64_t seed, threads *pool, error *e);
 
 #endif

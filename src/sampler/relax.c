@@ -82,12 +82,12 @@ static bool grow(relax *r, error *e)
     size_t length = (r->near->stride + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
     for (int k = 0; k < threads_count(r->pool); k++) {
-        double *m = mem_array(8 * length, sizeof *m, "a gathered list", e);
+        double *m = mem_array(9 * length, sizeof *m, "a gathered list", e);
         if (!m) return false;
         free(r->scratch[k].memory);
         r->scratch[k] = (gather){m,
                                  {0, m, m + length, m + 2 * length, m + 3 * length, m + 4 * length,
-                                  m + 5 * length, m + 6 * length, m + 7 * length}};
+                                  m + 5 * length, m + 6 * length, m + 7 * length, m + 8 * length}};
     }
     r->scratch_entries = length;
     return true;
@@ -120,7 +120,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
 
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 {
-    if (!neighbours_build(r->near, p->count, p->position, sigma + skin, r->pool, e) || !grow(r, e))
+    if (!neighbours_build(r->near, p->count, p->position, p->size, sigma + skin, r->pool, e) || !grow(r, e))
         return false;
     r->sigma = sigma;
     r->skin = skin;
@@ -135,8 +135,9 @@ typedef struct attempt {
     pair_list *near;
     bool flat;
     vec3 x, axis1, axis2;
-    double bound; /* longest step in the tangent plane */
-    double limit; /* longest displacement */
+    double sigma, spacing; /* times the particle's size */
+    double bound;          /* longest step in the tangent plane */
+    double limit;          /* longest displacement */
     double energy;
 } attempt;
 
@@ -157,15 +158,16 @@ static void add_turning(const attempt *a, pair_forces *f)
         vec3 nj = {g->nx[k], g->ny[k], g->nz[k]};
         double t = 1 + vec3_dot(n, nj) / PAIR_FACING_RANGE;
         double r = vec3_norm(vec3_sub(a->x, (vec3){g->x[k], g->y[k], g->z[k]}));
-        if (t <= 0 || t >= 1 || r >= a->params->sigma) continue;
-        double slope = g->amplitude[k] * 6 * t * (1 - t) / PAIR_FACING_RANGE *
-                       a->potential->value(fmax(r / a->params->sigma, TURNING_NEAREST));
+        double support = sqrt(g->size2[k]) * a->sigma;
+        if (t <= 0 || t >= 1 || r >= support) continue;
+        double slope = g->amplitude[k] * g->size2[k] * 6 * t * (1 - t) / PAIR_FACING_RANGE *
+                       a->potential->value(fmax(r / support, TURNING_NEAREST));
         f->d1 += slope * vec3_dot(turn1, nj);
         f->d2 += slope * vec3_dot(turn2, nj);
     }
 }
 
-static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitude)
+static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitude, double size)
 {
     g->x[k] = x.x;
     g->y[k] = x.y;
@@ -174,6 +176,7 @@ static void gather_place(pair_list *g, size_t k, vec3 x, vec3 n, double amplitud
     g->ny[k] = n.y;
     g->nz[k] = n.z;
     g->amplitude[k] = g->weight[k] = amplitude;
+    g->size2[k] = size * size;
 }
 
 static pair_list *gather_list(const relax *r, const particles *p, int worker, size_t i)
@@ -184,11 +187,12 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
-        gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]));
+        gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]),
+                     0.5 * (1 + p->size[j] / p->size[i]));
     }
     vec3 away = p->position[i];
-    away.x += r->sigma;
-    for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0);
+    away.x += r->sigma * p->size[i];
+    for (size_t k = count; k < g->blocks * PAIR_LANES; k++) gather_place(g, k, away, p->normal[i], 0, 1);
     if (!r->flat[i]) pair_weigh(g, p->normal[i]);
     return g;
 }
@@ -212,7 +216,7 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
 /* Moves along the tangent plane (8) and back onto the surface (9). */
 static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
-    double h = a->params->spacing;
+    double h = a->spacing;
     const project_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
@@ -230,7 +234,7 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
     vec3 q, n;
     if (!move(a, a->params->omega * s1, a->params->omega * s2, &q, &n)) return false;
     if (!a->flat) pair_weigh(a->near, n);
-    double trial = pair_energy_at(a->near, a->potential, q, a->params->sigma);
+    double trial = pair_energy_at(a->near, a->potential, q, a->sigma);
     if (!(trial < a->energy * (1 - a->params->gain))) return false;
     *x = q;
     *normal = n;
@@ -240,11 +244,11 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
 
 /* A particle whose expected gain never comes is misled by a normal that is off by the last Newton step:
  * put it on the surface to well below what `gain` can see. */
-static void straighten(const relax_params *params, vec3 *x, vec3 *normal)
+static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
-    double h = params->spacing;
+    double h = a->spacing;
     const project_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
-    project_point(params->field, &limits, x, normal);
+    project_point(a->params->field, &limits, x, normal);
 }
 
 static void take_step(particles *p, size_t i, vec3 x, vec3 normal, double room)
@@ -264,10 +268,10 @@ static void descend_damped(const attempt *a, const pair_forces *f, particles *p,
         double s1, s2, expected = damped_step(f, pow(10, lambda), &s1, &s2);
         if (!(expected > params->gain * f->energy) || lambda > RELAX_LAMBDA_CAP) {
             p->lambda[i] = RELAX_LAMBDA_CAP;
-            if (!first) straighten(params, &p->position[i], &p->normal[i]);
+            if (!first) straighten(a, &p->position[i], &p->normal[i]);
             return;
         }
-        if (a->bound < STEP_FLOOR * params->spacing && room < sqrt(f->nearest2)) { /* wait for new lists */
+        if (a->bound < STEP_FLOOR * a->spacing && room < sqrt(f->nearest2)) { /* wait for new lists */
             p->cramped[i] = true;
             return;
         }
@@ -285,7 +289,7 @@ static void descend_damped(const attempt *a, const pair_forces *f, particles *p,
 /* (5), as used for Table 1. */
 static void descend_gradient(const attempt *a, const pair_forces *f, particles *p, size_t i, double room)
 {
-    double scale = -a->params->step * a->params->sigma * a->params->sigma;
+    double scale = -a->params->step * a->sigma * a->sigma;
     vec3 x, normal;
     if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
         take_step(p, i, x, normal, room);
@@ -301,17 +305,19 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
                  .potential = job->r->energy,
                  .near = gather_list(job->r, p, worker, i),
                  .flat = job->r->flat[i],
-                 .x = p->position[i]};
+                 .x = p->position[i],
+                 .sigma = params->sigma * p->size[i],
+                 .spacing = params->spacing * p->size[i]};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
-    pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, params->sigma, &f);
+    pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);
     if (!a.flat) add_turning(&a, &f);
     p->energy[i] = a.energy = f.energy;
     p->step[i] = 0;
     p->cramped[i] = false;
     p->rejected[i] = 0;
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
-    double room = 0.5 * job->r->skin - vec3_norm(vec3_sub(a.x, p->anchor[i]));
+    double room = 0.5 * job->r->skin * p->size[i] - vec3_norm(vec3_sub(a.x, p->anchor[i]));
     a.limit = fmin(sqrt(f.nearest2), room);
     a.bound = BOUND_SHARE * a.limit;
     if (params->minimiser == RELAX_GRADIENT)
@@ -333,14 +339,14 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
 {
     sweep_job job = {.r = r, .p = p, .params = params};
     const uint32_t *colour = r->near->colour_begin;
-    for (int c = 0; c < NEIGHBOURS_COLOURS; c++) {
+    for (int c = 0; c < r->near->colours; c++) {
         job.bins = r->near->colour_bin + colour[c];
         threads_run(r->pool, colour[c + 1] - colour[c], 16, sweep_chunk, &job);
     }
     relax_sums sums = {0};
     double squares = 0;
     for (size_t i = 0; i < p->count; i++) {
-        double step = p->step[i] / params->spacing;
+        double step = p->step[i] / (params->spacing * p->size[i]);
         sums.cramped += p->cramped[i];
         sums.energy += p->energy[i];
         sums.mean_log10_lambda += p->lambda[i];
@@ -358,9 +364,10 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
 static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
+    particles *p = job->p;
     for (size_t i = begin; i < end; i++)
-        job->p->energy[i] = pair_energy_at(gather_list(job->r, job->p, worker, i), job->r->energy,
-                                           job->p->position[i], job->sigma);
+        p->energy[i] = pair_energy_at(gather_list(job->r, p, worker, i), job->r->energy, p->position[i],
+                                      job->sigma * p->size[i]);
 }
 
 double relax_mean_energy(relax *r, particles *p, double sigma)
@@ -387,9 +394,10 @@ double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
     size_t pairs = 0;
     for (size_t i = 0; i < p->count; i++)
-        for (uint32_t k = 0; k < r->near->list_count[i]; k++)
-            if (vec3_norm2(vec3_sub(p->position[i], p->position[neighbours_list(r->near, i)[k]])) <
-                sigma * sigma)
-                pairs++;
+        for (uint32_t k = 0; k < r->near->list_count[i]; k++) {
+            uint32_t j = neighbours_list(r->near, i)[k];
+            double support = 0.5 * sigma * (p->size[i] + p->size[j]);
+            if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support) pairs++;
+        }
     return (double)pairs / (double)p->count;
 }

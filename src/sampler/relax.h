@@ -30,17 +30,17 @@ typedef struct relax_params {
     const field *field;
     relax_minimiser minimiser;
     double step;    /* of the gradient minimiser, in units of sigma^2 per energy */
-    double sigma;   /* support of the potential */
-    double spacing; /* h, the scale of tolerances */
+    double sigma;   /* support of the potential, of particles of size 1 */
+    double spacing; /* h, times size the scale of tolerances */
     double omega;   /* over-relaxation of the step: 1 is the paper's */
     double gain;    /* least relative decrease of a particle's energy that counts */
 } relax_params;
 
 typedef struct relax_sums {
-    double energy; /* mean E_i, full sums, as the particles were visited */
+    double energy; /* mean E_i over size^2, full sums, as the particles were visited */
     double mean_log10_lambda;
-    double rms_step;   /* over h */
-    double max_step;   /* over h */
+    double rms_step;   /* over h size */
+    double max_step;   /* likewise */
     uint64_t rejected; /* trials refused */
     size_t cramped;    /* particles whose step the lists' validity cut short: build anew */
 } relax_sums;
@@ -52,21 +52,21 @@ typedef struct relax_sums {
 relax *relax_new(size_t capacity, const energy_function *energy, size_t list_limit, threads *pool, error *e);
 void relax_free(relax *r);
 
-/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, with
- * the pair weights of the present normals and alphas. Error: limit_memory. */
+/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times its
+ * size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
-/* Mean of E_i over the mean of alpha, everyone where they are, for any support that the lists cover; rims
- * left out, where half of the neighbours are missing, unless there is nothing else. Sets p->energy. */
+/* Mean of E_i over size^2, over the mean of alpha, everyone where they are, for any support that the lists
+ * cover; rims left out, where half of the neighbours are missing, unless there is nothing else. Sets p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 
-/* Mean number of neighbours within `sigma` (m of Table 1). */
+/* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);
 
 #endif

@@ -1,6 +1,7 @@
 #include "sampler/sampler.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "sampler/energy.h"
@@ -41,6 +42,11 @@ enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
 
+/* A rest holds when sizes, as of the particles' places, have changed by less than this in the root mean square
+ * since the lists were built; so many times in a round it may be broken. */
+static const double SIZE_SETTLED = 1e-3;
+static const int RESIZES_MAX = 10;
+
 /* A level that is to be refined is left when the rms step is below this (of h), or after so many sweeps. */
 static const double LEVEL_STEP = 5e-3;
 static const int LEVEL_SWEEPS = 30;
@@ -76,11 +82,34 @@ static bool amplitudes_are_due(const sampler *s)
     return s->params.graded && s->sweep_count >= s->next_amplitudes;
 }
 
+static void size_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    sampler *s = context;
+    double h = levels_spacing(s->scan->area, s->params.count);
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        s->p->size[i] = grading_spacing(s->params.grading, s->p->position[i], NULL) / h;
+}
+
+double sampler_resize(sampler *s)
+{
+    if (!s->params.grading) return 0;
+    double *before = s->p->step, squares = 0; /* lengths of moves that nobody asks for any more */
+    memcpy(before, s->p->size, s->p->count * sizeof *before);
+    threads_run(s->pool, s->p->count, 256, size_chunk, s);
+    for (size_t i = 0; i < s->p->count; i++) {
+        double change = before[i] / s->p->size[i] - 1;
+        squares += change * change;
+    }
+    return sqrt(squares / (double)s->p->count);
+}
+
 static void mark_rims(sampler *s)
 {
     if (!s->field->open) return;
-    bbox inner = bbox_grow(s->field->domain, -2 * s->spacing);
-    for (size_t i = 0; i < s->p->count; i++) s->p->rim[i] = !bbox_contains(inner, s->p->position[i]);
+    for (size_t i = 0; i < s->p->count; i++)
+        s->p->rim[i] =
+            !bbox_contains(bbox_grow(s->field->domain, -2 * s->spacing * s->p->size[i]), s->p->position[i]);
 }
 
 static bool build_lists(sampler *s, error *e)
@@ -89,6 +118,7 @@ static bool build_lists(sampler *s, error *e)
         threads_run(s->pool, s->p->count, 256, amplitude_chunk, s);
         s->next_amplitudes = s->sweep_count + 1 + s->sweep_count / 4;
     }
+    sampler_resize(s);
     mark_rims(s);
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
@@ -119,8 +149,9 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->relax = relax_new(params->count, s->params.energy, params->list_limit, pool, e);
     if (!s->sweep || !s->p || !s->relax) goto fail;
     s->level_count[0] = params->count;
-    s->levels =
-        params->coarse_to_fine ? levels_plan(f, scan, params->count, params->seed, s->level_count) : 1;
+    s->levels = params->coarse_to_fine
+                    ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)
+                    : 1;
     s->p->count = s->level_count[0];
     /* a support that is given is meant for the whole count */
     enter_level(s, params->sigma > 0 ? params->sigma / levels_spacing(scan->area, params->count) : sqrt(3));
@@ -179,14 +210,15 @@ static void note_round(sampler *s, double energy)
     s->round[s->round_count++] =
         (sampler_round){s->sweeps_in_round, 0, 0, s->sigma, s->p->count, energy, s->gain};
     s->sweeps_in_round = 0;
+    s->resizes = 0;
 }
 
 /* A level has come to rest: four times as many particles, with the support that it needed. */
 bool sampler_refine(sampler *s, error *e)
 {
     double support = s->sigma / s->spacing;
-    if (!refine_particles(s->field, s->scan, s->p, s->level_count[++s->level], s->spacing, s->params.seed,
-                          s->pool, e))
+    if (!refine_particles(s->field, s->scan, s->params.grading, s->p, s->level_count[++s->level], s->spacing,
+                          s->params.seed, s->pool, e))
         return false;
     enter_level(s, support);
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
@@ -244,6 +276,16 @@ static void estimate_fraction(sampler *s, const relax_sums *sums)
     s->fraction = fmax(s->fraction, low + (high - low) * climb);
 }
 
+/* At rest under sizes of a while ago, most of all: with those of now there may be more to do. */
+static bool sizes_are_settled(sampler *s)
+{
+    if (sampler_resize(s) < SIZE_SETTLED || s->resizes == RESIZES_MAX) return true;
+    s->resizes++;
+    s->lists_stale = true;
+    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
+    return false;
+}
+
 bool sampler_step(sampler *s, error *e)
 {
     if (s->lists_stale && !build_lists(s, e)) return false;
@@ -269,7 +311,7 @@ bool sampler_step(sampler *s, error *e)
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
     s->skin = fmin(SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
-    if (is_at_rest(s, &sums) && !control(s, e)) return false;
+    if (is_at_rest(s, &sums) && sizes_are_settled(s) && !control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;

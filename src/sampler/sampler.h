@@ -20,6 +20,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "sampler/energy.h"
+#include "sampler/grading.h"
 #include "sampler/surface.h"
 
 typedef struct sampler sampler;
@@ -36,6 +37,7 @@ typedef struct sampler_params {
     uint64_t seed;
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
+    const grading *grading; /* spacing by place, stays the caller's; NULL: even */
     double sigma; /* initial support, world units; 0: that of the ideal packing */
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
@@ -58,7 +60,7 @@ typedef enum sampler_outcome {
 typedef struct sampler_sweep {
     double energy; /* mean E_i over mean alpha */
     double mean_log10_lambda;
-    double rms_step; /* over h */
+    double rms_step; /* over the requested spacing */
     size_t count;
     double sigma;
     uint64_t rejected;
@@ -103,7 +105,7 @@ typedef struct sampler_points {
     size_t count;
     const vec3 *position, *normal;
     const double *kappa, *kappa1, *kappa2, *alpha;
-    const double *energy;  /* E_i, full sum under the final sigma */
+    const double *energy;  /* E_i, full sum under the final sigma; with a grading over the size squared */
     const double *spacing; /* requested */
     size_t lost;           /* not on the surface, and no place found for them */
     double max_residual;   /* max |F| / |grad F|, over h */

@@ -43,7 +43,7 @@ static vec3 draw_point(const field *f, const surface *scan, const sampler_params
     if (params->start == SAMPLER_START_SURFACE) {
         double where = ((double)i + rng_uniform(r)) / (double)count;
         if (draw > 0) where = rng_uniform(r);
-        return surface_point(scan, where * scan->area, r);
+        return grading_draw(params->grading, scan, where, r);
     }
     return params->random_in_cells ? random_in_cells(f, scan->cells, r) : random_in_domain(f, r);
 }

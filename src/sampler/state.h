@@ -26,6 +26,7 @@ struct sampler {
     bool lists_stale;
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
+    int resizes;            /* in the round: rests that new sizes ended */
     sampler_outcome outcome;
     size_t removed;
     sampler_sweep *sweep;
@@ -40,6 +41,9 @@ struct sampler {
 
 /* (14), with curvature freed of scale by L and bounded. */
 double sampler_amplitude(const sampler *s, double kappa);
+
+/* Sizes of the particles where they are; returns the rms of their relative change. */
+double sampler_resize(sampler *s);
 
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
 bool sampler_is_on_target(const sampler *s, double energy);

@@ -236,19 +236,20 @@ void surface_free(surface *s)
     free(s);
 }
 
-vec3 surface_point(const surface *s, double where, rng *r)
+vec3 surface_point(const surface *s, const double *before, double where, rng *r)
 {
     size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
     while (low < high) {
         size_t middle = low + (high - low + 1) / 2;
-        if (s->area_before[middle] <= where)
+        if (before[middle] <= where)
             low = middle;
         else
             high = middle - 1;
     }
     triangulation t;
     cut_cell(s->field, low, &t);
-    double rest = where - s->area_before[low];
+    double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
+    for (int i = 0; i < t.count; i++) rest += share * t.area[i];
     int k = 0;
     while (k < t.count - 1 && rest >= t.area[k]) rest -= t.area[k++];
     double u = sqrt(rng_uniform(r)), v = rng_uniform(r);

@@ -25,8 +25,9 @@ typedef struct surface {
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
 
-/* A point of the surface's triangles at `where` in [0, area): equal lengths of `where` give equal areas. The
- * point lies near the surface, within the cell; project it. */
-vec3 surface_point(const surface *s, double where, rng *r);
+/* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to area
+ * within it. With area_before equal lengths of `where` give equal areas. The point lies near the surface, within
+ * the cell; project it. */
+vec3 surface_point(const surface *s, const double *before, double where, rng *r);
 
 #endif

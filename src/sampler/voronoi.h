@@ -16,7 +16,7 @@
 typedef struct voronoi_sites {
     const vec3 *position, *normal;
     const double *spacing;  /* of an ideal packing at each point */
-    const neighbours *near; /* lists within VORONOI_REACH times the largest spacing */
+    const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair */
 } voronoi_sites;
 
 /* Wide enough for the cell of a point beside a vacancy. */

@@ -395,6 +395,8 @@ static const char *default_of(const reading *r, const spec_row *row)
 {
     if (row->offset == offsetof(spec, method) && r->s->has_alpha) return "\"paper\"";
     if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
+    if (row->offset == offsetof(spec, curvature.exponent) && !(r->s->curvature.ratio > 0)) return NULL;
+    if (row->offset == offsetof(spec, gradation) && !r->s->has_curvature && !r->s->has_grid) return NULL;
     if (row->offset == offsetof(spec, preview_color))
         return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
@@ -474,6 +476,26 @@ static void check_analytic(reading *r, const json_at *at)
                   a->rounding);
 }
 
+static void check_sampling(reading *r, const json_at *at)
+{
+    static const char *const limits[] = {"min_spacing", "max_spacing", "gradation"};
+    const spec *s = r->s;
+    for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !s->has_curvature && !s->has_grid; k++) {
+        json_at limit = json_member(at, limits[k]);
+        if (limit.node)
+            add_fault(r, &limit, ERROR_SPEC_INVALID, "belongs to a grading: give curvature or grid, or leave it out");
+    }
+    json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
+            exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
+    if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
+        add_fault(r, &most, ERROR_SPEC_INVALID, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
+                  s->max_spacing);
+    if (exponent.node && !(s->curvature.ratio > 0))
+        add_fault(r, &exponent, ERROR_SPEC_INVALID, "belongs to ratio");
+    if (s->has_grid && s->surface_kind != SPEC_SURFACE_VDB)
+        add_fault(r, &grid, ERROR_SPEC_INVALID, "is a grid of the surface's VDB file: this surface has none");
+}
+
 static void check_solver(reading *r, const json_at *at)
 {
     json_at method = json_member(at, "method"), step = json_member(at, "step");
@@ -482,6 +504,9 @@ static void check_solver(reading *r, const json_at *at)
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
         add_fault(r, &method, ERROR_SPEC_INVALID,
                   "sampling.alpha belongs to the method \"paper\" (given \"sized\")");
+    if ((r->s->has_curvature || r->s->has_grid) && r->s->method != SPEC_METHOD_SIZED)
+        add_fault(r, &method, ERROR_SPEC_INVALID, "sampling.%s belongs to the method \"sized\"",
+                  r->s->has_grid ? "grid" : "curvature");
 }
 
 /* Reads the members of a group; a place without a node stands for an object without members. */
@@ -503,6 +528,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
         if (r->total == before) check_analytic(r, at);
     }
+    if (strcmp(group, "/sampling") == 0 && r->total == before) check_sampling(r, at);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
 }
 
@@ -543,6 +569,7 @@ void spec_free(spec *s)
     free(s->name);
     free(s->vdb.path);
     free(s->vdb.grid);
+    free(s->grid.name);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     json_free(s->normalised);

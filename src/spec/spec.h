@@ -60,6 +60,17 @@ typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
 } spec_alpha;
 
+typedef struct spec_curvature { /* the grading by curvature; one of chord_error and ratio, the other is 0 */
+    double chord_error, ratio, exponent;
+} spec_curvature;
+
+typedef enum spec_map_kind { SPEC_MAP_SPACING, SPEC_MAP_DENSITY } spec_map_kind;
+
+typedef struct spec_grid { /* the grading by a map */
+    char *name;
+    spec_map_kind kind;
+} spec_grid;
+
 typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER } spec_method;
 typedef enum spec_energy {
     SPEC_ENERGY_COTANGENT,
@@ -85,6 +96,11 @@ typedef struct spec {
     double density; /* points per unit of area */
     bool has_alpha;
     spec_alpha alpha;
+    bool has_curvature;
+    spec_curvature curvature;
+    bool has_grid;
+    spec_grid grid;
+    double min_spacing, max_spacing, gradation; /* of curvature and grid; 0: none, gradation: given or its default */
 
     spec_method method; /* default: paper with alpha, else sized */
     spec_energy energy;

@@ -30,7 +30,8 @@ typedef enum spec_choice {
     SPEC_CHOICE_NONE,
     SPEC_CHOICE_SURFACE,
     SPEC_CHOICE_TARGET,
-    SPEC_CHOICE_GRADING
+    SPEC_CHOICE_CURVATURE,
+    SPEC_CHOICE_GRADING /* the one of which none may be given */
 } spec_choice;
 
 enum {

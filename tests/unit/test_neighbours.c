@@ -36,7 +36,7 @@ static void lists_hold_every_pair_within_the_cutoff(void **state)
     neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
     for (double cutoff = 0.05; cutoff < 1; cutoff *= 2.3) {
         awkward_points(x, &r);
-        assert_true(neighbours_build(n, COUNT, x, cutoff, pool, &e));
+        assert_true(neighbours_build(n, COUNT, x, NULL, cutoff, pool, &e));
         for (uint32_t i = 0; i < COUNT; i++) {
             uint32_t wanted[COUNT], count = 0;
             for (uint32_t j = 0; j < COUNT; j++)
@@ -45,6 +45,37 @@ static void lists_hold_every_pair_within_the_cutoff(void **state)
             assert_int_equal(n->list_count[i], count);
             qsort(list, count, sizeof *list, compare_index);
             for (uint32_t k = 0; k < count; k++) assert_int_equal(list[k], wanted[k]);
+        }
+    }
+    neighbours_free(n);
+    threads_free(pool);
+}
+
+/* Sizes of 1 to 300, side by side, so that every bin has neighbours of other levels. */
+static void lists_hold_every_pair_within_its_own_cutoff(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    vec3 x[COUNT];
+    double size[COUNT];
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
+    for (double cutoff = 0.002; cutoff < 0.2; cutoff *= 3) {
+        awkward_points(x, &r);
+        for (int i = 0; i < COUNT; i++) size[i] = pow(300, rng_uniform(&r));
+        assert_true(neighbours_build(n, COUNT, x, size, cutoff, pool, &e));
+        assert_true(n->levels > 7);
+        for (uint32_t i = 0; i < COUNT; i++) {
+            uint32_t *list = n->list + i * n->stride, k = 0;
+            qsort(list, n->list_count[i], sizeof *list, compare_index);
+            for (uint32_t j = 0; j < COUNT; j++) {
+                double reach = 0.5 * cutoff * (size[i] + size[j]);
+                if (j == i || vec3_norm(vec3_sub(x[i], x[j])) >= reach) continue;
+                assert_true(k < n->list_count[i]);
+                assert_int_equal(list[k++], j);
+            }
+            assert_int_equal(n->list_count[i], k);
         }
     }
     neighbours_free(n);
@@ -60,9 +91,11 @@ static void points_of_one_colour_in_two_bins_are_not_neighbours(void **state)
     threads *pool = threads_new(1, NULL, &e);
     neighbours *n = neighbours_new(COUNT, SIZE_MAX, &e);
     awkward_points(x, &r);
-    assert_true(neighbours_build(n, COUNT, x, 0.2, pool, &e));
+    double size[COUNT];
+    for (int i = 0; i < COUNT; i++) size[i] = 1 + 20 * rng_uniform(&r);
+    assert_true(neighbours_build(n, COUNT, x, size, 0.02, pool, &e));
     uint32_t seen = 0;
-    for (int c = 0; c < NEIGHBOURS_COLOURS; c++) {
+    for (int c = 0; c < n->colours; c++) {
         int colour[COUNT];
         for (int i = 0; i < COUNT; i++) colour[i] = -1;
         for (uint32_t b = n->colour_begin[c]; b < n->colour_begin[c + 1]; b++)
@@ -88,7 +121,7 @@ static void a_cutoff_too_small_is_refused(void **state)
     vec3 x[2] = {{0, 0, 0}, {1, 0, 0}};
     threads *pool = threads_new(1, NULL, &e);
     neighbours *n = neighbours_new(2, SIZE_MAX, &e);
-    assert_false(neighbours_build(n, 2, x, 1e-9, pool, &e));
+    assert_false(neighbours_build(n, 2, x, NULL, 1e-9, pool, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     neighbours_free(n);
     threads_free(pool);
@@ -98,6 +131,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_hold_every_pair_within_the_cutoff),
+        cmocka_unit_test(lists_hold_every_pair_within_its_own_cutoff),
         cmocka_unit_test(points_of_one_colour_in_two_bins_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
     };

@@ -19,6 +19,7 @@ typedef struct fixture {
     _Alignas(64) double y[PADDED];
     _Alignas(64) double z[PADDED];
     _Alignas(64) double weight[PADDED];
+    _Alignas(64) double size2[PADDED];
     pair_list list;
     vec3 at, axis1, axis2;
 } fixture;
@@ -31,9 +32,10 @@ static void random_fixture(fixture *f, rng *r)
         f->y[k] = p.y;
         f->z[k] = p.z;
         f->weight[k] = k < NEIGHBOURS ? 0.5 + rng_uniform(r) : 0;
+        f->size2[k] = 0.6 + rng_uniform(r);
     }
     f->list =
-        (pair_list){.blocks = PADDED / PAIR_LANES, .x = f->x, .y = f->y, .z = f->z, .weight = f->weight};
+        (pair_list){.blocks = PADDED / PAIR_LANES, .x = f->x, .y = f->y, .z = f->z, .weight = f->weight, .size2 = f->size2};
     f->at = random_between(r, (vec3){-0.1, -0.1, -0.05}, (vec3){0.1, 0.1, 0.05});
     vec3_frame(vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1})), &f->axis1,
                &f->axis2);
@@ -51,8 +53,9 @@ static void energy_is_the_sum_of_pairs(void **state)
         double sum = 0, nearest = INFINITY;
         for (int k = 0; k < NEIGHBOURS; k++) {
             double d = vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]}));
-            sum += f.weight[k] * energy_cotangent.value(d / sigma);
-            if (d < sigma) nearest = fmin(nearest, d);
+            double support = sqrt(f.size2[k]) * sigma;
+            sum += f.weight[k] * f.size2[k] * energy_cotangent.value(d / support);
+            if (d < support) nearest = fmin(nearest, d);
         }
         pair_forces forces;
         pair_forces_at(&f.list, &energy_cotangent, f.at, f.axis1, f.axis2, sigma, &forces);
@@ -96,7 +99,8 @@ static void hessian_is_the_first_term_of_equation_10(void **state)
         for (int k = 0; k < NEIGHBOURS; k++) {
             vec3 d = vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]});
             double length = vec3_norm(d);
-            double bend = f.weight[k] * energy_cotangent.second(length / sigma) / (sigma * sigma);
+            double support = sqrt(f.size2[k]) * sigma; /* size2 / support^2 is 1 / sigma^2 */
+            double bend = f.weight[k] * energy_cotangent.second(length / support) / (sigma * sigma);
             double a1 = vec3_dot(d, f.axis1) / length, a2 = vec3_dot(d, f.axis2) / length;
             h11 += bend * a1 * a1;
             h12 += bend * a1 * a2;
@@ -121,7 +125,7 @@ static void tables_agree_with_the_kernel_and_with_differences(void **state)
         fixture f;
         random_fixture(&f, &r);
         for (int k = 0; k < NEIGHBOURS; k++) /* keep off the truncation, where differences mean nothing */
-            if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sigma) < 1e-4)
+            if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sqrt(f.size2[k]) * sigma) < 1e-4)
                 f.weight[k] = 0;
         pair_forces p, q;
         pair_forces_at(&f.list, t, f.at, f.axis1, f.axis2, sigma, &p);

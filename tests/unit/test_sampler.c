@@ -42,9 +42,15 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
     while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
     assert_true(sampler_finish(out->s, &e));
     out->points = sampler_result_points(out->s);
-    quality_input in = {out->points->count, out->points->position, out->points->normal,
-                        out->points->alpha, out->points->spacing,  sampler_spacing(out->s),
-                        out->a->base.open,  out->a->base.domain};
+    quality_input in = {out->points->count,
+                        out->points->position,
+                        out->points->normal,
+                        out->points->alpha,
+                        out->points->spacing,
+                        sampler_spacing(out->s),
+                        params->grading != NULL,
+                        out->a->base.open,
+                        out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 

@@ -84,7 +84,7 @@ static void points_follow_area(void **state)
     surface *s = surface_scan(&a->base, pool, &e);
     int slab[SLABS] = {0};
     for (int k = 0; k < POINTS; k++) {
-        vec3 p = vec3_sub(surface_point(s, rng_uniform(&r) * s->area, &r), shapes[0].center);
+        vec3 p = vec3_sub(surface_point(s, s->area_before, rng_uniform(&r) * s->area, &r), shapes[0].center);
         assert_close(vec3_norm(p), 3, 0.01);
         int z = (int)(SLABS * (p.z + 3) / 6);
         slab[z < 0 ? 0 : z >= SLABS ? SLABS - 1 : z]++;

@@ -1,0 +1,537 @@
+#include "sampler/grading.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "sampler/levels.h"
+#include "sampler/project.h"
+
+/* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
+ * of the mean spacing, below which the request need not be told apart. */
+static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.125;
+/* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
+ * speck of noise must not set the scale. */
+static const double FINE_QUANTILE = 0.99;
+/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+static const int SAMPLE_STEPS = 5;
+static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
+/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the cells. */
+static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
+static const int CELLS_STEPS = 4;
+static const int SCALE_STEPS = 60;
+/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the matrix. */
+static const double GRADIENT_DAMPING = 0.02;
+/* A node's model reaches to its neighbours, no farther than this change of the logarithm. */
+static const double MODEL_LIMIT = 1.0;
+static const size_t GRAIN = 256;
+
+#define AXIS_BITS 21
+#define NO_NODE UINT32_MAX
+
+typedef struct node {
+    uint64_t key;
+    double area;
+    vec3 position; /* mean of the surface within the cube */
+    double
+        request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
+    double spacing;   /* after scale, bounds and growth */
+    double logarithm; /* of it */
+    vec3 gradient;    /* of the logarithm */
+} node;
+
+struct grading {
+    grading_params params;
+    vec3 origin;
+    double edge;
+    size_t count;
+    node *node;
+    uint32_t *table; /* open addressing: node + 1, or 0 */
+    size_t table_size;
+    double *points_before; /* cells + 1, as area_before */
+    grading_facts facts;
+};
+
+/* --- the request, cell by cell --- */
+
+typedef struct request_job {
+    const grading *g;
+    const field *field;
+    const surface *scan;
+    vec3 *position;
+    double *value; /* curvature, or the map's; NaN: nothing known */
+} request_job;
+
+static void request_cell(const request_job *job, size_t k)
+{
+    const field *f = job->field;
+    field_cell cell;
+    f->ops->cell(f, k, &cell);
+    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal;
+    const project_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size, SAMPLE_ACCEPT * f->cell_size,
+                                   SAMPLE_REJECT * f->cell_size};
+    job->position[k] = middle;
+    job->value[k] = NAN;
+    field_sample s;
+    if (!project_point(f, &limits, &x, &normal) ||
+        vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
+        return;
+    job->position[k] = x;
+    const grading_params *p = &job->g->params;
+    if (p->kind == GRADING_SPACING || p->kind == GRADING_DENSITY) {
+        job->value[k] = p->map(p->map_context, x);
+        return;
+    }
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
+    double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
+    job->value[k] = p->kind == GRADING_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+}
+
+static void request_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t k = begin; k < end; k++) request_cell(context, k);
+}
+
+static double cell_area(const surface *scan, size_t k)
+{
+    return scan->area_before[k + 1] - scan->area_before[k];
+}
+
+typedef struct weighted {
+    double value, area;
+} weighted;
+
+static int compare_weighted(const void *a, const void *b)
+{
+    double x = ((const weighted *)a)->value, y = ((const weighted *)b)->value;
+    return (x > y) - (x < y);
+}
+
+/* The value that a share of the area stays below. */
+static bool find_quantile(const surface *scan, const double *value, double share, double *out, error *e)
+{
+    weighted *w = mem_array(scan->cells, sizeof *w, "the grading", e);
+    if (!w) return false;
+    size_t n = 0;
+    double total = 0, below = 0;
+    for (size_t k = 0; k < scan->cells; k++) {
+        if (isnan(value[k])) continue;
+        w[n++] = (weighted){value[k], cell_area(scan, k)};
+        total += cell_area(scan, k);
+    }
+    qsort(w, n, sizeof *w, compare_weighted);
+    *out = 0;
+    for (size_t k = 0; k < n && below < share * total; k++) {
+        *out = w[k].value;
+        below += w[k].area;
+    }
+    free(w);
+    return true;
+}
+
+/* Turns values into spacings, the scale aside; nothing is farther apart than `widest`. */
+static bool values_to_spacings(const grading *g, const surface *scan, double *value, error *e)
+{
+    const grading_params *p = &g->params;
+    double widest = bbox_longest(scan->box);
+    double fine = 1;
+    if (p->kind == GRADING_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        double v = value[k];
+        if (isnan(v)) continue;
+        if (p->kind == GRADING_CHORD)
+            value[k] = fmin(sqrt(8 * p->chord_error / v), widest);
+        else if (p->kind == GRADING_RATIO)
+            value[k] = fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
+        else {
+            if (!(v >= 0) || isinf(v) || (v == 0 && p->kind == GRADING_SPACING))
+                return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                                 "the map of sampling.grid has the value %g at a place of the surface: %s", v,
+                                 p->kind == GRADING_SPACING ? "a spacing is above 0"
+                                                            : "a density is finite and not below 0");
+            value[k] = fmin(p->kind == GRADING_SPACING ? v : sqrt(2 / (sqrt(3) * v)), widest);
+        }
+    }
+    return true;
+}
+
+/* --- nodes --- */
+
+static uint64_t key_of(const grading *g, vec3 x)
+{
+    vec3 d = vec3_scale(vec3_sub(x, g->origin), 1 / g->edge);
+    return (uint64_t)d.x | (uint64_t)d.y << AXIS_BITS | (uint64_t)d.z << 2 * AXIS_BITS;
+}
+
+static size_t slot_of(const grading *g, uint64_t key)
+{
+    size_t slot = (size_t)(key * 0x9e3779b97f4a7c15u >> 20) & (g->table_size - 1);
+    while (g->table[slot] && g->node[g->table[slot] - 1].key != key) slot = (slot + 1) & (g->table_size - 1);
+    return slot;
+}
+
+static uint32_t node_at(const grading *g, uint64_t key)
+{
+    return g->table[slot_of(g, key)] - 1; /* 0 - 1: NO_NODE */
+}
+
+/* The key of the cube that lies (i, j, k) cubes away; cubes have a margin, so that none is negative. */
+static uint64_t key_beside(uint64_t key, int i, int j, int k)
+{
+    return key + (uint64_t)i + ((uint64_t)j << AXIS_BITS) + ((uint64_t)k << 2 * AXIS_BITS);
+}
+
+/* Of the nodes around one, the k-th of 27. */
+static uint32_t node_beside(const grading *g, const node *n, int k)
+{
+    return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+}
+
+static bool make_nodes(grading *g, const surface *scan, const vec3 *position, const double *spacing, error *e)
+{
+    g->table_size = 64;
+    while (g->table_size < 2 * scan->cells) g->table_size *= 2;
+    g->node = mem_array(scan->cells, sizeof *g->node, "the grading", e);
+    g->table = mem_array(g->table_size, sizeof *g->table, "the grading", e);
+    if (!g->node || !g->table) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        double area = cell_area(scan, k);
+        if (isnan(spacing[k]) || !(area > 0)) continue;
+        uint64_t key = key_of(g, position[k]);
+        size_t slot = slot_of(g, key);
+        if (!g->table[slot]) {
+            g->node[g->count].key = key;
+            g->table[slot] = (uint32_t)++g->count;
+        }
+        node *n = &g->node[g->table[slot] - 1];
+        n->area += area;
+        n->position = vec3_axpy(area, position[k], n->position);
+        n->request += area * log(spacing[k]);
+    }
+    for (size_t k = 0; k < g->count; k++) {
+        node *n = &g->node[k];
+        n->position = vec3_scale(n->position, 1 / n->area);
+        n->request = exp(n->request / n->area);
+    }
+    return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
+}
+
+/* --- bounds, growth and the count --- */
+
+/* Nodes whose spacing may force others down, smallest first. */
+typedef struct front {
+    size_t count;
+    uint32_t *heap; /* nodes; node k's place in it is at[k] - 1, 0: not in it */
+    uint32_t *at;
+    const node *node;
+} front;
+
+static void front_put(front *f, size_t place, uint32_t k)
+{
+    f->heap[place] = k;
+    f->at[k] = (uint32_t)place + 1;
+}
+
+static void front_rise(front *f, size_t place, uint32_t k)
+{
+    while (place > 0 && f->node[f->heap[(place - 1) / 2]].spacing > f->node[k].spacing) {
+        front_put(f, place, f->heap[(place - 1) / 2]);
+        place = (place - 1) / 2;
+    }
+    front_put(f, place, k);
+}
+
+static void front_add(front *f, uint32_t k)
+{
+    front_rise(f, f->at[k] ? f->at[k] - 1 : f->count++, k);
+}
+
+static uint32_t front_take(front *f)
+{
+    uint32_t first = f->heap[0], last = f->heap[--f->count];
+    f->at[first] = 0;
+    size_t place = 0;
+    for (size_t child; (child = 2 * place + 1) < f->count; place = child) {
+        if (child + 1 < f->count && f->node[f->heap[child + 1]].spacing < f->node[f->heap[child]].spacing)
+            child++;
+        if (f->node[f->heap[child]].spacing >= f->node[last].spacing) break;
+        front_put(f, place, f->heap[child]);
+    }
+    if (f->count > 0) front_put(f, place, last);
+    return first;
+}
+
+/* Lowers spacings until none exceeds its neighbour's by more than `gradation` times their distance. */
+static void limit_growth(grading *g, front *f)
+{
+    double gradation = g->params.gradation;
+    if (isinf(gradation)) return;
+    for (uint32_t k = 0; k < g->count; k++) front_add(f, k);
+    while (f->count > 0) {
+        const node *n = &g->node[front_take(f)];
+        for (int k = 0; k < 27; k++) {
+            uint32_t other = node_beside(g, n, k);
+            if (other == NO_NODE) continue;
+            node *m = &g->node[other];
+            double most = n->spacing + gradation * vec3_norm(vec3_sub(m->position, n->position));
+            if (m->spacing <= most) continue;
+            m->spacing = most;
+            front_add(f, other);
+        }
+    }
+}
+
+/* The spacings under a scale, and how many points they ask for. `widest` stands for no bound. */
+static double points_under(grading *g, front *f, double scale, double widest)
+{
+    const grading_params *p = &g->params;
+    double low = p->min_spacing, high = p->max_spacing > 0 ? p->max_spacing : widest, points = 0;
+    for (size_t k = 0; k < g->count; k++)
+        g->node[k].spacing = fmin(fmax(scale * g->node[k].request, low), high);
+    limit_growth(g, f);
+    for (size_t k = 0; k < g->count; k++)
+        points += g->node[k].area / (sqrt(3) / 2 * g->node[k].spacing * g->node[k].spacing);
+    return points;
+}
+
+static bool count_impossible(const grading *g, const surface *scan, size_t count, error *e)
+{
+    const grading_params *p = &g->params;
+    double least = p->max_spacing > 0 ? 2 * scan->area / (sqrt(3) * p->max_spacing * p->max_spacing) : 0;
+    double most =
+        p->min_spacing > 0 ? 2 * scan->area / (sqrt(3) * p->min_spacing * p->min_spacing) : INFINITY;
+    return error_set(
+        e, ERROR_SPEC_INVALID,
+        "%zu points do not fit the bounds of the grading: with min_spacing %g there are at most %.0f on "
+        "an area of %g, with max_spacing %g at least %.0f",
+        count, p->min_spacing, most, scan->area, p->max_spacing, least);
+}
+
+/* The scale under which the spacings ask for `count` points. Where nothing is bounded the points go as its
+ * inverse square, which bounds and growth only soften. */
+static bool find_scale(grading *g, front *f, double want, double first, double widest)
+{
+    double scale = first, low = 0, high = INFINITY;
+    for (int k = 0; k < SCALE_STEPS; k++) {
+        double points = points_under(g, f, scale, widest);
+        g->facts.scale = scale;
+        if (fabs(points / want - 1) < NODES_TOLERANCE || high < low * (1 + NODES_TOLERANCE)) return true;
+        if (points > want)
+            low = scale;
+        else
+            high = scale;
+        bool bracketed = low > 0 && high < INFINITY;
+        double guess = scale * pow(points / want, bracketed ? 0.5 : 1);
+        if (bracketed && (!(guess > low && guess < high) || k % 4 == 3)) guess = sqrt(low * high);
+        scale = guess;
+    }
+    return false;
+}
+
+/* --- models --- */
+
+/* Solves the symmetric system m x = b by elimination; m is positive definite. */
+static vec3 solve3(sym3 m, vec3 b)
+{
+    double l21 = m.xy / m.xx, l31 = m.xz / m.xx;
+    double yy = m.yy - l21 * m.xy, yz = m.yz - l31 * m.xy, zz = m.zz - l31 * m.xz;
+    double by = b.y - l21 * b.x, bz = b.z - l31 * b.x, l32 = yz / yy;
+    vec3 x;
+    x.z = (bz - l32 * by) / (zz - l32 * yz);
+    x.y = (by - yz * x.z) / yy;
+    x.x = (b.x - m.xy * x.y - m.xz * x.z) / m.xx;
+    return x;
+}
+
+/* The gradient that fits the neighbours' logarithms best. */
+static void model_node(grading *g, node *n)
+{
+    sym3 m = {0};
+    vec3 b = {0, 0, 0};
+    for (int k = 0; k < 27; k++) {
+        uint32_t other = node_beside(g, n, k);
+        if (other == NO_NODE || &g->node[other] == n) continue;
+        vec3 d = vec3_sub(g->node[other].position, n->position);
+        double weight = g->node[other].area / vec3_norm2(d);
+        double rise = g->node[other].logarithm - n->logarithm;
+        m.xx += weight * d.x * d.x;
+        m.yy += weight * d.y * d.y;
+        m.zz += weight * d.z * d.z;
+        m.xy += weight * d.x * d.y;
+        m.xz += weight * d.x * d.z;
+        m.yz += weight * d.y * d.z;
+        b = vec3_axpy(weight * rise, d, b);
+    }
+    double damping = GRADIENT_DAMPING * (m.xx + m.yy + m.zz);
+    n->gradient = (vec3){0, 0, 0};
+    if (!(damping > 0)) return;
+    m.xx += damping;
+    m.yy += damping;
+    m.zz += damping;
+    n->gradient = solve3(m, b);
+}
+
+static void model_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    grading *g = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) model_node(g, &g->node[k]);
+}
+
+/* The nearest node: for points that stray from the cubes that were sampled. */
+static const node *nearest_node(const grading *g, vec3 x)
+{
+    const node *nearest = g->node;
+    double nearest2 = INFINITY;
+    for (size_t k = 0; k < g->count; k++) {
+        double distance2 = vec3_norm2(vec3_sub(g->node[k].position, x));
+        if (distance2 >= nearest2) continue;
+        nearest2 = distance2;
+        nearest = &g->node[k];
+    }
+    return nearest;
+}
+
+/* Adds a node's model to a blend. */
+static void blend(const node *n, double weight, vec3 x, double *logarithm, vec3 *gradient, double *weights)
+{
+    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position));
+    *logarithm += weight * (n->logarithm + fmin(fmax(rise, -MODEL_LIMIT), MODEL_LIMIT));
+    *gradient = vec3_axpy(weight, n->gradient, *gradient);
+    *weights += weight;
+}
+
+/* The cube whose middle is the lowest of the eight around x; false: outside of all. */
+static bool surrounding_cubes(const grading *g, vec3 x, uint64_t *key, double t[3])
+{
+    vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
+    *key = 0;
+    for (int a = 0; a < 3; a++) {
+        double v = vec3_get(u, a);
+        if (!(v >= 0 && v < (1 << AXIS_BITS) - 2)) return false;
+        *key |= (uint64_t)v << a * AXIS_BITS;
+        t[a] = v - floor(v);
+    }
+    return true;
+}
+
+/* The models of the eight cubes whose middles surround x. */
+double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
+{
+    double sum = 0, weights = 0, t[3];
+    vec3 slope = {0, 0, 0};
+    uint64_t key;
+    bool inside = surrounding_cubes(g, x, &key, t);
+    for (int c = 0; inside && c < 8; c++) {
+        uint32_t index = node_at(g, key_beside(key, c & 1, c >> 1 & 1, c >> 2));
+        double weight = (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]);
+        if (index != NO_NODE) blend(&g->node[index], weight, x, &sum, &slope, &weights);
+    }
+    if (!(weights > 0)) blend(nearest_node(g, x), 1, x, &sum, &slope, &weights);
+    if (gradient) *gradient = vec3_scale(slope, 1 / weights);
+    return exp(sum / weights);
+}
+
+/* The points that the models ask for, summed over the cells. */
+static double sum_points(grading *g, const surface *scan, const vec3 *position)
+{
+    for (size_t k = 0; k < scan->cells; k++) {
+        double spacing = grading_spacing(g, position[k], NULL);
+        g->points_before[k + 1] =
+            g->points_before[k] + cell_area(scan, k) / (sqrt(3) / 2 * spacing * spacing);
+    }
+    return g->points_before[scan->cells];
+}
+
+/* What the nodes are asked for is corrected until the cells ask for `count`. */
+static bool meet_count(grading *g, const surface *scan, const vec3 *position, size_t count, threads *pool,
+                       error *e)
+{
+    front f = {.node = g->node};
+    bool ok = false;
+    f.heap = mem_array(g->count, sizeof *f.heap, "the grading", e);
+    f.at = mem_array(g->count, sizeof *f.at, "the grading", e);
+    g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
+    if (!f.heap || !f.at || !g->points_before) goto done;
+    double area = 0, asked = 0, want = (double)count, widest = bbox_longest(scan->box);
+    for (size_t k = 0; k < g->count; k++) {
+        area += g->node[k].area;
+        asked += g->node[k].area / (g->node[k].request * g->node[k].request);
+    }
+    want *= area / scan->area; /* cells without a sample are taken to be like the rest */
+    double scale = levels_spacing(scan->area, count) * sqrt(asked / area);
+    for (int k = 0; k < CELLS_STEPS; k++) {
+        if (!find_scale(g, &f, want, scale, widest)) {
+            count_impossible(g, scan, count, e);
+            goto done;
+        }
+        scale = g->facts.scale;
+        for (size_t i = 0; i < g->count; i++) g->node[i].logarithm = log(g->node[i].spacing);
+        threads_run(pool, g->count, GRAIN, model_chunk, g);
+        double ratio = sum_points(g, scan, position) / (double)count;
+        if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
+        want /= ratio;
+    }
+    ok = true;
+done:
+    free(f.heap);
+    free(f.at);
+    return ok;
+}
+
+grading *grading_new(const field *f, const surface *scan, const grading_params *params, size_t count,
+                     threads *pool, error *e)
+{
+    grading *g = mem_alloc(sizeof *g);
+    bool ok = false;
+    request_job job = {g, f, scan, mem_array(scan->cells, sizeof *job.position, "the grading", e),
+                       mem_array(scan->cells, sizeof *job.value, "the grading", e)};
+    if (!job.position || !job.value) goto done;
+    g->params = *params;
+    g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * levels_spacing(scan->area, count));
+    threads_run(pool, scan->cells, GRAIN, request_chunk, &job);
+    if (threads_stopped(pool)) {
+        error_set(e, ERROR_CANCELLED, "stopped");
+        goto done;
+    }
+    bbox box = bbox_empty();
+    for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, job.position[k]);
+    /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
+    g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
+    if (!values_to_spacings(g, scan, job.value, e) || !make_nodes(g, scan, job.position, job.value, e) ||
+        !meet_count(g, scan, job.position, count, pool, e))
+        goto done;
+    g->facts.least = INFINITY;
+    for (size_t k = 0; k < g->count; k++) {
+        g->facts.least = fmin(g->facts.least, g->node[k].spacing);
+        g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
+    }
+    ok = true;
+done:
+    free(job.position);
+    free(job.value);
+    if (ok) return g;
+    grading_free(g);
+    return NULL;
+}
+
+void grading_free(grading *g)
+{
+    if (!g) return;
+    free(g->node);
+    free(g->table);
+    free(g->points_before);
+    free(g);
+}
+
+grading_facts grading_describe(const grading *g)
+{
+    return g->facts;
+}
+
+vec3 grading_draw(const grading *g, const surface *scan, double where, rng *r)
+{
+    const double *before = g ? g->points_before : scan->area_before;
+    return surface_point(scan, before, where * before[scan->cells], r);
+}

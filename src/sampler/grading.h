@@ -1,0 +1,62 @@
+/* grading: the spacing that is requested at each place of a surface, scaled so that a given count of points
+ * meets it.
+ *
+ * A request gives a spacing by curvature or by a painted map; it is held between bounds, and to a growth of at
+ * most `gradation` per unit of distance along the surface, so that neighbours differ little. Of all fields
+ * of that shape (request times a constant, then bounds and growth) the one is taken whose ideal cells, sqrt(3) / 2
+ * spacing^2 each, fill the surface with exactly the count.
+ *
+ * The field is kept as nodes, one for each cube of space that the surface passes, with the logarithm of the spacing
+ * there and its gradient, and blended between them: requests that differ within a cell of the surface are averaged
+ * in density. World space and world units. Immutable once made, safe in any thread.
+ */
+#ifndef HEXAD_SAMPLER_GRADING_H
+#define HEXAD_SAMPLER_GRADING_H
+
+#include "base/error.h"
+#include "base/rng.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "sampler/surface.h"
+
+typedef enum grading_kind {
+    GRADING_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */
+    GRADING_RATIO,   /* kappa^-exponent, within ratio : 1 */
+    GRADING_SPACING, /* the value of a map */
+    GRADING_DENSITY  /* points per unit area, the value of a map */
+} grading_kind;
+
+typedef struct grading_params {
+    grading_kind kind;
+    double chord_error;
+    double ratio, exponent;
+    /* the map's value at x; NaN where it has none */
+    double (*map)(const void *context, vec3 x);
+    const void *map_context;
+    double min_spacing, max_spacing; /* 0: no bound */
+    double gradation;                /* > 0; INFINITY: no bound */
+} grading_params;
+
+typedef struct grading grading;
+
+/* For `count` points on the scanned surface. Errors: spec_invalid (the count cannot be had within the bounds),
+ * input_unsupported (a map's value is no spacing), limit_memory, cancelled. Deterministic for any number
+ * of threads. */
+grading *grading_new(const field *f, const surface *scan, const grading_params *params, size_t count,
+                     threads *pool, error *e);
+void grading_free(grading *g);
+
+/* The requested spacing at x, which is on the surface, and (unless NULL) the gradient of its logarithm there. */
+double grading_spacing(const grading *g, vec3 x, vec3 *gradient);
+
+/* What the request was multiplied by to meet the count, and the ends of the result. */
+typedef struct grading_facts {
+    double scale, least, largest;
+} grading_facts;
+grading_facts grading_describe(const grading *g);
+
+/* A point near the surface, drawn by the density of points, `where` in [0, 1) in the order of the cells; NULL: by
+ * area. See surface_point. */
+vec3 grading_draw(const grading *g, const surface *scan, double where, rng *r);
+
+#endif
