@@ -109,6 +109,19 @@ static int64_t peak_memory(void)
     return (int64_t)usage.ru_maxrss * 1024;
 }
 
+/* What the request of a grading came to, so that the count is met. */
+static void put_grading(json *report, const report_facts *facts)
+{
+    if (!facts->grading) return;
+    grading_facts g = grading_describe(facts->grading);
+    json *object = json_put_object(report, "grading");
+    json_put_number(object, "scale", g.scale);
+    json_put_number(object, "least_spacing", g.least);
+    json_put_number(object, "largest_spacing", g.largest);
+    if (facts->spec->curvature.chord_error > 0)
+        json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
+}
+
 void report_fill(json *report, const report_facts *facts)
 {
     const sampler_points *solved = sampler_result_points(facts->sampler);
@@ -121,6 +134,7 @@ void report_fill(json *report, const report_facts *facts)
     if (facts->spec->spacing > 0) json_put_number(requested, "spacing", facts->spec->spacing);
     if (facts->spec->density > 0) json_put_number(requested, "density", facts->spec->density);
     put_surface(report, facts);
+    put_grading(report, facts);
     json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));
     json_put_number(report, "mean_neighbours", solved->mean_neighbours);

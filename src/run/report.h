@@ -15,6 +15,7 @@ typedef struct report_facts {
     const spec *spec;
     const source *source;
     const surface *scan;
+    const grading *grading; /* or NULL */
     const sampler *sampler;
     const quality *quality;
     const results_facts *results;

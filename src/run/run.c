@@ -95,16 +95,24 @@ static bool resolve_count(job *j, error *e)
     return fits_memory(j, count, e);
 }
 
+static grading_kind grading_kind_of(const spec *s)
+{
+    if (s->has_grid) return s->grid.kind == SPEC_MAP_DENSITY ? GRADING_DENSITY : GRADING_SPACING;
+    return s->curvature.chord_error > 0 ? GRADING_CHORD : GRADING_RATIO;
+}
+
 /* The spacing by place that sampling.curvature or sampling.grid asks for. */
 static bool start_grading(job *j, error *e)
 {
     const spec *s = j->spec;
     if (!s->has_curvature && !s->has_grid) return true;
     const grading_params params = {
-        .kind = s->curvature.chord_error > 0 ? GRADING_CHORD : GRADING_RATIO,
+        .kind = grading_kind_of(s),
         .chord_error = s->curvature.chord_error,
         .ratio = s->curvature.ratio,
         .exponent = s->curvature.exponent,
+        .map = map_value,
+        .map_context = j->source.map,
         .min_spacing = s->min_spacing,
         .max_spacing = s->max_spacing,
         .gradation = s->gradation,
@@ -198,9 +206,12 @@ static bool write_report(job *j, run_summary *out, error *e)
 {
     const sampler_points *p = sampler_result_points(j->sampler);
     bool converged = sampler_result(j->sampler) == SAMPLER_CONVERGED && p->lost == 0;
-    const report_facts facts = {j->spec,     &j->source,  j->scan,   j->sampler,
-                                &j->quality, &j->results, converged, threads_count(j->pool),
-                                &j->progress};
+    const report_facts facts = {
+        j->spec,      &j->source, j->scan,
+        j->grading,   j->sampler, &j->quality,
+        &j->results,  converged,  threads_count(j->pool),
+        &j->progress,
+    };
     report_fill(j->report, &facts);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
     *out = (run_summary){converged, p->count, j->quality.hex_fraction, j->results.max_residual,

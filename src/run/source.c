@@ -34,8 +34,9 @@ static bool open_analytic(const spec_analytic *a, threads *pool, source *out, er
     return true;
 }
 
-static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memory, source *out, error *e)
+static bool open_volume(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
 {
+    const spec_vdb *v = &s->vdb;
     int fd = store_open_input(roots, v->path, e);
     if (fd < 0) return false;
     volume_request request = {
@@ -50,6 +51,8 @@ static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memo
     };
     bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
               (out->volume = volume_open(&request, e)) != NULL;
+    if (ok && s->has_grid)
+        ok = (out->map = map_open(fd, v->path, s->grid.name, memory - source_memory(out), e)) != NULL;
     close(fd);
     if (!ok) return false;
     out->input_path = v->path;
@@ -60,7 +63,7 @@ static bool open_volume(const spec_vdb *v, const store_roots *roots, size_t memo
 bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
 {
     *out = (source){0};
-    return s->surface_kind == SPEC_SURFACE_VDB ? open_volume(&s->vdb, roots, memory, out, e)
+    return s->surface_kind == SPEC_SURFACE_VDB ? open_volume(s, roots, memory, out, e)
                                                : open_analytic(&s->analytic, pool, out, e);
 }
 
@@ -68,6 +71,7 @@ void source_close(source *s)
 {
     analytic_free(s->analytic);
     volume_close(s->volume);
+    map_close(s->map);
     *s = (source){0};
 }
 
@@ -91,6 +95,6 @@ void source_describe(const source *s, json *report, json *surface, json *warning
 
 size_t source_memory(const source *s)
 {
-    if (s->volume) return volume_describe(s->volume)->memory_bytes;
+    if (s->volume) return volume_describe(s->volume)->memory_bytes + map_memory(s->map);
     return s->analytic ? s->analytic->crossing_count * sizeof *s->analytic->crossing : 0;
 }

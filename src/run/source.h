@@ -10,12 +10,14 @@
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
+#include "volume/map.h"
 #include "volume/volume.h"
 
 typedef struct source {
     const field *field;
     analytic *analytic; /* one of the two */
     volume *volume;
+    map *map; /* of sampling.grid, or NULL */
     const char *input_path; /* as the spec gives it, or NULL */
     uint64_t input_bytes;
     char input_sha256[STORE_HASH_SIZE];

@@ -13,6 +13,8 @@ static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.125;
 /* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
  * speck of noise must not set the scale. */
 static const double FINE_QUANTILE = 0.99;
+/* A request that has no upper end, as on flat faces, has it here, in units of its least. */
+static const double WIDEST_REQUEST = 1e3;
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
 static const int SAMPLE_STEPS = 5;
 static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
@@ -22,8 +24,8 @@ static const int CELLS_STEPS = 4;
 static const int SCALE_STEPS = 60;
 /* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the matrix. */
 static const double GRADIENT_DAMPING = 0.02;
-/* A node's model reaches to its neighbours, no farther than this change of the logarithm. */
-static const double MODEL_LIMIT = 1.0;
+/* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
+static const double MODEL_LIMIT = 0.5;
 static const size_t GRAIN = 256;
 
 #define AXIS_BITS 21
@@ -35,9 +37,8 @@ typedef struct node {
     vec3 position; /* mean of the surface within the cube */
     double
         request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
-    double spacing;   /* after scale, bounds and growth */
-    double logarithm; /* of it */
-    vec3 gradient;    /* of the logarithm */
+    double spacing; /* after scale, bounds and growth */
+    vec3 gradient;  /* of it */
 } node;
 
 struct grading {
@@ -79,7 +80,8 @@ static void request_cell(const request_job *job, size_t k)
     job->position[k] = x;
     const grading_params *p = &job->g->params;
     if (p->kind == GRADING_SPACING || p->kind == GRADING_DENSITY) {
-        job->value[k] = p->map(p->map_context, x);
+        double v = p->map(p->map_context, x);
+        job->value[k] = !isnan(v) ? v : p->kind == GRADING_SPACING ? INFINITY : 0;
         return;
     }
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
@@ -130,29 +132,52 @@ static bool find_quantile(const surface *scan, const double *value, double share
     return true;
 }
 
-/* Turns values into spacings, the scale aside; nothing is farther apart than `widest`. */
+/* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
+static double value_to_spacing(const grading_params *p, double v, double fine)
+{
+    switch (p->kind) {
+    case GRADING_CHORD:
+        return sqrt(8 * p->chord_error / v);
+    case GRADING_RATIO:
+        return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
+    case GRADING_DENSITY:
+        return sqrt(2 / (sqrt(3) * v));
+    default:
+        return v;
+    }
+}
+
+static bool check_map(const grading_params *p, double v, error *e)
+{
+    if (v > 0 || (v == 0 && p->kind == GRADING_DENSITY)) return true;
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "the map of sampling.grid has the value %g at a place of the surface: %s", v,
+                     p->kind == GRADING_SPACING ? "a spacing is above 0" : "a density is not below 0");
+}
+
+/* Turns values into spacings; what asks for none is held to a multiple of the least. */
 static bool values_to_spacings(const grading *g, const surface *scan, double *value, error *e)
 {
     const grading_params *p = &g->params;
-    double widest = bbox_longest(scan->box);
-    double fine = 1;
+    bool is_map = p->kind == GRADING_SPACING || p->kind == GRADING_DENSITY;
+    double fine = 1, least = INFINITY;
     if (p->kind == GRADING_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
-        double v = value[k];
-        if (isnan(v)) continue;
-        if (p->kind == GRADING_CHORD)
-            value[k] = fmin(sqrt(8 * p->chord_error / v), widest);
-        else if (p->kind == GRADING_RATIO)
-            value[k] = fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
-        else {
-            if (!(v >= 0) || isinf(v) || (v == 0 && p->kind == GRADING_SPACING))
-                return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                                 "the map of sampling.grid has the value %g at a place of the surface: %s", v,
-                                 p->kind == GRADING_SPACING ? "a spacing is above 0"
-                                                            : "a density is finite and not below 0");
-            value[k] = fmin(p->kind == GRADING_SPACING ? v : sqrt(2 / (sqrt(3) * v)), widest);
-        }
+        if (isnan(value[k])) continue;
+        if (is_map && !check_map(p, value[k], e)) return false;
+        value[k] = value_to_spacing(p, value[k], fine);
+        least = fmin(least, value[k]);
     }
+    if (isinf(least)) {
+        if (is_map)
+            return error_set(
+                e, ERROR_INPUT_UNSUPPORTED,
+                "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
+                "surface is, and painted?");
+        least = 1; /* flat throughout */
+    }
+    for (size_t k = 0; k < scan->cells; k++)
+        if (!isnan(value[k])) value[k] = fmin(value[k], WIDEST_REQUEST * least);
     return true;
 }
 
@@ -344,7 +369,7 @@ static vec3 solve3(sym3 m, vec3 b)
     return x;
 }
 
-/* The gradient that fits the neighbours' logarithms best. */
+/* The gradient that fits the neighbours' spacings best. */
 static void model_node(grading *g, node *n)
 {
     sym3 m = {0};
@@ -354,7 +379,7 @@ static void model_node(grading *g, node *n)
         if (other == NO_NODE || &g->node[other] == n) continue;
         vec3 d = vec3_sub(g->node[other].position, n->position);
         double weight = g->node[other].area / vec3_norm2(d);
-        double rise = g->node[other].logarithm - n->logarithm;
+        double rise = g->node[other].spacing - n->spacing;
         m.xx += weight * d.x * d.x;
         m.yy += weight * d.y * d.y;
         m.zz += weight * d.z * d.z;
@@ -370,6 +395,8 @@ static void model_node(grading *g, node *n)
     m.yy += damping;
     m.zz += damping;
     n->gradient = solve3(m, b);
+    double slope = vec3_norm(n->gradient);
+    if (slope > g->params.gradation) n->gradient = vec3_scale(n->gradient, g->params.gradation / slope);
 }
 
 static void model_chunk(void *context, int worker, size_t begin, size_t end)
@@ -394,10 +421,10 @@ static const node *nearest_node(const grading *g, vec3 x)
 }
 
 /* Adds a node's model to a blend. */
-static void blend(const node *n, double weight, vec3 x, double *logarithm, vec3 *gradient, double *weights)
+static void blend(const node *n, double weight, vec3 x, double *spacing, vec3 *gradient, double *weights)
 {
-    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position));
-    *logarithm += weight * (n->logarithm + fmin(fmax(rise, -MODEL_LIMIT), MODEL_LIMIT));
+    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position)), most = MODEL_LIMIT * n->spacing;
+    *spacing += weight * (n->spacing + fmin(fmax(rise, -most), most));
     *gradient = vec3_axpy(weight, n->gradient, *gradient);
     *weights += weight;
 }
@@ -430,7 +457,8 @@ double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
     }
     if (!(weights > 0)) blend(nearest_node(g, x), 1, x, &sum, &slope, &weights);
     if (gradient) *gradient = vec3_scale(slope, 1 / weights);
-    return exp(sum / weights);
+    double most = g->params.max_spacing > 0 ? g->params.max_spacing : INFINITY;
+    return fmin(fmax(sum / weights, g->params.min_spacing), most);
 }
 
 /* The points that the models ask for, summed over the cells. */
@@ -462,12 +490,11 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     want *= area / scan->area; /* cells without a sample are taken to be like the rest */
     double scale = levels_spacing(scan->area, count) * sqrt(asked / area);
     for (int k = 0; k < CELLS_STEPS; k++) {
-        if (!find_scale(g, &f, want, scale, widest)) {
+        if (!find_scale(g, &f, want, scale, widest) && k == 0) {
             count_impossible(g, scan, count, e);
             goto done;
         }
         scale = g->facts.scale;
-        for (size_t i = 0; i < g->count; i++) g->node[i].logarithm = log(g->node[i].spacing);
         threads_run(pool, g->count, GRAIN, model_chunk, g);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;

@@ -6,9 +6,8 @@
  * of that shape (request times a constant, then bounds and growth) the one is taken whose ideal cells, sqrt(3) / 2
  * spacing^2 each, fill the surface with exactly the count.
  *
- * The field is kept as nodes, one for each cube of space that the surface passes, with the logarithm of the spacing
- * there and its gradient, and blended between them: requests that differ within a cell of the surface are averaged
- * in density. World space and world units. Immutable once made, safe in any thread.
+ * The field is kept as nodes, one for each cube of space that the surface passes, with the spacing there and its
+ * gradient, and blended between them: what differs within a cell of the surface is averaged. World space and world units. Immutable once made, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_GRADING_H
 #define HEXAD_SAMPLER_GRADING_H
@@ -30,7 +29,7 @@ typedef struct grading_params {
     grading_kind kind;
     double chord_error;
     double ratio, exponent;
-    /* the map's value at x; NaN where it has none */
+    /* the map's value at x; NaN where it has none, and asks for no points then */
     double (*map)(const void *context, vec3 x);
     const void *map_context;
     double min_spacing, max_spacing; /* 0: no bound */
@@ -46,7 +45,7 @@ grading *grading_new(const field *f, const surface *scan, const grading_params *
                      threads *pool, error *e);
 void grading_free(grading *g);
 
-/* The requested spacing at x, which is on the surface, and (unless NULL) the gradient of its logarithm there. */
+/* The requested spacing at x, which is on the surface, and (unless NULL) its gradient there. */
 double grading_spacing(const grading *g, vec3 x, vec3 *gradient);
 
 /* What the request was multiplied by to meet the count, and the ends of the result. */

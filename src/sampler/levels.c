@@ -34,7 +34,7 @@ static double typical_bend(const field *f, const surface *scan, const grading *g
         double size = graded ? grading_spacing(graded, x, &growth) / h : 1;
         if (!field_sample_at(f, x, FIELD_HESSIAN, &sample)) continue;
         field_curvature(&sample, &kappa1, &kappa2);
-        bend[found++] = size * fmax(fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth));
+        bend[found++] = fmax(size * fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth) / h);
     }
     if (found == 0) return INFINITY;
     qsort(bend, found, sizeof *bend, compare_double);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "geometry/affine.h"
 #include "vdb/vdb.h"
 #include "volume/choice.h"
 #include "volume/crossings.h"
@@ -53,12 +54,6 @@ typedef struct loading {
 
 /* ---- sampling */
 
-static inline vec3 transform(const double m[3][4], double x, double y, double z)
-{
-    return (vec3){m[0][0] * x + m[0][1] * y + m[0][2] * z + m[0][3], m[1][0] * x + m[1][1] * y + m[1][2] * z + m[1][3],
-                  m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
-}
-
 /* g' = W^T g, W the matrix from world to index */
 static inline vec3 to_world_gradient(const double w[3][4], const double g[3])
 {
@@ -78,7 +73,7 @@ static inline sym3 to_world_hessian(const double w[3][4], const spline_jet *j)
 static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const volume *v = (const volume *)f;
-    const vec3 at = transform(v->to_index, x.x, x.y, x.z);
+    const vec3 at = affine_apply(v->to_index, x.x, x.y, x.z);
     const double p[3] = {at.x, at.y, at.z};
     int32_t block[3];
     int cell[3];
@@ -116,7 +111,7 @@ static void cell(const field *f, size_t k, field_cell *out)
     const volume *v = (const volume *)f;
     const crossed_cell *c = &v->cells[k];
     for (int corner = 0; corner < 8; corner++) {
-        out->corner[corner] = transform(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
+        out->corner[corner] = affine_apply(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
                                         (double)c->at[2] + (corner >> 2));
         out->value[corner] = (double)c->value[corner];
     }
@@ -168,25 +163,15 @@ static bool load_grid(loading *l, volume *v, error *e)
 
 static void set_transform(volume *v, const double m[16])
 {
-    double d[3][3];
     memcpy(v->info.index_to_world, m, sizeof v->info.index_to_world);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 4; j++) v->to_world[i][j] = m[4 * i + j];
-    double (*a)[4] = v->to_world;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) { /* cofactors, cyclic so that the sign comes by itself */
-            int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-            d[i][j] = a[i1][j1] * a[i2][j2] - a[i1][j2] * a[i2][j1];
-        }
-    double det = a[0][0] * d[0][0] + a[0][1] * d[0][1] + a[0][2] * d[0][2];
+    double determinant = affine_invert(v->to_world, v->to_index);
     for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) v->to_index[i][j] = d[j][i] / det;
-        v->to_index[i][3] = 0;
-        for (int j = 0; j < 3; j++) v->to_index[i][3] -= v->to_index[i][j] * a[j][3];
-        vec3 edge = {a[0][i], a[1][i], a[2][i]};
+        vec3 edge = {v->to_world[0][i], v->to_world[1][i], v->to_world[2][i]};
         v->base.cell_size = fmax(v->base.cell_size, vec3_norm(edge));
     }
-    v->info.voxel_size = cbrt(fabs(det));
+    v->info.voxel_size = cbrt(fabs(determinant));
 }
 
 static bool no_crossing(const loading *l, const volume *v, error *e)
@@ -321,7 +306,7 @@ static void measure(volume *v)
     half.z = 0.5 * (fabs(v->to_world[2][0]) + fabs(v->to_world[2][1]) + fabs(v->to_world[2][2]));
     for (size_t k = 0; k < v->cell_count; k++) {
         const int32_t *at = v->cells[k].at;
-        vec3 middle = transform(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
+        vec3 middle = affine_apply(v->to_world, at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
         box = bbox_include(bbox_include(box, vec3_sub(middle, half)), vec3_add(middle, half));
     }
     vec3 pad = {v->base.cell_size, v->base.cell_size, v->base.cell_size};

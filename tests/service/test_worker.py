@@ -165,7 +165,58 @@ def test_a_spec_from_standard_input(worker, tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["points.ply", "report.json"]
 
 
+def ellipsoid(count, **sampling):
+    return {"version": 1, "surface": {"analytic": {"shape": "ellipsoid", "radii": [1, 0.7, 0.4]}},
+            "sampling": {"count": count, **sampling}, "output": {"preview": False}}
+
+
+def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
+    """The requested spacing against its definition, from the principal curvatures beside it, and the achieved one
+    against the requested."""
+    done = worker(ellipsoid(4000, curvature={"chord_error": 1e-3}, min_spacing=0.02, max_spacing=0.08))
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    assert points.count == report["count"] == 4000 and report["quality"]["lost"] == 0
+    told = report["grading"]
+    asked = numpy.sqrt(8 * 1e-3 / numpy.maximum(abs(points.kappa1), abs(points.kappa2))) * told["scale"]
+    ratio = points.spacing / numpy.clip(asked, 0.02, 0.08)
+    local = points.spacing_local / points.spacing
+    slope = numpy.polyfit(numpy.log(points.spacing), numpy.log(points.spacing_local), 1)[0]
+    diagnose(f"requested over its definition {ratio.min():.4f} to {ratio.max():.4f}, local over requested cv "
+             f"{local.std() / local.mean():.4f}, exponent {slope:.4f}, spacings {points.spacing.min():.4f} to "
+             f"{points.spacing.max():.4f}")
+    assert 0.95 < ratio.min() and ratio.max() < 1.05  # the request is averaged over a cell of the surface
+    assert points.spacing.max() / points.spacing.min() > 1.7
+    assert abs(told["chord_error"] / (1e-3 * told["scale"] ** 2) - 1) < 1e-9
+    assert told["least_spacing"] >= 0.02 and told["largest_spacing"] <= 0.08
+    assert local.std() / local.mean() <= 0.02 and abs(slope - 1) <= 0.02
+    assert abs(report["quality"]["grading"]["exponent"] - slope) < 1e-6
+    # the ideal cells of the requested spacings fill the surface
+    assert abs((numpy.sqrt(3) / 2 * points.spacing ** 2).sum() / report["surface"]["area"] - 1) < 0.01
+
+
+def test_a_count_that_no_grading_can_meet(worker):
+    done = worker(ellipsoid(4000, curvature={"ratio": 5}, min_spacing=0.1))
+    words = last_words(done)
+    assert done.returncode == 2 and words["code"] == "spec_invalid" and "at most" in words["message"]
+
+
+def test_a_map_that_is_no_spacing(worker, example):
+    """A level set's own distances, which are below 0 on one side."""
+    spec = volume(example)
+    spec["sampling"] = {"count": 200, "grid": {"name": "nothing"}}
+    assert last_words(worker(spec))["code"] == "grid_missing"
+    spec["sampling"]["grid"]["name"] = "trefoil"
+    words = last_words(worker(spec))
+    assert words["code"] == "input_unsupported" and "a spacing is above 0" in words["message"]
+
+
 BAD_SPECS = {
+    "a map without a file": (sphere(sampling={"count": 5, "grid": {"name": "a"}}), "spec_invalid", "/sampling/grid"),
+    "a bound of nothing": (sphere(sampling={"count": 5, "max_spacing": 1}), "spec_invalid", "/sampling/max_spacing"),
+    "a grading of the paper": (sphere(sampling={"count": 5, "curvature": {"ratio": 2}}, solver={"method": "paper"}),
+                               "spec_invalid", "/solver/method"),
     "no JSON": ("{", "spec_invalid", None),
     "no object": ("[]", "spec_invalid", ""),
     "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),

@@ -42,15 +42,9 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
     while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
     assert_true(sampler_finish(out->s, &e));
     out->points = sampler_result_points(out->s);
-    quality_input in = {out->points->count,
-                        out->points->position,
-                        out->points->normal,
-                        out->points->alpha,
-                        out->points->spacing,
-                        sampler_spacing(out->s),
-                        params->grading != NULL,
-                        out->a->base.open,
-                        out->a->base.domain};
+    quality_input in = {out->points->count,      out->points->position, out->points->normal,
+                        out->points->alpha,      out->points->spacing,  sampler_spacing(out->s),
+                        params->grading != NULL, out->a->base.open,     out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 
@@ -207,6 +201,49 @@ static void coarse_to_fine_leaves_few_defects(void **state)
     }
 }
 
+/* Ten to one, by a curvature that hardly changes: the local spacing is the requested one. */
+static const grading_params ten_to_one = {
+    .kind = GRADING_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.25};
+
+static void local_spacing_follows_the_request(void **state)
+{
+    (void)state;
+    sampler_params params = even;
+    params.count = 10000;
+    params.coarse_to_fine = true;
+    error e = {0};
+    analytic *a = analytic_new(&shapes[1], NULL, &e);
+    threads *pool = threads_new(1, NULL, &e);
+    surface *scan = surface_scan(&a->base, pool, &e);
+    grading *g = grading_new(&a->base, scan, &ten_to_one, params.count, pool, &e);
+    params.grading = g;
+    solved one, two;
+    solve(1, &params, 1, &one);
+    solve(1, &params, 2, &two);
+    double least = INFINITY, largest = 0;
+    for (size_t i = 0; i < one.points->count; i++) {
+        least = fmin(least, one.points->spacing[i]);
+        largest = fmax(largest, one.points->spacing[i]);
+    }
+    print_message("# hex %.4f grading cv %.4f exponent %.4f ratio %.2f\n", one.q.hex_fraction,
+                  one.q.grading_cv, one.q.grading_exponent, largest / least);
+    assert_int_equal(sampler_result(one.s), SAMPLER_CONVERGED);
+    assert_int_equal(one.points->count, 10000);
+    assert_int_equal(one.points->lost, 0);
+    assert_true(largest / least > 9);
+    assert_true(one.q.grading_cv <= 0.02);
+    assert_close(one.q.grading_exponent, 1, 0.01);
+    assert_true(one.q.hex_fraction >= 0.95 && one.q.min_spacing_ratio > 0.8);
+    assert_close(one.q.euler, 0, 1e-9);
+    assert_memory_equal(one.points->position, two.points->position, 10000 * sizeof(vec3));
+    release(&one);
+    release(&two);
+    grading_free(g);
+    surface_free(scan);
+    threads_free(pool);
+    analytic_free(a);
+}
+
 /* Bytes, not tolerances. */
 static void threads_do_not_show(void **state)
 {
@@ -274,6 +311,7 @@ int main(void)
         cmocka_unit_test(every_shape_converges),
         cmocka_unit_test(cotangent_packs_better_than_gaussian),
         cmocka_unit_test(coarse_to_fine_leaves_few_defects),
+        cmocka_unit_test(local_spacing_follows_the_request),
         cmocka_unit_test(threads_do_not_show),
         cmocka_unit_test(seeds_differ_and_repeat),
         cmocka_unit_test(tiny_counts_work),

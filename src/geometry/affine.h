@@ -1,0 +1,32 @@
+/* affine: maps of space, as three rows of a 4x4 matrix for column vectors. Pure functions, safe in any thread. */
+#ifndef HEXAD_GEOMETRY_AFFINE_H
+#define HEXAD_GEOMETRY_AFFINE_H
+
+#include "geometry/vec3.h"
+
+static inline vec3 affine_apply(const double m[3][4], double x, double y, double z)
+{
+    return (vec3){m[0][0] * x + m[0][1] * y + m[0][2] * z + m[0][3],
+                  m[1][0] * x + m[1][1] * y + m[1][2] * z + m[1][3],
+                  m[2][0] * x + m[2][1] * y + m[2][2] * z + m[2][3]};
+}
+
+/* The inverse of an invertible map; returns the determinant. */
+static inline double affine_invert(const double m[3][4], double out[3][4])
+{
+    double d[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) { /* cofactors, cyclic so that the sign comes by itself */
+            int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+            d[i][j] = m[i1][j1] * m[i2][j2] - m[i1][j2] * m[i2][j1];
+        }
+    double determinant = m[0][0] * d[0][0] + m[0][1] * d[0][1] + m[0][2] * d[0][2];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) out[i][j] = d[j][i] / determinant;
+        out[i][3] = 0;
+        for (int j = 0; j < 3; j++) out[i][3] -= out[i][j] * m[j][3];
+    }
+    return determinant;
+}
+
+#endif
