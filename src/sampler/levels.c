@@ -60,3 +60,16 @@ int levels_plan(const field *f, const surface *scan, const grading *graded, size
     for (int k = 0; k < levels; k++) out[k] = finest_first[levels - 1 - k];
     return levels;
 }
+
+void levels_correct(size_t plan[LEVELS_MAX], int levels, size_t edges, size_t rim)
+{
+    const double coarsest = (double)plan[0], missing = 3 * coarsest - (double)edges - (double)rim;
+    for (int k = levels - 2; k >= 0; k--) {
+        double finer = (double)plan[k + 1], count = finer / 4;
+        for (int step = 0; step < 3; step++) /* the rim's share depends a little on the count */
+            count = (finer + missing + (double)rim * sqrt(fmax(count, 1) / coarsest)) / 4;
+        count = ceil(count);
+        /* a packing that does not resolve its surface has no count of edges to go by */
+        plan[k] = (size_t)fmin(fmax(count, finer / 5), finer / 3);
+    }
+}

@@ -19,4 +19,10 @@ double levels_spacing(double area, size_t count);
 int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
                 size_t out[LEVELS_MAX]);
 
+/* Corrects a plan by the edges that the coarsest packing turned out to have, `rim` of whose particles lie on a rim.
+ * A closed surface of Euler characteristic x has 3 (n - x) edges for n particles, an open one fewer by its rim
+ * particles, which double from level to level. Off by what refining would have to invent, a level
+ * begins with as many defects. */
+void levels_correct(size_t plan[LEVELS_MAX], int levels, size_t edges, size_t rim);
+
 #endif

@@ -10,6 +10,8 @@
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;
 static const double MIDDLE_ACCEPT = 1e-3;
+/* Room for edges, per particle; there are three. */
+static const size_t EDGES_MAX = 4;
 /* Draws per particle that the edges did not give. */
 static const int MAX_DRAWS = 1000;
 
@@ -18,35 +20,68 @@ size_t refine_coarser(size_t count)
     return (count + 6 + 3) / 4;
 }
 
-typedef struct middle {
-    vec3 position, normal;
-} middle;
+typedef struct edge {
+    uint32_t a, b;
+    double length; /* over the mean spacing of its ends */
+} edge;
 
-/* The middles of the edges, projected, in the order of their first and second end. */
-static size_t find_middles(const field *f, const voronoi_sites *sites, size_t count, middle *out,
-                           size_t capacity)
+/* The Delaunay edges, in the order of their first and second end. */
+static size_t find_edges(const voronoi_sites *sites, size_t count, edge *out, size_t capacity)
 {
     size_t found = 0;
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t *list = neighbours_list(sites->near, i);
         for (uint32_t k = 0; k < sites->near->list_count[i] && found < capacity; k++) {
-            double length;
-            if (list[k] < i || vec3_dot(sites->normal[i], sites->normal[list[k]]) <= VORONOI_OTHER_SIDE ||
-                !voronoi_edge(sites, i, list[k], &length))
+            uint32_t j = list[k];
+            double across;
+            if (j < i || vec3_dot(sites->normal[i], sites->normal[j]) <= VORONOI_OTHER_SIDE ||
+                !voronoi_edge(sites, i, j, &across))
                 continue;
-            double spacing = fmin(sites->spacing[i], sites->spacing[list[k]]),
-                   accept = MIDDLE_ACCEPT * spacing;
-            const project_limits limits = {5, accept, accept, accept};
-            vec3 m = vec3_scale(vec3_add(sites->position[i], sites->position[list[k]]), 0.5), x = m, n;
-            if (project_point(f, &limits, &x, &n) &&
-                vec3_norm2(vec3_sub(x, m)) < MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
-                out[found++] = (middle){x, n};
+            double length = vec3_norm(vec3_sub(sites->position[i], sites->position[j]));
+            out[found++] = (edge){i, j, length / (0.5 * (sites->spacing[i] + sites->spacing[j]))};
         }
     }
     return found;
 }
 
-/* Particles that the edges did not give, anywhere on the surface. */
+static int compare_edges(const void *x, const void *y)
+{
+    const edge *a = x, *b = y;
+    if (a->length != b->length) return (a->length > b->length) - (a->length < b->length);
+    return a->a != b->a ? (a->a > b->a) - (a->a < b->a) : (a->b > b->b) - (a->b < b->b);
+}
+
+/* Adds a particle on the surface beside the point at `share` of an edge, unless it joins two sheets. */
+static void add_between(const field *f, const voronoi_sites *sites, const edge *e, double share, particles *p)
+{
+    double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
+    const project_limits limits = {5, accept, accept, accept};
+    vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
+    vec3 x = m, n;
+    if (!project_point(f, &limits, &x, &n) ||
+        vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
+        return;
+    p->position[p->count] = x;
+    p->normal[p->count++] = n;
+}
+
+/* The middles of the edges; where these are too many the shortest edges get none, where too few the longest two
+ * each. Both are at the cores of dislocations, which they only move along: anywhere else a particle
+ * too few or too many is a defect more. */
+static void add_middles(const field *f, const voronoi_sites *sites, edge *edges, size_t found, size_t wanted,
+                        particles *p)
+{
+    size_t count = p->count + wanted, left_out = found > wanted ? found - wanted : 0;
+    size_t twice = found < wanted ? wanted - found : 0;
+    qsort(edges, found, sizeof *edges, compare_edges);
+    for (size_t k = left_out; k < found && p->count < count; k++) {
+        bool two = k + twice >= found && p->count + 1 < count;
+        add_between(f, sites, &edges[k], two ? 1.0 / 3 : 0.5, p);
+        if (two) add_between(f, sites, &edges[k], 2.0 / 3, p);
+    }
+}
+
+/* Particles that the edges did not give all the same, anywhere on the surface. */
 static bool draw_rest(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
                       double spacing, uint64_t seed, error *e)
 {
@@ -67,29 +102,54 @@ static bool draw_rest(const field *f, const surface *scan, const grading *graded
     return true;
 }
 
+/* The particles as sites and their edges, in memory of their own. */
+typedef struct mesh {
+    double *spacing;
+    neighbours *near;
+    edge *edges;
+    size_t count;
+    voronoi_sites sites;
+} mesh;
+
+static void mesh_free(mesh *m)
+{
+    neighbours_free(m->near);
+    free(m->edges);
+    free(m->spacing);
+}
+
+static bool mesh_particles(const particles *p, double spacing, threads *pool, mesh *out, error *e)
+{
+    mesh m = {.spacing = mem_array(p->count, sizeof *m.spacing, "refinement", e),
+              .near = neighbours_new(p->count, SIZE_MAX, e),
+              .edges = mem_array(EDGES_MAX * p->count, sizeof *m.edges, "refinement", e)};
+    *out = m;
+    if (!m.spacing || !m.edges || !m.near) return false;
+    for (size_t i = 0; i < p->count; i++) m.spacing[i] = spacing * p->size[i];
+    if (!neighbours_build(m.near, p->count, p->position, m.spacing, VORONOI_REACH, pool, e)) return false;
+    out->sites = (voronoi_sites){p->position, p->normal, m.spacing, m.near};
+    out->count = find_edges(&out->sites, p->count, m.edges, EDGES_MAX * p->count);
+    return true;
+}
+
+bool refine_count_edges(const particles *p, double spacing, threads *pool, size_t *edges, error *e)
+{
+    mesh m;
+    bool ok = mesh_particles(p, spacing, pool, &m, e);
+    if (ok) *edges = m.count;
+    mesh_free(&m);
+    return ok;
+}
+
 bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
                       double spacing, uint64_t seed, threads *pool, error *e)
 {
-    bool ok = false;
-    size_t wanted = count - p->count, capacity = 4 * p->count;
-    double *local = mem_array(p->count, sizeof *local, "refinement", e);
-    middle *middles = mem_array(capacity, sizeof *middles, "refinement", e);
-    neighbours *near = neighbours_new(p->count, SIZE_MAX, e);
-    if (!local || !middles || !near) goto done;
-    for (size_t i = 0; i < p->count; i++) local[i] = spacing * p->size[i];
-    if (!neighbours_build(near, p->count, p->position, local, VORONOI_REACH, pool, e)) goto done;
-    const voronoi_sites sites = {p->position, p->normal, local, near};
-    size_t found = find_middles(f, &sites, p->count, middles, capacity);
-    for (size_t k = 0; k < found; k++) {
-        /* of `found` keep `wanted`, evenly spread */
-        if (found > wanted && k * wanted / found == (k + 1) * wanted / found) continue;
-        p->position[p->count] = middles[k].position;
-        p->normal[p->count++] = middles[k].normal;
+    mesh m;
+    bool ok = mesh_particles(p, spacing, pool, &m, e);
+    if (ok) {
+        add_middles(f, &m.sites, m.edges, m.count, count - p->count, p);
+        ok = draw_rest(f, scan, graded, p, count, spacing, seed, e);
     }
-    ok = draw_rest(f, scan, graded, p, count, spacing, seed, e);
-done:
-    neighbours_free(near);
-    free(middles);
-    free(local);
+    mesh_free(&m);
     return ok;
 }

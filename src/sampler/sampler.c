@@ -135,6 +135,18 @@ static void enter_level(sampler *s, double support)
     s->gain = round_gain[s->stage];
 }
 
+/* Particles on the coarsest level, where they start. */
+static bool begin(sampler *s, double support, error *e)
+{
+    s->p->count = s->level_count[0];
+    enter_level(s, support);
+    size_t removed;
+    if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
+    s->removed += removed;
+    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
+    return build_lists(s, e);
+}
+
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
                      error *e)
 {
@@ -152,10 +164,8 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->levels = params->coarse_to_fine
                     ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)
                     : 1;
-    s->p->count = s->level_count[0];
     /* a support that is given is meant for the whole count */
-    enter_level(s, params->sigma > 0 ? params->sigma / levels_spacing(scan->area, params->count) : sqrt(3));
-    if (!start_place(f, scan, params, s->spacing, pool, s->p, &s->removed, e) || !build_lists(s, e))
+    if (!begin(s, params->sigma > 0 ? params->sigma / levels_spacing(scan->area, params->count) : sqrt(3), e))
         goto fail;
     return s;
 fail:
@@ -213,6 +223,34 @@ static void note_round(sampler *s, double energy)
     s->resizes = 0;
 }
 
+static size_t count_on_rim(const sampler *s)
+{
+    size_t count = 0;
+    if (!s->field->open) return 0;
+    bbox d = s->field->domain;
+    for (size_t i = 0; i < s->p->count; i++) {
+        vec3 x = s->p->position[i];
+        count += x.x == d.min.x || x.y == d.min.y || x.z == d.min.z || x.x == d.max.x || x.y == d.max.y ||
+                 x.z == d.max.z;
+    }
+    return count;
+}
+
+/* The coarsest packing shows how many particles its refinement will give. When another count would have been
+ * better for the levels to come it begins again with that, once: the rims fill up only with time, so the
+ * last word is left to the levels between. */
+static bool replan(sampler *s, bool *again, error *e)
+{
+    size_t count = s->p->count, edges;
+    if (!refine_count_edges(s->p, s->spacing, s->pool, &edges, e)) return false;
+    levels_correct(s->level_count, s->levels, edges, count_on_rim(s));
+    *again = !s->planned && s->level_count[0] != count;
+    s->planned = true;
+    if (*again) return begin(s, s->sigma / s->spacing, e);
+    s->level_count[0] = count;
+    return true;
+}
+
 /* A level has come to rest: four times as many particles, with the support that it needed. */
 bool sampler_refine(sampler *s, error *e)
 {
@@ -230,7 +268,9 @@ static bool control(sampler *s, error *e)
 {
     double energy = relax_mean_energy(s->relax, s->p, s->sigma);
     note_round(s, energy);
-    bool last_stage = s->stage == ROUNDS - 1;
+    bool last_stage = s->stage == ROUNDS - 1, again = false;
+    if (s->level == 0 && s->levels > 1 && s->stage > 0 && !replan(s, &again, e)) return false;
+    if (again) return true;
     if (last_stage && s->level < s->levels - 1) return sampler_refine(s, e);
     bool on_target = sampler_is_on_target(s, energy);
     if (last_stage && (on_target || s->round_count == SAMPLER_MAX_ROUNDS)) {

@@ -21,6 +21,7 @@ struct sampler {
     double skin;
     size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
     int level, levels;
+    bool planned; /* the counts were corrected by what the coarsest packing showed */
     int stage;   /* of round_gain */
     double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;

@@ -182,7 +182,7 @@ static void coarse_to_fine_leaves_few_defects(void **state)
 {
     (void)state;
     for (int k = 0; k < SHAPE_COUNT; k++) {
-        if (shapes[k].shape == ANALYTIC_GYROID || shapes[k].shape == ANALYTIC_ELLIPSOID) continue;
+        bool open = shapes[k].shape == ANALYTIC_GYROID; /* saddles and rims force defects */
         sampler_params params = even;
         params.count = 10000;
         params.coarse_to_fine = true;
@@ -195,7 +195,8 @@ static void coarse_to_fine_leaves_few_defects(void **state)
         assert_int_equal(sampler_result(x.s), SAMPLER_CONVERGED);
         assert_int_equal(x.points->count, 10000);
         assert_true(round[0].count < 3000);
-        assert_true(x.q.hex_fraction >= 0.965 && x.q.edge_cv <= 0.05 && x.q.area_cv <= 0.016);
+        assert_true(x.q.hex_fraction >= (open ? 0.96 : 0.97) && x.q.edge_cv <= 0.05);
+        assert_true(x.q.area_cv <= (open ? 0.019 : 0.016));
         assert_true(x.q.energy_excess <= 0.005 && x.q.min_spacing_ratio >= 0.83);
         release(&x);
     }

@@ -1,0 +1,54 @@
+/* Plans of counts: what refining gives is what the next level wants. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "sampler/levels.h"
+#include "sampler/refine.h"
+
+/* Triangulations by Euler's formula: n particles, b of them on a rim, have 3 (n - x) - b edges; a rim of b particles
+ * has b edges, so refining doubles it. */
+static void corrected_plans_need_no_inventions(void **state)
+{
+    (void)state;
+    for (int euler = -40; euler <= 2; euler++)
+        for (int rim = 0; rim <= 200; rim += 50) {
+            size_t plan[LEVELS_MAX] = {0, 0, 0, 100000};
+            for (int k = 2; k >= 0; k--) plan[k] = refine_coarser(plan[k + 1]);
+            double before = (double)plan[0], n = before, b = rim;
+            levels_correct(plan, 4, (size_t)(3 * (n - euler) - b), (size_t)rim);
+            n = (double)plan[0];
+            b = rim * sqrt(n / before); /* the rim has the same length */
+            for (int k = 1; k < 4; k++) {
+                n += 3 * (n - euler) - b;
+                b *= 2;
+                /* what was rounded up is refined with the rest, and the rim's share was rounded */
+                if (fabs(n - (double)plan[k]) > 5 + 0.05 * rim)
+                    fail_msg("euler %d rim %d: level %d gets %g of %zu", euler, rim, k, n, plan[k]);
+                n = (double)plan[k];
+            }
+        }
+}
+
+/* Where the edges say nothing the plan stays near what is usual. */
+static void nonsense_is_bounded(void **state)
+{
+    (void)state;
+    size_t none[LEVELS_MAX] = {250, 1000}, many[LEVELS_MAX] = {250, 1000};
+    levels_correct(none, 2, 0, 0);
+    levels_correct(many, 2, 100000, 0);
+    assert_true(none[0] > 250 && none[0] <= 333);
+    assert_true(many[0] < 250 && many[0] >= 200);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(corrected_plans_need_no_inventions),
+        cmocka_unit_test(nonsense_is_bounded),
+    };
+    return cmocka_run_group_tests_name("levels", tests, NULL, NULL);
+}
