@@ -62,7 +62,7 @@ DISPATCH void pair_weigh(pair_list *list, vec3 n)
     const double *nx = list->nx, *ny = list->ny, *nz = list->nz, *amplitude = list->amplitude;
     double *restrict weight = list->weight;
     for (size_t k = 0; k < list->blocks * PAIR_LANES; k++) {
-        double t = 1 + (n.x * nx[k] + n.y * ny[k] + n.z * nz[k]) / PAIR_FACING_RANGE;
+        double t = (n.x * nx[k] + n.y * ny[k] + n.z * nz[k] - PAIR_FACING_NONE) / PAIR_FACING_RANGE;
         t = t < 0 ? 0 : t;
         t = t > 1 ? 1 : t;
         weight[k] = amplitude[k] * t * t * (3 - 2 * t);

@@ -29,9 +29,11 @@ typedef struct pair_list {
     double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */
 } pair_list;
 
-/* Pairs count in full while their normals agree to within a right angle, and not at all when the cosine is
- * below minus this (114 degrees: the other side of a thin sheet), with a smooth step between. */
-#define PAIR_FACING_RANGE 0.4
+/* Pairs count in full while their normals differ by less than 120 degrees, and not at all from 143 degrees on (the
+ * other side of a thin sheet), with a smooth step between. A sharp edge, where a spline's normals swing to 112
+ * degrees from each other, is well within: were its sides hidden from each other, each would put a row along it. */
+#define PAIR_FACING_NONE -0.8
+#define PAIR_FACING_RANGE 0.3
 
 /* Sets the weights that the neighbours have for a particle with normal n. They belong to the energy, so a
  * trial is judged with those of the place where it ends: were they lagged, particles at creases that h does

@@ -19,6 +19,7 @@ static const double TRIAL_REJECT = 0.01;
 /* A Newton step from this fraction of h leaves an error of about its square times kappa h. */
 static const double TRIAL_SHORTCUT = 0.02;
 static const double TRIAL_ACCEPT = 1e-4;
+static const double TRIAL_CELLS = 5;
 static const int TRIAL_STEPS = 3;
 static const double STRAIGHT_ACCEPT = 1e-7;
 /* Keeps the 2x2 system solvable when all neighbours lie on one line. */
@@ -156,7 +157,7 @@ static void add_turning(const attempt *a, pair_forces *f)
     const pair_list *g = a->near;
     for (size_t k = 0; k < g->blocks * PAIR_LANES; k++) {
         vec3 nj = {g->nx[k], g->ny[k], g->nz[k]};
-        double t = 1 + vec3_dot(n, nj) / PAIR_FACING_RANGE;
+        double t = (vec3_dot(n, nj) - PAIR_FACING_NONE) / PAIR_FACING_RANGE;
         double r = vec3_norm(vec3_sub(a->x, (vec3){g->x[k], g->y[k], g->z[k]}));
         double support = sqrt(g->size2[k]) * a->sigma;
         if (t <= 0 || t >= 1 || r >= support) continue;
@@ -213,10 +214,17 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
+/* What tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within which
+ * a field comes near zero without a surface. */
+static double tolerance_scale(const attempt *a)
+{
+    return fmin(a->spacing, TRIAL_CELLS * a->params->field->cell_size);
+}
+
 /* Moves along the tangent plane (8) and back onto the surface (9). */
 static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
-    double h = a->spacing;
+    double h = tolerance_scale(a);
     const project_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
@@ -246,7 +254,7 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
  * put it on the surface to well below what `gain` can see. */
 static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
-    double h = a->spacing;
+    double h = tolerance_scale(a);
     const project_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
     project_point(a->params->field, &limits, x, normal);
 }

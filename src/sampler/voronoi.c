@@ -6,6 +6,9 @@ static const double EDGE_LIMIT = 1.5;
  * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
 static const double EDGE_DOUBT = 0.1;
 
+/* A ridge between two points is taken to be no higher than this, of their distance; 0.5 is that of a right angle. */
+static const double RIDGE_HIGHEST = 0.75, RIDGE_STEEPEST = 0.2;
+
 /* The angle at p under which a and b are seen. */
 static double angle_at(vec3 p, vec3 a, vec3 b)
 {
@@ -23,6 +26,17 @@ static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint3
     return (a < b ? a : b) < (c < d ? c : d);
 }
 
+/* How far above the middle of r the tangent planes of its ends meet: on a crease that is where the surface
+ * is, and its points there have the say whether the two are neighbours. */
+static double ridge_rise(vec3 r, vec3 normal_a, vec3 normal_b, vec3 up)
+{
+    double a = -vec3_dot(normal_a, r), b = vec3_dot(normal_b, r);
+    double rise = 0.25 * (a / fmax(vec3_dot(normal_a, up), RIDGE_STEEPEST) +
+                          b / fmax(vec3_dot(normal_b, up), RIDGE_STEEPEST));
+    double most = RIDGE_HIGHEST * vec3_norm(r);
+    return fmin(fmax(rise, -most), most);
+}
+
 bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *length)
 {
     if (a > b) { /* one view of each pair */
@@ -32,10 +46,12 @@ bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *lengt
     }
     vec3 r = vec3_sub(in->position[b], in->position[a]);
     vec3 n = vec3_add(in->normal[a], in->normal[b]);
-    vec3 m = vec3_axpy(0.5, r, in->position[a]);
     vec3 d = vec3_unit(vec3_cross(n, r));
     double length_n = vec3_norm(n);
-    double quarter = 0.25 * vec3_norm2(r);
+    vec3 up = vec3_unit(vec3_cross(r, d));
+    double rise = ridge_rise(r, in->normal[a], in->normal[b], up);
+    vec3 m = vec3_axpy(rise, up, vec3_axpy(0.5, r, in->position[a]));
+    double quarter = 0.25 * vec3_norm2(r) + rise * rise;
     double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]), low = -limit, high = limit;
     uint32_t low_by = a, high_by = a; /* a: nobody */
     const uint32_t *list = neighbours_list(in->near, a);

@@ -21,8 +21,8 @@ typedef struct voronoi_sites {
 
 /* Wide enough for the cell of a point beside a vacancy. */
 #define VORONOI_REACH 3.0
-/* Points whose normals' cosine is below this are on another sheet; a right angle, as on a cube, is not. */
-#define VORONOI_OTHER_SIDE -0.2
+/* Points whose normals' cosine is below this are on another sheet; those beside a sharp edge are not. */
+#define VORONOI_OTHER_SIDE -0.6
 
 /* Whether the two points are joined, and the length of the Voronoi edge between them (0 or more). */
 bool voronoi_edge(const voronoi_sites *sites, uint32_t a, uint32_t b, double *length);

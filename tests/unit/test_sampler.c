@@ -31,14 +31,14 @@ static const sampler_params even = {.count = 1000,
                                     .step_tolerance = 1e-3,
                                     .energy_tolerance = 0.01};
 
-static void solve(int shape, const sampler_params *params, int workers, solved *out)
+static void solve_shape(const analytic_params *shape, const sampler_params *params, int workers, solved *out)
 {
     error e = {0};
-    out->a = analytic_new(&shapes[shape], NULL, &e);
+    out->a = analytic_new(shape, NULL, &e);
     out->pool = threads_new(workers, NULL, &e);
     out->scan = surface_scan(&out->a->base, out->pool, &e);
     out->s = sampler_new(&out->a->base, out->scan, params, out->pool, &e);
-    if (!out->s) fail_msg("%s: %s", shape_names[shape], e.message);
+    if (!out->s) fail_msg("%s", e.message);
     while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
     assert_true(sampler_finish(out->s, &e));
     out->points = sampler_result_points(out->s);
@@ -46,6 +46,11 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
                         out->points->alpha,      out->points->spacing,  sampler_spacing(out->s),
                         params->grading != NULL, out->a->base.open,     out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
+}
+
+static void solve(int shape, const sampler_params *params, int workers, solved *out)
+{
+    solve_shape(&shapes[shape], params, workers, out);
 }
 
 static void release(solved *x)
@@ -245,6 +250,44 @@ static void local_spacing_follows_the_request(void **state)
     analytic_free(a);
 }
 
+/* The distance of the nearest particle from x. */
+static double nearest(const sampler_points *p, vec3 x)
+{
+    double best = INFINITY;
+    for (size_t i = 0; i < p->count; i++) best = fmin(best, vec3_norm(vec3_sub(p->position[i], x)));
+    return best;
+}
+
+/* Sharp edges: one row of particles along each, none on top of another, nothing that slipped off. */
+static void creases_are_sampled(void **state)
+{
+    (void)state;
+    analytic_params box = {.shape = ANALYTIC_BOX, .half_size = {0.4, 0.3, 0.2}};
+    sampler_params params = even;
+    params.count = 3000;
+    params.coarse_to_fine = true;
+    solved x;
+    solve_shape(&box, &params, 2, &x);
+    double h = sampler_spacing(x.s), farthest = 0;
+    for (int axis = 0; axis < 3; axis++)
+        for (int k = 0; k < 4; k++)
+            for (double t = -1; t <= 1; t += 0.01) {
+                double at[3];
+                at[axis] = t;
+                at[(axis + 1) % 3] = k & 1 ? 1 : -1;
+                at[(axis + 2) % 3] = k & 2 ? 1 : -1;
+                farthest = fmax(farthest, nearest(x.points, (vec3){at[0] * 0.4, at[1] * 0.3, at[2] * 0.2}));
+            }
+    print_message("# hex %.4f min spacing %.3f euler %.2f, an edge is %.3f h from a particle\n",
+                  x.q.hex_fraction, x.q.min_spacing_ratio, x.q.euler, farthest / h);
+    assert_int_equal(x.points->count, 3000);
+    assert_int_equal(x.points->lost, 0);
+    assert_int_equal(sampler_removed_offsurface(x.s), 0);
+    assert_true(x.q.min_spacing_ratio >= 0.75 && farthest < h);
+    assert_true(x.q.hex_fraction > 0.9 && fabs(x.q.euler - 2) < 1.5);
+    release(&x);
+}
+
 /* Bytes, not tolerances. */
 static void threads_do_not_show(void **state)
 {
@@ -312,6 +355,7 @@ int main(void)
         cmocka_unit_test(every_shape_converges),
         cmocka_unit_test(cotangent_packs_better_than_gaussian),
         cmocka_unit_test(coarse_to_fine_leaves_few_defects),
+        cmocka_unit_test(creases_are_sampled),
         cmocka_unit_test(local_spacing_follows_the_request),
         cmocka_unit_test(threads_do_not_show),
         cmocka_unit_test(seeds_differ_and_repeat),
