@@ -15,32 +15,21 @@ static const double REST_LAMBDA = 14;
  * times the sweeps, 3.0 is slower again near rest. */
 static const double OMEGA = 2.6;
 
-/* A round relaxes until no particle can lower its energy by more than this fraction; each later one
- * looks closer. The first evens out the density, so that sigma is adapted before much work is done
- * under a wrong one. */
-static const double round_gain[] = {1e-4, 1e-6, 1e-8};
-enum { ROUNDS = sizeof round_gain / sizeof round_gain[0] };
 /* Share of the sweeps that a job typically spends before each round, for the estimate of progress. */
-static const double round_share[ROUNDS + 1] = {0, 0.07, 0.35, 1};
+static const double round_share[SAMPLER_STAGES + 1] = {0, 0.07, 0.35, 1};
 /* And where refined levels begin. */
 static const double FINE_BEGINS = 0.4;
 
 /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that.
  * A round that is longer than this many sweeps asks for ten times the gain, and again after each so many. */
-static const int round_patience[ROUNDS] = {80, 150, 400}, PATIENCE_MORE = 50;
+static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE = 50;
 /* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
  * after so many sweeps. */
 static const double CRAMPED_SHARE = 0.01;
 static const int CRAMPED_WAIT = 4;
-/* What the lists reach beyond the support, of h: wide while particles move far, narrow when a few sweeps of
- * their steps are less. */
-static const double SKIN_WIDE = 0.6, SKIN_NARROW = 0.2, SKIN_STEPS = 6;
-/* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the
- * other; so many Newton steps settle it to the tolerance, so many sets of lists reach it from anywhere. */
-static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
-enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
-/* A system that rests only under a coarser gain than this is not converged. */
-static const double COARSEST_GAIN = 1e-5;
+/* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a few
+ * sweeps of their steps are less. */
+static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
 
 /* A rest holds when sizes, as of the particles' places, have changed by less than this in the root mean square
  * since the lists were built; so many times in a round it may be broken. */
@@ -112,7 +101,7 @@ static void mark_rims(sampler *s)
             !bbox_contains(bbox_grow(s->field->domain, -2 * s->spacing * s->p->size[i]), s->p->position[i]);
 }
 
-static bool build_lists(sampler *s, error *e)
+bool sampler_build_lists(sampler *s, error *e)
 {
     if (amplitudes_are_due(s)) {
         threads_run(s->pool, s->p->count, 256, amplitude_chunk, s);
@@ -131,8 +120,8 @@ static void enter_level(sampler *s, double support)
 {
     s->spacing = levels_spacing(s->scan->area, s->p->count);
     s->sigma = support * s->spacing;
-    s->skin = SKIN_WIDE * s->spacing;
-    s->gain = round_gain[s->stage];
+    s->skin = SAMPLER_SKIN_WIDE * s->spacing;
+    s->gain = sampler_stage_gain[s->stage];
 }
 
 /* Particles on the coarsest level, where they start. */
@@ -144,7 +133,7 @@ static bool begin(sampler *s, double support, error *e)
     if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
     s->removed += removed;
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return build_lists(s, e);
+    return sampler_build_lists(s, e);
 }
 
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
@@ -183,46 +172,6 @@ void sampler_free(sampler *s)
     free(s);
 }
 
-/* The support under which the particles, where they are, have the ideal energy: Newton's method on log E
- * against log sigma (6.1: a one-dimensional optimisation), no farther than the lists cover. */
-static double ideal_support(const sampler *s)
-{
-    double low = SHRINK_LIMIT * s->sigma, high = relax_max_support(s->relax), sigma = s->sigma;
-    for (int k = 0; k < SUPPORT_STEPS; k++) {
-        double energy = relax_mean_energy(s->relax, s->p, sigma);
-        if (!(energy > 0)) return high;
-        double ratio = energy / s->params.energy->ideal;
-        if (fabs(ratio - 1) < SUPPORT_TOLERANCE) break;
-        sigma *= pow(ratio, -1 / s->params.energy->ideal_slope);
-        sigma = fmin(fmax(sigma, low), high);
-    }
-    return sigma;
-}
-
-/* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range. */
-static bool adapt_support(sampler *s, error *e)
-{
-    for (int k = 0; k < SUPPORT_BUILDS; k++) {
-        double before = s->sigma;
-        s->skin = fmax(SKIN_WIDE * s->spacing, SUPPORT_GROWTH * s->sigma);
-        if (!build_lists(s, e)) return false;
-        s->sigma = fmin(ideal_support(s), bbox_longest(s->scan->box) * 2);
-        bool at_bound = s->sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->relax) ||
-                        s->sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
-        if (!at_bound) break;
-    }
-    s->skin = SKIN_WIDE * s->spacing;
-    return build_lists(s, e);
-}
-
-static void note_round(sampler *s, double energy)
-{
-    s->round[s->round_count++] =
-        (sampler_round){s->sweeps_in_round, 0, 0, s->sigma, s->p->count, energy, s->gain};
-    s->sweeps_in_round = 0;
-    s->resizes = 0;
-}
-
 static size_t count_on_rim(const sampler *s)
 {
     size_t count = 0;
@@ -236,10 +185,8 @@ static size_t count_on_rim(const sampler *s)
     return count;
 }
 
-/* The coarsest packing shows how many particles its refinement will give. When another count would have been
- * better for the levels to come it begins again with that, once: the rims fill up only with time, so the
- * last word is left to the levels between. */
-static bool replan(sampler *s, bool *again, error *e)
+/* Once: the rims fill up only with time, so the last word is left to the levels between. */
+bool sampler_replan(sampler *s, bool *again, error *e)
 {
     size_t count = s->p->count, edges;
     if (!refine_count_edges(s->p, s->spacing, s->pool, &edges, e)) return false;
@@ -260,34 +207,14 @@ bool sampler_refine(sampler *s, error *e)
         return false;
     enter_level(s, support);
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return build_lists(s, e);
-}
-
-/* A round has come to rest: adapt the support and look closer, refine, or end. */
-static bool control(sampler *s, error *e)
-{
-    double energy = relax_mean_energy(s->relax, s->p, s->sigma);
-    note_round(s, energy);
-    bool last_stage = s->stage == ROUNDS - 1, again = false;
-    if (s->level == 0 && s->levels > 1 && s->stage > 0 && !replan(s, &again, e)) return false;
-    if (again) return true;
-    if (last_stage && s->level < s->levels - 1) return sampler_refine(s, e);
-    bool on_target = sampler_is_on_target(s, energy);
-    if (last_stage && (on_target || s->round_count == SAMPLER_MAX_ROUNDS)) {
-        s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
-        return true;
-    }
-    if (!last_stage) s->stage++;
-    s->gain = round_gain[s->stage];
-    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return adapt_support(s, e);
+    return sampler_build_lists(s, e);
 }
 
 /* The paper's steady state; a refined level starts near its own and is judged by its steps, and one that is
  * to be refined again need not wait for the last of them. */
 static bool is_at_rest(const sampler *s, const relax_sums *sums)
 {
-    bool last_stage = s->stage == ROUNDS - 1, last_level = s->level == s->levels - 1;
+    bool last_stage = s->stage == SAMPLER_STAGES - 1, last_level = s->level == s->levels - 1;
     if (s->level > 0 && !last_level) return sums->rms_step < LEVEL_STEP || s->sweeps_in_round >= LEVEL_SWEEPS;
     bool still = sums->rms_step < s->params.step_tolerance;
     if (s->level > 0 || s->params.gradient) return still; /* there is no lambda to go by */
@@ -328,7 +255,7 @@ static bool sizes_are_settled(sampler *s)
 
 bool sampler_step(sampler *s, error *e)
 {
-    if (s->lists_stale && !build_lists(s, e)) return false;
+    if (s->lists_stale && !sampler_build_lists(s, e)) return false;
     relax_params params = {.field = s->field,
                            .minimiser = s->params.gradient ? RELAX_GRADIENT : RELAX_LEVENBERG_MARQUARDT,
                            .step = s->params.step,
@@ -350,8 +277,8 @@ bool sampler_step(sampler *s, error *e)
     s->list_age++;
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
-    s->skin = fmin(SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
-    if (is_at_rest(s, &sums) && sizes_are_settled(s) && !control(s, e)) return false;
+    s->skin = fmin(SAMPLER_SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
+    if (is_at_rest(s, &sums) && sizes_are_settled(s) && !sampler_control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;

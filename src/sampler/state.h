@@ -1,4 +1,5 @@
-/* state: what a sampler is made of. Private to sampler.c, which runs it, and finish.c, which ends it. */
+/* state: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between rounds, and
+ * finish.c, which ends it. */
 #ifndef HEXAD_SAMPLER_STATE_H
 #define HEXAD_SAMPLER_STATE_H
 
@@ -7,7 +8,13 @@
 #include "sampler/relax.h"
 #include "sampler/sampler.h"
 
-enum { SAMPLER_MAX_ROUNDS = 24 };
+enum { SAMPLER_MAX_ROUNDS = 24, SAMPLER_STAGES = 3 };
+
+/* The least relative gain that each stage of rounds asks for. */
+extern const double sampler_stage_gain[SAMPLER_STAGES];
+
+/* What the lists reach beyond the support, of h, while particles move far. */
+#define SAMPLER_SKIN_WIDE 0.6
 
 struct sampler {
     const field *field;
@@ -22,7 +29,7 @@ struct sampler {
     size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
     int level, levels;
     bool planned; /* the counts were corrected by what the coarsest packing showed */
-    int stage;   /* of round_gain */
+    int stage;    /* of sampler_stage_gain */
     double gain; /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
     int list_age;           /* sweeps since they were built */
@@ -51,5 +58,16 @@ bool sampler_is_on_target(const sampler *s, double energy);
 
 /* From the level at hand to the next, without relaxing it. Errors: limit_memory, no_surface. */
 bool sampler_refine(sampler *s, error *e);
+
+/* Amplitudes, if they are due, rims, and lists for the support at hand. Error: limit_memory. */
+bool sampler_build_lists(sampler *s, error *e);
+
+/* The coarsest packing shows how many particles its refinement will give. When another count would have been better
+ * for the levels to come it begins again with that, *again, once. Errors: limit_memory, no_surface. */
+bool sampler_replan(sampler *s, bool *again, error *e);
+
+/* A round has come to rest: adapts the support and looks closer, refines, or ends. Errors: limit_memory,
+ * no_surface. */
+bool sampler_control(sampler *s, error *e);
 
 #endif
