@@ -122,6 +122,32 @@ static void put_grading(json *report, const report_facts *facts)
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
 }
 
+/* What was asked for, and the same of what came of it. */
+static void put_target(json *report, const report_facts *facts)
+{
+    const spec *s = facts->spec;
+    const sampler_points *solved = sampler_result_points(facts->sampler);
+    json *requested = json_put_object(report, "requested"), *reached = json_put_object(report, "reached");
+    if (s->count > 0) {
+        json_put_integer(requested, "count", s->count);
+        json_put_integer(reached, "count", (int64_t)solved->count);
+    }
+    if (s->spacing > 0) {
+        json_put_number(requested, "spacing", s->spacing);
+        json_put_number(reached, "spacing", sampler_spacing(facts->sampler));
+    }
+    if (s->density > 0) {
+        json_put_number(requested, "density", s->density);
+        json_put_number(reached, "density", (double)solved->count / facts->scan->area);
+    }
+    if (s->has_control) {
+        json_put_integer(requested, "min_count", s->control.min_count);
+        json_put_number(requested, "max_sigma", s->control.max_sigma);
+        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_number(reached, "sigma", solved->sigma);
+    }
+}
+
 void report_fill(json *report, const report_facts *facts)
 {
     const sampler_points *solved = sampler_result_points(facts->sampler);
@@ -129,10 +155,7 @@ void report_fill(json *report, const report_facts *facts)
     json_put_integer(report, "version", 1);
     json_put_string(report, "outcome", facts->converged ? "converged" : "not_converged");
     json_put_integer(report, "count", (int64_t)solved->count);
-    json *requested = json_put_object(report, "requested");
-    if (facts->spec->count > 0) json_put_integer(requested, "count", facts->spec->count);
-    if (facts->spec->spacing > 0) json_put_number(requested, "spacing", facts->spec->spacing);
-    if (facts->spec->density > 0) json_put_number(requested, "density", facts->spec->density);
+    put_target(report, facts);
     put_surface(report, facts);
     put_grading(report, facts);
     json_put_number(report, "sigma", solved->sigma);

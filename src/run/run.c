@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -53,18 +54,23 @@ static bool may_go_on(const job *j, error *e)
     return stop == 0 || error_set(e, ERROR_CANCELLED, "the job was cancelled");
 }
 
-static bool fits_memory(const job *j, double count, error *e)
+/* Bytes that particles may take. */
+static double particle_memory(const job *j)
 {
     const spec *s = j->spec;
-    double particles = count * BYTES_PER_PARTICLE;
     double pixels = s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
-    double memory = (double)j->memory - (double)source_memory(&j->source);
-    if (particles + pixels <= memory) return true;
+    return (double)j->memory - (double)source_memory(&j->source) - pixels;
+}
+
+static bool fits_memory(const job *j, double count, error *e)
+{
+    double particles = count * BYTES_PER_PARTICLE, memory = particle_memory(j);
+    if (particles <= memory) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "%.0f points need about %.0f MB and their preview %.0f MB, the limit leaves %.0f MB: raise "
+        "%.0f points need about %.0f MB, the limit leaves %.0f MB beside surface and preview: raise "
         "limits.memory_mb",
-        count, particles / (1 << 20), pixels / (1 << 20), fmax(memory, 0) / (1 << 20));
+        count, particles / (1 << 20), fmax(memory, 0) / (1 << 20));
 }
 
 static bool load(job *j, error *e)
@@ -79,6 +85,13 @@ static bool load(job *j, error *e)
     return j->pool && source_open(s, j->options->roots, j->memory, j->pool, &j->source, e);
 }
 
+static const char *target_pointer(const spec *s)
+{
+    return s->spacing > 0   ? "/sampling/spacing"
+           : s->density > 0 ? "/sampling/density"
+                            : "/sampling/control/max_sigma";
+}
+
 /* The count that the target asks for on a surface of this area. */
 static bool resolve_count(job *j, error *e)
 {
@@ -86,11 +99,15 @@ static bool resolve_count(job *j, error *e)
     double area = j->scan->area, count = (double)s->count;
     if (s->spacing > 0) count = round(2 * area / (sqrt(3) * s->spacing * s->spacing));
     if (s->density > 0) count = round(s->density * area);
+    /* the packing whose support is max_sigma; "paper" gets there by itself */
+    if (s->has_control)
+        count = fmax((double)s->control.min_count,
+                     ceil(6 * area / (sqrt(3) * s->control.max_sigma * s->control.max_sigma)));
     if (count < COUNT_MIN || count > COUNT_MAX)
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",
-                         s->spacing > 0 ? "/sampling/spacing" : "/sampling/density", count, area, COUNT_MIN,
-                         COUNT_MAX, s->spacing > 0 ? "spacing" : "density");
+                         target_pointer(s), count, area, COUNT_MIN, COUNT_MAX,
+                         strrchr(target_pointer(s), '/') + 1);
     j->count = (size_t)count;
     return fits_memory(j, count, e);
 }
@@ -132,8 +149,14 @@ static bool start(job *j, error *e)
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan || !resolve_count(j, e) || !start_grading(j, e)) return false;
     if (j->count < THREADS_FROM) threads_narrow(j->pool);
+    bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
+    int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const sampler_params params = {
-        .count = j->count,
+        .count = inserts ? (size_t)start : j->count,
+        .max_sigma = inserts ? s->control.max_sigma : 0,
+        .min_count = (size_t)s->control.min_count,
+        .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
+        .count_limit = (size_t)(particle_memory(j) / BYTES_PER_PARTICLE),
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
         .random_in_cells = j->source.volume != NULL,
         .seed = s->seed,

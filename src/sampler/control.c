@@ -1,4 +1,12 @@
-/* control: the global control of section 6.1, one action at the end of each round. See state.h. */
+/* control: the global control of section 6.1, one action at the end of each round. See state.h.
+ *
+ * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady state
+ * is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma at its
+ * bound and as many particles as have the ideal energy under it. */
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "sampler/population.h"
 #include "sampler/state.h"
 
 /* A round relaxes until no particle can lower its energy by more than this fraction; each later one
@@ -12,6 +20,16 @@ static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE 
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
+
+/* Of random numbers: each round has its own, from this one on. */
+enum { CONTROL_STREAM = 256 };
+/* Of the count: by how much it may miss that which the bound on sigma asks for. A wider energy_tolerance admits
+ * no more than this, a narrower one half of what it is worth. */
+static const double COUNT_SLACK = 0.02;
+/* In a round at most every particle splits: twins first have to find their places. */
+static const size_t GROWTH = 2;
+/* Twins start this far from where their particle was, of the new spacing. */
+static const double TWIN_OFFSET = 0.25;
 
 /* The support under which the particles, where they are, have the ideal energy: Newton's method on log E
  * against log sigma (6.1: a one-dimensional optimisation), no farther than the lists cover. */
@@ -30,7 +48,7 @@ static double ideal_support(const sampler *s)
 }
 
 /* Grows or shrinks sigma to its ideal, with new lists as often as it leaves the old ones' range. */
-static bool adapt_support(sampler *s, error *e)
+static bool find_support(sampler *s, error *e)
 {
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
         double before = s->sigma;
@@ -41,6 +59,13 @@ static bool adapt_support(sampler *s, error *e)
                         s->sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
         if (!at_bound) break;
     }
+    return true;
+}
+
+/* Lists for the support that was found, held to its bound. */
+static bool settle_support(sampler *s, error *e)
+{
+    if (s->params.max_sigma > 0) s->sigma = fmin(s->sigma, s->params.max_sigma);
     s->skin = SAMPLER_SKIN_WIDE * s->spacing;
     return sampler_build_lists(s, e);
 }
@@ -53,22 +78,113 @@ static void note_round(sampler *s, double energy)
     s->resizes = 0;
 }
 
-/* A round has come to rest: adapt the support and look closer, refine, or end. */
+bool sampler_reserve(sampler *s, size_t capacity, error *e)
+{
+    if (capacity <= s->capacity) return true;
+    if (s->params.count_limit > 0 && capacity > s->params.count_limit)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "more than %zu particles are needed, which is what memory holds: raise "
+                         "limits.memory_mb, or ask for a larger sigma or spacing",
+                         s->params.count_limit);
+    relax *bigger = relax_new(capacity, s->params.energy, s->params.list_limit, s->pool, e);
+    if (!bigger || !particles_grow(s->p, capacity, e)) {
+        relax_free(bigger);
+        return false;
+    }
+    relax_free(s->relax);
+    s->relax = bigger;
+    s->capacity = capacity;
+    return true;
+}
+
+/* Splits `k` particles, those with little energy first. *done: how many found a place. */
+static bool insert_particles(sampler *s, size_t k, rng *r, size_t *done, error *e)
+{
+    uint32_t *chosen = mem_array(k, sizeof *chosen, "the choice of particles", e);
+    bool ok = chosen && sampler_reserve(s, s->p->count + k, e) &&
+              population_choose(s->p, k, s->params.unbiased ? POPULATION_RANDOM : POPULATION_LOW_ENERGY, r,
+                                chosen, e);
+    double offset = TWIN_OFFSET * levels_spacing(s->scan->area, s->p->count + k);
+    *done = 0;
+    for (size_t i = 0; ok && i < k; i++) *done += population_split(s->field, s->p, chosen[i], offset, r);
+    free(chosen);
+    return ok;
+}
+
+/* Deletes `k` particles, those with much energy first. */
+static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
+{
+    uint32_t *chosen = mem_array(k, sizeof *chosen, "the choice of particles", e);
+    bool *marked = mem_array(s->p->count, sizeof *marked, "the choice of particles", e);
+    bool ok = chosen && marked &&
+              population_choose(s->p, k, s->params.unbiased ? POPULATION_RANDOM : POPULATION_HIGH_ENERGY, r,
+                                chosen, e);
+    for (size_t i = 0; ok && i < k; i++) marked[chosen[i]] = true;
+    if (ok) population_remove(s->p, marked);
+    free(chosen);
+    free(marked);
+    return ok;
+}
+
+/* The count of which the support at hand, the ideal one of the particles at hand, becomes the bound: spacing goes
+ * as the root of the area per particle, and the ideal support as the spacing. Near the ideal energy this is the
+ * system's energy, N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
+static size_t bounded_count(const sampler *s)
+{
+    double ratio = s->sigma / s->params.max_sigma, needed = (double)s->p->count * ratio * ratio;
+    double slack = fmin(COUNT_SLACK, s->params.energy_tolerance / s->params.energy->ideal_slope);
+    double count = (double)s->p->count;
+    if (count >= ceil(needed * (1 - slack)) &&
+        count <= fmax(ceil(needed * (1 + slack)), (double)s->params.min_count))
+        return s->p->count;
+    return (size_t)fmax(ceil(needed), (double)s->params.min_count);
+}
+
+/* Inserts or deletes particles until sigma, which is the ideal one of those at hand, is within its bound. */
+static bool adapt_count(sampler *s, bool *changed, error *e)
+{
+    size_t before = s->p->count, wanted = bounded_count(s), inserted = 0;
+    *changed = wanted != before;
+    if (!*changed) return true;
+    if (wanted > GROWTH * before) wanted = GROWTH * before;
+    sampler_round *round = &s->round[s->round_count - 1];
+    rng r = rng_seed(s->params.seed, CONTROL_STREAM + s->round_count);
+    if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;
+    if (wanted < before && !delete_particles(s, before - wanted, &r, e)) return false;
+    round->inserted = inserted;
+    round->deleted = wanted < before ? before - wanted : 0;
+    s->spacing = levels_spacing(s->scan->area, s->p->count);
+    s->sigma *= sqrt((double)before / (double)s->p->count);
+    return true;
+}
+
+static void enter_stage(sampler *s, int stage)
+{
+    s->stage = stage;
+    s->gain = sampler_stage_gain[stage];
+    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
+}
+
 bool sampler_control(sampler *s, error *e)
 {
     double energy = relax_mean_energy(s->relax, s->p, s->sigma);
     note_round(s, energy);
-    bool last_stage = s->stage == SAMPLER_STAGES - 1, again = false;
+    bool last_stage = s->stage == SAMPLER_STAGES - 1, bounded = s->params.max_sigma > 0;
+    bool changed = false, again = false;
     if (s->level == 0 && s->levels > 1 && s->stage > 0 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
     if (last_stage && s->level < s->levels - 1) return sampler_refine(s, e);
-    bool on_target = sampler_is_on_target(s, energy);
-    if (last_stage && (on_target || s->round_count == SAMPLER_MAX_ROUNDS)) {
-        s->outcome = on_target && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+    bool good = last_stage && sampler_is_on_target(s, energy);
+    if (s->round_count == SAMPLER_MAX_ROUNDS || (good && !bounded)) {
+        s->outcome = good && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
-    if (!last_stage) s->stage++;
-    s->gain = sampler_stage_gain[s->stage];
-    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return adapt_support(s, e);
+    if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;
+    if (changed)
+        enter_stage(s, 0);
+    else if (good)
+        s->outcome = s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+    else
+        enter_stage(s, last_stage ? s->stage : s->stage + 1);
+    return settle_support(s, e);
 }

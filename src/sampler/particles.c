@@ -43,3 +43,33 @@ void particles_free(particles *p)
     free(p->rejected);
     free(p);
 }
+
+bool particles_grow(particles *p, size_t capacity, error *e)
+{
+    particles *q = particles_new(capacity, e);
+    if (!q) return false;
+    for (size_t i = 0; i < p->count; i++) {
+        q->position[i] = p->position[i];
+        q->normal[i] = p->normal[i];
+        q->alpha[i] = p->alpha[i];
+        q->size[i] = p->size[i];
+        q->lambda[i] = p->lambda[i];
+        q->energy[i] = p->energy[i];
+    }
+    q->count = p->count;
+    particles old = *p;
+    *p = *q;
+    *q = old;
+    particles_free(q);
+    return true;
+}
+
+void particles_copy(particles *p, size_t to, size_t from)
+{
+    p->position[to] = p->position[from];
+    p->normal[to] = p->normal[from];
+    p->alpha[to] = p->alpha[from];
+    p->size[to] = p->size[from];
+    p->lambda[to] = p->lambda[from];
+    p->energy[to] = p->energy[from];
+}

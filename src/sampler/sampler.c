@@ -129,6 +129,7 @@ static bool begin(sampler *s, double support, error *e)
 {
     s->p->count = s->level_count[0];
     enter_level(s, support);
+    if (s->params.max_sigma > 0) s->sigma = fmin(s->sigma, s->params.max_sigma);
     size_t removed;
     if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
     s->removed += removed;
@@ -149,6 +150,7 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->p = particles_new(params->count, e);
     s->relax = relax_new(params->count, s->params.energy, params->list_limit, pool, e);
     if (!s->sweep || !s->p || !s->relax) goto fail;
+    s->capacity = params->count;
     s->level_count[0] = params->count;
     s->levels = params->coarse_to_fine
                     ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)

@@ -31,7 +31,7 @@ typedef enum sampler_start {
 } sampler_start;
 
 typedef struct sampler_params {
-    size_t count; /* exactly this many particles at the end, >= 4 */
+    size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
     sampler_start start;
     bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
     uint64_t seed;
@@ -39,6 +39,12 @@ typedef struct sampler_params {
     double d, gamma, nu, kappa_max;
     const grading *grading; /* spacing by place, stays the caller's; NULL: even */
     double sigma; /* initial support, world units; 0: that of the ideal packing */
+    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support is at
+     * most max_sigma, and deleted while it is so with fewer, but for min_count. max_sigma 0: the count is exact */
+    double max_sigma;
+    size_t min_count;
+    bool unbiased;      /* insertion and deletion at random instead of biased by energy */
+    size_t count_limit; /* more than this many particles are more than memory holds; 0: no limit */
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
     const energy_function *energy; /* NULL: cotangent */

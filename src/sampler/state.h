@@ -8,7 +8,7 @@
 #include "sampler/relax.h"
 #include "sampler/sampler.h"
 
-enum { SAMPLER_MAX_ROUNDS = 24, SAMPLER_STAGES = 3 };
+enum { SAMPLER_MAX_ROUNDS = 40, SAMPLER_STAGES = 3 };
 
 /* The least relative gain that each stage of rounds asks for. */
 extern const double sampler_stage_gain[SAMPLER_STAGES];
@@ -22,6 +22,7 @@ struct sampler {
     sampler_params params;
     threads *pool;
     particles *p;
+    size_t capacity; /* of p and relax */
     relax *relax;
     double spacing; /* h */
     double sigma;
@@ -65,6 +66,10 @@ bool sampler_build_lists(sampler *s, error *e);
 /* The coarsest packing shows how many particles its refinement will give. When another count would have been better
  * for the levels to come it begins again with that, *again, once. Errors: limit_memory, no_surface. */
 bool sampler_replan(sampler *s, bool *again, error *e);
+
+/* Room for `capacity` particles, in whatever holds one entry for each; lists are to be built anew. Error:
+ * limit_memory, also when the count is beyond params.count_limit. */
+bool sampler_reserve(sampler *s, size_t capacity, error *e);
 
 /* A round has come to rest: adapts the support and looks closer, refines, or ends. Errors: limit_memory,
  * no_surface. */

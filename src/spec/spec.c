@@ -496,6 +496,15 @@ static void check_sampling(reading *r, const json_at *at)
         add_fault(r, &grid, ERROR_SPEC_INVALID, "is a grid of the surface's VDB file: this surface has none");
 }
 
+static void check_control(reading *r, const json_at *at)
+{
+    const spec_control *c = &r->s->control;
+    json_at start = json_member(at, "start_count");
+    if (c->start_count > 0 && c->start_count < c->min_count)
+        add_fault(r, &start, ERROR_SPEC_INVALID, "must be at least min_count, %lld (given %lld)",
+                  (long long)c->min_count, (long long)c->start_count);
+}
+
 static void check_solver(reading *r, const json_at *at)
 {
     json_at method = json_member(at, "method"), step = json_member(at, "step");
@@ -529,6 +538,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         if (r->total == before) check_analytic(r, at);
     }
     if (strcmp(group, "/sampling") == 0 && r->total == before) check_sampling(r, at);
+    if (strcmp(group, "/sampling/control") == 0 && r->total == before) check_control(r, at);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
 }
 

@@ -71,6 +71,15 @@ typedef struct spec_grid { /* the grading by a map */
     spec_map_kind kind;
 } spec_grid;
 
+typedef enum spec_selection { SPEC_SELECTION_BIASED, SPEC_SELECTION_RANDOM } spec_selection;
+
+typedef struct spec_control { /* 6.1 */
+    int64_t min_count;
+    int64_t start_count; /* 0: min_count */
+    double max_sigma;
+    spec_selection selection; /* of the particles that are split or deleted */
+} spec_control;
+
 typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER } spec_method;
 typedef enum spec_energy {
     SPEC_ENERGY_COTANGENT,
@@ -94,6 +103,8 @@ typedef struct spec {
     int64_t count; /* sampling.count, 4 .. 1e8 */
     double spacing; /* mean distance between neighbours */
     double density; /* points per unit of area */
+    bool has_control;
+    spec_control control;
     bool has_alpha;
     spec_alpha alpha;
     bool has_curvature;

@@ -85,6 +85,7 @@ def test_a_target_comes_to_a_count(worker, tmp_path, target, value, count):
     assert worker(spec).returncode == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["requested"] == {target: value}
+    assert report["reached"][target] == pytest.approx(value, rel=1e-2)
     assert report["count"] == round(count)
     assert report["spec"]["sampling"] == {target: value}
 
@@ -95,6 +96,23 @@ def test_a_target_beyond_the_counts_is_told(worker, target, value):
     assert done.returncode == 2
     words = last_words(done)
     assert words["code"] == "spec_invalid" and f"/sampling/{target}" in words["message"]
+
+
+@pytest.mark.parametrize("method", ["paper", "sized"])
+@pytest.mark.parametrize("min_count, max_sigma", [(50, 0.4), (400, 0.4)])
+def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigma):
+    """Section 6.1: the smallest system within both; a packing whose support is max_sigma has 6 A / (sqrt 3 max_sigma^2)."""
+    control = {"min_count": min_count, "max_sigma": max_sigma}
+    done = worker(sphere(sampling={"control": control}, solver={"method": method}, output={"preview": False}))
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    assert report["requested"] == control
+    assert report["reached"] == {"count": points.count, "sigma": report["sigma"]}
+    assert points.count >= min_count and report["sigma"] <= max_sigma * (1 + 1e-9)
+    assert points.count == pytest.approx(max(min_count, 6 * 4 * math.pi / (math.sqrt(3) * max_sigma ** 2)), rel=0.03)
+    assert abs(report["energy"]["excess"]) < 0.05
+    assert (sum(r["inserted"] for r in report["rounds"]) > 0) == (method == "paper" and min_count == 50)
 
 
 # ---- what is written is on the surface, and a verdict is of what is written

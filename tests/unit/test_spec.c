@@ -102,6 +102,8 @@ static json *document_for(const spec_row *row)
         {"/sampling/curvature", GRADED("\"curvature\":{\"ratio\":2}")},
         {"/sampling/grid", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},"
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
+        {"/sampling/control", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
+                              "\"sampling\":{\"control\":{\"min_count\":100,\"max_sigma\":0.1}}}"},
         {"/sampling/m", GRADED("\"curvature\":{\"ratio\":2}")},
         {"/sampling/gradation", GRADED("\"curvature\":{\"ratio\":2}")},
     };
@@ -187,7 +189,7 @@ static bool is_bound_by_another(const spec_row *row)
 {
     const char *key = spec_row_key(row);
     return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 ||
-           strcmp(key, "rounding") == 0;
+           strcmp(key, "rounding") == 0 || strcmp(key, "start_count") == 0;
 }
 
 static double beyond(const spec_row *row, double bound, int direction)
@@ -492,6 +494,9 @@ static void test_faults(void **state)
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
                  "8193");
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
+    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma", "is required");
+    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
+                 "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}", ERROR_NOT_SUPPORTED,
                  "/solver/method", "\"witkin-heckbert\" is not supported by this version: use \"sized\"");
     expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "belongs to the minimiser");
