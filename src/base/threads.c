@@ -103,9 +103,9 @@ int threads_count(const threads *t)
     return t->count;
 }
 
-void threads_narrow(threads *t)
+void threads_narrow(threads *t, bool narrow)
 {
-    t->narrow = true;
+    t->narrow = narrow;
 }
 
 bool threads_stopped(const threads *t)

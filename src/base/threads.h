@@ -27,8 +27,8 @@ threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);
 int threads_count(const threads *t);
 
-/* From now on loops are run by the calling thread alone: the right thing for small ones. */
-void threads_narrow(threads *t);
+/* Whether loops from now on are run by the calling thread alone: the right thing for small ones. */
+void threads_narrow(threads *t, bool narrow);
 
 bool threads_stopped(const threads *t); /* false for NULL */
 

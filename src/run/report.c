@@ -3,6 +3,7 @@
 #include <math.h>
 #include <sys/resource.h>
 
+#include "base/clock.h"
 #include "sampler/pair.h"
 
 /* Neighbours within the support when the spacing resolves the surface: six, and a few of the next ring. Many
@@ -139,6 +140,11 @@ static void put_target(json *report, const report_facts *facts)
     if (s->density > 0) {
         json_put_number(requested, "density", s->density);
         json_put_number(reached, "density", (double)solved->count / facts->scan->area);
+    }
+    if (s->time_s > 0) {
+        json_put_number(requested, "time_s", s->time_s);
+        json_put_integer(reached, "count", (int64_t)solved->count);
+        json_put_number(reached, "time_s", 1e-3 * (double)(clock_monotonic_ms() - facts->progress->start_ms));
     }
     if (s->has_control) {
         json_put_integer(requested, "min_count", s->control.min_count);

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/threads.h"
+#include "run/pace.h"
 #include "run/progress.h"
 #include "run/report.h"
 #include "run/results.h"
@@ -27,6 +28,22 @@ static const size_t THREADS_FROM = 20000;
 /* The range of sampling.count, for targets that come to a count. */
 static const double COUNT_MIN = 4, COUNT_MAX = 1e8;
 
+/* With a time for a target what comes after a relaxation may take this many times what is expected. */
+static const double TAIL_SLACK = 1.3;
+/* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below this:
+ * its points no longer change places. */
+static const double STEP_FIT = 0.01;
+/* Of the particles that memory holds: the last result is kept beside the run that may replace it. */
+static const double TWO_RUNS = 0.8;
+
+/* A system at rest and what was measured of it. */
+typedef struct solution {
+    grading *grading; /* NULL: even, or by alpha */
+    sampler *sampler;
+    double *spacing_local;
+    quality quality;
+} solution;
+
 typedef struct job {
     const spec *spec;
     const run_options *options;
@@ -35,14 +52,20 @@ typedef struct job {
     threads *pool;
     source source;
     surface *scan;
-    grading *grading; /* NULL: even, or by alpha */
-    size_t count;
-    sampler *sampler;
-    double *spacing_local;
-    quality quality;
+    size_t count; /* that the target asks for; of the next run, when it asks for time */
+    solution solution;
+    int64_t end_ms; /* with a time for a target: when the job is to be over */
     json *report;
     results_facts results;
 } job;
+
+static void free_solution(solution *s)
+{
+    sampler_free(s->sampler);
+    grading_free(s->grading);
+    free(s->spacing_local);
+    *s = (solution){0};
+}
 
 /* Also after a loop that was told to stop, which then says cancelled whatever the reason. */
 static bool may_go_on(const job *j, error *e)
@@ -119,7 +142,7 @@ static grading_kind grading_kind_of(const spec *s)
 }
 
 /* The spacing by place that sampling.curvature or sampling.grid asks for. */
-static bool start_grading(job *j, error *e)
+static bool start_grading(const job *j, grading **out, error *e)
 {
     const spec *s = j->spec;
     if (!s->has_curvature && !s->has_grid) return true;
@@ -134,21 +157,20 @@ static bool start_grading(job *j, error *e)
         .max_spacing = s->max_spacing,
         .gradation = s->gradation,
     };
-    j->grading = grading_new(j->source.field, j->scan, &params, j->count, j->pool, e);
-    return j->grading != NULL;
+    *out = grading_new(j->source.field, j->scan, &params, j->count, j->pool, e);
+    return *out != NULL;
 }
 
 static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent",
                                            [SPEC_ENERGY_GAUSSIAN] = "gaussian",
                                            [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
 
-static bool start(job *j, error *e)
+/* Places j->count particles. */
+static bool place(const job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
-    progress_enter(&j->progress, PROGRESS_START);
-    j->scan = surface_scan(j->source.field, j->pool, e);
-    if (!j->scan || !resolve_count(j, e) || !start_grading(j, e)) return false;
-    if (j->count < THREADS_FROM) threads_narrow(j->pool);
+    if (!start_grading(j, &out->grading, e)) return false;
+    threads_narrow(j->pool, j->count < THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
     const sampler_params params = {
@@ -165,7 +187,7 @@ static bool start(job *j, error *e)
         .gamma = s->alpha.gamma,
         .nu = s->alpha.nu,
         .kappa_max = s->alpha.kappa_max,
-        .grading = j->grading,
+        .grading = out->grading,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .energy = energy_find(energy_names[s->energy]),
@@ -176,68 +198,163 @@ static bool start(job *j, error *e)
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
     };
-    j->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
-    return j->sampler != NULL;
+    out->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
+    return out->sampler != NULL;
 }
 
-static bool relax_until_done(job *j, error *e)
+static bool start(job *j, error *e)
 {
-    progress_enter(&j->progress, PROGRESS_RELAX);
-    while (!sampler_ended(j->sampler)) {
-        if (!may_go_on(j, e) || !sampler_step(j->sampler, e)) return false;
-        size_t sweeps, rounds;
-        const sampler_sweep *last = sampler_sweeps(j->sampler, &sweeps) + sweeps - 1;
-        sampler_rounds(j->sampler, &rounds);
-        progress_update(&j->progress, &(progress_numbers){sampler_fraction(j->sampler), rounds, sweeps,
-                                                          last->count, sampler_excess(j->sampler, last),
-                                                          last->rms_step, last->mean_log10_lambda});
+    progress_enter(&j->progress, PROGRESS_START);
+    j->scan = surface_scan(j->source.field, j->pool, e);
+    if (!j->scan) return false;
+    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
+    return resolve_count(j, e) && place(j, &j->solution, e);
+}
+
+static double seconds_left(const job *j)
+{
+    return 1e-3 * (double)(j->end_ms - clock_monotonic_ms());
+}
+
+static void show_progress(job *j, const sampler *s, const sampler_sweep *last, size_t sweeps)
+{
+    size_t rounds;
+    sampler_rounds(s, &rounds);
+    double fraction = j->spec->time_s > 0 ? 1 - seconds_left(j) / j->spec->time_s : sampler_fraction(s);
+    progress_update(&j->progress,
+                    &(progress_numbers){fraction, rounds, sweeps, last->count, sampler_excess(s, last),
+                                        last->rms_step, last->mean_log10_lambda});
+}
+
+/* Until the system is at rest, or, when time is the target, no more than `reserve_s` of it are left. */
+static bool relax_until_done(job *j, sampler *s, double reserve_s, error *e)
+{
+    while (!sampler_ended(s)) {
+        if (!may_go_on(j, e) || !sampler_step(s, e)) return false;
+        size_t sweeps;
+        const sampler_sweep *last = sampler_sweeps(s, &sweeps) + sweeps - 1;
+        show_progress(j, s, last, sweeps);
+        if (j->spec->time_s > 0 && seconds_left(j) < reserve_s) break;
     }
-    return sampler_finish(j->sampler, e);
+    return true;
 }
 
-static bool measure(job *j, error *e)
+static bool measure(job *j, solution *s, error *e)
 {
-    const sampler_points *p = sampler_result_points(j->sampler);
-    progress_enter(&j->progress, PROGRESS_MEASURE);
-    j->spacing_local = mem_array(p->count, sizeof *j->spacing_local, "the result", e);
-    if (!j->spacing_local) return false;
+    const sampler_points *p = sampler_result_points(s->sampler);
+    s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
+    if (!s->spacing_local) return false;
     const quality_input in = {p->count,
                               p->position,
                               p->normal,
                               p->alpha,
                               p->spacing,
-                              sampler_spacing(j->sampler),
-                              j->grading != NULL,
+                              sampler_spacing(s->sampler),
+                              s->grading != NULL,
                               j->source.field->open,
                               j->source.field->domain};
-    return quality_measure(&in, j->pool, j->spacing_local, NULL, &j->quality, e);
+    return quality_measure(&in, j->pool, s->spacing_local, NULL, &s->quality, e);
+}
+
+static bool write_points(job *j, error *e)
+{
+    const solution *s = &j->solution;
+    const sampler_points *p = sampler_result_points(s->sampler);
+    const points set = {p->count,  p->position, p->normal, p->kappa,   p->kappa1,
+                        p->kappa2, p->alpha,    p->energy, p->spacing, s->spacing_local};
+    json_free(j->report);
+    j->report = json_new_object();
+    return may_go_on(j, e) &&
+           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler),
+                         json_put_array(j->report, "outputs"), &j->results, e);
+}
+
+/* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty: it
+ * was not, and its points are not fit to be a result. */
+static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *late, error *e)
+{
+    int64_t begin = clock_monotonic_ms();
+    *late = false;
+    if (!place(j, out, e) ||
+        !relax_until_done(j, out->sampler, reserve_s + TAIL_SLACK * pace_rest(p, j->count), e))
+        return false;
+    size_t sweeps;
+    const sampler_sweep *last = sampler_sweeps(out->sampler, &sweeps) + sweeps - 1;
+    *late = !sampler_ended(out->sampler) && (last->rms_step > STEP_FIT || 2 * last->count < j->count);
+    if (*late) {
+        free_solution(out);
+        return true;
+    }
+    int64_t relaxed = clock_monotonic_ms();
+    if (!sampler_finish(out->sampler, e) || !measure(j, out, e)) return false;
+    int64_t end = clock_monotonic_ms();
+    pace_note(p, j->count, 1e-3 * (double)(end - begin), 1e-3 * (double)(end - relaxed));
+    return true;
+}
+
+/* Runs of ever more points, each from what those before it took, as long as one more fits into the time; the last
+ * whole one is the result. The first is written, so that it is known how long that takes. */
+static bool fill_time(job *j, error *e)
+{
+    double memory = particle_memory(j) / BYTES_PER_PARTICLE * TWO_RUNS, write_s = 0;
+    pace p = pace_begin((size_t)fmin(fmax(memory, COUNT_MIN), COUNT_MAX));
+    for (j->count = PACE_FIRST; j->count > 0; j->count = pace_next(&p, seconds_left(j) - write_s)) {
+        solution next = {0};
+        bool late;
+        /* to write a point takes less than to measure it */
+        if (!run_in_time(j, &p, write_s + pace_rest(&p, j->count), &next, &late, e)) {
+            free_solution(&next);
+            return false;
+        }
+        if (late) break;
+        free_solution(&j->solution);
+        j->solution = next;
+        if (p.runs > 1) continue;
+        int64_t begin = clock_monotonic_ms();
+        if (!write_points(j, e)) return false;
+        write_s = TAIL_SLACK * 1e-3 * (double)(clock_monotonic_ms() - begin);
+    }
+    if (p.runs > 0 && seconds_left(j) > 0) return true;
+    return error_set(
+        e, ERROR_LIMIT_TIME,
+        "/sampling/time_s: %d points of this surface, with everything that is written, take longer "
+        "than %g s: allow more time, or do without the preview",
+        PACE_FIRST, j->spec->time_s);
+}
+
+static bool relax(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_RELAX);
+    if (j->spec->time_s > 0) return fill_time(j, e);
+    return relax_until_done(j, j->solution.sampler, 0, e) && sampler_finish(j->solution.sampler, e);
+}
+
+static bool measure_result(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_MEASURE);
+    return j->spec->time_s > 0 || measure(j, &j->solution, e); /* runs in time have measured what they cost */
 }
 
 static bool write_results(job *j, error *e)
 {
-    const sampler_points *p = sampler_result_points(j->sampler);
-    const points set = {p->count,  p->position, p->normal, p->kappa,   p->kappa1,
-                        p->kappa2, p->alpha,    p->energy, p->spacing, j->spacing_local};
     progress_enter(&j->progress, PROGRESS_WRITE);
-    j->report = json_new_object();
-    return may_go_on(j, e) &&
-           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(j->sampler),
-                         json_put_array(j->report, "outputs"), &j->results, e);
+    return write_points(j, e);
 }
 
 static bool write_report(job *j, run_summary *out, error *e)
 {
-    const sampler_points *p = sampler_result_points(j->sampler);
-    bool converged = sampler_result(j->sampler) == SAMPLER_CONVERGED && p->lost == 0;
+    const solution *s = &j->solution;
+    const sampler_points *p = sampler_result_points(s->sampler);
+    bool converged = sampler_result(s->sampler) == SAMPLER_CONVERGED && p->lost == 0;
     const report_facts facts = {
         j->spec,      &j->source, j->scan,
-        j->grading,   j->sampler, &j->quality,
+        s->grading,   s->sampler, &s->quality,
         &j->results,  converged,  threads_count(j->pool),
         &j->progress,
     };
     report_fill(j->report, &facts);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
-    *out = (run_summary){converged, p->count, j->quality.hex_fraction, j->results.max_residual,
+    *out = (run_summary){converged, p->count, s->quality.hex_fraction, j->results.max_residual,
                          1e-3 * (double)(clock_monotonic_ms() - j->progress.start_ms)};
     return true;
 }
@@ -257,9 +374,10 @@ static bool prepare_output(const char *directory, error *e)
 
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
 {
-    static bool (*const phases[])(job *, error *) = {load, start, relax_until_done, measure, write_results};
+    static bool (*const phases[])(job *, error *) = {load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
     j.progress = progress_begin(options->progress_fd, options->progress_bar);
+    j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
     bool ok = prepare_output(options->output, e);
     for (size_t k = 0; ok && k < sizeof phases / sizeof phases[0]; k++) {
         ok = phases[k](&j, e);
@@ -268,9 +386,7 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
     progress_end(&j.progress);
     ok = ok && write_report(&j, out, e);
     json_free(j.report);
-    free(j.spacing_local);
-    sampler_free(j.sampler);
-    grading_free(j.grading);
+    free_solution(&j.solution);
     surface_free(j.scan);
     source_close(&j.source);
     threads_free(j.pool);

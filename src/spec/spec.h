@@ -105,6 +105,7 @@ typedef struct spec {
     double density; /* points per unit of area */
     bool has_control;
     spec_control control;
+    double time_s; /* of the whole job */
     bool has_alpha;
     spec_alpha alpha;
     bool has_curvature;

@@ -197,8 +197,8 @@ const spec_row spec_rows[] = {
     LATER("/region", SPEC_CHOICE_NONE, "Only the surface inside a box."),
 
     GROUP("/sampling", SPEC_REQUIRED,
-          "How many points: exactly one target (count, spacing, density or control), and at most one grading (alpha, "
-          "curvature or grid)."),
+          "How many points: exactly one target (count, spacing, density, control or time_s), and at most one "
+          "grading (alpha, curvature or grid)."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -266,7 +266,17 @@ const spec_row spec_rows[] = {
      AT(control.selection),
      .prose = "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
               "much to go; random: any. Only paper inserts and deletes."},
-    LATER("/sampling/time_s", SPEC_CHOICE_TARGET, "The best that fits in this time."),
+    {.pointer = "/sampling/time_s",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .choice = SPEC_CHOICE_TARGET,
+     .low = 0,
+     .high = 1e6,
+     AT(time_s),
+     .unit = "s",
+     .prose = "As many points as the whole job can relax, measure and write in this time on the machine that runs "
+              "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
+              "limit_time where not even 200 points fit."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

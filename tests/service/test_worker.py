@@ -115,6 +115,27 @@ def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigm
     assert (sum(r["inserted"] for r in report["rounds"]) > 0) == (method == "paper" and min_count == 50)
 
 
+def test_the_best_that_fits_in_a_time(worker, tmp_path):
+    done = worker(sphere(sampling={"time_s": 1.5}))
+    assert done.returncode in (0, 10), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    count = Points((tmp_path / "out" / "points.ply").read_bytes()).count
+    assert report["requested"] == {"time_s": 1.5} and set(report["reached"]) == {"count", "time_s"}
+    assert count == report["count"] == report["reached"]["count"] >= 200
+    assert report["reached"]["time_s"] > 0
+    assert report["quality"]["lost"] == 0 and report["quality"]["max_residual"] <= 1e-3
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == OUTPUTS
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr"]
+
+
+def test_a_time_in_which_nothing_fits(worker, tmp_path):
+    done = worker(sphere(sampling={"time_s": 1e-3}))
+    assert done.returncode == 5
+    words = last_words(done)
+    assert words["code"] == "limit_time" and "/sampling/time_s" in words["message"]
+    assert not (tmp_path / "out" / "report.json").exists()
+
+
 # ---- what is written is on the surface, and a verdict is of what is written
 
 @pytest.mark.parametrize("far", [1e3, 1e6, 1e9])
@@ -240,7 +261,7 @@ BAD_SPECS = {
     "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),
     "a wrong type": (sphere(count="many"), "spec_invalid", "/sampling/count"),
     "two targets": (sphere(sampling={"count": 5, "spacing": 1}), None, None),
-    "a part not built": (sphere(sampling={"time_s": 5}), "not_supported", "/sampling/time_s"),
+    "a part not built": (sphere(queue={"frames": "1-2"}), "not_supported", "/queue/frames"),
 }
 
 
