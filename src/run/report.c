@@ -89,6 +89,8 @@ static void put_sweeps(json *report, const sampler *s)
         json_put_integer(object, "count", (int64_t)sweep[k].count);
         json_put_number(object, "sigma", sweep[k].sigma);
         json_put_integer(object, "rejected", (int64_t)sweep[k].rejected);
+        json_put_integer(object, "inserted", (int64_t)sweep[k].inserted);
+        json_put_integer(object, "deleted", (int64_t)sweep[k].deleted);
     }
 }
 

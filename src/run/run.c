@@ -173,7 +173,11 @@ static bool place(const job *j, solution *out, error *e)
     threads_narrow(j->pool, j->count < THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
+    const spec_witkin_heckbert *w = &s->witkin_heckbert;
+    const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
+                                          w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
     const sampler_params params = {
+        .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,

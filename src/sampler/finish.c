@@ -145,6 +145,7 @@ bool sampler_finish(sampler *s, error *e)
     sampler_resize(s);
     if (!relax_build(s->relax, s->p, s->sigma, 0, e)) goto done;
     describe_result(s, job.residual);
+    if (!s->method->describe(s, e)) goto done;
     if (s->outcome == SAMPLER_CONVERGED && (s->out.lost > 0 || !sampler_is_on_target(s, s->out.mean_energy)))
         s->outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
     ok = true;

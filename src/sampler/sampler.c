@@ -134,7 +134,7 @@ static bool begin(sampler *s, double support, error *e)
     if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
     s->removed += removed;
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
-    return sampler_build_lists(s, e);
+    return s->method->begin(s, e);
 }
 
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
@@ -144,6 +144,7 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->field = f;
     s->scan = scan;
     s->params = *params;
+    s->method = params->witkin_heckbert ? &sampler_witkin_heckbert : &sampler_meyer;
     if (!params->energy) s->params.energy = &energy_cotangent;
     s->pool = pool;
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
@@ -167,6 +168,7 @@ fail:
 void sampler_free(sampler *s)
 {
     if (!s) return;
+    s->method->release(s);
     particles_free(s->p);
     relax_free(s->relax);
     free(s->sweep);
@@ -255,7 +257,7 @@ static bool sizes_are_settled(sampler *s)
     return false;
 }
 
-bool sampler_step(sampler *s, error *e)
+static bool relax_step(sampler *s, error *e)
 {
     if (s->lists_stale && !sampler_build_lists(s, e)) return false;
     relax_params params = {.field = s->field,
@@ -272,7 +274,7 @@ bool sampler_step(sampler *s, error *e)
     for (size_t i = 0; i < s->p->count; i++) alpha += s->p->alpha[i];
     alpha /= (double)s->p->count;
     s->sweep[s->sweep_count++] = (sampler_sweep){
-        sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count, s->sigma, sums.rejected};
+        sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count, s->sigma, sums.rejected, 0, 0};
     estimate_fraction(s, &sums);
     int over = s->sweeps_in_round - round_patience[s->stage];
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
@@ -284,6 +286,26 @@ bool sampler_step(sampler *s, error *e)
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;
+}
+
+/* What a result holds by this method is what every result holds. */
+static bool describe_nothing(sampler *s, error *e)
+{
+    (void)s;
+    (void)e;
+    return true;
+}
+
+static void release_nothing(sampler *s)
+{
+    (void)s;
+}
+
+const sampler_method sampler_meyer = {sampler_build_lists, relax_step, describe_nothing, release_nothing};
+
+bool sampler_step(sampler *s, error *e)
+{
+    return s->method->step(s, e);
 }
 
 bool sampler_ended(const sampler *s)

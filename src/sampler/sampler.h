@@ -22,6 +22,7 @@
 #include "sampler/energy.h"
 #include "sampler/grading.h"
 #include "sampler/surface.h"
+#include "sampler/witkin_heckbert.h"
 
 typedef struct sampler sampler;
 
@@ -48,7 +49,10 @@ typedef struct sampler_params {
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
     const energy_function *energy; /* NULL: cotangent */
-    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
+    const witkin_heckbert_params
+        *witkin_heckbert; /* not NULL: this method, from `count` particles on, whose number
+                                                    * then is as it comes; graded: the target radii are */
+    bool gradient;        /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
     double step;
     size_t list_limit; /* bytes that neighbour lists may take */
     int max_sweeps;
@@ -70,6 +74,7 @@ typedef struct sampler_sweep {
     size_t count;
     double sigma;
     uint64_t rejected;
+    size_t inserted, deleted; /* by Witkin and Heckbert's method, which does so at any time */
 } sampler_sweep;
 
 /* E / E_ideal - 1 of a sweep. */

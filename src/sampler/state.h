@@ -16,7 +16,19 @@ extern const double sampler_stage_gain[SAMPLER_STAGES];
 /* What the lists reach beyond the support, of h, while particles move far. */
 #define SAMPLER_SKIN_WIDE 0.6
 
+/* A way to solve: what differs between the method of 2005 and that of 1994. */
+typedef struct sampler_method {
+    bool (*begin)(sampler *s, error *e);    /* the particles are placed */
+    bool (*step)(sampler *s, error *e);     /* see sampler_step */
+    bool (*describe)(sampler *s, error *e); /* the particles are final: completes s->out */
+    void (*release)(sampler *s);            /* of what was begun, or was not */
+} sampler_method;
+
+extern const sampler_method sampler_meyer;           /* sampler.c */
+extern const sampler_method sampler_witkin_heckbert; /* witkin_heckbert.c */
+
 struct sampler {
+    const sampler_method *method;
     const field *field;
     const surface *scan;
     sampler_params params;
@@ -44,6 +56,7 @@ struct sampler {
     size_t round_count;
     int sweeps_in_round;
     double fraction;
+    struct swarm *swarm; /* of sampler_witkin_heckbert */
     sampler_points out;
     double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
 };

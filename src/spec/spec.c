@@ -18,6 +18,7 @@ typedef struct reading {
     spec_faults faults;
     size_t total;     /* faults found, kept or not */
     bool any_invalid; /* a fault that is spec_invalid was found */
+    char method[SHOWN_MAX]; /* the name of s->method, when it was asked for */
     bool shape_known; /* s->analytic.shape holds what was given */
 } reading;
 
@@ -430,10 +431,20 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     read_group(r, &place, row->pointer, json_put_object(normal, spec_row_key(row)));
 }
 
+static const char *method_name(reading *r)
+{
+    spec_word(spec_row_find("/solver", "method")->words, r->s->method, r->method, sizeof r->method);
+    return r->method;
+}
+
 static void read_row(reading *r, const json_at *group, const spec_row *row, json *normal)
 {
     json_at at = json_member(group, spec_row_key(row));
     if (row->type == SPEC_TYPE_LATER) return;
+    if (row->methods && !(row->methods & 1u << r->s->method)) {
+        if (at.node) add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the method \"%s\"", method_name(r));
+        return;
+    }
     if (row->type == SPEC_TYPE_GROUP) {
         read_member_group(r, &at, row, normal);
         return;
@@ -512,10 +523,13 @@ static void check_solver(reading *r, const json_at *at)
         add_fault(r, &step, ERROR_SPEC_INVALID, "belongs to the minimiser \"gradient\"");
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
         add_fault(r, &method, ERROR_SPEC_INVALID,
-                  "sampling.alpha belongs to the method \"paper\" (given \"sized\")");
+                  "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
     if ((r->s->has_curvature || r->s->has_grid) && r->s->method != SPEC_METHOD_SIZED)
         add_fault(r, &method, ERROR_SPEC_INVALID, "sampling.%s belongs to the method \"sized\"",
                   r->s->has_grid ? "grid" : "curvature");
+    if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
+        add_fault(r, &method, ERROR_SPEC_INVALID,
+                  "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
 }
 
 /* Reads the members of a group; a place without a node stands for an object without members. */

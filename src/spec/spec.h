@@ -80,7 +80,12 @@ typedef struct spec_control { /* 6.1 */
     spec_selection selection; /* of the particles that are split or deleted */
 } spec_control;
 
-typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER } spec_method;
+typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
+    double alpha, e_hat, rho, phi, beta, dt, gamma, nu, delta;
+    double sigma_max; /* 0: from the surface's size */
+} spec_witkin_heckbert;
+
+typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER, SPEC_METHOD_WITKIN_HECKBERT } spec_method;
 typedef enum spec_energy {
     SPEC_ENERGY_COTANGENT,
     SPEC_ENERGY_GAUSSIAN,
@@ -118,6 +123,7 @@ typedef struct spec {
     spec_energy energy;
     spec_minimiser minimiser;
     double step;  /* of the gradient minimiser, times sigma^2 */
+    spec_witkin_heckbert witkin_heckbert; /* of that method only */
     double sigma; /* solver.sigma: initial support; 0: chosen from count and area */
     spec_init init;
     uint64_t seed;

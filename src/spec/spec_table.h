@@ -48,6 +48,7 @@ typedef struct spec_row {
     spec_type type;
     unsigned flags;
     spec_choice choice;
+    unsigned methods; /* bit per spec_method that has the member; 0: all */
     unsigned shapes; /* bit per spec_shape that has the member; 0: no question of shape */
     double low, high;
     const char *otherwise;   /* the default as JSON; NULL: none */

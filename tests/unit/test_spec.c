@@ -104,6 +104,7 @@ static json *document_for(const spec_row *row)
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
         {"/sampling/control", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
                               "\"sampling\":{\"control\":{\"min_count\":100,\"max_sigma\":0.1}}}"},
+        {"/solver/witkin_heckbert", SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}"},
         {"/sampling/m", GRADED("\"curvature\":{\"ratio\":2}")},
         {"/sampling/gradation", GRADED("\"curvature\":{\"ratio\":2}")},
     };
@@ -497,11 +498,16 @@ static void test_faults(void **state)
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma", "is required");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
-    expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\"}}", ERROR_NOT_SUPPORTED,
-                 "/solver/method", "\"witkin-heckbert\" is not supported by this version: use \"sized\"");
+    expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",
+                 "is no member of the method \"sized\"");
+    expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\",\"energy\":\"gaussian\"}}", invalid,
+                 "/solver/energy", "is no member of the method \"witkin-heckbert\"");
+    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1}},\"solver\":{\"method\":"
+                 "\"witkin-heckbert\"}}",
+                 invalid, "/solver/method", "belongs to the methods \"sized\" and \"paper\"");
     expect_fault(SPHERE ",\"solver\":{\"step\":0.1}}", invalid, "/solver/step", "belongs to the minimiser");
     expect_fault("{\"sampling\":{\"count\":9,\"alpha\":{}},\"solver\":{\"method\":\"sized\"}}", invalid,
-                 "/solver/method", "belongs to the method \"paper\"");
+                 "/solver/method", "belongs to the methods \"paper\" and \"witkin-heckbert\"");
     assert_null(spec_parse(NULL, NULL, NULL));
 }
 
