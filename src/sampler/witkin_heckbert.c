@@ -396,7 +396,8 @@ static bool step(sampler *s, error *e)
     size_t inserted, deleted;
     if (!live(s, &inserted, &deleted, e)) return false;
     w->quiet = inserted + deleted > 0 ? 0 : w->quiet + 1;
-    if (w->quiet >= QUIET_STEPS && rms < s->params.step_tolerance)
+    /* what a unit of time would bring is what is left to go; Euler's step is a small part of that */
+    if (w->quiet >= QUIET_STEPS && rms < s->params.step_tolerance * w->params.dt)
         s->outcome = sampler_is_on_target(s, energy / n) && s->p->count == s->params.count ? SAMPLER_CONVERGED
                                                                                            : SAMPLER_STALLED;
     else if (s->sweep_count + 1 == (size_t)s->params.max_sweeps)

@@ -506,7 +506,7 @@ const spec_row spec_rows[] = {
      AT(witkin_heckbert.dt),
      .unit = "time",
      .prose = "Delta t: time step of Euler's method; with the other defaults it is unstable above about "
-              "0.1."},
+              "0.07."},
     {.pointer = "/solver/witkin_heckbert/gamma",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -583,8 +583,8 @@ const spec_row spec_rows[] = {
      AT(step_tolerance),
      .unit = "spacings",
      .prose = "Converged needs an rms step below this. At a thousandth of the spacing a sweep no "
-              "longer changes which "
-              "points are neighbours."},
+              "longer changes which points are neighbours. witkin-heckbert: below this over a unit of time, of "
+              "which one of its steps is a small part; it needs thousands of them."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,

@@ -136,6 +136,38 @@ def test_a_time_in_which_nothing_fits(worker, tmp_path):
     assert not (tmp_path / "out" / "report.json").exists()
 
 
+def test_the_method_of_witkin_and_heckbert(worker, tmp_path):
+    """It comes to a count of its own, which the report tells, with every split and death on the way."""
+    spec = sphere(500, solver={"method": "witkin-heckbert", "max_sweeps": 300, "witkin_heckbert": {"delta": 0.6}})
+    done = worker(spec)
+    assert done.returncode == 10, done.stderr  # out of steps
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    sweeps = report["sweeps"]
+    assert report["requested"] == {"count": 500} and report["reached"] == {"count": points.count}
+    assert points.count == 500 + sum(s["inserted"] - s["deleted"] for s in sweeps) == pytest.approx(500, rel=0.1)
+    assert sum(r["inserted"] for r in report["rounds"]) == sum(s["inserted"] for s in sweeps)
+    assert sum(r["sweeps"] for r in report["rounds"]) == len(sweeps) == 300
+    assert report["energy"]["mean"] == pytest.approx(0.8 * 6, rel=1e-2) and report["energy"]["ideal"] == pytest.approx(4.8)
+    assert report["quality"]["lost"] == 0
+    assert report["spec"]["solver"]["witkin_heckbert"] == {
+        "alpha": 6, "e_hat": 0.8, "rho": 15, "phi": 15, "beta": 10, "dt": 0.03, "gamma": 4, "nu": 0.2, "delta": 0.6,
+        "sigma_max": 0}
+    assert "energy" not in report["spec"]["solver"]
+    assert numpy.abs(numpy.linalg.norm(points.position, axis=1) - 1).max() < 1e-5
+
+
+def test_varied_targets_keep_witkin_and_heckbert_busy(worker, tmp_path):
+    """Section 3: endless insertion and deletion, and a spacing that follows its targets by half."""
+    spec = sphere(surface={"analytic": {"shape": "quartic"}}, sampling={"count": 500, "alpha": {"d": 3}},
+                  solver={"method": "witkin-heckbert", "max_sweeps": 400}, output={"preview": False})
+    assert worker(spec).returncode == 10
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    last = report["sweeps"][-100:]
+    assert sum(s["inserted"] + s["deleted"] for s in last) > report["count"] / 2
+    assert report["quality"]["grading"]["exponent"] < 0.8
+
+
 # ---- what is written is on the surface, and a verdict is of what is written
 
 @pytest.mark.parametrize("far", [1e3, 1e6, 1e9])

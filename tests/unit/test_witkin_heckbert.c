@@ -164,7 +164,7 @@ static sampler_params even_targets(const witkin_heckbert_params *w)
                             .seed = 1,
                             .max_sweeps = 2000,
                             .list_limit = SIZE_MAX,
-                            .step_tolerance = 1e-3,
+                            .step_tolerance = 0.02,
                             .energy_tolerance = 0.05};
 }
 
