@@ -3,8 +3,9 @@
  *     pace p = pace_begin(most);
  *     for (size_t count = PACE_FIRST; count > 0; count = pace_next(&p, left_s)) { ...; pace_note(&p, ...); }
  *
- * The time of a run is taken to go as a power of its count, which the last two runs give; a run is never of much
- * more points than the one before it, so that what it takes is known well. Pure arithmetic; no clock is read here.
+ * The time of a run is taken to go as a power of its count, which the last two runs give; a run is never of
+ * much more points than the one before it, so that what it takes is known well. Pure arithmetic; no clock is
+ * read here.
  */
 #ifndef HEXAD_RUN_PACE_H
 #define HEXAD_RUN_PACE_H

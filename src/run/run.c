@@ -21,6 +21,8 @@
 /* What a particle takes at the peak, from particles, neighbour lists, measures and the verification's second
  * copy: measured at 0.9 kB from a start on the surface, 1.5 kB from a random one, whose lists are longer. */
 static const double BYTES_PER_PARTICLE = 1600;
+/* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7 kB. */
+static const double BYTES_PER_PARTICLE_SWARM = 5000;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
@@ -85,9 +87,14 @@ static double particle_memory(const job *j)
     return (double)j->memory - (double)source_memory(&j->source) - pixels;
 }
 
+static double bytes_per_particle(const job *j)
+{
+    return j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE;
+}
+
 static bool fits_memory(const job *j, double count, error *e)
 {
-    double particles = count * BYTES_PER_PARTICLE, memory = particle_memory(j);
+    double particles = count * bytes_per_particle(j), memory = particle_memory(j);
     if (particles <= memory) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
@@ -182,7 +189,7 @@ static bool place(const job *j, solution *out, error *e)
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
-        .count_limit = (size_t)(particle_memory(j) / BYTES_PER_PARTICLE),
+        .count_limit = (size_t)(particle_memory(j) / bytes_per_particle(j)),
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
         .random_in_cells = j->source.volume != NULL,
         .seed = s->seed,
@@ -300,7 +307,7 @@ static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *
  * whole one is the result. The first is written, so that it is known how long that takes. */
 static bool fill_time(job *j, error *e)
 {
-    double memory = particle_memory(j) / BYTES_PER_PARTICLE * TWO_RUNS, write_s = 0;
+    double memory = particle_memory(j) / bytes_per_particle(j) * TWO_RUNS, write_s = 0;
     pace p = pace_begin((size_t)fmin(fmax(memory, COUNT_MIN), COUNT_MAX));
     for (j->count = PACE_FIRST; j->count > 0; j->count = pace_next(&p, seconds_left(j) - write_s)) {
         solution next = {0};

@@ -1,8 +1,8 @@
 /* control: the global control of section 6.1, one action at the end of each round. See state.h.
  *
- * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady state
- * is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma at its
- * bound and as many particles as have the ideal energy under it. */
+ * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady
+ * state is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma
+ * at its bound and as many particles as have the ideal energy under it. */
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -23,8 +23,8 @@ static const double COARSEST_GAIN = 1e-5;
 
 /* Of random numbers: each round has its own, from this one on. */
 enum { CONTROL_STREAM = 256 };
-/* Of the count: by how much it may miss that which the bound on sigma asks for. A wider energy_tolerance admits
- * no more than this, a narrower one half of what it is worth. */
+/* Of the count: by how much it may miss that which the bound on sigma asks for. A wider energy_tolerance
+ * admits no more than this, a narrower one half of what it is worth. */
 static const double COUNT_SLACK = 0.02;
 /* In a round at most every particle splits: twins first have to find their places. */
 static const size_t GROWTH = 2;
@@ -126,9 +126,9 @@ static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
     return ok;
 }
 
-/* The count of which the support at hand, the ideal one of the particles at hand, becomes the bound: spacing goes
- * as the root of the area per particle, and the ideal support as the spacing. Near the ideal energy this is the
- * system's energy, N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
+/* The count of which the support at hand, the ideal one of the particles at hand, becomes the bound: spacing
+ * goes as the root of the area per particle, and the ideal support as the spacing. Near the ideal energy this
+ * is the system's energy, N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
 static size_t bounded_count(const sampler *s)
 {
     double ratio = s->sigma / s->params.max_sigma, needed = (double)s->p->count * ratio * ratio;

@@ -6,9 +6,9 @@
 #include "base/memory.h"
 #include "sampler/project.h"
 
-/* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and no
- * more than this many deviations count. A choice by rank alone would take whole clusters at once, and leave
- * holes. */
+/* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and
+ * no more than this many deviations count. A choice by rank alone would take whole clusters at once, and
+ * leave holes. */
 static const double BIAS = 1, BIAS_DEVIATIONS = 3;
 /* A twin is put on the surface to this fraction of the offset; the relaxation does the rest. */
 static const double SPLIT_ACCEPT = 1e-3;

@@ -16,14 +16,14 @@ typedef enum population_bias {
     POPULATION_LOW_ENERGY
 } population_bias;
 
-/* Chooses `k` different particles, k <= p->count, by p->energy or at random: `chosen` receives their indices, ascending.
- * Error: limit_memory. */
+/* Chooses `k` different particles, k <= p->count, by p->energy or at random: `chosen` receives their indices,
+ * ascending. Error: limit_memory. */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen,
                        error *e);
 
-/* Splits particle i in its tangent plane: it and its twin, which becomes the last particle, end about `offset`
- * from where it was, on either side of it and on the surface. `p` has room for one more. False, nothing
- * changed: no place was found. */
+/* Splits particle i in its tangent plane: it and its twin, which becomes the last particle, end about
+ * `offset` from where it was, on either side of it and on the surface. `p` has room for one more. False,
+ * nothing changed: no place was found. */
 bool population_split(const field *f, particles *p, size_t i, double offset, rng *r);
 
 /* Takes the marked particles away; the others keep their order. Returns how many went. */

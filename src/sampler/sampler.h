@@ -5,9 +5,10 @@
  *     sampler_finish(s, e);                     // exact projection, normals, curvature, energies
  *
  * The caller owns the loop, the progress and the cancellation; a pool that is told to stop leaves a step
- * undone, and the caller is to end. Steps allocate nothing, but for lists that grow where particles crowd and
- * for the refinement of a level. Same field, parameters and seed give the same result for any
- * number of threads. Source: Meyer, Georgel, Whitaker 2005, sections 4 to 7.
+ * undone, and the caller is to end. Steps allocate nothing, but for lists that grow where particles crowd,
+ * for the refinement of a level and where particles are inserted. Same field, parameters and seed give the
+ * same result for any number of threads. Source: Meyer, Georgel, Whitaker 2005, sections 4 to 7; and, to be
+ * compared with, the method of Witkin and Heckbert 1994 under the same interface.
  */
 #ifndef HEXAD_SAMPLER_SAMPLER_H
 #define HEXAD_SAMPLER_SAMPLER_H
@@ -40,8 +41,8 @@ typedef struct sampler_params {
     double d, gamma, nu, kappa_max;
     const grading *grading; /* spacing by place, stays the caller's; NULL: even */
     double sigma; /* initial support, world units; 0: that of the ideal packing */
-    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support is at
-     * most max_sigma, and deleted while it is so with fewer, but for min_count. max_sigma 0: the count is exact */
+    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support is
+     * at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is exact */
     double max_sigma;
     size_t min_count;
     bool unbiased;      /* insertion and deletion at random instead of biased by energy */

@@ -1,5 +1,5 @@
-/* state: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between rounds, and
- * finish.c, which ends it. */
+/* state: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between
+ * rounds, and finish.c, which ends it. */
 #ifndef HEXAD_SAMPLER_STATE_H
 #define HEXAD_SAMPLER_STATE_H
 

@@ -14,10 +14,10 @@
 static const double SKIN = 0.5;
 /* Twins begin this far from where their particle was, of its radius. */
 static const double TWIN_OFFSET = 0.5;
-/* In one step a radius changes by this factor at most, and it stays below so many sigma_max: one who cannot split
- * must not grow for ever. */
+/* In one step a radius changes by this factor at most, and it stays below so many sigma_max: one who cannot
+ * split must not grow for ever. */
 static const double RADIUS_FACTOR = 2, RADIUS_MOST = 2;
-/* A step that leaves a particle farther off the surface than this, of its radius, is put right by projection. */
+/* A step that leaves a particle farther off the surface than this, of its radius, is projected. */
 static const double OFF_SURFACE = 0.05;
 static const int PROJECT_STEPS = 5;
 /* At rest: no one has split or died for so many steps. */
@@ -164,8 +164,8 @@ static bool reserve(sampler *s, size_t capacity, error *e)
     return true;
 }
 
-/* Spacing over amplitude with which the count comes out as it would be with even spacing: the root of the mean of
- * alpha^-2 over the area. */
+/* Spacing over amplitude with which the count comes out as it would be with even spacing: the root of the
+ * mean of alpha^-2 over the area. */
 static double amplitude_scale(const sampler *s)
 {
     if (!s->params.graded) return 1;
@@ -261,9 +261,9 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Where Euler's step ends, put back onto the surface if that is too far from it; the velocity becomes that which
- * took it there, so that radii follow what happens: at creases and rims it is not what the forces wanted. A place
- * that cannot be had is not taken. */
+/* Where Euler's step ends, put back onto the surface if that is too far from it; the velocity becomes that
+ * which took it there, so that radii follow what happens: at creases and rims it is not what the forces
+ * wanted. A place that cannot be had is not taken. */
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
@@ -409,8 +409,8 @@ static bool step(sampler *s, error *e)
 
 /* ---- the end ---- */
 
-/* Energies and neighbours are those of the particles' own Gaussians; the spacing that was asked for is that of
- * the target radii. */
+/* Energies and neighbours are those of the particles' own Gaussians; the spacing that was asked for is that
+ * of the target radii. */
 static bool describe(sampler *s, error *e)
 {
     swarm *w = s->swarm;

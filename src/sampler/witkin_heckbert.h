@@ -1,15 +1,15 @@
 /* witkin_heckbert: the method that the paper compares itself with (section 3), for comparison.
  *
- * Particles repel each other by Gaussians whose radius sigma_i each of them adapts to its own energy; one whose
- * radius is above the target splits, one whose radius is well below it may die. How many there are at the end is
- * the system's affair. Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control Implicit
- * Surfaces", section 4, of which the parameters and their defaults are; without the moving surface. Where
- * amplitudes are given the target radius of each particle is in proportion to its own, as the extensions for
- * curvature do that section 3 discusses.
+ * Particles repel each other by Gaussians whose radius sigma_i each of them adapts to its own energy; one
+ * whose radius is above the target splits, one whose radius is well below it may die. How many there are at
+ * the end is the system's affair. Source: Witkin and Heckbert 1994, "Using Particles to Sample and Control
+ * Implicit Surfaces", section 4, of which the parameters and their defaults are; without the moving surface.
+ * Where amplitudes are given the target radius of each particle is in proportion to its own, as the
+ * extensions for curvature do that section 3 discusses.
  *
- * Departures: beta is in units of 1 / sigma_i instead of 1 / length, so that surfaces of any size behave alike;
- * Gaussians are cut off at four deviations; a step is no longer than the particle's radius, and one that ends
- * off the surface is projected.
+ * Departures: beta is in units of 1 / sigma_i instead of 1 / length, so that surfaces of any size behave
+ * alike; Gaussians are cut off at four deviations; a step is no longer than the particle's radius, and one
+ * that ends off the surface is projected.
  *
  * The method itself is an entry in the table of state.h; these are the formulas. Pure functions, any thread.
  */

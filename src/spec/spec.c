@@ -498,6 +498,9 @@ static void check_sampling(reading *r, const json_at *at)
     }
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
+    json_at time = json_member(at, "time_s");
+    if (time.node && (s->min_spacing > 0 || s->max_spacing > 0))
+        add_fault(r, &time, ERROR_SPEC_INVALID, "needs to choose the count: leave out min_spacing and max_spacing");
     if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
         add_fault(r, &most, ERROR_SPEC_INVALID, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                   s->max_spacing);

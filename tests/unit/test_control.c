@@ -1,4 +1,5 @@
-/* Global control (6.1): particles inserted and deleted until a bound on their number and one on the support hold. */
+/* Global control (6.1): particles inserted and deleted until a bound on their number and one on the support
+ * hold. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -49,7 +49,8 @@ static void the_time_is_used(void **state)
             if (spent < 0.5 * budget || spent > budget) fail_msg("cost %zu: %g of %g s", k, spent, budget);
             /* no count less than half of the best that a run of the whole time would have */
             double best = pow((budget - costs[k].fixed) / costs[k].each, 1 / costs[k].power);
-            if ((double)reached < 0.35 * best) fail_msg("cost %zu: %zu of %g in %g s", k, reached, best, budget);
+            if ((double)reached < 0.35 * best)
+                fail_msg("cost %zu: %zu of %g in %g s", k, reached, best, budget);
         }
 }
 

@@ -495,6 +495,8 @@ static void test_faults(void **state)
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
                  "8193");
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
+    expect_fault("{\"sampling\":{\"time_s\":9,\"curvature\":{\"ratio\":2},\"min_spacing\":0.1}}", invalid,
+                 "/sampling/time_s", "leave out min_spacing");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma", "is required");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");

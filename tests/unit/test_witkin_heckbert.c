@@ -1,6 +1,6 @@
-/* The method of 1994: its formulas against finite differences and a lattice; and what the paper of 2005 says of it in
- * section 3, measured: homogeneous where targets are even, and where they vary a cycle of insertion and deletion
- * that never ends, or, with more hysteresis, a homogeneous result all the same. */
+/* The method of 1994: its formulas against finite differences and a lattice; and what the paper of 2005 says
+ * of it in section 3, measured: homogeneous where targets are even, and where they vary a cycle of insertion
+ * and deletion that never ends, or, with more hysteresis, a homogeneous result all the same. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -300,8 +300,9 @@ static void varied_targets_never_come_to_rest(void **state)
     }
 }
 
-/* "when we tuned parameters to stop the insertion-deletion cycle by expanding the hysteresis of insertion and deletion
- * we found that the particle distributions did not reflect the desired differences in particle densities" */
+/* "when we tuned parameters to stop the insertion-deletion cycle by expanding the hysteresis of insertion and
+ * deletion we found that the particle distributions did not reflect the desired differences in particle
+ * densities" */
 static void hysteresis_ends_the_cycle_and_the_contrast(void **state)
 {
     (void)state;
