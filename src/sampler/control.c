@@ -27,7 +27,7 @@ enum { CONTROL_STREAM = 256 };
  * admits no more than this, a narrower one half of what it is worth. */
 static const double COUNT_SLACK = 0.02;
 /* In a round at most every particle splits: twins first have to find their places. */
-static const size_t GROWTH = 2;
+static const double GROWTH = 2;
 /* Twins start this far from where their particle was, of the new spacing. */
 static const double TWIN_OFFSET = 0.25;
 
@@ -137,7 +137,7 @@ static size_t bounded_count(const sampler *s)
     if (count >= ceil(needed * (1 - slack)) &&
         count <= fmax(ceil(needed * (1 + slack)), (double)s->params.min_count))
         return s->p->count;
-    return (size_t)fmax(ceil(needed), (double)s->params.min_count);
+    return (size_t)fmin(fmax(ceil(needed), (double)s->params.min_count), GROWTH * count);
 }
 
 /* Inserts or deletes particles until sigma, which is the ideal one of those at hand, is within its bound. */
@@ -146,7 +146,6 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
     size_t before = s->p->count, wanted = bounded_count(s), inserted = 0;
     *changed = wanted != before;
     if (!*changed) return true;
-    if (wanted > GROWTH * before) wanted = GROWTH * before;
     sampler_round *round = &s->round[s->round_count - 1];
     rng r = rng_seed(s->params.seed, CONTROL_STREAM + s->round_count);
     if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;

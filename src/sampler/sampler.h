@@ -50,10 +50,10 @@ typedef struct sampler_params {
     bool
         coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
     const energy_function *energy; /* NULL: cotangent */
-    const witkin_heckbert_params
-        *witkin_heckbert; /* not NULL: this method, from `count` particles on, whose number
-                                                    * then is as it comes; graded: the target radii are */
-    bool gradient;        /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
+    /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;
+     * graded: its target radii go with the amplitudes (14) */
+    const witkin_heckbert_params *witkin_heckbert;
+    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
     double step;
     size_t list_limit; /* bytes that neighbour lists may take */
     int max_sweeps;
