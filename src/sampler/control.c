@@ -23,8 +23,9 @@ static const double COARSEST_GAIN = 1e-5;
 
 /* Of random numbers: each round has its own, from this one on. */
 enum { CONTROL_STREAM = 256 };
-/* Of the count: by how much it may miss that which the bound on sigma asks for. A wider energy_tolerance
- * admits no more than this, a narrower one half of what it is worth. */
+/* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
+ * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
+ * with too many sigma is a little below it. */
 static const double COUNT_SLACK = 0.02;
 /* In a round at most every particle splits: twins first have to find their places. */
 static const double GROWTH = 2;
@@ -132,10 +133,10 @@ static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
 static size_t bounded_count(const sampler *s)
 {
     double ratio = s->sigma / s->params.max_sigma, needed = (double)s->p->count * ratio * ratio;
-    double slack = fmin(COUNT_SLACK, s->params.energy_tolerance / s->params.energy->ideal_slope);
+    double short_of = fmin(COUNT_SLACK, s->params.energy_tolerance / s->params.energy->ideal_slope);
     double count = (double)s->p->count;
-    if (count >= ceil(needed * (1 - slack)) &&
-        count <= fmax(ceil(needed * (1 + slack)), (double)s->params.min_count))
+    if (count >= ceil(needed * (1 - short_of)) &&
+        count <= fmax(ceil(needed * (1 + COUNT_SLACK)), (double)s->params.min_count))
         return s->p->count;
     return (size_t)fmin(fmax(ceil(needed), (double)s->params.min_count), GROWTH * count);
 }

@@ -211,6 +211,21 @@ static void particles_are_deleted_while_sigma_allows(void **state)
     }
 }
 
+/* Where next to nothing may be missing, what is one too many does not start it all again. */
+static void a_narrow_tolerance_is_met(void **state)
+{
+    (void)state;
+    for (size_t start = 300; start <= 3000; start *= 10) {
+        sampler_params params = bounded(start, 300, 0.125);
+        params.energy_tolerance = 1e-3;
+        solved x;
+        solve(QUARTIC, &params, 1, &x);
+        expect_bounds(&x, 300, 0.125);
+        assert_true(fabs(x.points->mean_energy / x.points->ideal_energy - 1) < 1e-3);
+        release(&x);
+    }
+}
+
 static void the_least_count_binds(void **state)
 {
     (void)state;
@@ -284,6 +299,7 @@ int main(void)
         cmocka_unit_test(twins_are_on_the_surface),
         cmocka_unit_test(particles_are_inserted_until_sigma_is_within_its_bound),
         cmocka_unit_test(particles_are_deleted_while_sigma_allows),
+        cmocka_unit_test(a_narrow_tolerance_is_met),
         cmocka_unit_test(the_least_count_binds),
         cmocka_unit_test(amplitudes_and_rims_do_not_disturb_it),
         cmocka_unit_test(threads_do_not_show),
