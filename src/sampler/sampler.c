@@ -273,8 +273,14 @@ static bool relax_step(sampler *s, error *e)
     double alpha = 0;
     for (size_t i = 0; i < s->p->count; i++) alpha += s->p->alpha[i];
     alpha /= (double)s->p->count;
-    s->sweep[s->sweep_count++] = (sampler_sweep){
-        sums.energy / alpha, sums.mean_log10_lambda, sums.rms_step, s->p->count, s->sigma, sums.rejected, 0, 0};
+    s->sweep[s->sweep_count++] = (sampler_sweep){sums.energy / alpha,
+                                                 sums.mean_log10_lambda,
+                                                 sums.rms_step,
+                                                 s->p->count,
+                                                 s->sigma,
+                                                 sums.rejected,
+                                                 0,
+                                                 0};
     estimate_fraction(s, &sums);
     int over = s->sweeps_in_round - round_patience[s->stage];
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
