@@ -96,5 +96,5 @@ void source_describe(const source *s, json *report, json *surface, json *warning
 size_t source_memory(const source *s)
 {
     if (s->volume) return volume_describe(s->volume)->memory_bytes + map_memory(s->map);
-    return s->analytic ? s->analytic->crossing_count * sizeof *s->analytic->crossing : 0;
+    return s->analytic ? cell_grid_bytes(&s->analytic->grid) : 0;
 }
