@@ -243,12 +243,13 @@ static void lay_out_grid(analytic *a)
 {
     const analytic_params *p = &a->params;
     vec3 half = half_extent(p);
-    a->base.open = p->shape == ANALYTIC_GYROID;
+    bool open = p->shape == ANALYTIC_GYROID;
     /* a closed surface must not touch the faces; an odd margin also keeps symmetric shapes from putting
      * their zeros exactly on corners */
-    double margin = a->base.open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
+    double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
     a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
+    field_set_rims(&a->base, open ? FIELD_ALL_FACES : 0);
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
     a->grid.box = a->base.domain;

@@ -88,20 +88,46 @@ bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *orac
     free(w.corners);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     if (g->count <= CELL_GRID_MOST) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY, "the surface crosses more than %zu cells of size %g: it is too fine for its size",
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the surface crosses more than %zu cells of size %g: it is too fine for its size",
                      CELL_GRID_MOST, f->cell_size);
+}
+
+static void find_place(const cell_grid *g, size_t index, int64_t at[3])
+{
+    int64_t linear = g->crossing[index];
+    at[0] = linear % g->cells[0];
+    at[1] = linear / g->cells[0] % g->cells[1];
+    at[2] = linear / (g->cells[0] * g->cells[1]);
 }
 
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
                     field_cell *out)
 {
-    int64_t linear = g->crossing[index];
-    int64_t i = linear % g->cells[0], j = linear / g->cells[0] % g->cells[1],
-            k = linear / (g->cells[0] * g->cells[1]);
+    int64_t at[3];
+    find_place(g, index, at);
     for (int c = 0; c < 8; c++) {
-        out->corner[c] = grid_corner(g, i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
+        out->corner[c] = grid_corner(g, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
         out->value[c] = oracle->value(f, out->corner[c]);
     }
+}
+
+unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle)
+{
+    unsigned faces = 0;
+    for (size_t n = 0; n < g->count; n++) {
+        int64_t at[3];
+        find_place(g, n, at);
+        for (int face = 0; face < 6; face++) {
+            int axis = face >> 1, high = face & 1, inside = 0;
+            field_cell cell;
+            if (faces >> face & 1 || at[axis] != (high ? g->cells[axis] - 1 : 0)) continue;
+            cell_grid_cell(g, f, oracle, n, &cell);
+            for (int c = 0; c < 8; c++) inside += (c >> axis & 1) == high && cell.value[c] < 0;
+            if (inside > 0 && inside < 4) faces |= 1u << face;
+        }
+    }
+    return faces;
 }
 
 size_t cell_grid_bytes(const cell_grid *g)

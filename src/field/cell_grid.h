@@ -38,6 +38,9 @@ bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *orac
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
                     field_cell *out);
 
+/* Which faces of the box the surface meets, as far as corners tell: bits as for field_set_rims. */
+unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle);
+
 size_t cell_grid_bytes(const cell_grid *g);
 void cell_grid_free(cell_grid *g);
 

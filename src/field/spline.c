@@ -63,7 +63,8 @@ static inline void bend_weights(double t, double w[4])
     w[3] = t;
 }
 
-static inline __attribute__((always_inline)) void gradient(const support *c, const double t[3], spline_jet *out)
+static inline __attribute__((always_inline)) void gradient(const support *c, const double t[3],
+                                                           spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4];
     lanes vz, sz, value = {0}, along_x = {0}, along_y = {0};
@@ -89,7 +90,8 @@ static inline __attribute__((always_inline)) void gradient(const support *c, con
     out->d[2] = dot(&value, &sz);
 }
 
-static inline __attribute__((always_inline)) void hessian(const support *c, const double t[3], spline_jet *out)
+static inline __attribute__((always_inline)) void hessian(const support *c, const double t[3],
+                                                          spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4], bx[4], by[4];
     lanes vz, sz, bz, vv = {0}, sv = {0}, vs = {0}, ss = {0}, bv = {0}, vb = {0};

@@ -186,7 +186,7 @@ static bool measure(job *j, error *e)
                               sampler_spacing(j->sampler),
                               j->grading != NULL,
                               j->source.field->open,
-                              j->source.field->domain};
+                              j->source.field->rims};
     return quality_measure(&in, j->pool, j->spacing_local, NULL, &j->quality, e);
 }
 
