@@ -88,9 +88,9 @@ static bool open_bspline(const spec_bspline *b, const store_roots *roots, size_t
     return true;
 }
 
-bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
+static bool open_whole(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
+                       error *e)
 {
-    *out = (source){0};
     switch (s->surface_kind) {
     case SPEC_SURFACE_VDB:
         return open_volume(s, roots, memory, out, e);
@@ -102,8 +102,20 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, threads
     return false;
 }
 
+bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
+{
+    *out = (source){0};
+    if (!open_whole(s, roots, memory, pool, out, e)) return false;
+    if (!s->has_region) return true;
+    out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
+    if (!out->region) return out->input_path ? error_prefix(e, "%s", out->input_path) : false;
+    out->field = region_field(out->region);
+    return true;
+}
+
 void source_close(source *s)
 {
+    region_free(s->region);
     analytic_free(s->analytic);
     bspline_free(s->bspline);
     volume_close(s->volume);
@@ -136,7 +148,9 @@ void source_describe(const source *s, json *report, json *surface, json *warning
 
 size_t source_memory(const source *s)
 {
-    if (s->volume) return volume_describe(s->volume)->memory_bytes + map_memory(s->map);
-    if (s->analytic) return cell_grid_bytes(&s->analytic->grid);
-    return s->bspline ? bspline_bytes(s->bspline) : 0;
+    size_t bytes = s->region ? region_bytes(s->region) : 0;
+    if (s->volume) bytes += volume_describe(s->volume)->memory_bytes + map_memory(s->map);
+    if (s->analytic) bytes += cell_grid_bytes(&s->analytic->grid);
+    if (s->bspline) bytes += bspline_bytes(s->bspline);
+    return bytes;
 }

@@ -7,6 +7,7 @@
 #include "field/analytic.h"
 #include "field/bspline.h"
 #include "field/field.h"
+#include "field/region.h"
 #include "json/json.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -19,7 +20,8 @@ typedef struct source {
     analytic *analytic; /* one of the three */
     bspline *bspline;
     volume *volume;
-    map *map; /* of sampling.grid, or NULL */
+    map *map;               /* of sampling.grid, or NULL */
+    region *region;         /* the part of it that the spec asks for, or NULL */
     double *coefficients;   /* of a B-spline whose file was read */
     const char *input_path; /* as the spec gives it, or NULL */
     uint64_t input_bytes;

@@ -25,7 +25,7 @@ static vec3 random_in_domain(const field *f, rng *r)
     return vec3_add(f->domain.min, (vec3){u.x * size.x, u.y * size.y, u.z * size.z});
 }
 
-static vec3 random_in_cells(const field *f, size_t cells, rng *r)
+static vec3 random_in_cell(const field *f, size_t cells, rng *r)
 {
     field_cell cell;
     size_t k = (size_t)(rng_uniform(r) * (double)cells);
@@ -33,6 +33,15 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     vec3 p = cell.corner[0];
     for (int axis = 0; axis < 3; axis++)
         p = vec3_axpy(rng_uniform(r), vec3_sub(cell.corner[1 << axis], cell.corner[0]), p);
+    return p;
+}
+
+/* Of a cell that a face of the domain cuts, only what is inside. */
+static vec3 random_in_cells(const field *f, size_t cells, rng *r)
+{
+    vec3 p = random_in_cell(f, cells, r);
+    for (size_t draw = 0; f->open && draw < MAX_DRAWS && !bbox_contains(f->domain, p); draw++)
+        p = random_in_cell(f, cells, r);
     return p;
 }
 

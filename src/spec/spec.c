@@ -591,6 +591,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     }
     if (strcmp(group, "/surface/bspline/domain") == 0 && r->total == before)
         check_box(r, at, &r->s->bspline.domain);
+    if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
 }
 

@@ -101,6 +101,7 @@ static json *document_for(const spec_row *row)
         {"/surface/bspline",
          "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
          "\"sampling\":{\"count\":100}}"},
+        {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
@@ -406,6 +407,23 @@ static void test_fields(void **state)
     spec_free(NULL);
 }
 
+static void test_region(void **state)
+{
+    (void)state;
+    spec *s = good(SPHERE ",\"region\":{\"min\":[-1,0,0.5],\"max\":[1,2,0.75]}}");
+    assert_true(s->has_region && s->region.min.z == 0.5 && s->region.max.z == 0.75);
+    spec_free(s);
+    s = good(SPHERE "}");
+    assert_false(s->has_region);
+    spec_free(s);
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/max", "is required");
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,1,0]}}", ERROR_SPEC_INVALID, "/region/max/2",
+                 "begins at 0 and ends at 0");
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,-1,\"x\"]}}", ERROR_SPEC_INVALID,
+                 "/region/max/2", "must be a number");
+    expect_fault(SPHERE ",\"region\":[0,1]}", ERROR_SPEC_INVALID, "/region", "must be an object");
+}
+
 /* A document with a B-spline of 4 x 4 x 4 and these members beside dims. */
 static char *bspline(const char *dims, const char *members)
 {
@@ -686,6 +704,7 @@ int main(void)
         cmocka_unit_test(test_every_later_member_is_not_supported),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),
+        cmocka_unit_test(test_region),
         cmocka_unit_test(test_bspline),
         cmocka_unit_test(test_many_coefficients),
         cmocka_unit_test(test_preview_switch),
