@@ -16,14 +16,15 @@ typedef struct search {
     threads *pool;   /* only to ask whether to stop */
 } search;
 
-/* Never outside the box: beyond its last cell, or by rounding, stands for its face. */
+/* Faces are exact, and what is beyond the last cell stands for its face. */
 static vec3 grid_corner(const cell_grid *g, int64_t i, int64_t j, int64_t k)
 {
     const int64_t at[3] = {i, j, k};
-    vec3 corner = {0, 0, 0}, size = bbox_size(g->box);
+    vec3 corner = g->box.max, size = bbox_size(g->box);
     for (int axis = 0; axis < 3; axis++) {
+        if (at[axis] >= g->cells[axis]) continue;
         double from_min = vec3_get(size, axis) * (double)at[axis] / (double)g->cells[axis];
-        vec3_set(&corner, axis, fmin(vec3_get(g->box.min, axis) + from_min, vec3_get(g->box.max, axis)));
+        vec3_set(&corner, axis, vec3_get(g->box.min, axis) + from_min);
     }
     return corner;
 }

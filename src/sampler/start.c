@@ -2,6 +2,7 @@
 
 #include "base/rng.h"
 #include "sampler/project.h"
+#include "sampler/rims.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;
@@ -13,6 +14,12 @@ static const size_t MAX_DRAWS = 1000;
  * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
  * that its cells resolve the ratio is below 2. */
 static const double DEGENERATE = 50;
+/* Rims get no more than one in so many particles. */
+static const size_t RIMS_SHARE = 2;
+/* Other particles keep this far from rims, in h: half of what a row and the next have between them. Where
+ * there is no room for that, so many draws try. */
+static const double RIM_CLEAR = 0.45;
+static const size_t RIM_DRAWS = 20;
 /* Newton's method that ends farther outside of the surface's box than this times h, or a cell, ran off. */
 static const double FARTHEST = 1.0;
 
@@ -77,21 +84,48 @@ static bool settle(const field *f, const sampler_params *params, double spacing,
            (params->start == SAMPLER_START_SURFACE || !is_degenerate(f, *x));
 }
 
+/* The first particles, in rows along the rims. *count is how many. */
+static bool place_rims(const surface *scan, double spacing, particles *p, size_t *count, error *e)
+{
+    rims row;
+    bool ok = rims_find(scan, spacing, p->count / RIMS_SHARE, &row, e);
+    for (size_t i = 0; ok && i < row.count; i++) {
+        p->position[i] = row.position[i];
+        p->normal[i] = row.normal[i];
+    }
+    *count = ok ? row.count : 0;
+    rims_free(&row);
+    return ok;
+}
+
+/* Whether a point is so near to a rim, along the surface, that it would push its way into the row there. */
+static bool crowds_rim(const field *f, vec3 x, vec3 normal, double spacing)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
+        double height = fmin(at - vec3_get(f->rims.min, axis), vec3_get(f->rims.max, axis) - at);
+        if (height < RIM_CLEAR * spacing * slope) return true;
+    }
+    return false;
+}
+
 bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
                  threads *pool, particles *p, size_t *removed, error *e)
 {
     rng r = rng_seed(params->seed, 1);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
-    size_t drawn_again = 0;
-    for (size_t i = 0; i < p->count; i++)
+    size_t drawn_again = 0, first = 0;
+    if (params->start == SAMPLER_START_SURFACE && !place_rims(scan, spacing, p, &first, e)) return false;
+    for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-            vec3 x = draw_point(f, scan, params, i, p->count, draw, &r);
-            if (settle(f, params, spacing, near, &x, &p->normal[i])) {
+            vec3 x = draw_point(f, scan, params, i - first, p->count - first, draw, &r);
+            bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
+            if (settled && !(first > 0 && draw < RIM_DRAWS && crowds_rim(f, x, p->normal[i], spacing))) {
                 p->position[i] = x;
                 break;
             }
-            drawn_again++;
+            drawn_again += !settled;
             if (draw == MAX_DRAWS)
                 return error_set(e, ERROR_NO_SURFACE,
                                  "particle %zu of %zu does not reach the surface in %zu draws: the field "

@@ -6,8 +6,6 @@
 #include "base/memory.h"
 #include "sampler/project.h"
 
-/* A cell's surface has at most two triangles in each of six tetrahedra. */
-#define CELL_TRIANGLES 12
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 
 /* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to 7. */
@@ -50,9 +48,9 @@ typedef struct corner {
 
 typedef struct triangulation {
     int count;
-    corner at[CELL_TRIANGLES][3];
-    double area[CELL_TRIANGLES]; /* of what lies in the domain */
-    bbox box;                    /* likewise */
+    corner at[SURFACE_CELL_TRIANGLES][3];
+    double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain */
+    bbox box;                            /* likewise */
 } triangulation;
 
 /* A point near the surface, onto it, if that is within `reach`. */
@@ -154,28 +152,26 @@ typedef struct clip_corner {
     unsigned faces; /* bit 2 k + high: lies in that face of the domain */
 } clip_corner;
 
-/* Onto the surface along the axes that are not fixed (bit k), no farther than `reach`, if that can be done. */
-static void slide(const field *f, unsigned fixed, double reach, corner *c)
+bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal)
 {
-    vec3 p = c->position;
-    c->smooth = false;
+    vec3 p = *x;
     for (int k = 0; k <= SLIDE_STEPS; k++) {
         field_sample s;
-        if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return;
+        if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return false;
         double length = vec3_norm(s.gradient);
-        if (fabs(s.value) <= ROOT_TOLERANCE * f->cell_size * length && length > 0) {
-            c->position = p;
-            c->normal = vec3_scale(s.gradient, 1 / length);
-            c->smooth = true;
-            return;
+        if (length > 0 && fabs(s.value) <= ROOT_TOLERANCE * f->cell_size * length) {
+            *x = p;
+            *normal = vec3_scale(s.gradient, 1 / length);
+            return true;
         }
         for (int axis = 0; axis < 3; axis++)
             if (fixed >> axis & 1) vec3_set(&s.gradient, axis, 0);
         double g2 = vec3_norm2(s.gradient);
-        if (!(g2 > 0)) return;
+        if (!(g2 > 0)) return false;
         p = vec3_axpy(-s.value / g2, s.gradient, p);
-        if (vec3_norm2(vec3_sub(p, c->position)) > reach * reach) return;
+        if (vec3_norm2(vec3_sub(p, *x)) > reach * reach) return false;
     }
+    return false;
 }
 
 /* Between two corners on either side of a face, in it. */
@@ -191,7 +187,8 @@ static clip_corner cut_side(const field *f, const clip_corner *p, const clip_cor
     for (int k = 0; k < 6; k++)
         if (c.faces >> k & 1) fixed |= 1u << (k >> 1);
     vec3_set(&c.corner.position, axis, plane);
-    slide(f, fixed, RISE_LIMIT * vec3_norm(side), &c.corner);
+    c.corner.smooth =
+        surface_slide(f, fixed, RISE_LIMIT * vec3_norm(side), &c.corner.position, &c.corner.normal);
     return c;
 }
 
@@ -247,7 +244,8 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
     for (int k = 0; k < 3; k++) {
         vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
         middle[k] = (corner){.position = vec3_scale(vec3_add(p, q), 0.5)};
-        slide(f, 0, RISE_LIMIT * vec3_norm(vec3_sub(q, p)), &middle[k]);
+        middle[k].smooth = surface_slide(f, 0, RISE_LIMIT * vec3_norm(vec3_sub(q, p)), &middle[k].position,
+                                         &middle[k].normal);
     }
     double sum = clipped_area(f, middle, depth + 1, box);
     for (int k = 0; k < 3; k++)
@@ -255,19 +253,12 @@ static double clipped_area(const field *f, const corner *t, int depth, bbox *box
     return sum;
 }
 
-static void add_triangle(const field *f, bool whole, triangulation *out, const corner *a, const corner *b,
-                         const corner *c)
+static void add_triangle(triangulation *out, const corner *a, const corner *b, const corner *c)
 {
-    corner *t = out->at[out->count];
+    corner *t = out->at[out->count++];
     t[0] = *a;
     t[1] = *b;
     t[2] = *c;
-    if (!whole) {
-        out->area[out->count++] = clipped_area(f, t, 0, &out->box);
-        return;
-    }
-    for (int k = 0; k < 3; k++) out->box = bbox_include(out->box, t[k].position);
-    out->area[out->count++] = curved_area(f, t, 0);
 }
 
 /* Whether the domain ends nowhere in the cell. */
@@ -278,20 +269,17 @@ static bool is_whole(const field *f, const field_cell *cell)
     return true;
 }
 
-static void cut_cell(const field *f, size_t index, triangulation *out)
+/* The triangles alone. */
+static void cut_cell(const field *f, const field_cell *cell, triangulation *out)
 {
-    field_cell cell;
     corner cache[EDGES];
     memset(cache, 0, sizeof cache);
-    f->ops->cell(f, index, &cell);
-    bool whole = is_whole(f, &cell);
     out->count = 0;
-    out->box = bbox_empty();
     for (int k = 0; k < 6; k++) {
         int inside[4], outside[4], in = 0, ex = 0;
         for (int v = 0; v < 4; v++) {
             int c = tetrahedra[k][v];
-            if (cell.value[c] < 0)
+            if (cell->value[c] < 0)
                 inside[in++] = c;
             else
                 outside[ex++] = c;
@@ -301,9 +289,24 @@ static void cut_cell(const field *f, size_t index, triangulation *out)
         int n = 0;
         for (int i = 0; i < in; i++) /* in the order of a ring round the section */
             for (int j = 0; j < ex; j++)
-                cut[n++] = cut_edge(f, &cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
-        add_triangle(f, whole, out, cut[0], cut[1], cut[2]);
-        if (n == 4) add_triangle(f, whole, out, cut[0], cut[2], cut[3]);
+                cut[n++] = cut_edge(f, cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+        add_triangle(out, cut[0], cut[1], cut[2]);
+        if (n == 4) add_triangle(out, cut[0], cut[2], cut[3]);
+    }
+}
+
+/* And what of them lies in the domain. */
+static void measure_cell(const field *f, size_t index, triangulation *out)
+{
+    field_cell cell;
+    f->ops->cell(f, index, &cell);
+    cut_cell(f, &cell, out);
+    bool whole = is_whole(f, &cell);
+    out->box = bbox_empty();
+    for (int i = 0; i < out->count; i++) {
+        const corner *t = out->at[i];
+        for (int k = 0; whole && k < 3; k++) out->box = bbox_include(out->box, t[k].position);
+        out->area[i] = whole ? curved_area(f, t, 0) : clipped_area(f, t, 0, &out->box);
     }
 }
 
@@ -322,7 +325,7 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
         job->box[chunk] = bbox_empty();
         for (size_t k = chunk * GRAIN; k < last; k++) {
             double area = 0;
-            cut_cell(job->s->field, k, &t);
+            measure_cell(job->s->field, k, &t);
             for (int i = 0; i < t.count; i++) area += t.area[i];
             job->box[chunk] = bbox_unite(job->box[chunk], t.box);
             job->s->area_before[k + 1] = area;
@@ -395,7 +398,7 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
             high = middle - 1;
     }
     triangulation t;
-    cut_cell(s->field, low, &t);
+    measure_cell(s->field, low, &t);
     double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
     for (int i = 0; i < t.count; i++) rest += share * t.area[i];
     int k = 0;
@@ -404,4 +407,15 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
     for (int draw = 0; s->field->open && draw < INSIDE_DRAWS && !bbox_contains(s->field->domain, p); draw++)
         p = point_of_triangle(t.at[k], r);
     return p;
+}
+
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3])
+{
+    field_cell place;
+    triangulation t;
+    s->field->ops->cell(s->field, cell, &place);
+    cut_cell(s->field, &place, &t);
+    for (int i = 0; i < t.count; i++)
+        for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
+    return t.count;
 }
