@@ -14,8 +14,6 @@ static const size_t MAX_DRAWS = 1000;
  * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
  * that its cells resolve the ratio is below 2. */
 static const double DEGENERATE = 50;
-/* Rims get no more than one in so many particles. */
-static const size_t RIMS_SHARE = 2;
 /* Other particles keep this far from rims, in h: half of what a row and the next have between them. Where
  * there is no room for that, so many draws try. */
 static const double RIM_CLEAR = 0.45;
@@ -88,7 +86,7 @@ static bool settle(const field *f, const sampler_params *params, double spacing,
 static bool place_rims(const surface *scan, double spacing, particles *p, size_t *count, error *e)
 {
     rims row;
-    bool ok = rims_find(scan, spacing, p->count / RIMS_SHARE, &row, e);
+    bool ok = rims_find(scan, spacing, p->count, &row, e);
     for (size_t i = 0; ok && i < row.count; i++) {
         p->position[i] = row.position[i];
         p->normal[i] = row.normal[i];
