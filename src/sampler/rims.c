@@ -162,12 +162,24 @@ static bool join_segments(segments *all, error *e)
 typedef struct curve {
     vec3 *point;
     size_t count;
-    double length;
+    double length; /* see side_length */
     bool closed;
 } curve;
 
+/* The requested spacing at x over that of an even request. */
+static double size_at(const rims_request *r, vec3 x)
+{
+    return r->grading ? grading_spacing(r->grading, x, NULL) / r->even : 1;
+}
+
+/* The length of a side where the request is even; its spacings, times a constant, in general. */
+static double side_length(const rims_request *r, vec3 a, vec3 b)
+{
+    return vec3_norm(vec3_sub(b, a)) / size_at(r, vec3_scale(vec3_add(a, b), 0.5));
+}
+
 /* The curve that begins with end `first` of its segment. Its segments are marked. */
-static void follow(const segments *all, size_t first, bool *seen, curve *out)
+static void follow(const rims_request *r, const segments *all, size_t first, bool *seen, curve *out)
 {
     size_t at = first;
     out->count = 0;
@@ -177,7 +189,7 @@ static void follow(const segments *all, size_t first, bool *seen, curve *out)
         size_t other = at ^ 1;
         vec3 x = all->item[other / 2].end[other % 2];
         seen[at / 2] = true;
-        out->length += vec3_norm(vec3_sub(x, out->point[out->count - 1]));
+        out->length += side_length(r, out->point[out->count - 1], x);
         out->point[out->count++] = x;
         at = all->partner[other];
     } while (at != NONE && !seen[at / 2]);
@@ -188,7 +200,8 @@ static void follow(const segments *all, size_t first, bool *seen, curve *out)
 
 typedef struct placing {
     const surface *s;
-    double spacing;
+    const rims_request *request;
+    double spacing; /* of a row, where the request is even */
     rims *out;
     size_t room;
 } placing;
@@ -200,7 +213,8 @@ static bool settle(const placing *w, vec3 *x, vec3 *normal)
     unsigned fixed = 0;
     for (int face = 0; face < 6; face++)
         if (height(f, face, *x) == 0) fixed |= 1u << (face >> 1);
-    return surface_slide(f, fixed, w->spacing, x, normal) && bbox_contains(f->domain, *x);
+    return surface_slide(f, fixed, w->spacing * size_at(w->request, *x), x, normal) &&
+           bbox_contains(f->domain, *x);
 }
 
 static void add_place(placing *w, vec3 x)
@@ -215,7 +229,8 @@ static void add_place(placing *w, vec3 x)
 static void add_corner(placing *w, vec3 x)
 {
     for (size_t k = 0; k < w->out->count; k++)
-        if (vec3_norm(vec3_sub(w->out->position[k], x)) < SAME_PLACE * w->spacing) return;
+        if (vec3_norm(vec3_sub(w->out->position[k], x)) < SAME_PLACE * w->spacing * size_at(w->request, x))
+            return;
     add_place(w, x);
 }
 
@@ -233,7 +248,7 @@ static void place_row(placing *w, const curve *c)
            next = c->closed ? 0 : 1;
     for (size_t k = 0; k + 1 < c->count; k++) {
         vec3 side = vec3_sub(c->point[k + 1], c->point[k]);
-        double length = vec3_norm(side);
+        double length = side_length(w->request, c->point[k], c->point[k + 1]);
         for (; next < spaces && next * step <= before + length; next++)
             add_place(w, vec3_axpy(fmax(next * step - before, 0) / length, side, c->point[k]));
         before += length;
@@ -245,7 +260,7 @@ typedef struct curves {
     size_t count;
 } curves;
 
-static bool collect_curves(const segments *all, curves *list, error *e)
+static bool collect_curves(const rims_request *r, const segments *all, curves *list, error *e)
 {
     bool *seen = mem_array(all->count, sizeof *seen, "the rims", e);
     vec3 *points = mem_array(all->count + 1, sizeof *points, "the rims", e);
@@ -261,7 +276,7 @@ static bool collect_curves(const segments *all, curves *list, error *e)
         for (size_t k = 0; ok && k < 2 * all->count; k++) {
             curve c = {.point = points};
             if (seen[k / 2] || (!closed && all->partner[k] != NONE)) continue;
-            follow(all, k, seen, &c);
+            follow(r, all, k, seen, &c);
             c.point = mem_array(c.count, sizeof *c.point, "the rims", e);
             ok = c.point != NULL;
             if (!ok) break;
@@ -274,11 +289,11 @@ static bool collect_curves(const segments *all, curves *list, error *e)
     return ok;
 }
 
-static bool find_curves(const surface *s, int face, curves *list, error *e)
+static bool find_curves(const surface *s, const rims_request *r, int face, curves *list, error *e)
 {
     segments all = {0};
     bool ok = find_segments(s, face, &all, e) &&
-              (all.count == 0 || (join_segments(&all, e) && collect_curves(&all, list, e)));
+              (all.count == 0 || (join_segments(&all, e) && collect_curves(r, &all, list, e)));
     free(all.item);
     free(all.partner);
     return ok;
@@ -290,13 +305,14 @@ static void free_curves(curves *list)
     free(list->item);
 }
 
-static bool place_all(const curves *list, placing *w, size_t most, error *e)
+static bool place_all(const curves *list, placing *w, error *e)
 {
     double length = 0;
     for (size_t k = 0; k < list->count; k++) length += list->item[k].length;
-    w->spacing = fmax(ROW_SPACING * w->spacing, length / (double)most);
+    double most = (double)w->request->most;
+    w->spacing = fmax(ROW_SPACING * w->request->spacing, length / most);
     double places = length / w->spacing + 3 * (double)list->count; /* two corners, and what rounding adds */
-    w->room = (size_t)fmin(places, (double)most);
+    w->room = (size_t)fmin(places, most);
     w->out->position = mem_array(w->room, sizeof(vec3), "the rims", e);
     w->out->normal = mem_array(w->room, sizeof(vec3), "the rims", e);
     if (!w->out->position || !w->out->normal) return false;
@@ -305,18 +321,23 @@ static bool place_all(const curves *list, placing *w, size_t most, error *e)
     return true;
 }
 
-bool rims_find(const surface *s, double spacing, size_t most, rims *out, error *e)
+double rims_spacing(const rims_request *request, vec3 x)
+{
+    return request->spacing * size_at(request, x);
+}
+
+bool rims_find(const surface *s, const rims_request *request, rims *out, error *e)
 {
     const field *f = s->field;
     curves list = {0};
-    placing w = {.s = s, .spacing = spacing, .out = out};
+    placing w = {.s = s, .request = request, .out = out};
     bool ok = true;
     *out = (rims){0};
-    if (!f->open || most == 0) return true;
+    if (!f->open || request->most == 0) return true;
     for (int face = 0; ok && face < 6; face++)
         if (isfinite(vec3_get(face & 1 ? f->rims.max : f->rims.min, face >> 1)))
-            ok = find_curves(s, face, &list, e);
-    ok = ok && place_all(&list, &w, most, e);
+            ok = find_curves(s, request, face, &list, e);
+    ok = ok && place_all(&list, &w, e);
     free_curves(&list);
     return ok;
 }

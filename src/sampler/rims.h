@@ -11,6 +11,7 @@
 #include <stddef.h>
 
 #include "base/error.h"
+#include "sampler/grading.h"
 #include "sampler/surface.h"
 
 typedef struct rims {
@@ -18,9 +19,18 @@ typedef struct rims {
     vec3 *position, *normal; /* on the surface and in a face, exactly; unit normals of the surface */
 } rims;
 
-/* Places along the rims about `spacing` apart, no more than `most`: then farther apart. Nothing for a closed
- * surface. Deterministic. Release also after failure. Errors: limit_memory. */
-bool rims_find(const surface *s, double spacing, size_t most, rims *out, error *e);
+/* How far apart places are to be: `spacing`, times what a grading requests there over `even`. */
+typedef struct rims_request {
+    double spacing;
+    const grading *grading; /* NULL: even */
+    double even;
+    size_t most; /* places; where more would be needed, all are farther apart */
+} rims_request;
+
+double rims_spacing(const rims_request *request, vec3 x);
+
+/* Nothing for a closed surface. Deterministic. Release also after failure. Errors: limit_memory. */
+bool rims_find(const surface *s, const rims_request *request, rims *out, error *e);
 void rims_free(rims *r);
 
 #endif

@@ -1,6 +1,7 @@
 #include "sampler/start.h"
 
 #include "base/rng.h"
+#include "sampler/levels.h"
 #include "sampler/project.h"
 #include "sampler/rims.h"
 
@@ -83,10 +84,11 @@ static bool settle(const field *f, const sampler_params *params, double spacing,
 }
 
 /* The first particles, in rows along the rims. *count is how many. */
-static bool place_rims(const surface *scan, double spacing, particles *p, size_t *count, error *e)
+static bool place_rims(const surface *scan, const rims_request *request, particles *p, size_t *count,
+                       error *e)
 {
     rims row;
-    bool ok = rims_find(scan, spacing, p->count, &row, e);
+    bool ok = rims_find(scan, request, &row, e);
     for (size_t i = 0; ok && i < row.count; i++) {
         p->position[i] = row.position[i];
         p->normal[i] = row.normal[i];
@@ -97,12 +99,13 @@ static bool place_rims(const surface *scan, double spacing, particles *p, size_t
 }
 
 /* Whether a point is so near to a rim, along the surface, that it would push its way into the row there. */
-static bool crowds_rim(const field *f, vec3 x, vec3 normal, double spacing)
+static bool crowds_rim(const field *f, const rims_request *request, vec3 x, vec3 normal)
 {
+    double clear = RIM_CLEAR * rims_spacing(request, x);
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
         double height = fmin(at - vec3_get(f->rims.min, axis), vec3_get(f->rims.max, axis) - at);
-        if (height < RIM_CLEAR * spacing * slope) return true;
+        if (height < clear * slope) return true;
     }
     return false;
 }
@@ -113,13 +116,15 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
     rng r = rng_seed(params->seed, 1);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0, first = 0;
-    if (params->start == SAMPLER_START_SURFACE && !place_rims(scan, spacing, p, &first, e)) return false;
+    const rims_request request = {spacing, params->grading, levels_spacing(scan->area, params->count),
+                                  p->count};
+    if (params->start == SAMPLER_START_SURFACE && !place_rims(scan, &request, p, &first, e)) return false;
     for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
             vec3 x = draw_point(f, scan, params, i - first, p->count - first, draw, &r);
             bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
-            if (settled && !(first > 0 && draw < RIM_DRAWS && crowds_rim(f, x, p->normal[i], spacing))) {
+            if (settled && !(first > 0 && draw < RIM_DRAWS && crowds_rim(f, &request, x, p->normal[i]))) {
                 p->position[i] = x;
                 break;
             }

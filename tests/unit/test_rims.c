@@ -310,7 +310,7 @@ static void places_stand_in_rows(void **state)
         for (int few = 0; few < 2; few++) {
             rims r;
             size_t most = few ? 30 : SIZE_MAX;
-            assert_true(rims_find(scan, h, most, &r, &e));
+            assert_true(rims_find(scan, &(rims_request){.spacing = h, .most = most}, &r, &e));
             double spacing = few ? fmax(0.95 * h, length / 30) : 0.95 * h;
             assert_true(r.count <= most);
             assert_close((double)r.count, length / spacing, 1.01);
@@ -331,7 +331,7 @@ static void places_stand_in_rows(void **state)
     rims r;
     part = region_new(&whole->base, (bbox){{0, 0, 0}, {2, 2, 2}}, &e);
     scan = surface_scan(region_field(part), pool, &e);
-    assert_true(rims_find(scan, 0.1, SIZE_MAX, &r, &e));
+    assert_true(rims_find(scan, &(rims_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
     int corners = 0;
     for (size_t i = 0; i < r.count; i++)
         corners += (r.position[i].x == 0) + (r.position[i].y == 0) + (r.position[i].z == 0) == 2;
@@ -342,7 +342,7 @@ static void places_stand_in_rows(void **state)
     region_free(part);
     /* a closed surface has none */
     scan = surface_scan(&whole->base, pool, &e);
-    assert_true(rims_find(scan, 0.1, SIZE_MAX, &r, &e));
+    assert_true(rims_find(scan, &(rims_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
     assert_int_equal(r.count, 0);
     rims_free(&r);
     surface_free(scan);
