@@ -9,10 +9,6 @@
 static const double CELLS_COARSE = 40, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
 static const double CELLS_SHARP = 160;
-/* More cells than this are a shape whose parts differ too much in size. */
-static const size_t CELLS_MAX = 20u << 20;
-/* Blocks of this many cells along each axis are looked at cell by cell. */
-enum { BLOCK = 8 };
 
 static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
@@ -146,41 +142,15 @@ static bool analytic_sample(const field *f, vec3 x, field_order order, field_sam
     return false;
 }
 
-static vec3 grid_corner(const analytic *a, int64_t i, int64_t j, int64_t k)
-{
-    vec3 s = bbox_size(a->base.domain);
-    return vec3_add(a->base.domain.min,
-                    (vec3){s.x * (double)i / (double)a->cells[0], s.y * (double)j / (double)a->cells[1],
-                           s.z * (double)k / (double)a->cells[2]});
-}
-
 /* A point without a derivative still has a side: the centre of a sphere or of a torus' tube is
  * inside, the torus' axis outside. */
-static double corner_value(const analytic *a, vec3 x)
+static double corner_value(const field *f, vec3 x)
 {
+    const analytic_params *p = &((const analytic *)f)->params;
     field_sample s;
-    if (analytic_sample(&a->base, x, FIELD_GRADIENT, &s)) return s.value;
-    return a->params.shape == ANALYTIC_TORUS ? a->params.major_radius - a->params.minor_radius : -1;
+    if (analytic_sample(f, x, FIELD_GRADIENT, &s)) return s.value;
+    return p->shape == ANALYTIC_TORUS ? p->major_radius - p->minor_radius : -1;
 }
-
-static size_t analytic_cell_count(const field *f)
-{
-    return ((const analytic *)f)->crossing_count;
-}
-
-static void analytic_cell(const field *f, size_t index, field_cell *out)
-{
-    const analytic *a = (const analytic *)f;
-    int64_t linear = a->crossing[index];
-    int64_t i = linear % a->cells[0], j = linear / a->cells[0] % a->cells[1],
-            k = linear / (a->cells[0] * a->cells[1]);
-    for (int c = 0; c < 8; c++) {
-        out->corner[c] = grid_corner(a, i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
-        out->value[c] = corner_value(a, out->corner[c]);
-    }
-}
-
-static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell};
 
 /* A bound of the second derivatives within `radius` of a point, in any direction. */
 static double bend_bound(const analytic_params *p, vec3 d, double radius)
@@ -199,92 +169,32 @@ static double bend_bound(const analytic_params *p, vec3 d, double radius)
     }
 }
 
-/* Whether F may be zero within `radius` of x. Distances have slope 1; the others are bounded by Taylor. */
-static bool may_cross(const analytic *a, vec3 x, double radius)
+/* Whether F may be zero in the box. Distances have slope 1; the others are bounded by Taylor. */
+static bool may_cross(const field *f, vec3 low, vec3 high)
 {
+    const analytic_params *p = &((const analytic *)f)->params;
     field_sample s;
-    if (!analytic_sample(&a->base, x, FIELD_GRADIENT, &s)) return true;
-    double bend = bend_bound(&a->params, vec3_sub(x, a->params.center), radius);
+    vec3 half = vec3_scale(vec3_sub(high, low), 0.5), middle = vec3_add(low, half);
+    double radius = vec3_norm(half);
+    if (!analytic_sample(f, middle, FIELD_GRADIENT, &s)) return true;
+    double bend = bend_bound(p, vec3_sub(middle, p->center), radius);
     double slope = bend > 0 ? vec3_norm(s.gradient) + 0.5 * bend * radius : 1;
     return fabs(s.value) <= slope * radius * (1 + 1e-9);
 }
 
-typedef struct search {
-    analytic *a;
-    size_t capacity;
-    double *corners; /* (BLOCK + 1)^3 values of the block at hand */
-    threads *pool;   /* only to ask whether to stop */
-} search;
+static const cell_grid_oracle oracle = {corner_value, may_cross};
 
-static void note_crossing(search *w, int64_t linear)
+static size_t analytic_cell_count(const field *f)
 {
-    analytic *a = w->a;
-    if (a->crossing_count == w->capacity) {
-        w->capacity = w->capacity ? 2 * w->capacity : 4096;
-        a->crossing = mem_resize(a->crossing, w->capacity * sizeof *a->crossing);
-    }
-    a->crossing[a->crossing_count++] = linear;
+    return ((const analytic *)f)->grid.count;
 }
 
-static void search_cells(search *w, const int64_t *first)
+static void analytic_cell(const field *f, size_t index, field_cell *out)
 {
-    const analytic *a = w->a;
-    enum { ROW = BLOCK + 1, SLAB = ROW * ROW };
-    for (int k = 0; k <= BLOCK; k++)
-        for (int j = 0; j <= BLOCK; j++)
-            for (int i = 0; i <= BLOCK; i++)
-                w->corners[(k * ROW + j) * ROW + i] =
-                    corner_value(a, grid_corner(a, first[0] + i, first[1] + j, first[2] + k));
-    for (int64_t k = 0; k < BLOCK && first[2] + k < a->cells[2]; k++)
-        for (int64_t j = 0; j < BLOCK && first[1] + j < a->cells[1]; j++)
-            for (int64_t i = 0; i < BLOCK && first[0] + i < a->cells[0]; i++) {
-                const double *c = w->corners + (k * ROW + j) * ROW + i;
-                int inside = 0;
-                for (int v = 0; v < 8; v++) inside += c[(v & 1) + (v >> 1 & 1) * ROW + (v >> 2) * SLAB] < 0;
-                if (inside > 0 && inside < 8)
-                    note_crossing(w,
-                                  ((first[2] + k) * a->cells[1] + first[1] + j) * a->cells[0] + first[0] + i);
-            }
+    cell_grid_cell(&((const analytic *)f)->grid, f, &oracle, index, out);
 }
 
-/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
-static void search_block(search *w, const int64_t *first, int64_t size)
-{
-    const analytic *a = w->a;
-    for (int axis = 0; axis < 3; axis++)
-        if (first[axis] >= a->cells[axis]) return;
-    if (w->a->crossing_count > CELLS_MAX || threads_stopped(w->pool)) return;
-    vec3 low = grid_corner(a, first[0], first[1], first[2]);
-    vec3 high = grid_corner(a, first[0] + size, first[1] + size, first[2] + size);
-    vec3 half = vec3_scale(vec3_sub(high, low), 0.5);
-    if (!may_cross(a, vec3_add(low, half), vec3_norm(half))) return;
-    if (size == BLOCK) {
-        search_cells(w, first);
-        return;
-    }
-    for (int child = 0; child < 8; child++) {
-        int64_t at[3];
-        for (int axis = 0; axis < 3; axis++) at[axis] = first[axis] + (child >> axis & 1) * (size / 2);
-        search_block(w, at, size / 2);
-    }
-}
-
-/* Finds the cells with corners of both signs, block by block. */
-static bool find_crossing_cells(analytic *a, threads *pool, error *e)
-{
-    search w = {a, 0, mem_alloc((BLOCK + 1) * (BLOCK + 1) * (BLOCK + 1) * sizeof(double)), pool};
-    int64_t size = BLOCK;
-    while (size < a->cells[0] || size < a->cells[1] || size < a->cells[2]) size *= 2;
-    search_block(&w, (const int64_t[3]){0, 0, 0}, size);
-    free(w.corners);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    if (a->crossing_count <= CELLS_MAX) return true;
-    return error_set(
-        e, ERROR_LIMIT_MEMORY,
-        "the formula's surface crosses more than %zu cells of size %g: its parts differ too much in "
-        "size",
-        CELLS_MAX, a->cell);
-}
+static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell};
 
 static vec3 half_extent(const analytic_params *p)
 {
@@ -333,16 +243,19 @@ static void lay_out_grid(analytic *a)
 {
     const analytic_params *p = &a->params;
     vec3 half = half_extent(p);
-    a->base.open = p->shape == ANALYTIC_GYROID;
+    bool open = p->shape == ANALYTIC_GYROID;
     /* a closed surface must not touch the faces; an odd margin also keeps symmetric shapes from putting
      * their zeros exactly on corners */
-    double margin = a->base.open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
+    double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
     a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
+    field_set_rims(&a->base, open ? FIELD_ALL_FACES : 0);
     a->base.extent = bbox_longest(a->base.domain);
-    a->cell = a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
+    a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
+    a->grid.box = a->base.domain;
     vec3 size = bbox_size(a->base.domain);
-    for (int axis = 0; axis < 3; axis++) a->cells[axis] = (int64_t)ceil(vec3_get(size, axis) / a->cell);
+    for (int axis = 0; axis < 3; axis++)
+        a->grid.cells[axis] = (int64_t)ceil(vec3_get(size, axis) / a->base.cell_size);
 }
 
 analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
@@ -351,9 +264,9 @@ analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
     a->base.ops = &analytic_ops;
     a->params = *params;
     lay_out_grid(a);
-    assert(a->cells[0] > 0 && a->cells[1] > 0 && a->cells[2] > 0);
-    if (!find_crossing_cells(a, pool, e)) goto fail;
-    if (a->crossing_count == 0) {
+    assert(a->grid.cells[0] > 0 && a->grid.cells[1] > 0 && a->grid.cells[2] > 0);
+    if (!cell_grid_search(&a->grid, &a->base, &oracle, pool, e)) goto fail;
+    if (a->grid.count == 0) {
         error_set(e, ERROR_NO_SURFACE, "the formula has no zero inside its domain");
         goto fail;
     }
@@ -366,6 +279,6 @@ fail:
 void analytic_free(analytic *a)
 {
     if (!a) return;
-    free(a->crossing);
+    cell_grid_free(&a->grid);
     free(a);
 }

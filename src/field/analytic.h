@@ -8,10 +8,9 @@
 #ifndef HEXAD_FIELD_ANALYTIC_H
 #define HEXAD_FIELD_ANALYTIC_H
 
-#include <stdint.h>
-
 #include "base/error.h"
 #include "base/threads.h"
+#include "field/cell_grid.h"
 #include "field/field.h"
 
 typedef enum analytic_shape {
@@ -41,10 +40,7 @@ typedef struct analytic_params {
 typedef struct analytic {
     field base; /* first: an analytic* is a field* */
     analytic_params params;
-    double cell; /* edge of a cell */
-    int64_t cells[3];
-    int64_t *crossing; /* linear indices of the crossing cells, by block */
-    size_t crossing_count;
+    cell_grid grid;
 } analytic;
 
 /* Errors: no_surface when no cell is crossed, limit_memory, cancelled (the pool, which may be NULL, was

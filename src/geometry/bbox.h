@@ -15,15 +15,31 @@ static inline bbox bbox_empty(void)
     return (bbox){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
 }
 
-static inline bool bbox_is_empty(bbox b)
-{
-    return !(b.min.x <= b.max.x);
-}
-
 static inline bbox bbox_include(bbox b, vec3 p)
 {
     return (bbox){{fmin(b.min.x, p.x), fmin(b.min.y, p.y), fmin(b.min.z, p.z)},
                   {fmax(b.max.x, p.x), fmax(b.max.y, p.y), fmax(b.max.z, p.z)}};
+}
+
+/* The least box around both. */
+static inline bbox bbox_unite(bbox a, bbox b)
+{
+    return (bbox){{fmin(a.min.x, b.min.x), fmin(a.min.y, b.min.y), fmin(a.min.z, b.min.z)},
+                  {fmax(a.max.x, b.max.x), fmax(a.max.y, b.max.y), fmax(a.max.z, b.max.z)}};
+}
+
+/* What both have in common; min > max somewhere where that is nothing. */
+static inline bbox bbox_common(bbox a, bbox b)
+{
+    return (bbox){{fmax(a.min.x, b.min.x), fmax(a.min.y, b.min.y), fmax(a.min.z, b.min.z)},
+                  {fmin(a.max.x, b.max.x), fmin(a.max.y, b.max.y), fmin(a.max.z, b.max.z)}};
+}
+
+/* Whether they have more than faces in common. */
+static inline bool bbox_overlap(bbox a, bbox b)
+{
+    bbox c = bbox_common(a, b);
+    return c.min.x < c.max.x && c.min.y < c.max.y && c.min.z < c.max.z;
 }
 
 static inline bool bbox_contains(bbox b, vec3 p)

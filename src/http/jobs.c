@@ -166,15 +166,17 @@ static spec *read_spec(const jobs_request *request, reply *r)
  * opens it again under the same roots. */
 static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
 {
-    if (s->surface_kind != SPEC_SURFACE_VDB) return true;
+    bool volume = s->surface_kind == SPEC_SURFACE_VDB;
+    const char *path = volume ? s->vdb.path : s->bspline.path;
+    if (!path) return true;
     error e = {0};
-    int fd = store_open_input(c->roots, s->vdb.path, &e);
+    int fd = store_open_input(c->roots, path, &e);
     if (fd >= 0) {
         close(fd);
         return true;
     }
     json *errors = json_new_array();
-    append_fault(errors, "/surface/vdb/path", e.message);
+    append_fault(errors, volume ? "/surface/vdb/path" : "/surface/bspline/path", e.message);
     reply_set_error(r, &e, errors);
     return false;
 }

@@ -456,6 +456,15 @@ double json_number(json_at at, double otherwise)
     return cJSON_IsNumber(at.node) ? at.node->valuedouble : otherwise;
 }
 
+size_t json_numbers(json_at array, double *out, size_t count)
+{
+    size_t n = 0;
+    if (!cJSON_IsArray(array.node)) return 0;
+    for (const cJSON *c = array.node->child; c && n < count && cJSON_IsNumber(c); c = c->next)
+        out[n++] = c->valuedouble;
+    return n;
+}
+
 bool json_bool(json_at at, bool otherwise)
 {
     return cJSON_IsBool(at.node) ? cJSON_IsTrue(at.node) : otherwise;

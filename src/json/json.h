@@ -50,6 +50,9 @@ size_t json_size(json_at at);                     /* elements or members; 0 for 
 double json_number(json_at at, double otherwise); /* `otherwise` when absent or of another type */
 bool json_bool(json_at at, bool otherwise);
 const char *json_string(json_at at, const char *otherwise); /* lives as long as the document */
+/* The first `count` elements of an array into out, in one walk (element by element is quadratic). Returns how
+ * many there were before the first that is not a number, or before the end. */
+size_t json_numbers(json_at array, double *out, size_t count);
 
 /* Writes the JSON Pointer of a place ("" for the root, "/surface/vdb/path"), cut to fit, and
  * returns `buffer`. */

@@ -263,7 +263,7 @@ static bool measure(job *j, solution *s, error *e)
                               sampler_spacing(s->sampler),
                               s->grading != NULL,
                               j->source.field->open,
-                              j->source.field->domain};
+                              j->source.field->rims};
     return quality_measure(&in, j->pool, s->spacing_local, NULL, &s->quality, e);
 }
 

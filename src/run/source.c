@@ -1,6 +1,9 @@
 #include "run/source.h"
 
+#include <stdlib.h>
 #include <unistd.h>
+
+#include "volume/coefficients.h"
 
 static analytic_shape shape_of(spec_shape shape)
 {
@@ -60,26 +63,69 @@ static bool open_volume(const spec *s, const store_roots *roots, size_t memory, 
     return true;
 }
 
+static bool read_coefficients(const spec_bspline *b, const store_roots *roots, size_t memory, source *out,
+                              error *e)
+{
+    int fd = store_open_input(roots, b->path, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
+              (out->coefficients = coefficients_read(fd, b->path, b->dims, memory, e)) != NULL;
+    close(fd);
+    out->input_path = b->path;
+    return ok;
+}
+
+static bool open_bspline(const spec_bspline *b, const store_roots *roots, size_t memory, threads *pool,
+                         source *out, error *e)
+{
+    if (b->path && !read_coefficients(b, roots, memory, out, e)) return false;
+    const bspline_params params = {{b->dims[0], b->dims[1], b->dims[2]},
+                                   {b->domain.min, b->domain.max},
+                                   b->path ? out->coefficients : b->coefficients};
+    out->bspline = bspline_new(&params, pool, e);
+    if (!out->bspline) return b->path ? error_prefix(e, "%s", b->path) : false;
+    out->field = &out->bspline->base;
+    return true;
+}
+
+static bool open_whole(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
+                       error *e)
+{
+    switch (s->surface_kind) {
+    case SPEC_SURFACE_VDB:
+        return open_volume(s, roots, memory, out, e);
+    case SPEC_SURFACE_BSPLINE:
+        return open_bspline(&s->bspline, roots, memory, pool, out, e);
+    case SPEC_SURFACE_ANALYTIC:
+        return open_analytic(&s->analytic, pool, out, e);
+    }
+    return false;
+}
+
 bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
 {
     *out = (source){0};
-    return s->surface_kind == SPEC_SURFACE_VDB ? open_volume(s, roots, memory, out, e)
-                                               : open_analytic(&s->analytic, pool, out, e);
+    if (!open_whole(s, roots, memory, pool, out, e)) return false;
+    if (!s->has_region) return true;
+    out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
+    if (!out->region) return out->input_path ? error_prefix(e, "%s", out->input_path) : false;
+    out->field = region_field(out->region);
+    return true;
 }
 
 void source_close(source *s)
 {
+    region_free(s->region);
     analytic_free(s->analytic);
+    bspline_free(s->bspline);
     volume_close(s->volume);
     map_close(s->map);
+    free(s->coefficients);
     *s = (source){0};
 }
 
-void source_describe(const source *s, json *report, json *surface, json *warnings)
+static void describe_volume(const volume_info *info, json *surface, json *warnings)
 {
-    json *inputs = json_put_array(report, "inputs");
-    if (!s->volume) return;
-    const volume_info *info = volume_describe(s->volume);
     json_put_integer(surface, "voxels", (int64_t)info->active_voxels);
     json_put_string(surface, "grid", info->grid);
     json_put_number(surface, "isovalue", info->isovalue);
@@ -87,6 +133,13 @@ void source_describe(const source *s, json *report, json *surface, json *warning
     json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
     json_put_integer(surface, "bricks", (int64_t)info->bricks);
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
+}
+
+void source_describe(const source *s, json *report, json *surface, json *warnings)
+{
+    json *inputs = json_put_array(report, "inputs");
+    if (s->volume) describe_volume(volume_describe(s->volume), surface, warnings);
+    if (!s->input_path) return;
     json *input = json_append_object(inputs);
     json_put_string(input, "path", s->input_path);
     json_put_integer(input, "bytes", (int64_t)s->input_bytes);
@@ -95,6 +148,9 @@ void source_describe(const source *s, json *report, json *surface, json *warning
 
 size_t source_memory(const source *s)
 {
-    if (s->volume) return volume_describe(s->volume)->memory_bytes + map_memory(s->map);
-    return s->analytic ? s->analytic->crossing_count * sizeof *s->analytic->crossing : 0;
+    size_t bytes = s->region ? region_bytes(s->region) : 0;
+    if (s->volume) bytes += volume_describe(s->volume)->memory_bytes + map_memory(s->map);
+    if (s->analytic) bytes += cell_grid_bytes(&s->analytic->grid);
+    if (s->bspline) bytes += bspline_bytes(s->bspline);
+    return bytes;
 }

@@ -1,11 +1,13 @@
-/* source: the surface that a spec names, opened: a formula or a volume of a file. */
+/* source: the surface that a spec names, opened: a formula, a B-spline or a volume of a file. */
 #ifndef HEXAD_RUN_SOURCE_H
 #define HEXAD_RUN_SOURCE_H
 
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/analytic.h"
+#include "field/bspline.h"
 #include "field/field.h"
+#include "field/region.h"
 #include "json/json.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -15,21 +17,24 @@
 
 typedef struct source {
     const field *field;
-    analytic *analytic; /* one of the two */
+    analytic *analytic; /* one of the three */
+    bspline *bspline;
     volume *volume;
-    map *map; /* of sampling.grid, or NULL */
+    map *map;               /* of sampling.grid, or NULL */
+    region *region;         /* the part of it that the spec asks for, or NULL */
+    double *coefficients;   /* of a B-spline whose file was read */
     const char *input_path; /* as the spec gives it, or NULL */
     uint64_t input_bytes;
     char input_sha256[STORE_HASH_SIZE];
 } source;
 
-/* `memory` bounds what the surface may hold, in bytes. Errors: those of volume_open and
- * store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
+/* `memory` bounds what the surface may hold, in bytes; the spec outlives the source. Errors: those of
+ * volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
 bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
                  error *e);
 void source_close(source *s);
 
-/* The report's `inputs`, the volume's members of `surface`, and what it warns of. */
+/* The report's `inputs`, a volume's members of `surface`, and what it warns of. */
 void source_describe(const source *s, json *report, json *surface, json *warnings);
 
 /* Bytes that the source holds; 0 for one that is not open. */

@@ -2,7 +2,7 @@
  *
  * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is
  * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
- * rim, if anywhere. Pure functions, safe in any thread.
+ * rim, if anywhere; so does a point that begins in such a face. Pure functions, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_PROJECT_H
 #define HEXAD_SAMPLER_PROJECT_H
@@ -15,6 +15,9 @@ typedef struct project_limits {
     double shortcut; /* a step from this close ends it unseen: the error left is quadratic in it */
     double reject;   /* farther than this after the last step is failure */
 } project_limits;
+
+/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a rim has some. */
+unsigned project_rim_axes(const field *f, vec3 x);
 
 /* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs
  * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */

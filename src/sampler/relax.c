@@ -140,6 +140,7 @@ typedef struct attempt {
     double bound;          /* longest step in the tangent plane */
     double limit;          /* longest displacement */
     double energy;
+    unsigned rim; /* axes of the faces that the particle slides along, and never leaves */
 } attempt;
 
 /* What the turning of the particle's own normal adds to its forces, through the weights: along axis e of the
@@ -228,6 +229,8 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     const project_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
+    for (int axis = 0; axis < 3; axis++)
+        if (a->rim >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
@@ -315,7 +318,8 @@ static void update_particle(const sweep_job *job, int worker, size_t i)
                  .flat = job->r->flat[i],
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
-                 .spacing = params->spacing * p->size[i]};
+                 .spacing = params->spacing * p->size[i],
+                 .rim = project_rim_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
     pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);

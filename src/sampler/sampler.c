@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "sampler/energy.h"
+#include "sampler/project.h"
 #include "sampler/refine.h"
 #include "sampler/start.h"
 #include "sampler/state.h"
@@ -98,7 +99,7 @@ static void mark_rims(sampler *s)
     if (!s->field->open) return;
     for (size_t i = 0; i < s->p->count; i++)
         s->p->rim[i] =
-            !bbox_contains(bbox_grow(s->field->domain, -2 * s->spacing * s->p->size[i]), s->p->position[i]);
+            !bbox_contains(bbox_grow(s->field->rims, -2 * s->spacing * s->p->size[i]), s->p->position[i]);
 }
 
 bool sampler_build_lists(sampler *s, error *e)
@@ -179,13 +180,7 @@ void sampler_free(sampler *s)
 static size_t count_on_rim(const sampler *s)
 {
     size_t count = 0;
-    if (!s->field->open) return 0;
-    bbox d = s->field->domain;
-    for (size_t i = 0; i < s->p->count; i++) {
-        vec3 x = s->p->position[i];
-        count += x.x == d.min.x || x.y == d.min.y || x.z == d.min.z || x.x == d.max.x || x.y == d.max.y ||
-                 x.z == d.max.z;
-    }
+    for (size_t i = 0; i < s->p->count; i++) count += project_rim_axes(s->field, s->p->position[i]) != 0;
     return count;
 }
 

@@ -1,7 +1,9 @@
 #include "sampler/start.h"
 
 #include "base/rng.h"
+#include "sampler/levels.h"
 #include "sampler/project.h"
+#include "sampler/rims.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;
@@ -13,6 +15,10 @@ static const size_t MAX_DRAWS = 1000;
  * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
  * that its cells resolve the ratio is below 2. */
 static const double DEGENERATE = 50;
+/* Other particles keep this far from rims, in h: half of what a row and the next have between them. Where
+ * there is no room for that, so many draws try. */
+static const double RIM_CLEAR = 0.45;
+static const size_t RIM_DRAWS = 20;
 /* Newton's method that ends farther outside of the surface's box than this times h, or a cell, ran off. */
 static const double FARTHEST = 1.0;
 
@@ -25,7 +31,7 @@ static vec3 random_in_domain(const field *f, rng *r)
     return vec3_add(f->domain.min, (vec3){u.x * size.x, u.y * size.y, u.z * size.z});
 }
 
-static vec3 random_in_cells(const field *f, size_t cells, rng *r)
+static vec3 random_in_cell(const field *f, size_t cells, rng *r)
 {
     field_cell cell;
     size_t k = (size_t)(rng_uniform(r) * (double)cells);
@@ -33,6 +39,15 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     vec3 p = cell.corner[0];
     for (int axis = 0; axis < 3; axis++)
         p = vec3_axpy(rng_uniform(r), vec3_sub(cell.corner[1 << axis], cell.corner[0]), p);
+    return p;
+}
+
+/* Of a cell that a face of the domain cuts, only what is inside. */
+static vec3 random_in_cells(const field *f, size_t cells, rng *r)
+{
+    vec3 p = random_in_cell(f, cells, r);
+    for (size_t draw = 0; f->open && draw < MAX_DRAWS && !bbox_contains(f->domain, p); draw++)
+        p = random_in_cell(f, cells, r);
     return p;
 }
 
@@ -68,21 +83,52 @@ static bool settle(const field *f, const sampler_params *params, double spacing,
            (params->start == SAMPLER_START_SURFACE || !is_degenerate(f, *x));
 }
 
+/* The first particles, in rows along the rims. *count is how many. */
+static bool place_rims(const surface *scan, const rims_request *request, particles *p, size_t *count,
+                       error *e)
+{
+    rims row;
+    bool ok = rims_find(scan, request, &row, e);
+    for (size_t i = 0; ok && i < row.count; i++) {
+        p->position[i] = row.position[i];
+        p->normal[i] = row.normal[i];
+    }
+    *count = ok ? row.count : 0;
+    rims_free(&row);
+    return ok;
+}
+
+/* Whether a point is so near to a rim, along the surface, that it would push its way into the row there. */
+static bool crowds_rim(const field *f, const rims_request *request, vec3 x, vec3 normal)
+{
+    double clear = RIM_CLEAR * rims_spacing(request, x);
+    for (int axis = 0; axis < 3; axis++) {
+        double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
+        double height = fmin(at - vec3_get(f->rims.min, axis), vec3_get(f->rims.max, axis) - at);
+        if (height < clear * slope) return true;
+    }
+    return false;
+}
+
 bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
                  threads *pool, particles *p, size_t *removed, error *e)
 {
     rng r = rng_seed(params->seed, 1);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
-    size_t drawn_again = 0;
-    for (size_t i = 0; i < p->count; i++)
+    size_t drawn_again = 0, first = 0;
+    const rims_request request = {spacing, params->grading, levels_spacing(scan->area, params->count),
+                                  p->count};
+    if (params->start == SAMPLER_START_SURFACE && !place_rims(scan, &request, p, &first, e)) return false;
+    for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-            vec3 x = draw_point(f, scan, params, i, p->count, draw, &r);
-            if (settle(f, params, spacing, near, &x, &p->normal[i])) {
+            vec3 x = draw_point(f, scan, params, i - first, p->count - first, draw, &r);
+            bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
+            if (settled && !(first > 0 && draw < RIM_DRAWS && crowds_rim(f, &request, x, p->normal[i]))) {
                 p->position[i] = x;
                 break;
             }
-            drawn_again++;
+            drawn_again += !settled;
             if (draw == MAX_DRAWS)
                 return error_set(e, ERROR_NO_SURFACE,
                                  "particle %zu of %zu does not reach the surface in %zu draws: the field "

@@ -6,8 +6,6 @@
 #include "base/memory.h"
 #include "sampler/project.h"
 
-/* A cell's surface has at most two triangles in each of six tetrahedra. */
-#define CELL_TRIANGLES 12
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 
 /* Kuhn's decomposition: a tetrahedron for each order of the axes, along a path from corner 0 to 7. */
@@ -30,6 +28,18 @@ static const double ROOT_TOLERANCE = 1e-6;
 /* Steps of a false position that halves the value of an end that stays twice (Illinois): a few do. */
 static const int ROOT_STEPS = 24;
 static const double EXCESS_LIMIT = 0.2;
+/* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
+ * the domain's shortest side, or so often: what lies between a rim and its chords goes with the square. */
+static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
+static const int CLIP_DEPTH = 8;
+/* How far the surface above a triangle may lie beyond its corners, of its longest side. */
+static const double CLIP_BULGE = 0.1;
+/* Newton steps that put a corner of a clipped triangle onto the surface: it is nearly there. */
+static const int SLIDE_STEPS = 4;
+/* A triangle and six planes. */
+#define CLIP_CORNERS 9
+/* Draws for a point of a triangle that lies in the domain, before any point of it does. */
+static const int INSIDE_DRAWS = 200;
 
 typedef struct corner {
     vec3 position, normal;
@@ -38,8 +48,9 @@ typedef struct corner {
 
 typedef struct triangulation {
     int count;
-    corner at[CELL_TRIANGLES][3];
-    double area[CELL_TRIANGLES];
+    corner at[SURFACE_CELL_TRIANGLES][3];
+    double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain */
+    bbox box;                            /* likewise */
 } triangulation;
 
 /* A point near the surface, onto it, if that is within `reach`. */
@@ -134,28 +145,141 @@ static double curved_area(const field *f, const corner *t, int depth)
     return sum;
 }
 
-static void add_triangle(const field *f, triangulation *out, const corner *a, const corner *b,
-                         const corner *c)
+/* ---- open surfaces: what lies in the domain of the triangles at its faces */
+
+typedef struct clip_corner {
+    corner corner;
+    unsigned faces; /* bit 2 k + high: lies in that face of the domain */
+} clip_corner;
+
+bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal)
 {
-    corner *t = out->at[out->count];
+    vec3 p = *x;
+    for (int k = 0; k <= SLIDE_STEPS; k++) {
+        field_sample s;
+        if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return false;
+        double length = vec3_norm(s.gradient);
+        if (length > 0 && fabs(s.value) <= ROOT_TOLERANCE * f->cell_size * length) {
+            *x = p;
+            *normal = vec3_scale(s.gradient, 1 / length);
+            return true;
+        }
+        for (int axis = 0; axis < 3; axis++)
+            if (fixed >> axis & 1) vec3_set(&s.gradient, axis, 0);
+        double g2 = vec3_norm2(s.gradient);
+        if (!(g2 > 0)) return false;
+        p = vec3_axpy(-s.value / g2, s.gradient, p);
+        if (vec3_norm2(vec3_sub(p, *x)) > reach * reach) return false;
+    }
+    return false;
+}
+
+/* Between two corners on either side of a face, in it. */
+static clip_corner cut_side(const field *f, const clip_corner *p, const clip_corner *q, int face)
+{
+    int axis = face >> 1;
+    double plane = vec3_get(face & 1 ? f->domain.max : f->domain.min, axis);
+    double from = vec3_get(p->corner.position, axis), to = vec3_get(q->corner.position, axis);
+    vec3 side = vec3_sub(q->corner.position, p->corner.position);
+    clip_corner c = {.faces = (p->faces & q->faces) | 1u << face};
+    c.corner.position = vec3_axpy((plane - from) / (to - from), side, p->corner.position);
+    unsigned fixed = 0;
+    for (int k = 0; k < 6; k++)
+        if (c.faces >> k & 1) fixed |= 1u << (k >> 1);
+    vec3_set(&c.corner.position, axis, plane);
+    c.corner.smooth =
+        surface_slide(f, fixed, RISE_LIMIT * vec3_norm(side), &c.corner.position, &c.corner.normal);
+    return c;
+}
+
+/* Sutherland and Hodgman 1974, "Reentrant Polygon Clipping", one face. Returns the number of corners left. */
+static int clip_at_face(const field *f, int face, const clip_corner *in, int count, clip_corner *out)
+{
+    int axis = face >> 1, left = 0;
+    double sign = face & 1 ? -1 : 1, plane = vec3_get(face & 1 ? f->domain.max : f->domain.min, axis);
+    for (int k = 0; k < count; k++) {
+        const clip_corner *p = &in[k], *q = &in[(k + 1) % count];
+        bool p_inside = sign * (vec3_get(p->corner.position, axis) - plane) >= 0;
+        bool q_inside = sign * (vec3_get(q->corner.position, axis) - plane) >= 0;
+        if (p_inside) out[left++] = *p;
+        if (p_inside != q_inside) out[left++] = cut_side(f, p, q, face);
+    }
+    return left;
+}
+
+/* Area above a triangle so small that the faces cut it along straight lines. */
+static double clip_small(const field *f, const corner *t, bbox *box)
+{
+    clip_corner polygon[2][CLIP_CORNERS + 1];
+    int count = 3, at = 0;
+    for (int k = 0; k < 3; k++) polygon[0][k] = (clip_corner){t[k], 0};
+    for (int face = 0; face < 6 && count > 0; face++, at = !at)
+        count = clip_at_face(f, face, polygon[at], count, polygon[!at]);
+    const clip_corner *c = polygon[at];
+    double sum = 0;
+    for (int k = 0; k < count; k++) *box = bbox_include(*box, c[k].corner.position);
+    for (int k = 1; k + 1 < count; k++)
+        sum += curved_area(f, (corner[3]){c[0].corner, c[k].corner, c[k + 1].corner}, EXCESS_DEPTH);
+    return sum;
+}
+
+static double clipped_area(const field *f, const corner *t, int depth, bbox *box)
+{
+    bbox mine = bbox_empty();
+    double longest = 0;
+    for (int k = 0; k < 3; k++) {
+        mine = bbox_include(mine, t[k].position);
+        longest = fmax(longest, vec3_norm(vec3_sub(t[k].position, t[(k + 1) % 3].position)));
+    }
+    bbox reach = bbox_grow(mine, CLIP_BULGE * longest);
+    if (!bbox_overlap(reach, f->domain)) return 0;
+    if (bbox_contains(f->domain, reach.min) && bbox_contains(f->domain, reach.max)) {
+        *box = bbox_unite(*box, mine);
+        return curved_area(f, t, 0);
+    }
+    vec3 size = bbox_size(f->domain);
+    double fine = fmin(CLIP_CELL * f->cell_size, CLIP_SIDE * fmin(size.x, fmin(size.y, size.z)));
+    if (longest <= fine || depth == CLIP_DEPTH) return clip_small(f, t, box);
+    corner middle[3]; /* opposite of corner k */
+    for (int k = 0; k < 3; k++) {
+        vec3 p = t[(k + 1) % 3].position, q = t[(k + 2) % 3].position;
+        middle[k] = (corner){.position = vec3_scale(vec3_add(p, q), 0.5)};
+        middle[k].smooth = surface_slide(f, 0, RISE_LIMIT * vec3_norm(vec3_sub(q, p)), &middle[k].position,
+                                         &middle[k].normal);
+    }
+    double sum = clipped_area(f, middle, depth + 1, box);
+    for (int k = 0; k < 3; k++)
+        sum += clipped_area(f, (corner[3]){t[k], middle[(k + 1) % 3], middle[(k + 2) % 3]}, depth + 1, box);
+    return sum;
+}
+
+static void add_triangle(triangulation *out, const corner *a, const corner *b, const corner *c)
+{
+    corner *t = out->at[out->count++];
     t[0] = *a;
     t[1] = *b;
     t[2] = *c;
-    out->area[out->count++] = curved_area(f, t, 0);
 }
 
-static void cut_cell(const field *f, size_t index, triangulation *out)
+/* Whether the domain ends nowhere in the cell. */
+static bool is_whole(const field *f, const field_cell *cell)
 {
-    field_cell cell;
+    for (int k = 0; f->open && k < 8; k++)
+        if (!bbox_contains(f->domain, cell->corner[k])) return false;
+    return true;
+}
+
+/* The triangles alone. */
+static void cut_cell(const field *f, const field_cell *cell, triangulation *out)
+{
     corner cache[EDGES];
     memset(cache, 0, sizeof cache);
-    f->ops->cell(f, index, &cell);
     out->count = 0;
     for (int k = 0; k < 6; k++) {
         int inside[4], outside[4], in = 0, ex = 0;
         for (int v = 0; v < 4; v++) {
             int c = tetrahedra[k][v];
-            if (cell.value[c] < 0)
+            if (cell->value[c] < 0)
                 inside[in++] = c;
             else
                 outside[ex++] = c;
@@ -165,9 +289,24 @@ static void cut_cell(const field *f, size_t index, triangulation *out)
         int n = 0;
         for (int i = 0; i < in; i++) /* in the order of a ring round the section */
             for (int j = 0; j < ex; j++)
-                cut[n++] = cut_edge(f, &cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
-        add_triangle(f, out, cut[0], cut[1], cut[2]);
-        if (n == 4) add_triangle(f, out, cut[0], cut[2], cut[3]);
+                cut[n++] = cut_edge(f, cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+        add_triangle(out, cut[0], cut[1], cut[2]);
+        if (n == 4) add_triangle(out, cut[0], cut[2], cut[3]);
+    }
+}
+
+/* And what of them lies in the domain. */
+static void measure_cell(const field *f, size_t index, triangulation *out)
+{
+    field_cell cell;
+    f->ops->cell(f, index, &cell);
+    cut_cell(f, &cell, out);
+    bool whole = is_whole(f, &cell);
+    out->box = bbox_empty();
+    for (int i = 0; i < out->count; i++) {
+        const corner *t = out->at[i];
+        for (int k = 0; whole && k < 3; k++) out->box = bbox_include(out->box, t[k].position);
+        out->area[i] = whole ? curved_area(f, t, 0) : clipped_area(f, t, 0, &out->box);
     }
 }
 
@@ -186,15 +325,22 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
         job->box[chunk] = bbox_empty();
         for (size_t k = chunk * GRAIN; k < last; k++) {
             double area = 0;
-            cut_cell(job->s->field, k, &t);
-            for (int i = 0; i < t.count; i++) {
-                area += t.area[i];
-                for (int v = 0; v < 3; v++)
-                    job->box[chunk] = bbox_include(job->box[chunk], t.at[i][v].position);
-            }
+            measure_cell(job->s->field, k, &t);
+            for (int i = 0; i < t.count; i++) area += t.area[i];
+            job->box[chunk] = bbox_unite(job->box[chunk], t.box);
             job->s->area_before[k + 1] = area;
         }
     }
+}
+
+static bool no_area(const field *f, error *e)
+{
+    vec3 low = f->domain.min, high = f->domain.max;
+    if (!f->open) return error_set(e, ERROR_NO_SURFACE, "the surface has no area");
+    return error_set(
+        e, ERROR_NO_SURFACE,
+        "no part of the surface lies between (%g, %g, %g) and (%g, %g, %g): move or widen the region", low.x,
+        low.y, low.z, high.x, high.y, high.z);
 }
 
 surface *surface_scan(const field *f, threads *pool, error *e)
@@ -212,13 +358,11 @@ surface *surface_scan(const field *f, threads *pool, error *e)
         goto fail;
     }
     s->box = bbox_empty();
-    for (size_t k = 0; k < chunks; k++)
-        if (!bbox_is_empty(job.box[k]))
-            s->box = bbox_include(bbox_include(s->box, job.box[k].min), job.box[k].max);
+    for (size_t k = 0; k < chunks; k++) s->box = bbox_unite(s->box, job.box[k]);
     for (size_t k = 0; k < s->cells; k++) s->area_before[k + 1] += s->area_before[k];
     s->area = s->area_before[s->cells];
     if (!(s->area > 0)) {
-        error_set(e, ERROR_NO_SURFACE, "the surface has no area");
+        no_area(f, e);
         goto fail;
     }
     free(job.box);
@@ -236,6 +380,13 @@ void surface_free(surface *s)
     free(s);
 }
 
+static vec3 point_of_triangle(const corner *c, rng *r)
+{
+    double u = sqrt(rng_uniform(r)), v = rng_uniform(r);
+    return vec3_add(vec3_scale(c[0].position, 1 - u),
+                    vec3_add(vec3_scale(c[1].position, u * (1 - v)), vec3_scale(c[2].position, u * v)));
+}
+
 vec3 surface_point(const surface *s, const double *before, double where, rng *r)
 {
     size_t low = 0, high = s->cells - 1; /* the last cell that begins at or before `where` */
@@ -247,13 +398,24 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
             high = middle - 1;
     }
     triangulation t;
-    cut_cell(s->field, low, &t);
+    measure_cell(s->field, low, &t);
     double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
     for (int i = 0; i < t.count; i++) rest += share * t.area[i];
     int k = 0;
     while (k < t.count - 1 && rest >= t.area[k]) rest -= t.area[k++];
-    double u = sqrt(rng_uniform(r)), v = rng_uniform(r);
-    const corner *c = t.at[k];
-    return vec3_add(vec3_scale(c[0].position, 1 - u),
-                    vec3_add(vec3_scale(c[1].position, u * (1 - v)), vec3_scale(c[2].position, u * v)));
+    vec3 p = point_of_triangle(t.at[k], r);
+    for (int draw = 0; s->field->open && draw < INSIDE_DRAWS && !bbox_contains(s->field->domain, p); draw++)
+        p = point_of_triangle(t.at[k], r);
+    return p;
+}
+
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3])
+{
+    field_cell place;
+    triangulation t;
+    s->field->ops->cell(s->field, cell, &place);
+    cut_cell(s->field, &place, &t);
+    for (int i = 0; i < t.count; i++)
+        for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
+    return t.count;
 }

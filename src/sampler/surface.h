@@ -30,4 +30,13 @@ void surface_free(surface *s);
  * the cell; project it. */
 vec3 surface_point(const surface *s, const double *before, double where, rng *r);
 
+/* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the domain.
+ * False, outputs untouched, when that does not end within `reach`. */
+bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
+
+/* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the same
+ * corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how many. */
+#define SURFACE_CELL_TRIANGLES 12 /* at most two in each of six tetrahedra */
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3]);
+
 #endif

@@ -141,28 +141,57 @@ static void read_number(reading *r, const json_at *at, const spec_row *row, json
     }
 }
 
+/* Three numbers, or three integers. */
 static void read_vector(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
+    bool whole = row->type == SPEC_TYPE_TRIPLE, good = true;
     if (json_type_of(*at) != JSON_ARRAY || json_size(*at) != 3) {
-        wrong(r, at, row, "an array of three numbers");
+        wrong(r, at, row, whole ? "an array of three integers" : "an array of three numbers");
         return;
     }
     vec3 v = {0, 0, 0};
-    bool good = true;
     for (int i = 0; i < 3; i++) {
         json_at element = json_element(at, (size_t)i);
-        if (is_number(element, row, false)) {
+        if (is_number(element, row, whole)) {
             double value = json_number(element, 0);
             vec3_set(&v, i, value == 0 ? 0 : value);
         } else {
-            wrong(r, &element, row, "a number");
+            wrong(r, &element, row, whole ? "an integer" : "a number");
             good = false;
         }
     }
     if (!good) return;
-    memcpy(target(r, row->offset), &v, sizeof v);
+    const int triple[3] = {(int)v.x, (int)v.y, (int)v.z};
+    if (whole)
+        memcpy(target(r, row->offset), triple, sizeof triple);
+    else
+        memcpy(target(r, row->offset), &v, sizeof v);
     json *list = json_put_array(normal, spec_row_key(row));
     for (int i = 0; i < 3; i++) json_append_number(list, vec3_get(v, i));
+}
+
+/* Any number of them; of the bad ones the first is named. */
+static void read_numbers(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_ARRAY) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of numbers (given %s)", given);
+        return;
+    }
+    size_t count = json_size(*at);
+    double *numbers = mem_alloc((count + 1) * sizeof *numbers);
+    *(double **)target(r, row->offset) = numbers; /* given to the spec at once, which frees them */
+    size_t good = 0, read = json_numbers(*at, numbers, count);
+    while (good < read && numbers[good] >= row->low && numbers[good] <= row->high) good++;
+    if (good < count) {
+        json_at element = json_element(at, good);
+        wrong(r, &element, row, "a number");
+        return;
+    }
+    *(size_t *)target(r, row->has) = count;
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (size_t i = 0; i < count; i++) json_append_number(list, numbers[i] == 0 ? 0 : numbers[i]);
 }
 
 static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -281,7 +310,11 @@ static void read_value(reading *r, const json_at *at, const spec_row *row, json 
         read_string(r, at, row, normal);
         break;
     case SPEC_TYPE_VECTOR:
+    case SPEC_TYPE_TRIPLE:
         read_vector(r, at, row, normal);
+        break;
+    case SPEC_TYPE_NUMBERS:
+        read_numbers(r, at, row, normal);
         break;
     case SPEC_TYPE_SIZE:
         read_size(r, at, row, normal);
@@ -519,6 +552,29 @@ static void check_control(reading *r, const json_at *at)
                   (long long)c->min_count, (long long)c->start_count);
 }
 
+static void check_box(reading *r, const json_at *at, const spec_box *box)
+{
+    json_at max = json_member(at, "max");
+    for (int axis = 0; axis < 3; axis++) {
+        double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
+        if (low < high) continue;
+        json_at side = json_element(&max, (size_t)axis); /* max itself where it is the default */
+        add_fault(r, side.node ? &side : at, ERROR_SPEC_INVALID,
+                  "the box begins at %.16g and ends at %.16g: max must be above min", low, high);
+    }
+}
+
+static void check_bspline(reading *r, const json_at *at)
+{
+    const spec_bspline *b = &r->s->bspline;
+    json_at coefficients = json_member(at, "coefficients");
+    double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
+    if (b->coefficients && (double)b->coefficient_count != count)
+        add_fault(r, &coefficients, ERROR_SPEC_INVALID,
+                  "must be as many as dims says, %d x %d x %d = %.0f (given %zu)", b->dims[0],
+                  b->dims[1], b->dims[2], count, b->coefficient_count);
+}
+
 static void check_solver(reading *r, const json_at *at)
 {
     json_at method = json_member(at, "method"), step = json_member(at, "step");
@@ -556,6 +612,13 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     }
     if (strcmp(group, "/sampling") == 0 && r->total == before) check_sampling(r, at);
     if (strcmp(group, "/sampling/control") == 0 && r->total == before) check_control(r, at);
+    if (strcmp(group, "/surface/bspline") == 0) {
+        r->s->surface_kind = SPEC_SURFACE_BSPLINE;
+        if (r->total == before) check_bspline(r, at);
+    }
+    if (strcmp(group, "/surface/bspline/domain") == 0 && r->total == before)
+        check_box(r, at, &r->s->bspline.domain);
+    if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
 }
 
@@ -597,6 +660,8 @@ void spec_free(spec *s)
     free(s->vdb.path);
     free(s->vdb.grid);
     free(s->grid.name);
+    free(s->bspline.coefficients);
+    free(s->bspline.path);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     json_free(s->normalised);

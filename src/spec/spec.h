@@ -16,7 +16,11 @@
 #include "geometry/vec3.h"
 #include "json/json.h"
 
-typedef enum spec_surface_kind { SPEC_SURFACE_VDB, SPEC_SURFACE_ANALYTIC } spec_surface_kind;
+typedef enum spec_surface_kind {
+    SPEC_SURFACE_VDB,
+    SPEC_SURFACE_ANALYTIC,
+    SPEC_SURFACE_BSPLINE
+} spec_surface_kind;
 
 typedef enum spec_reconstruction {
     SPEC_RECONSTRUCTION_INTERPOLATING,
@@ -55,6 +59,19 @@ typedef struct spec_analytic {
     vec3 size;                         /* gyroid: lengths of its box, > 0 */
     double period;                     /* gyroid: length of one period, > 0 */
 } spec_analytic;
+
+/* A box, min < max in every axis. */
+typedef struct spec_box {
+    vec3 min, max;
+} spec_box;
+
+typedef struct spec_bspline {
+    int dims[3];          /* coefficients along each axis, >= 4 */
+    spec_box domain;      /* the unit cube by default */
+    double *coefficients; /* dims[0] dims[1] dims[2] of them, x fastest; NULL: in the file */
+    size_t coefficient_count;
+    char *path; /* of their file, or NULL */
+} spec_bspline;
 
 typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
@@ -103,6 +120,9 @@ typedef struct spec {
     spec_surface_kind surface_kind;
     spec_vdb vdb;
     spec_analytic analytic;
+    spec_bspline bspline;
+    bool has_region; /* only the surface inside of `region` */
+    spec_box region;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */

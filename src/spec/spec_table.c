@@ -7,6 +7,9 @@
 /* Coordinates and lengths stay where their cubes are far from the limits of a double. */
 #define WORLD_MAX 1e12
 
+/* The field's derivatives and their squares stay finite. */
+#define COEFFICIENT_MAX 1e30
+
 #define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
 #define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
 #define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
@@ -188,7 +191,56 @@ const spec_row spec_rows[] = {
      AT(analytic.period),
      .unit = "world",
      .prose = "gyroid: length of one period."},
-    LATER("/surface/bspline", SPEC_CHOICE_SURFACE, "A B-spline by its coefficients."),
+
+    {.pointer = "/surface/bspline",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose = "The zero set of a uniform cubic B-spline, by its coefficients; negative is inside. Along "
+              "an axis with n coefficients the domain is n - 3 knot intervals of equal length w, and "
+              "coefficient i, from 0, belongs to the basis function centred on min + (i - 1) w: the "
+              "first and the last stand one interval outside of the domain."},
+    {.pointer = "/surface/bspline/dims",
+     .type = SPEC_TYPE_TRIPLE,
+     .flags = SPEC_REQUIRED,
+     .low = 4,
+     .high = 4096,
+     AT(bspline.dims),
+     .prose = "Number of coefficients along x, y and z."},
+    GROUP("/surface/bspline/domain", 0, "The box that the spline is defined in."),
+    {.pointer = "/surface/bspline/domain/min",
+     .type = SPEC_TYPE_VECTOR,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     .otherwise = "[0,0,0]",
+     AT(bspline.domain.min),
+     .unit = "world",
+     .prose = "Its lowest corner."},
+    {.pointer = "/surface/bspline/domain/max",
+     .type = SPEC_TYPE_VECTOR,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     .otherwise = "[1,1,1]",
+     AT(bspline.domain.max),
+     .unit = "world",
+     .prose = "Its highest corner, above the lowest in every axis."},
+    {.pointer = "/surface/bspline/coefficients",
+     .type = SPEC_TYPE_NUMBERS,
+     .choice = SPEC_CHOICE_COEFFICIENTS,
+     .low = -COEFFICIENT_MAX,
+     .high = COEFFICIENT_MAX,
+     AT_HAS(bspline.coefficients, bspline.coefficient_count),
+     .prose = "The coefficients, x fastest, then y: as many as the product of dims."},
+    {.pointer = "/surface/bspline/path",
+     .type = SPEC_TYPE_STRING,
+     .choice = SPEC_CHOICE_COEFFICIENTS,
+     .low = 1,
+     .high = 4096,
+     AT(bspline.path),
+     .prose = "A file with the coefficients in the same order and nothing else: little-endian floats of "
+              "32 or of 64 bits, told apart by the file's size; below one of the service's input roots."},
+
     LATER("/surface/mesh", SPEC_CHOICE_SURFACE, "A triangle mesh, turned into a level set."),
     LATER("/surface/exr", SPEC_CHOICE_SURFACE, "A stack of EXR slices."),
     LATER("/surface/volume", SPEC_CHOICE_SURFACE, "A dense volume, NRRD or NIfTI."),
@@ -197,7 +249,30 @@ const spec_row spec_rows[] = {
     LATER("/surface/difference", SPEC_CHOICE_SURFACE, "The first surface without the others."),
     LATER("/surface/offset", SPEC_CHOICE_SURFACE, "A surface at a distance."),
     LATER("/surface/transform", SPEC_CHOICE_SURFACE, "A surface moved by a matrix."),
-    LATER("/region", SPEC_CHOICE_NONE, "Only the surface inside a box."),
+
+    {.pointer = "/region",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_region),
+     .prose = "Only the surface inside this box. Where the box cuts the surface it is open and points lie "
+              "along the cut. Curvature is made free of scale by the box of the whole surface all the same."},
+    {.pointer = "/region/min",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT(region.min),
+     .unit = "world",
+     .prose = "Its lowest corner."},
+    {.pointer = "/region/max",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT(region.max),
+     .unit = "world",
+     .prose = "Its highest corner, above the lowest in every axis."},
 
     GROUP("/sampling", SPEC_REQUIRED,
           "How many points: exactly one target (count, spacing, density, control or time_s), and at most one "
@@ -732,7 +807,8 @@ static void print_values(FILE *file, const spec_row *row)
 {
     static const char *const types[] = {
         "object",        "number", "integer",      "integer",
-        "word",          "string", "[number x 3]", "integer or [integer, integer]",
+        "word",          "string", "[number x 3]", "[integer x 3]",
+        "[number, ...]", "integer or [integer, integer]",
         "[string, ...]", ""};
     fprintf(file, " (%s", types[row->type]);
     if (row->words) {

@@ -20,6 +20,8 @@ typedef enum spec_type {
     SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
     SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
     SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
+    SPEC_TYPE_TRIPLE,  /* three integers: int[3]; the bounds hold for each */
+    SPEC_TYPE_NUMBERS, /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
     SPEC_TYPE_SIZE,    /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_LABELS,  /* array of strings: char ** and, at `has`, their number */
     SPEC_TYPE_LATER    /* in the contract but not built: refused with not_supported */
@@ -29,6 +31,7 @@ typedef enum spec_type {
 typedef enum spec_choice {
     SPEC_CHOICE_NONE,
     SPEC_CHOICE_SURFACE,
+    SPEC_CHOICE_COEFFICIENTS,
     SPEC_CHOICE_TARGET,
     SPEC_CHOICE_CURVATURE,
     SPEC_CHOICE_GRADING /* the one of which none may be given */

@@ -7,13 +7,13 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "field/spline.h"
 #include "geometry/affine.h"
 #include "vdb/vdb.h"
 #include "volume/choice.h"
 #include "volume/crossings.h"
 #include "volume/lattice.h"
 #include "volume/samples.h"
-#include "volume/spline.h"
 
 /* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
  * that goes farther than this has left its surface anyway. */
@@ -25,6 +25,13 @@
  * arrives there. */
 #define REACH (MARGIN + 9)
 
+/* A brick holds the coefficients that the 8^3 cells of a block need: from -1 to +9 along each axis relative
+ * to the block's lowest voxel, contiguous, the third axis fastest. Floats, to halve the memory that sampling
+ * waits for. */
+#define BRICK_SIDE 11
+#define BRICK_SLAB (BRICK_SIDE * BRICK_SIDE)
+#define BRICK_SIZE (BRICK_SIDE * BRICK_SLAB)
+
 typedef struct crossed_cell {
     int32_t at[3];
     float value[8]; /* corner k as in field_cell */
@@ -35,7 +42,7 @@ struct volume {
     double to_index[3][4], to_world[3][4];
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
     blockmap map;
-    float *coefficients; /* SPLINE_BRICK_SIZE a block of the map */
+    float *coefficients; /* BRICK_SIZE a block of the map */
     crossed_cell *cells;
     size_t cell_count;
     volume_info info;
@@ -88,13 +95,14 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = blockmap_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCKMAP_NONE) return false;
-    const float *brick = v->coefficients + (size_t)n * SPLINE_BRICK_SIZE;
+    const float *corner =
+        v->coefficients + (size_t)n * BRICK_SIZE + cell[0] * BRICK_SLAB + cell[1] * BRICK_SIDE + cell[2];
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
-        spline_hessian(brick, cell, t, &jet);
+        spline_hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
         out->hessian = to_world_hessian(v->to_index, &jet);
     } else {
-        spline_gradient(brick, cell, t, &jet);
+        spline_gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
     }
     out->value = jet.f;
     out->gradient = to_world_gradient(v->to_index, jet.d);
@@ -204,7 +212,7 @@ static bool find_crossings(loading *l, volume *v, error *e)
 
 static size_t held_bytes(size_t bricks, size_t cells)
 {
-    return sizeof(volume) + bricks * SPLINE_BRICK_SIZE * sizeof(float) + blockmap_bytes(bricks) +
+    return sizeof(volume) + bricks * BRICK_SIZE * sizeof(float) + blockmap_bytes(bricks) +
            cells * sizeof(crossed_cell);
 }
 
@@ -280,7 +288,7 @@ static bool make_cells(loading *l, volume *v, error *e)
 static bool make_bricks(loading *l, volume *v, error *e)
 {
     if (!l->smooth && !samples_prefilter(&l->samples, e)) return false;
-    v->coefficients = mem_array((size_t)v->map.count * SPLINE_BRICK_SIZE, sizeof(float), "the spline's bricks", e);
+    v->coefficients = mem_array((size_t)v->map.count * BRICK_SIZE, sizeof(float), "the spline's bricks", e);
     if (!v->coefficients) return false;
     for (int axis = 0; axis < 3; axis++) {
         v->low[axis] = INFINITY;
@@ -288,7 +296,7 @@ static bool make_bricks(loading *l, volume *v, error *e)
     }
     for (uint32_t n = 0; n < v->map.count; n++) {
         const int32_t *b = v->map.blocks[n];
-        samples_window(&l->samples, b, -1, SPLINE_BRICK_SIDE, v->coefficients + (size_t)n * SPLINE_BRICK_SIZE);
+        samples_window(&l->samples, b, -1, BRICK_SIDE, v->coefficients + (size_t)n * BRICK_SIZE);
         for (int axis = 0; axis < 3; axis++) {
             v->low[axis] = fmin(v->low[axis], (double)b[axis] * LATTICE_SIDE);
             v->high[axis] = fmax(v->high[axis], ((double)b[axis] + 1) * LATTICE_SIDE);

@@ -1,6 +1,9 @@
+import json
+import subprocess
+
 import pytest
 
-from service import Service
+from service import PATIENCE_S, Service
 
 
 @pytest.fixture
@@ -30,3 +33,16 @@ def data_service(build, shared_data, tmp_path_factory):
     made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", shared_data)
     yield made.start()
     made.clean_up()
+
+
+@pytest.fixture
+def worker(build, tmp_path):
+    """Runs hexad-worker; a document instead of a path is written down first."""
+    def call(spec, *words, output="out", **more):
+        if not isinstance(spec, str):
+            (tmp_path / "spec.json").write_text(json.dumps(spec))
+            spec = "spec.json"
+        to = [] if output is None else ["--output", output]
+        return subprocess.run([build / "hexad-worker", "run", spec, *to, *map(str, words)], cwd=tmp_path, text=True,
+                              capture_output=True, timeout=PATIENCE_S, **more)
+    return call

@@ -54,6 +54,13 @@ printf '{"outcome":"converged","count":7,"outputs":[{"name":"points.ply","bytes"
 """
 
 
+def last_words(done):
+    """Of a worker that failed: the JSON object at the end of its standard error."""
+    words = json.loads(done.stderr.splitlines()[-1])
+    assert set(words) <= {"code", "message", "errors"} and words["message"]
+    return words
+
+
 def gated_worker(where, deaf=False):
     """A program to be given as --worker: no job ends before Service.open_gate. A deaf one does not hear SIGTERM."""
     path = pathlib.Path(where) / "gated-worker"

@@ -11,24 +11,11 @@ import pytest
 from scipy.spatial import ConvexHull, cKDTree
 
 from readers import Points, read_exr, read_png
-from service import PATIENCE_S, long_sphere, sphere
+from service import PATIENCE_S, last_words, long_sphere, sphere
 
 OUTPUTS = ["points.ply", "preview.exr", "preview.png", "report.json"]
 PHASES = ["load", "start", "relax", "measure", "write"]
 LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
-
-
-@pytest.fixture
-def worker(build, tmp_path):
-    """Runs hexad-worker; a document instead of a path is written down first."""
-    def call(spec, *words, output="out", **more):
-        if not isinstance(spec, str):
-            (tmp_path / "spec.json").write_text(json.dumps(spec))
-            spec = "spec.json"
-        to = [] if output is None else ["--output", output]
-        return subprocess.run([build / "hexad-worker", "run", spec, *to, *map(str, words)], cwd=tmp_path, text=True,
-                              capture_output=True, timeout=PATIENCE_S, **more)
-    return call
 
 
 @pytest.fixture
@@ -65,12 +52,6 @@ def volume(path, count=100, **surface):
     spec = sphere(count, surface={"vdb": {"path": str(path), **surface}})
     spec["output"] = {"preview": False}
     return spec
-
-
-def last_words(done):
-    words = json.loads(done.stderr.splitlines()[-1])
-    assert set(words) <= {"code", "message", "errors"} and words["message"]
-    return words
 
 
 # ---- targets

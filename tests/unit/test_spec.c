@@ -96,6 +96,12 @@ static json *document_for(const spec_row *row)
     } documents[] = {
         {"/surface/vdb",
          "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100}}"},
+        {"/surface/bspline/coefficients",
+         "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4]}},\"sampling\":{\"count\":100}}"},
+        {"/surface/bspline",
+         "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
+         "\"sampling\":{\"count\":100}}"},
+        {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
@@ -182,7 +188,8 @@ static void try_value(const spec_row *row, json *value, bool accepted, double ex
 
 static json *numeric(const spec_row *row, double value)
 {
-    return row->type == SPEC_TYPE_VECTOR ? numbers(value, 3) : number_of(value);
+    bool three = row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_TRIPLE;
+    return three ? numbers(value, 3) : row->type == SPEC_TYPE_NUMBERS ? numbers(value, 64) : number_of(value);
 }
 
 /* Rows whose bounds another member narrows; they have a test of their own. */
@@ -190,12 +197,18 @@ static bool is_bound_by_another(const spec_row *row)
 {
     const char *key = spec_row_key(row);
     return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 ||
-           strcmp(key, "rounding") == 0 || strcmp(key, "start_count") == 0;
+           strcmp(key, "rounding") == 0 || strcmp(key, "min") == 0 || strcmp(key, "max") == 0 ||
+           strcmp(key, "start_count") == 0;
+}
+
+static bool has_fractions(const spec_row *row)
+{
+    return row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_NUMBERS;
 }
 
 static double beyond(const spec_row *row, double bound, int direction)
 {
-    if (row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR)
+    if (has_fractions(row))
         return nextafter(bound, direction * INFINITY);
     return bound + direction * (fabs(bound) < 9e15 ? 1 : 2);
 }
@@ -207,6 +220,7 @@ static void test_bounds_of_every_row(void **state)
         const spec_row *row = &spec_rows[i];
         bool number = row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_INTEGER ||
                       row->type == SPEC_TYPE_LARGE || row->type == SPEC_TYPE_VECTOR ||
+                      row->type == SPEC_TYPE_TRIPLE || row->type == SPEC_TYPE_NUMBERS ||
                       row->type == SPEC_TYPE_SIZE;
         if (!number) continue;
         bool open = row->flags & SPEC_LOW_OPEN;
@@ -217,7 +231,7 @@ static void test_bounds_of_every_row(void **state)
         }
         try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
         try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
-        if (row->type != SPEC_TYPE_NUMBER && row->type != SPEC_TYPE_VECTOR)
+        if (!has_fractions(row))
             try_value(row, number_of(row->low + 0.25), false, NAN);
     }
 }
@@ -251,6 +265,7 @@ static void test_defaults_and_presence(void **state)
         if (row->type == SPEC_TYPE_LATER || row->type == SPEC_TYPE_GROUP) continue;
         json *root = document_for(row);
         if (row->choice == SPEC_CHOICE_TARGET) put_at(root, "/sampling/count", number_of(100));
+        if (row->type == SPEC_TYPE_NUMBERS) put_at(root, row->pointer, numbers(1, 64));
         spec *s = spec_parse(root, NULL, NULL);
         assert_non_null(s);
         double value;
@@ -394,6 +409,109 @@ static void test_fields(void **state)
     assert_true(!s->has_alpha && !s->name);
     spec_free(s);
     spec_free(NULL);
+}
+
+static void test_region(void **state)
+{
+    (void)state;
+    spec *s = good(SPHERE ",\"region\":{\"min\":[-1,0,0.5],\"max\":[1,2,0.75]}}");
+    assert_true(s->has_region && s->region.min.z == 0.5 && s->region.max.z == 0.75);
+    spec_free(s);
+    s = good(SPHERE "}");
+    assert_false(s->has_region);
+    spec_free(s);
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0]}}", ERROR_SPEC_INVALID, "/region/max", "is required");
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,1,0]}}", ERROR_SPEC_INVALID, "/region/max/2",
+                 "begins at 0 and ends at 0");
+    expect_fault(SPHERE ",\"region\":{\"min\":[0,0,0],\"max\":[1,-1,\"x\"]}}", ERROR_SPEC_INVALID,
+                 "/region/max/2", "must be a number");
+    expect_fault(SPHERE ",\"region\":[0,1]}", ERROR_SPEC_INVALID, "/region", "must be an object");
+}
+
+/* A document with a B-spline of 4 x 4 x 4 and these members beside dims. */
+static char *bspline(const char *dims, const char *members)
+{
+    return mem_printf("{\"version\":1,\"surface\":{\"bspline\":{\"dims\":%s%s}},\"sampling\":{"
+                      "\"count\":100}}",
+                      dims, members);
+}
+
+static void expect_bspline_fault(const char *dims, const char *members, const char *pointer, const char *words)
+{
+    char *text = bspline(dims, members);
+    expect_fault(text, ERROR_SPEC_INVALID, pointer, words);
+    free(text);
+}
+
+/* `count` coefficients of which number `odd` is `value`. */
+static char *coefficients(int count, int odd, const char *value)
+{
+    char *list = mem_strdup(",\"coefficients\":[");
+    for (int i = 0; i < count; i++) {
+        char *longer = i == odd ? mem_printf("%s%s%s", list, i ? "," : "", value)
+                                : mem_printf("%s%s%d", list, i ? "," : "", i - 30);
+        free(list);
+        list = longer;
+    }
+    char *closed = mem_printf("%s]", list);
+    free(list);
+    return closed;
+}
+
+static void test_bspline(void **state)
+{
+    (void)state;
+    char *list = coefficients(80, 7, "-1.25e3");
+    char *members = mem_printf("%s,\"domain\":{\"min\":[-1,-2,-3]}", list);
+    char *text = bspline("[4,5,4]", members);
+    spec *s = good(text);
+    assert_int_equal(s->surface_kind, SPEC_SURFACE_BSPLINE);
+    assert_true(s->bspline.dims[0] == 4 && s->bspline.dims[1] == 5 && s->bspline.dims[2] == 4);
+    assert_int_equal(s->bspline.coefficient_count, 80);
+    assert_true(s->bspline.coefficients[7] == -1250 && s->bspline.coefficients[79] == 49);
+    assert_true(s->bspline.domain.min.z == -3 && s->bspline.domain.max.z == 1 && !s->bspline.path);
+    spec_free(s);
+    expect_bspline_fault("[4,4,4]", members, "/surface/bspline/coefficients", "4 x 4 x 4 = 64 (given 80)");
+    free(text);
+    free(members);
+    free(list);
+    text = bspline("[9,4,4096]", ",\"path\":\"c.raw\"");
+    s = good(text);
+    assert_string_equal(s->bspline.path, "c.raw");
+    assert_null(s->bspline.coefficients);
+    spec_free(s);
+    free(text);
+    static const char *const bad_values[] = {"null", "\"1\"", "[1]", "1e31", "1e999"};
+    for (size_t k = 0; k < sizeof bad_values / sizeof *bad_values; k++) {
+        list = coefficients(64, 41, bad_values[k]);
+        text = bspline("[4,4,4]", list);
+        json *root = json_parse(text, strlen(text), NULL);
+        if (root) /* 1e999 is refused as JSON already or here */
+            expect_bspline_fault("[4,4,4]", list, "/surface/bspline/coefficients/41", "must be a number");
+        json_free(root);
+        free(text);
+        free(list);
+    }
+    expect_bspline_fault("[4,4,3]", ",\"path\":\"c\"", "/surface/bspline/dims/2", "(given 3)");
+    expect_bspline_fault("[4,4,4]", "", "/surface/bspline", "exactly one of coefficients, path (given none)");
+    expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"max\":[1,0,1]}",
+                         "/surface/bspline/domain/max/1", "begins at 0 and ends at 0");
+    expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"min\":[0,0,1]}",
+                         "/surface/bspline/domain", "begins at 1 and ends at 1");
+}
+
+/* An array is read in one walk: element by element, these would take minutes. */
+static void test_many_coefficients(void **state)
+{
+    (void)state;
+    json *root = document("{\"version\":1,\"sampling\":{\"count\":9}}"), *list = numbers(-1, 64 * 64 * 64);
+    put_at(root, "/surface/bspline/coefficients", list);
+    put_at(root, "/surface/bspline/dims", numbers(64, 3));
+    spec *s = spec_parse(root, NULL, NULL);
+    assert_non_null(s);
+    assert_int_equal(s->bspline.coefficient_count, 64 * 64 * 64);
+    spec_free(s);
+    json_free(root);
 }
 
 static void test_preview_switch(void **state)
@@ -600,6 +718,9 @@ int main(void)
         cmocka_unit_test(test_every_later_member_is_not_supported),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),
+        cmocka_unit_test(test_region),
+        cmocka_unit_test(test_bspline),
+        cmocka_unit_test(test_many_coefficients),
         cmocka_unit_test(test_preview_switch),
         cmocka_unit_test(test_normalised_is_idempotent),
         cmocka_unit_test(test_faults),

@@ -1,24 +1,34 @@
-#include "volume/spline.h"
+#include "field/spline.h"
 
 #include <string.h>
 
-/* Coefficients are floats, to halve the memory that sampling waits for; the arithmetic is in doubles.
- * In floats it is a quarter faster, but the value then jitters by some 1e-7 of the coefficients, and
- * a minimiser that compares energies to ten digits and differences of values sees that jitter. */
+/* The arithmetic is in doubles whatever the coefficients are. In floats it is a quarter faster, but the
+ * value then jitters by some 1e-7 of the coefficients, and a minimiser that compares energies to ten
+ * digits and differences of values sees that jitter. */
 typedef double lanes __attribute__((vector_size(32)));
 typedef float narrow __attribute__((vector_size(16)));
 
-/* Vectors go by pointer: passed by value, they have one ABI with AVX and another without. */
-static inline void load(const float *p, lanes *out)
-{
-    narrow n;
-    memcpy(&n, p, sizeof n);
-    *out = __builtin_convertvector(n, lanes);
-}
+/* The coefficients of a cell: one of the two pointers. A constant where the functions below are expanded, so
+ * that nothing is decided at run time. */
+typedef struct support {
+    const float *single;
+    const double *wide;
+    size_t row, slab;
+} support;
 
-static inline void load_rows(const float *p, lanes rows[4])
+/* Vectors go by pointer: passed by value, they have one ABI with AVX and another without. */
+static inline void load_rows(const support *s, int i, lanes rows[4])
 {
-    for (int i = 0; i < 4; i++) load(p + i * SPLINE_BRICK_SIDE, &rows[i]);
+    for (int j = 0; j < 4; j++) {
+        size_t at = (size_t)i * s->slab + (size_t)j * s->row;
+        if (s->wide) {
+            memcpy(&rows[j], s->wide + at, sizeof rows[j]);
+        } else {
+            narrow n;
+            memcpy(&n, s->single + at, sizeof n);
+            rows[j] = __builtin_convertvector(n, lanes);
+        }
+    }
 }
 
 static inline double dot(const lanes *a, const lanes *b)
@@ -53,12 +63,8 @@ static inline void bend_weights(double t, double w[4])
     w[3] = t;
 }
 
-static inline const float *corner_of(const float *brick, const int cell[3])
-{
-    return brick + (cell[0] * SPLINE_BRICK_SIDE + cell[1]) * SPLINE_BRICK_SIDE + cell[2];
-}
-
-void spline_gradient(const float *brick, const int cell[3], const double t[3], spline_jet *out)
+static inline __attribute__((always_inline)) void gradient(const support *c, const double t[3],
+                                                           spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4];
     lanes vz, sz, value = {0}, along_x = {0}, along_y = {0};
@@ -68,11 +74,10 @@ void spline_gradient(const float *brick, const int cell[3], const double t[3], s
     slope_weights(t[0], sx);
     slope_weights(t[1], sy);
     slope_weights(t[2], (double *)&sz);
-    const float *c = corner_of(brick, cell);
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; i++, c += SPLINE_BRICK_SIDE * SPLINE_BRICK_SIDE) {
+    for (int i = 0; i < 4; i++) {
         lanes r[4];
-        load_rows(c, r);
+        load_rows(c, i, r);
         lanes v = r[0] * vy[0] + r[1] * vy[1] + r[2] * vy[2] + r[3] * vy[3];
         lanes s = r[0] * sy[0] + r[1] * sy[1] + r[2] * sy[2] + r[3] * sy[3];
         value += v * vx[i];
@@ -85,7 +90,8 @@ void spline_gradient(const float *brick, const int cell[3], const double t[3], s
     out->d[2] = dot(&value, &sz);
 }
 
-void spline_hessian(const float *brick, const int cell[3], const double t[3], spline_jet *out)
+static inline __attribute__((always_inline)) void hessian(const support *c, const double t[3],
+                                                          spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4], bx[4], by[4];
     lanes vz, sz, bz, vv = {0}, sv = {0}, vs = {0}, ss = {0}, bv = {0}, vb = {0};
@@ -98,11 +104,10 @@ void spline_hessian(const float *brick, const int cell[3], const double t[3], sp
     bend_weights(t[0], bx);
     bend_weights(t[1], by);
     bend_weights(t[2], (double *)&bz);
-    const float *c = corner_of(brick, cell);
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; i++, c += SPLINE_BRICK_SIDE * SPLINE_BRICK_SIDE) {
+    for (int i = 0; i < 4; i++) {
         lanes r[4];
-        load_rows(c, r);
+        load_rows(c, i, r);
         lanes v = r[0] * vy[0] + r[1] * vy[1] + r[2] * vy[2] + r[3] * vy[3];
         lanes s = r[0] * sy[0] + r[1] * sy[1] + r[2] * sy[2] + r[3] * sy[3];
         lanes b = r[0] * by[0] + r[1] * by[1] + r[2] * by[2] + r[3] * by[3];
@@ -123,4 +128,24 @@ void spline_hessian(const float *brick, const int cell[3], const double t[3], sp
     out->xy = dot(&ss, &vz);
     out->xz = dot(&sv, &sz);
     out->yz = dot(&vs, &sz);
+}
+
+void spline_gradient(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
+{
+    gradient(&(support){corner, NULL, row, slab}, t, out);
+}
+
+void spline_hessian(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
+{
+    hessian(&(support){corner, NULL, row, slab}, t, out);
+}
+
+void spline_gradient_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
+{
+    gradient(&(support){NULL, corner, row, slab}, t, out);
+}
+
+void spline_hessian_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
+{
+    hessian(&(support){NULL, corner, row, slab}, t, out);
 }

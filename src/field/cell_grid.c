@@ -1,0 +1,144 @@
+#include "field/cell_grid.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+/* Blocks of this many cells along each axis are looked at cell by cell. */
+enum { BLOCK = 8, ROW = BLOCK + 1, SLAB = ROW * ROW };
+
+typedef struct search {
+    cell_grid *grid;
+    const field *field;
+    const cell_grid_oracle *oracle;
+    size_t capacity;
+    double *corners; /* ROW * SLAB values of the block at hand */
+    threads *pool;   /* only to ask whether to stop */
+} search;
+
+/* Faces are exact, and what is beyond the last cell stands for its face. */
+static vec3 grid_corner(const cell_grid *g, int64_t i, int64_t j, int64_t k)
+{
+    const int64_t at[3] = {i, j, k};
+    vec3 corner = g->box.max, size = bbox_size(g->box);
+    for (int axis = 0; axis < 3; axis++) {
+        if (at[axis] >= g->cells[axis]) continue;
+        double from_min = vec3_get(size, axis) * (double)at[axis] / (double)g->cells[axis];
+        vec3_set(&corner, axis, vec3_get(g->box.min, axis) + from_min);
+    }
+    return corner;
+}
+
+static void note_crossing(search *w, int64_t linear)
+{
+    cell_grid *g = w->grid;
+    if (g->count == w->capacity) {
+        w->capacity = w->capacity ? 2 * w->capacity : 4096;
+        g->crossing = mem_resize(g->crossing, w->capacity * sizeof *g->crossing);
+    }
+    g->crossing[g->count++] = linear;
+}
+
+static void search_cells(search *w, const int64_t *first)
+{
+    const cell_grid *g = w->grid;
+    for (int k = 0; k <= BLOCK; k++)
+        for (int j = 0; j <= BLOCK; j++)
+            for (int i = 0; i <= BLOCK; i++)
+                w->corners[(k * ROW + j) * ROW + i] =
+                    w->oracle->value(w->field, grid_corner(g, first[0] + i, first[1] + j, first[2] + k));
+    for (int64_t k = 0; k < BLOCK && first[2] + k < g->cells[2]; k++)
+        for (int64_t j = 0; j < BLOCK && first[1] + j < g->cells[1]; j++)
+            for (int64_t i = 0; i < BLOCK && first[0] + i < g->cells[0]; i++) {
+                const double *c = w->corners + (k * ROW + j) * ROW + i;
+                int inside = 0;
+                for (int v = 0; v < 8; v++) inside += c[(v & 1) + (v >> 1 & 1) * ROW + (v >> 2) * SLAB] < 0;
+                if (inside > 0 && inside < 8)
+                    note_crossing(w,
+                                  ((first[2] + k) * g->cells[1] + first[1] + j) * g->cells[0] + first[0] + i);
+            }
+}
+
+/* Blocks of `size` cells: those that the surface may pass are cut in eight, down to BLOCK. */
+static void search_block(search *w, const int64_t *first, int64_t size)
+{
+    const cell_grid *g = w->grid;
+    for (int axis = 0; axis < 3; axis++)
+        if (first[axis] >= g->cells[axis]) return;
+    if (g->count > CELL_GRID_MOST || threads_stopped(w->pool)) return;
+    if (!w->oracle->may_cross(w->field, grid_corner(g, first[0], first[1], first[2]),
+                              grid_corner(g, first[0] + size, first[1] + size, first[2] + size)))
+        return;
+    if (size == BLOCK) {
+        search_cells(w, first);
+        return;
+    }
+    for (int child = 0; child < 8; child++) {
+        int64_t at[3];
+        for (int axis = 0; axis < 3; axis++) at[axis] = first[axis] + (child >> axis & 1) * (size / 2);
+        search_block(w, at, size / 2);
+    }
+}
+
+bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e)
+{
+    search w = {g, f, oracle, 0, mem_alloc(ROW * SLAB * sizeof(double)), pool};
+    int64_t size = BLOCK;
+    while (size < g->cells[0] || size < g->cells[1] || size < g->cells[2]) size *= 2;
+    search_block(&w, (const int64_t[3]){0, 0, 0}, size);
+    free(w.corners);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (g->count <= CELL_GRID_MOST) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the surface crosses more than %zu cells of size %g: it is too fine for its size",
+                     CELL_GRID_MOST, f->cell_size);
+}
+
+static void find_place(const cell_grid *g, size_t index, int64_t at[3])
+{
+    int64_t linear = g->crossing[index];
+    at[0] = linear % g->cells[0];
+    at[1] = linear / g->cells[0] % g->cells[1];
+    at[2] = linear / (g->cells[0] * g->cells[1]);
+}
+
+void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
+                    field_cell *out)
+{
+    int64_t at[3];
+    find_place(g, index, at);
+    for (int c = 0; c < 8; c++) {
+        out->corner[c] = grid_corner(g, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
+        out->value[c] = oracle->value(f, out->corner[c]);
+    }
+}
+
+unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle)
+{
+    unsigned faces = 0;
+    for (size_t n = 0; n < g->count; n++) {
+        int64_t at[3];
+        find_place(g, n, at);
+        for (int face = 0; face < 6; face++) {
+            int axis = face >> 1, high = face & 1, inside = 0;
+            field_cell cell;
+            if (faces >> face & 1 || at[axis] != (high ? g->cells[axis] - 1 : 0)) continue;
+            cell_grid_cell(g, f, oracle, n, &cell);
+            for (int c = 0; c < 8; c++) inside += (c >> axis & 1) == high && cell.value[c] < 0;
+            if (inside > 0 && inside < 4) faces |= 1u << face;
+        }
+    }
+    return faces;
+}
+
+size_t cell_grid_bytes(const cell_grid *g)
+{
+    return g->count * sizeof *g->crossing;
+}
+
+void cell_grid_free(cell_grid *g)
+{
+    free(g->crossing);
+    g->crossing = NULL;
+    g->count = 0;
+}

@@ -1,0 +1,29 @@
+/* spline: uniform cubic B-splines in three variables, evaluated in one cell of their grid.
+ *
+ * A cell of the grid has 4^3 coefficients: `corner` is the one of lowest index along every axis, the third
+ * axis is contiguous, and `row` and `slab` are the steps to the next along the second and the first. In
+ * axis k the point stands at t[k] in [0, 1] of the way from the node of the second coefficient to that of
+ * the third. C2 across cells. Pure functions, safe in any thread.
+ * Source: Unser 1999, "Splines: A Perfect Fit for Signal and Image Processing", box 2.
+ */
+#ifndef HEXAD_FIELD_SPLINE_H
+#define HEXAD_FIELD_SPLINE_H
+
+#include <stddef.h>
+
+/* A value with its derivatives along the grid's axes, per cell. */
+typedef struct spline_jet {
+    double f;
+    double d[3]; /* along the first, second, third axis */
+    double xx, yy, zz, xy, xz, yz;
+} spline_jet;
+
+/* spline_gradient leaves the second derivatives untouched. */
+void spline_gradient(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+void spline_hessian(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+
+/* The same for coefficients in doubles. */
+void spline_gradient_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+void spline_hessian_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+
+#endif
