@@ -16,7 +16,11 @@
 #include "geometry/vec3.h"
 #include "json/json.h"
 
-typedef enum spec_surface_kind { SPEC_SURFACE_VDB, SPEC_SURFACE_ANALYTIC } spec_surface_kind;
+typedef enum spec_surface_kind {
+    SPEC_SURFACE_VDB,
+    SPEC_SURFACE_ANALYTIC,
+    SPEC_SURFACE_MESH
+} spec_surface_kind;
 
 typedef enum spec_reconstruction {
     SPEC_RECONSTRUCTION_INTERPOLATING,
@@ -30,6 +34,13 @@ typedef struct spec_vdb {
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_vdb;
+
+typedef struct spec_mesh {
+    char *path;
+    double voxel_size; /* world units; 0: by the resolution */
+    int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size */
+    int band_vox;
+} spec_mesh;
 
 typedef enum spec_shape {
     SPEC_SHAPE_SPHERE,
@@ -103,6 +114,7 @@ typedef struct spec {
     spec_surface_kind surface_kind;
     spec_vdb vdb;
     spec_analytic analytic;
+    spec_mesh mesh;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */
@@ -167,6 +179,15 @@ typedef struct spec_faults {
  * it up: code spec_invalid if any fault is, else not_supported. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 void spec_free(spec *s);
+
+/* A file that the spec names. */
+typedef struct spec_input {
+    const char *pointer; /* JSON Pointer of the member */
+    const char *path;    /* the spec's */
+} spec_input;
+
+/* The index-th of the files that a job reads; false when there are fewer. */
+bool spec_input_at(const spec *s, size_t index, spec_input *out);
 
 /* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);
