@@ -181,6 +181,10 @@ static void set_transform(volume *v, const double m[16])
 static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const lattice *a = &l->lattice;
+    if (v->info.triangles)
+        return error_set(e, ERROR_NO_SURFACE,
+                         "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
+                         "smaller voxels", v->info.triangles, v->info.voxel_size);
     char more[96] = "";
     if (a->not_finite)
         snprintf(more, sizeof more, "; %llu of its voxels are not finite", (unsigned long long)a->not_finite);
@@ -380,10 +384,9 @@ static void compare_mesh(volume *v, const mesh *m)
     v->info.fidelity = levelset_compare(m, v->info.index_to_world, &v->base);
     if (v->info.fidelity.unresolved >= unresolved_from)
         warn(&v->info,
-             "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel "
-             "(use smaller "
-             "voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is their "
-             "union)",
+             "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel (use "
+             "smaller voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is "
+             "their union)",
              100 * v->info.fidelity.unresolved);
 }
 

@@ -141,6 +141,11 @@ static void thin_walls_are_told(void **state)
     assert_true(volume_describe(v)->fidelity.unresolved > 0.45);
     volume_close(v);
     mesh_free(&m);
+    m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 0.002}, 0);
+    assert_null(open_mesh(&m, "off", 64, &e));
+    assert_int_equal(e.code, ERROR_NO_SURFACE);
+    assert_non_null(strstr(e.message, "thinner than that everywhere"));
+    mesh_free(&m);
 }
 
 static void expect_error(const char *path, const void *bytes, size_t count, error_code code, const char *text)
