@@ -12,8 +12,9 @@ from service import sphere
 
 JOB_PATIENCE_S = 900
 COUNT, RESOLUTION = 500, 96
-# Of the points, in voxels; the rest is at creases and where triangles are smaller than voxels, which no grid can hold.
-NEAR_VOX, NEAR_SHARE, FAR_VOX = 0.1, 0.85, 1.0
+# Distances of the points from the mesh, in voxels, at most: of half, of 95 %, of all. Most of these meshes have triangles
+# smaller than the voxels here, or creases, which no grid can hold.
+HALF_VOX, MOST_VOX, ALL_VOX = 0.1, 0.3, 1.0
 
 OPEN = {  # from the table of the folder
     "alligator_flat.obj": "433 boundary edges around 1 hole:",
@@ -78,14 +79,15 @@ def test_points_are_on_the_mesh(data_service, folder, jobs, diagnose, name):
     agree = (points.normal * truth.normals[nearest]).sum(axis=1) * numpy.sign(truth.volume)
     diagnose(f"{name}: {report['outcome']}, lost {quality['lost']}, hex_fraction {quality['hex_fraction']:.3f}, "
              f"min_spacing_ratio {quality['min_spacing_ratio']:.3f}, euler {quality['euler']:.2f}, "
-             f"area {surface['area'] / surface['mesh']['area'] - 1:+.4f}, near {(far < NEAR_VOX).mean():.3f}, "
-             f"far {far.max():.3f} voxels, normals {numpy.quantile(agree, 0.1):.4f}, "
-             f"unresolved {surface['mesh']['unresolved_fraction']:.4f}, load {report['timing_s']['load']:.2f} s")
+             f"area {surface['area'] / surface['mesh']['area'] - 1:+.4f}, half within "
+             f"{numpy.median(far):.4f}, 95 % within {numpy.quantile(far, 0.95):.4f}, all within {far.max():.3f} voxel, "
+             f"normals {numpy.quantile(agree, 0.1):.4f}, unresolved "
+             f"{surface['mesh']['unresolved_fraction']:.4f}, load {report['timing_s']['load']:.2f} s")
     assert report["count"] == COUNT and quality["lost"] == 0 and quality["max_residual"] <= 1e-3
     assert surface["mesh"]["triangles"] == len(truth.faces)
     assert abs(surface["mesh"]["area"] / truth.areas.sum() - 1) < 1e-5
     assert abs(surface["voxel_size"] * RESOLUTION / truth.longest - 1) < 1e-5
-    assert (far < NEAR_VOX).mean() >= (NEAR_SHARE if name != "cycloidal.ply" else 0.6) and far.max() <= FAR_VOX
+    assert numpy.median(far) <= HALF_VOX and numpy.quantile(far, 0.95) <= MOST_VOX and far.max() <= ALL_VOX
     if name not in TANGLED:
         assert (agree > 0).mean() >= 0.99  # outward, but for a crease here and there
     if name in WARNED:
