@@ -162,23 +162,24 @@ static spec *read_spec(const jobs_request *request, reply *r)
     return NULL;
 }
 
-/* Looks whether the input may be read and is there, so that a mistake shows at once; the worker
- * opens it again under the same roots. */
+/* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
+ * opens them again under the same roots. */
 static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
 {
-    bool volume = s->surface_kind == SPEC_SURFACE_VDB;
-    const char *path = volume ? s->vdb.path : s->bspline.path;
-    if (!path) return true;
-    error e = {0};
-    int fd = store_open_input(c->roots, path, &e);
-    if (fd >= 0) {
-        close(fd);
-        return true;
+    spec_input input;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        error e = {0};
+        int fd = store_open_input(c->roots, input.path, &e);
+        if (fd >= 0) {
+            close(fd);
+            continue;
+        }
+        json *errors = json_new_array();
+        append_fault(errors, input.pointer, e.message);
+        reply_set_error(r, &e, errors);
+        return false;
     }
-    json *errors = json_new_array();
-    append_fault(errors, volume ? "/surface/vdb/path" : "/surface/bspline/path", e.message);
-    reply_set_error(r, &e, errors);
-    return false;
+    return true;
 }
 
 static char *print_labels(const spec *s)

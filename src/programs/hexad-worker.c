@@ -21,6 +21,7 @@
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
+#include "volume/mesh_reader.h"
 
 enum exit_code {
     EXIT_CONVERGED = 0,
@@ -278,6 +279,7 @@ static int print_energies(void)
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
+    if (strcmp(command, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) command = "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;

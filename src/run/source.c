@@ -37,12 +37,9 @@ static bool open_analytic(const spec_analytic *a, threads *pool, source *out, er
     return true;
 }
 
-static bool open_volume(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
+static volume *open_grid(const spec_vdb *v, int fd, size_t memory, error *e)
 {
-    const spec_vdb *v = &s->vdb;
-    int fd = store_open_input(roots, v->path, e);
-    if (fd < 0) return false;
-    volume_request request = {
+    const volume_request request = {
         .fd = fd,
         .path = v->path,
         .grid = v->grid,
@@ -52,13 +49,38 @@ static bool open_volume(const spec *s, const store_roots *roots, size_t memory, 
             v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING,
         .memory_limit = memory,
     };
-    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
-              (out->volume = volume_open(&request, e)) != NULL;
+    return volume_open(&request, e);
+}
+
+static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, error *e)
+{
+    const volume_mesh_request request = {
+        .fd = fd,
+        .path = m->path,
+        .voxel_size = m->voxel_size,
+        .resolution = m->resolution,
+        .band_vox = m->band_vox,
+        .memory_limit = memory,
+    };
+    return volume_open_mesh(&request, e);
+}
+
+static bool open_volume(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
+{
+    spec_input input;
+    if (!spec_input_at(s, 0, &input)) return error_set(e, ERROR_INTERNAL, "a volume without a file");
+    int fd = store_open_input(roots, input.path, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e);
+    if (ok)
+        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, e)
+                                                           : open_grid(&s->vdb, fd, memory, e);
+    ok = out->volume != NULL;
     if (ok && s->has_grid)
-        ok = (out->map = map_open(fd, v->path, s->grid.name, memory - source_memory(out), e)) != NULL;
+        ok = (out->map = map_open(fd, input.path, s->grid.name, memory - source_memory(out), e)) != NULL;
     close(fd);
     if (!ok) return false;
-    out->input_path = v->path;
+    out->input_path = input.path;
     out->field = volume_field(out->volume);
     return true;
 }
@@ -93,6 +115,7 @@ static bool open_whole(const spec *s, const store_roots *roots, size_t memory, t
 {
     switch (s->surface_kind) {
     case SPEC_SURFACE_VDB:
+    case SPEC_SURFACE_MESH:
         return open_volume(s, roots, memory, out, e);
     case SPEC_SURFACE_BSPLINE:
         return open_bspline(&s->bspline, roots, memory, pool, out, e);
@@ -127,8 +150,17 @@ void source_close(source *s)
 static void describe_volume(const volume_info *info, json *surface, json *warnings)
 {
     json_put_integer(surface, "voxels", (int64_t)info->active_voxels);
-    json_put_string(surface, "grid", info->grid);
-    json_put_number(surface, "isovalue", info->isovalue);
+    if (info->triangles == 0) {
+        json_put_string(surface, "grid", info->grid);
+        json_put_number(surface, "isovalue", info->isovalue);
+    } else {
+        json *of_mesh = json_put_object(surface, "mesh");
+        json_put_integer(of_mesh, "triangles", (int64_t)info->triangles);
+        json_put_number(of_mesh, "area", info->fidelity.area);
+        json_put_number(of_mesh, "rms_distance_vox", info->fidelity.rms_vox);
+        json_put_number(of_mesh, "close_fraction", info->fidelity.close);
+        json_put_number(of_mesh, "unresolved_fraction", info->fidelity.unresolved);
+    }
     json_put_number(surface, "voxel_size", info->voxel_size);
     json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
     json_put_integer(surface, "bricks", (int64_t)info->bricks);

@@ -1,4 +1,4 @@
-/* source: the surface that a spec names, opened: a formula, a B-spline or a volume of a file. */
+/* source: the surface that a spec names, opened: a formula, a B-spline, or a volume or mesh of a file. */
 #ifndef HEXAD_RUN_SOURCE_H
 #define HEXAD_RUN_SOURCE_H
 

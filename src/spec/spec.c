@@ -420,9 +420,10 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
         append(given, sizeof given, spec_row_key(row));
         count++;
     }
-    if (rows == 0 || count == 1 || (count == 0 && choice == SPEC_CHOICE_GRADING)) return;
-    add_fault(r, at, ERROR_SPEC_INVALID, "needs %s one of %s (given %s)",
-              choice == SPEC_CHOICE_GRADING ? "at most" : "exactly", all, count ? given : "none");
+    bool may_be_none = choice >= SPEC_CHOICE_GRADING;
+    if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return;
+    add_fault(r, at, ERROR_SPEC_INVALID, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly",
+              all, count ? given : "none");
 }
 
 static const char *default_of(const reading *r, const spec_row *row)
@@ -431,6 +432,7 @@ static const char *default_of(const reading *r, const spec_row *row)
     if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
     if (row->offset == offsetof(spec, curvature.exponent) && !(r->s->curvature.ratio > 0)) return NULL;
     if (row->offset == offsetof(spec, gradation) && !r->s->has_curvature && !r->s->has_grid) return NULL;
+    if (row->offset == offsetof(spec, mesh.resolution) && r->s->mesh.voxel_size > 0) return NULL;
     if (row->offset == offsetof(spec, preview_color))
         return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
@@ -602,10 +604,10 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         return;
     }
     check_members(r, at, group);
-    for (spec_choice c = SPEC_CHOICE_SURFACE; c <= SPEC_CHOICE_GRADING; c++)
-        check_choice(r, at, group, c);
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) check_choice(r, at, group, c);
     for (size_t i = 0; i < spec_row_count; i++)
         if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
+    if (strcmp(group, "/surface/mesh") == 0) r->s->surface_kind = SPEC_SURFACE_MESH;
     if (strcmp(group, "/surface/analytic") == 0) {
         r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
         if (r->total == before) check_analytic(r, at);
@@ -653,6 +655,19 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e)
     return NULL;
 }
 
+bool spec_input_at(const spec *s, size_t index, spec_input *out)
+{
+    const spec_input inputs[] = {{"/surface/vdb/path", s->vdb.path},
+                                 {"/surface/mesh/path", s->mesh.path},
+                                 {"/surface/bspline/path", s->bspline.path}};
+    for (size_t k = 0; k < sizeof inputs / sizeof inputs[0]; k++) {
+        if (!inputs[k].path || index-- > 0) continue;
+        *out = inputs[k];
+        return true;
+    }
+    return false;
+}
+
 void spec_free(spec *s)
 {
     if (!s) return;
@@ -662,6 +677,7 @@ void spec_free(spec *s)
     free(s->grid.name);
     free(s->bspline.coefficients);
     free(s->bspline.path);
+    free(s->mesh.path);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     json_free(s->normalised);

@@ -19,7 +19,8 @@
 typedef enum spec_surface_kind {
     SPEC_SURFACE_VDB,
     SPEC_SURFACE_ANALYTIC,
-    SPEC_SURFACE_BSPLINE
+    SPEC_SURFACE_BSPLINE,
+    SPEC_SURFACE_MESH
 } spec_surface_kind;
 
 typedef enum spec_reconstruction {
@@ -34,6 +35,13 @@ typedef struct spec_vdb {
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_vdb;
+
+typedef struct spec_mesh {
+    char *path;
+    double voxel_size; /* world units; 0: by the resolution */
+    int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size */
+    int band_vox;
+} spec_mesh;
 
 typedef enum spec_shape {
     SPEC_SHAPE_SPHERE,
@@ -123,6 +131,7 @@ typedef struct spec {
     spec_bspline bspline;
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
+    spec_mesh mesh;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */
@@ -187,6 +196,15 @@ typedef struct spec_faults {
  * it up: code spec_invalid if any fault is, else not_supported. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 void spec_free(spec *s);
+
+/* A file that the spec names. */
+typedef struct spec_input {
+    const char *pointer; /* JSON Pointer of the member */
+    const char *path;    /* the spec's */
+} spec_input;
+
+/* The index-th of the files that a job reads; false when there are fewer. */
+bool spec_input_at(const spec *s, size_t index, spec_input *out);
 
 /* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);

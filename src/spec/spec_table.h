@@ -34,7 +34,9 @@ typedef enum spec_choice {
     SPEC_CHOICE_COEFFICIENTS,
     SPEC_CHOICE_TARGET,
     SPEC_CHOICE_CURVATURE,
-    SPEC_CHOICE_GRADING /* the one of which none may be given */
+    SPEC_CHOICE_GRADING, /* none may be given, either, from here on */
+    SPEC_CHOICE_VOXELS,
+    SPEC_CHOICE_COUNT
 } spec_choice;
 
 enum {

@@ -13,6 +13,7 @@
 #include "volume/choice.h"
 #include "volume/crossings.h"
 #include "volume/lattice.h"
+#include "volume/mesh_file.h"
 #include "volume/samples.h"
 
 /* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
@@ -50,7 +51,8 @@ struct volume {
 
 /* What exists only while a volume is opened. */
 typedef struct loading {
-    const volume_request *request;
+    char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
+    size_t memory_limit;
     vdb_grid *grid;
     lattice lattice;
     crossings crossings;
@@ -141,9 +143,8 @@ static void warn(volume_info *info, const char *format, ...)
 }
 
 /* Chooses the grid and decides what it is; on return l->grid is loaded. */
-static bool load_grid(loading *l, volume *v, error *e)
+static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
-    const volume_request *r = l->request;
     vdb_listing listing;
     size_t index;
     if (!vdb_list_grids(r->fd, &listing, e)) return false;
@@ -151,6 +152,9 @@ static bool load_grid(loading *l, volume *v, error *e)
     vdb_class class = ok ? listing.entries[index].grid_class : VDB_UNKNOWN;
     vdb_listing_free(&listing);
     if (!ok) return false;
+    snprintf(l->name, sizeof l->name, "grid \"%s\"", v->info.grid);
+    l->memory_limit = r->memory_limit;
+    l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     v->info.level_set = class == VDB_LEVEL_SET;
     if (!v->info.level_set && !r->has_isovalue)
         return error_set(e, ERROR_ISOVALUE_REQUIRED,
@@ -162,7 +166,7 @@ static bool load_grid(loading *l, volume *v, error *e)
         warn(&v->info, "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
              v->info.grid);
     l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
-    if (!l->grid) return error_prefix(e, "grid \"%s\"", v->info.grid);
+    if (!l->grid) return error_prefix(e, "%s", l->name);
     v->info.active_voxels = l->grid->active_voxels;
     if (v->info.active_voxels == 0)
         return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty: it has no active voxel", v->info.grid);
@@ -185,28 +189,32 @@ static void set_transform(volume *v, const double m[16])
 static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const lattice *a = &l->lattice;
+    if (v->info.triangles)
+        return error_set(e, ERROR_NO_SURFACE,
+                         "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
+                         "smaller voxels", v->info.triangles, v->info.voxel_size);
     char more[96] = "";
     if (a->not_finite)
         snprintf(more, sizeof more, "; %llu of its voxels are not finite", (unsigned long long)a->not_finite);
     return error_set(e, ERROR_NO_SURFACE,
-                     "grid \"%s\" has no surface at isovalue %g: its values range from %g to %g%s", v->info.grid,
+                     "%s has no surface at isovalue %g: its values range from %g to %g%s", l->name,
                      v->info.isovalue, (double)a->lowest, (double)a->highest, more);
 }
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
     if (!lattice_init(&l->lattice, l->grid, v->info.level_set, v->info.isovalue, e) ||
-        !crossings_find(&l->lattice, l->request->memory_limit, &l->crossings, e))
-        return error_prefix(e, "grid \"%s\"", v->info.grid);
+        !crossings_find(&l->lattice, l->memory_limit, &l->crossings, e))
+        return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
     if (c->cells == 0) return no_crossing(l, v, e);
     if (c->open_cells == 0) return true;
     double band = fabs((double)l->grid->background);
     return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                     "grid \"%s\": its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
+                     "%s: its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
                      "isovalue %g, %llu have a corner that is inactive or clamped, the first at voxel (%d, %d, %d); rebuild "
                      "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
-                     v->info.grid, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
+                     l->name, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
                      (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
 }
 
@@ -220,14 +228,14 @@ static bool plan(loading *l, volume *v, error *e)
 {
     if (!blockmap_init(&v->map, 2 * l->crossings.count, e) || !blockmap_init(&l->reach, 4 * l->crossings.count, e) ||
         !samples_plan(&l->crossings, MARGIN, &v->map, e) || !samples_plan(&l->crossings, REACH, &l->reach, e))
-        return error_prefix(e, "grid \"%s\"", v->info.grid);
+        return error_prefix(e, "%s", l->name);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) + l->grid->tile_count * sizeof(vdb_tile);
     size_t work = samples_bytes(l->reach.count), held = held_bytes(v->map.count, l->crossings.cells);
-    size_t peak = work + (grid > held ? grid : held), limit = l->request->memory_limit;
+    size_t peak = work + (grid > held ? grid : held), limit = l->memory_limit;
     if (peak <= limit) return true;
     return error_set(e, ERROR_LIMIT_MEMORY,
-                     "grid \"%s\" needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
-                     "raise limits.memory_mb", v->info.grid, (peak >> 20) + 1, v->map.count,
+                     "%s needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
+                     "raise limits.memory_mb", l->name, (peak >> 20) + 1, v->map.count,
                      (unsigned long long)l->crossings.cells, limit >> 20);
 }
 
@@ -245,11 +253,11 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     l->crossings = found;
     blockmap_free(&v->map);
     if (!ok || !blockmap_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
-        return error_prefix(e, "grid \"%s\"", v->info.grid);
+        return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
         return error_set(e, ERROR_NO_SURFACE,
-                         "grid \"%s\" has no surface at isovalue %g once it is smoothed: use the interpolating reconstruction",
-                         v->info.grid, v->info.isovalue);
+                         "%s has no surface at isovalue %g once it is smoothed: use the interpolating reconstruction",
+                         l->name, v->info.isovalue);
     return true;
 }
 
@@ -259,7 +267,7 @@ static bool read_samples(loading *l, volume *v, error *e)
     lattice_free(&l->lattice);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (v->info.level_set && !samples_extend(&l->samples, e))) return error_prefix(e, "grid \"%s\"", v->info.grid);
+    if (!ok || (v->info.level_set && !samples_extend(&l->samples, e))) return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
@@ -326,23 +334,82 @@ static void measure(volume *v)
     v->info.memory_bytes = held_bytes(v->map.count, v->cell_count);
 }
 
+/* From a loaded grid to bricks. */
+static bool build(loading *l, volume *v, error *e)
+{
+    set_transform(v, l->grid->index_to_world);
+    if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
+        !make_bricks(l, v, e))
+        return false;
+    measure(v);
+    return true;
+}
+
+static void loading_free(loading *l)
+{
+    lattice_free(&l->lattice);
+    vdb_grid_free(l->grid);
+    crossings_free(&l->crossings);
+    blockmap_free(&l->reach);
+    samples_free(&l->samples);
+}
+
 volume *volume_open(const volume_request *request, error *e)
 {
-    loading l = {.request = request, .smooth = request->reconstruction == VOLUME_SMOOTHING};
+    loading l = {0};
     volume *v = mem_alloc(sizeof *v);
     v->base.ops = &volume_ops;
-    bool ok = load_grid(&l, v, e);
-    if (ok) {
-        set_transform(v, l.grid->index_to_world);
-        ok = find_crossings(&l, v, e) && plan(&l, v, e) && read_samples(&l, v, e) && make_cells(&l, v, e) &&
-             make_bricks(&l, v, e);
-    }
-    if (ok) measure(v);
-    lattice_free(&l.lattice);
-    vdb_grid_free(l.grid);
-    crossings_free(&l.crossings);
-    blockmap_free(&l.reach);
-    samples_free(&l.samples);
+    bool ok = load_grid(request, &l, v, e) && build(&l, v, e);
+    loading_free(&l);
+    if (ok) return v;
+    error_prefix(e, "%s", request->path);
+    volume_close(v);
+    return NULL;
+}
+
+/* ---- meshes */
+
+/* What the level set does not follow is said from this share of the area on: less is a crease here or there. */
+static const double unresolved_from = 0.001;
+
+static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh *m, mesh_notes *notes,
+                      error *e)
+{
+    const mesh_file file = {r->fd, r->path, r->reader, r->memory_limit};
+    const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit};
+    snprintf(l->name, sizeof l->name, "its level set");
+    v->info.level_set = true;
+    if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;
+    size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
+    l->memory_limit = r->memory_limit > held ? r->memory_limit - held : 0;
+    v->info.active_voxels = l->grid->active_voxels;
+    v->info.triangles = m->triangle_count;
+    return true;
+}
+
+static void compare_mesh(volume *v, const mesh *m)
+{
+    v->info.fidelity = levelset_compare(m, v->info.index_to_world, &v->base);
+    if (v->info.fidelity.unresolved >= unresolved_from)
+        warn(&v->info,
+             "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel (use "
+             "smaller voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is "
+             "their union)",
+             100 * v->info.fidelity.unresolved);
+}
+
+volume *volume_open_mesh(const volume_mesh_request *request, error *e)
+{
+    loading l = {0};
+    mesh m = {0};
+    mesh_notes notes = {0};
+    volume *v = mem_alloc(sizeof *v);
+    v->base.ops = &volume_ops;
+    bool ok = load_mesh(request, &l, v, &m, &notes, e) && build(&l, v, e);
+    for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
+    if (ok) compare_mesh(v, &m);
+    loading_free(&l);
+    mesh_free(&m);
     if (ok) return v;
     error_prefix(e, "%s", request->path);
     volume_close(v);

@@ -1,9 +1,10 @@
-/* volume: a grid of a file as a field: C2 tricubic splines over sparse bricks around the isosurface.
+/* volume: a grid or a mesh of a file as a field: C2 tricubic splines over sparse bricks around the
+ * isosurface.
  *
- * A volume is read whole, in one call, through the shim in src/vdb; once it is open no file and no
- * library object is left, only bricks (8^3 cells plus the apron of coefficients that their splines
- * need) wherever the surface passes, with a margin in which Newton's method and a particle's trial
- * steps stay defined. Sampling allocates nothing and is safe in any number of threads.
+ * A volume is read whole, in one call, through the shim in src/vdb; once it is open no file and no library
+ * object is left, only bricks (8^3 cells plus the apron of coefficients that their splines need) wherever
+ * the surface passes, with a margin in which Newton's method and a particle's trial steps stay defined.
+ * Sampling allocates nothing and is safe in any number of threads.
  */
 #ifndef HEXAD_VOLUME_VOLUME_H
 #define HEXAD_VOLUME_VOLUME_H
@@ -14,6 +15,7 @@
 
 #include "base/error.h"
 #include "field/field.h"
+#include "volume/levelset.h"
 
 typedef struct volume volume;
 
@@ -32,10 +34,20 @@ typedef struct volume_request {
     size_t memory_limit; /* bytes that opening and holding the volume may take */
 } volume_request;
 
-#define VOLUME_MAX_WARNINGS 8
+typedef struct volume_mesh_request {
+    int fd;              /* as above */
+    const char *path;    /* for messages, and its ending for the format */
+    const char *reader;  /* the program that reads meshes; NULL: this one (see mesh_reader.h) */
+    double voxel_size;   /* world units; 0: from the resolution */
+    int resolution;      /* voxels along the longest side of the mesh's box */
+    int band_vox;        /* half-width of the band of distances */
+    size_t memory_limit; /* as above, the process that reads included */
+} volume_mesh_request;
+
+#define VOLUME_MAX_WARNINGS 12
 
 typedef struct volume_info {
-    char grid[256];          /* the grid's unique name */
+    char grid[256];          /* the grid's unique name; "" for a mesh */
     bool level_set;          /* else fog: inside is above the isovalue */
     double isovalue;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1) */
@@ -45,6 +57,8 @@ typedef struct volume_info {
     uint64_t bricks;
     size_t memory_bytes;     /* what the volume holds */
     bbox surface_box;        /* of the crossing cells */
+    size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
+    levelset_fidelity fidelity; /* of a mesh */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
@@ -53,6 +67,11 @@ typedef struct volume_info {
  * Errors: input_damaged, input_unsupported, grid_missing, grid_ambiguous, isovalue_required,
  * no_surface, limit_memory; each names the file, the grid and the reason. */
 volume *volume_open(const volume_request *request, error *e);
+
+/* The same for a closed triangle mesh, by way of a level set (see levelset.h); what is odd about it is in
+ * the warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
+ * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
+volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);
 const volume_info *volume_describe(const volume *v);

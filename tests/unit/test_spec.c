@@ -102,6 +102,8 @@ static json *document_for(const spec_row *row)
          "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
          "\"sampling\":{\"count\":100}}"},
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
+        {"/surface/mesh",
+         "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
@@ -574,6 +576,63 @@ static void test_normalised_is_idempotent(void **state)
     spec_free(s);
 }
 
+static void test_mesh(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *members;
+        double voxel_size;
+        int resolution, band_vox;
+    } cases[] = {{"", 0, 256, 4},
+                 {",\"resolution\":100,\"band_vox\":6", 0, 100, 6},
+                 {",\"voxel_size\":0.5", 0.5, 0, 4}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char *text = mem_printf(
+            "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a/b.obj\"%s}},\"sampling\":{\"count\":9}}",
+            cases[k].members);
+        json *root = document(text);
+        spec *s = spec_parse(root, NULL, NULL);
+        assert_non_null(s);
+        assert_int_equal(s->surface_kind, SPEC_SURFACE_MESH);
+        assert_string_equal(s->mesh.path, "a/b.obj");
+        assert_true(s->mesh.voxel_size == cases[k].voxel_size);
+        assert_int_equal(s->mesh.resolution, cases[k].resolution);
+        assert_int_equal(s->mesh.band_vox, cases[k].band_vox);
+        spec_free(s);
+        json_free(root);
+        free(text);
+    }
+}
+
+static void test_inputs(void **state)
+{
+    (void)state;
+    static const char *const kinds[] = {"vdb", "mesh"};
+    for (int k = 0; k < 2; k++) {
+        char *text = mem_printf(
+            "{\"version\":1,\"surface\":{\"%s\":{\"path\":\"a\"}},\"sampling\":{\"count\":9}}", kinds[k]);
+        char *pointer = mem_printf("/surface/%s/path", kinds[k]);
+        json *root = document(text);
+        spec *s = spec_parse(root, NULL, NULL);
+        spec_input input;
+        assert_non_null(s);
+        assert_true(spec_input_at(s, 0, &input));
+        assert_string_equal(input.pointer, pointer);
+        assert_string_equal(input.path, "a");
+        assert_false(spec_input_at(s, 1, &input));
+        spec_free(s);
+        json_free(root);
+        free(pointer);
+        free(text);
+    }
+    json *root = document(SPHERE "}");
+    spec *s = spec_parse(root, NULL, NULL);
+    spec_input input;
+    assert_false(spec_input_at(s, 0, &input));
+    spec_free(s);
+    json_free(root);
+}
+
 static void test_faults(void **state)
 {
     (void)state;
@@ -583,11 +642,15 @@ static void test_faults(void **state)
     expect_fault("{}", invalid, "/surface", "is required");
     expect_fault("{}", invalid, "/sampling", "is required");
     expect_fault("{\"version\":2}", invalid, "/version", "must be 1 (given 2)");
-    expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, analytic");
+    expect_fault("{\"surface\":{}}", invalid, "/surface", "needs exactly one of vdb, mesh, analytic");
     expect_fault("{\"surface\":{\"vdb\":{},\"mesh\":{}}}", invalid, "/surface", "(given vdb, mesh)");
     expect_fault("{\"surface\":{\"vdb\":{}}}", invalid, "/surface/vdb/path", "is required");
     expect_fault("{\"surface\":{\"vdb\":{\"path\":\"\"}}}", invalid, "/surface/vdb/path",
                  "characters (given 0)");
+    expect_fault("{\"surface\":{\"mesh\":{\"path\":\"a.stl\",\"voxel_size\":1,\"resolution\":9}}}", invalid,
+                 "/surface/mesh", "needs at most one of voxel_size, resolution");
+    expect_fault("{\"surface\":{\"mesh\":{\"path\":\"a.stl\",\"bandvox\":4}}}", invalid,
+                 "/surface/mesh/bandvox", "did you mean 'band_vox'?");
     expect_fault("{\"sampling\":{}}", invalid, "/sampling",
                  "exactly one of count, spacing, density, control, time_s");
     expect_fault("{\"sampling\":{\"alpha\":{},\"curvature\":{}}}", invalid, "/sampling",
@@ -636,7 +699,7 @@ static void test_all_faults_are_collected(void **state)
     (void)state;
     error e = {0};
     spec_faults faults =
-        bad("{\"version\":1,\"surface\":{\"mesh\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
+        bad("{\"version\":1,\"surface\":{\"exr\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
             "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
             &e);
     assert_int_equal(faults.count, 6);
@@ -723,6 +786,8 @@ int main(void)
         cmocka_unit_test(test_many_coefficients),
         cmocka_unit_test(test_preview_switch),
         cmocka_unit_test(test_normalised_is_idempotent),
+        cmocka_unit_test(test_mesh),
+        cmocka_unit_test(test_inputs),
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_invalid_fault_behind_others),

@@ -1,0 +1,22 @@
+/* mesh_file: a mesh from an open file, read by a process of its own (see mesh_reader). */
+#ifndef HEXAD_VOLUME_MESH_FILE_H
+#define HEXAD_VOLUME_MESH_FILE_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+#include "volume/mesh.h"
+
+typedef struct mesh_file {
+    int fd;              /* open for reading, at any offset; stays the caller's */
+    const char *path;    /* its ending tells the format */
+    const char *program; /* what runs mesh_reader_main as its command read-mesh; NULL: this program itself */
+    size_t memory_limit; /* bytes, of the reading process and of the mesh */
+} mesh_file;
+
+/* Every count, number and index of what comes back is checked. Errors: input_damaged, also when the reading
+ * process dies of the file or takes too long; input_unsupported; no_surface when there is no triangle;
+ * limit_memory. They do not name the file. *out is untouched on failure, otherwise for mesh_free. */
+bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
+
+#endif

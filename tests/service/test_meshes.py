@@ -1,0 +1,156 @@
+"""Meshes through REST: every file of data/meshes gives points on its surface or an error of its own, and nothing among the
+malformed ones does harm."""
+import hashlib
+import json
+
+import numpy
+import pytest
+
+from meshes import Mesh
+from readers import Points
+from service import sphere
+
+JOB_PATIENCE_S = 900
+COUNT, RESOLUTION = 500, 96
+# Distances of the points from the mesh, in voxels, at most: of half, of 95 %, of all. Most of these meshes have triangles
+# smaller than the voxels here, or creases, which no grid can hold.
+HALF_VOX, MOST_VOX, ALL_VOX = 0.1, 0.3, 1.0
+
+OPEN = {  # from the table of the folder
+    "alligator_flat.obj": "433 boundary edges around 1 hole:",
+    "plane_holes.obj": "341 boundary edges",
+    "soup.stl": "300 boundary edges around 100 holes",
+    "stanford-bunny.obj": "223 boundary edges around 5 holes",
+    "suzanne.obj": "42 boundary edges",
+    "teapot.obj": "160 boundary edges",
+    "truck.obj": "1388 boundary edges",
+}
+WARNED = {  # a part of a warning that must be there
+    "cup.obj": "400 of 800 triangles stand in the file again",
+    "cycloidal.ply": "242 edges at which four or more triangles meet",
+    "multibody.stl": "2 of 2 shells are inside out",
+    "footbones.ply": "of the mesh's area is not on the surface",
+}
+# Shells that overlap: what is hidden is no part of the surface, and the orientation of the file says little.
+TANGLED = {"cycloidal.ply", "multibody.stl", "footbones.ply"}
+GOOD = ["42400-IDGH.stl", "armadillo.obj", "bob.obj", "bunny_pmp.off", "busted.STL", "cow.obj", "cup.obj", "cycloidal.ply",
+        "decimated-knight.off", "dragon_100k.obj", "fandisk.off", "fertility.off", "footbones.ply", "gargoyle.off",
+        "goathead.obj", "high_genus13k.off", "lucy_100k.ply", "multibody.stl", "quadknot.obj", "rocker-arm.obj",
+        "scorpion_low.obj", "screwdriver.off", "skull_low.obj", "spot.obj", "torus.obj", "wingnut.obj"]
+
+
+def mesh(path, count=COUNT, **members):
+    return {"version": 1, "surface": {"mesh": {"path": str(path), **members}}, "sampling": {"count": count},
+            "solver": {"threads": 1}, "output": {"preview": False}}
+
+
+def wait(service, job):
+    return service.wait_state(job, "succeeded", "failed", "timed_out", "cancelled", seconds=JOB_PATIENCE_S)
+
+
+def results(service, job):
+    done = wait(service, job)
+    assert done["state"] == "succeeded", done
+    got = {name: service.get(f"/v1/jobs/{job}/results/{name}").body for name in ("report.json", "points.ply")}
+    return json.loads(got["report.json"]), Points(got["points.ply"])
+
+
+@pytest.fixture(scope="module")
+def folder(shared_data):
+    return shared_data / "meshes"
+
+
+@pytest.fixture(scope="module")
+def jobs(data_service, folder):
+    return {name: data_service.submit(mesh(folder / name, resolution=RESOLUTION)) for name in (*GOOD, *OPEN)}
+
+
+def test_every_file_is_expected(folder):
+    assert {p.name for p in folder.iterdir()} - {"README.md"} == {*GOOD, *OPEN}
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_points_are_on_the_mesh(data_service, folder, jobs, diagnose, name):
+    report, points = results(data_service, jobs[name])
+    truth = Mesh(folder / name)
+    surface, quality = report["surface"], report["quality"]
+    far, nearest = truth.nearest(points.position)
+    far /= surface["voxel_size"]
+    agree = (points.normal * truth.normals[nearest]).sum(axis=1) * numpy.sign(truth.volume)
+    diagnose(f"{name}: {report['outcome']}, lost {quality['lost']}, hex_fraction {quality['hex_fraction']:.3f}, "
+             f"min_spacing_ratio {quality['min_spacing_ratio']:.3f}, euler {quality['euler']:.2f}, "
+             f"area {surface['area'] / surface['mesh']['area'] - 1:+.4f}, half within "
+             f"{numpy.median(far):.4f}, 95 % within {numpy.quantile(far, 0.95):.4f}, all within {far.max():.3f} voxel, "
+             f"normals {numpy.quantile(agree, 0.1):.4f}, unresolved "
+             f"{surface['mesh']['unresolved_fraction']:.4f}, load {report['timing_s']['load']:.2f} s")
+    assert report["count"] == COUNT and quality["lost"] == 0 and quality["max_residual"] <= 1e-3
+    assert surface["mesh"]["triangles"] == len(truth.faces)
+    assert abs(surface["mesh"]["area"] / truth.areas.sum() - 1) < 1e-5
+    assert abs(surface["voxel_size"] * RESOLUTION / truth.longest - 1) < 1e-5
+    assert numpy.median(far) <= HALF_VOX and numpy.quantile(far, 0.95) <= MOST_VOX and far.max() <= ALL_VOX
+    if name not in TANGLED:
+        assert (agree > 0).mean() >= 0.99  # outward, but for a crease here and there
+    if name in WARNED:
+        assert any(WARNED[name] in w for w in surface["warnings"]), surface["warnings"]
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_open_meshes_are_refused(data_service, jobs, name):
+    done = wait(data_service, jobs[name])
+    assert done["state"] == "failed" and len(done["attempts"]) == 1
+    assert done["error"]["code"] == "input_unsupported"
+    assert name in done["error"]["message"] and OPEN[name] in done["error"]["message"]
+
+
+def test_the_dragon(data_service, folder, diagnose):
+    """At the default resolution: seconds, and within a twentieth of a voxel away from creases."""
+    path = folder / "dragon_100k.obj"
+    report, points = results(data_service, data_service.submit(mesh(path, 5000)))
+    far, _ = Mesh(path).nearest(points.position, 1000000)
+    far /= report["surface"]["voxel_size"]
+    of_mesh = report["surface"]["mesh"]
+    diagnose(f"dragon: load {report['timing_s']['load']:.2f} s, 95 % of the points within {numpy.quantile(far, 0.95):.4f} "
+             f"voxel, all within {far.max():.3f}; of the mesh {of_mesh['close_fraction']:.4f} within 0.05 of the surface")
+    assert report["spec"]["surface"]["mesh"] == {"path": str(path), "resolution": 256, "band_vox": 4}
+    assert numpy.quantile(far, 0.95) <= 0.05 and far.max() <= 1
+    assert of_mesh["close_fraction"] >= 0.95 and of_mesh["unresolved_fraction"] <= 0.01
+    (told,) = report["inputs"]
+    data = path.read_bytes()
+    assert told == {"path": str(path), "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+
+MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_binary_header_with_RN_newline.ply", "testmixed.obj",
+                      "comments.off", "nancolor.obj", "negative_indices.obj", "two_objects_mixed_case_names.stl",
+                      "wallhole.obj", "whitespace.off"}
+
+
+def test_malformed_files_do_no_harm(data_service, shared_data, diagnose):
+    files = [p for group in ("assimp_invalid", "trimesh_odd") for p in sorted((shared_data / "malformed" / group).iterdir())
+             if p.suffix in (".obj", ".off", ".ply", ".stl")]
+    assert len(files) > 50
+    jobs = {path: data_service.submit(mesh(path, 100, resolution=32)) for path in files}
+    ended = {path: wait(data_service, job) for path, job in jobs.items()}
+    for path, done in ended.items():
+        code = done["error"]["code"] if done["state"] == "failed" else done["state"]
+        diagnose(f"{path.name}: {code}")
+        assert len(done["attempts"]) == 1, path
+        assert (done["state"] == "succeeded") == (path.name in MALFORMED_BUT_GOOD), (path, done)
+        if done["state"] == "failed":
+            assert code in ("input_damaged", "input_unsupported", "no_surface"), path
+            assert path.name in done["error"]["message"]
+    wait(data_service, data_service.submit(sphere()))
+
+
+def test_inputs_stay_below_their_roots(new_service, tmp_path):
+    root = tmp_path / "root"
+    root.mkdir()
+    (tmp_path / "secret.obj").write_text("v 0 0 0\n")
+    (root / "empty.obj").write_text("")
+    service = new_service("--input_roots", root).start()
+    for path, status, code in ((tmp_path / "secret.obj", 403, "path_forbidden"), ("../secret.obj", 403, "path_forbidden"),
+                               ("missing.obj", 422, "input_missing")):
+        reply = service.post("/v1/jobs", mesh(path))
+        assert reply.status == status and reply.json["code"] == code
+        assert reply.json["errors"][0]["pointer"] == "/surface/mesh/path"
+    failed = service.wait_state(service.submit(mesh("empty.obj")), "failed")
+    assert failed["error"]["code"] == "input_damaged" and "empty.obj" in failed["error"]["message"]

@@ -1,0 +1,28 @@
+/* mesh_fixture: small meshes made for the tests, as arrays and as files in memory. */
+#ifndef HEXAD_TESTS_MESH_FIXTURE_H
+#define HEXAD_TESTS_MESH_FIXTURE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "volume/mesh.h"
+
+/* A ball: an icosahedron whose triangles were split in four so many times; outward. */
+mesh mesh_fixture_ball(vec3 center, double radius, int splits);
+/* A box of 12 triangles, outward, turned about an oblique axis by `angle`. */
+mesh mesh_fixture_box(vec3 center, vec3 half, double angle);
+/* The same rotation, backwards: a point relative to the centre in the box's own axes. */
+vec3 mesh_fixture_unturn(vec3 p, double angle);
+
+/* Appends b to a, and frees b. */
+void mesh_fixture_append(mesh *a, mesh b);
+void mesh_fixture_turn(mesh *m, size_t triangle); /* reverses its orientation */
+void mesh_fixture_remove(mesh *m, size_t triangle);
+void mesh_fixture_add(mesh *m, uint32_t a, uint32_t b, uint32_t c);
+
+double mesh_fixture_area(const mesh *m);
+
+/* The file of a format ("obj", "off", "ply", "stl", "bstl" for binary STL), in memory. */
+char *mesh_fixture_print(const mesh *m, const char *format, size_t *bytes);
+
+#endif

@@ -1,0 +1,346 @@
+/* Meshes as files: through the reading process into a volume. The test program is its own reader; for a
+ * file whose ending is "fakeN" it answers nonsense instead, of kind N. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <fcntl.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "mesh_fixture.h"
+#include "volume/mesh_reader.h"
+#include "volume_fixture.h"
+
+enum { SEED = 20260721, FAKES = 12 };
+
+static volume *open_bytes(const void *bytes, size_t count, const char *path, int resolution, size_t memory,
+                          error *e)
+{
+    int fd = fixture_bytes(bytes, count);
+    const volume_mesh_request request = {fd, path, NULL, 0, resolution, 4, memory};
+    volume *v = volume_open_mesh(&request, e);
+    close(fd);
+    return v;
+}
+
+static volume *open_mesh(const mesh *m, const char *format, int resolution, error *e)
+{
+    size_t count;
+    char *bytes = mesh_fixture_print(m, format, &count),
+         *path = mem_printf("x/ball.%s", strcmp(format, "bstl") ? format : "STL");
+    volume *v = open_bytes(bytes, count, path, resolution, FIXTURE_MEMORY, e);
+    free(path);
+    free(bytes);
+    return v;
+}
+
+static vec3 random_direction(uint64_t *seed)
+{
+    double u = 2 * fixture_random(seed) - 1, angle = 2 * M_PI * fixture_random(seed), r = sqrt(1 - u * u);
+    return (vec3){r * cos(angle), r * sin(angle), u};
+}
+
+/* Points of the zero set are on the ball, with normals outwards. The ball of triangles is up to 8e-4 of the
+ * radius within the sphere, a fiftieth of a voxel at this resolution. */
+static void assert_ball(const volume *v, vec3 center, double radius, double side)
+{
+    const field *f = volume_field(v);
+    const double voxel = volume_describe(v)->voxel_size;
+    uint64_t seed = SEED;
+    for (int k = 0; k < 500; k++) {
+        vec3 out = random_direction(&seed), p;
+        field_sample s;
+        if (!fixture_project(f, vec3_axpy(radius + side * 0.3 * voxel, out, center), &p))
+            fail_msg("no surface in direction %d", k);
+        assert_true(field_sample_at(f, p, FIELD_GRADIENT, &s));
+        double off = (vec3_norm(vec3_sub(p, center)) - radius) / voxel;
+        if (!(fabs(off) < 0.05)) fail_msg("%g voxel off the sphere", off);
+        double turn = side * vec3_dot(vec3_unit(s.gradient), out);
+        if (!(turn > 0.999)) fail_msg("a normal is off by %g", turn);
+    }
+}
+
+static void balls_of_every_format(void **state)
+{
+    (void)state;
+    static const char *const formats[] = {"obj", "off", "ply", "stl", "bstl"};
+    const vec3 center = {10, -20, 5};
+    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++)
+        for (int turned = 0; turned < 2; turned++) {
+            error e = {0};
+            mesh m = mesh_fixture_ball(center, 3, 4);
+            for (size_t n = 0; turned && n < m.triangle_count; n++) mesh_fixture_turn(&m, n);
+            volume *v = open_mesh(&m, formats[k], 64, &e);
+            if (!v) fail_msg("%s: %s", formats[k], e.message);
+            const volume_info *info = volume_describe(v);
+            assert_ball(v, center, 3, 1);
+            assert_int_equal(info->triangles, m.triangle_count);
+            assert_int_equal(info->warning_count, turned);
+            if (turned) assert_non_null(strstr(info->warning[0], "inside out"));
+            assert_true(fabs(info->fidelity.area / mesh_fixture_area(&m) - 1) < 1e-6);
+            assert_true(info->fidelity.close > 0.999 && info->fidelity.rms_vox < 0.01);
+            assert_true(info->fidelity.unresolved == 0);
+            assert_true(info->level_set && strcmp(info->grid, "") == 0);
+            volume_close(v);
+            mesh_free(&m);
+        }
+}
+
+static void assert_warned(const volume *v, const char *text)
+{
+    const volume_info *info = volume_describe(v);
+    for (size_t k = 0; k < info->warning_count; k++)
+        if (strstr(info->warning[k], text)) return;
+    fail_msg("no warning '%s'", text);
+}
+
+static void cavities_and_hidden_shells(void **state)
+{
+    (void)state;
+    error e = {0};
+    const vec3 center = {0, 0, 0};
+    mesh m = mesh_fixture_ball(center, 2, 4), inner = mesh_fixture_ball(center, 1, 4);
+    for (size_t n = 0; n < inner.triangle_count; n++) mesh_fixture_turn(&inner, n);
+    mesh_fixture_append(&m, inner);
+    volume *v = open_mesh(&m, "ply", 64, &e);
+    assert_non_null(v);
+    assert_ball(v, center, 2, 1);
+    assert_ball(v, center, 1, -1);
+    assert_int_equal(volume_describe(v)->warning_count, 0);
+    volume_close(v);
+    for (size_t n = m.triangle_count / 2; n < m.triangle_count; n++) mesh_fixture_turn(&m, n);
+    v = open_mesh(&m, "ply", 64, &e);
+    assert_non_null(v);
+    assert_ball(v, center, 2, 1);
+    field_sample s;
+    if (field_sample_at(volume_field(v), (vec3){1.02, 0, 0}, FIELD_GRADIENT, &s)) assert_true(s.value < -0.9);
+    assert_warned(v, "lie within others");
+    assert_warned(v, "20 % of the mesh's area is not on the surface");
+    volume_close(v);
+    mesh_free(&m);
+}
+
+static void thin_walls_are_told(void **state)
+{
+    (void)state;
+    error e = {0};
+    mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 0.05}, 0);
+    mesh_fixture_append(&m, mesh_fixture_box((vec3){0, 0, 0.5}, (vec3){1, 1, 0.002}, 0));
+    volume *v = open_mesh(&m, "off", 64, &e);
+    assert_non_null(v);
+    assert_warned(v, "thinner than a voxel");
+    assert_true(volume_describe(v)->fidelity.unresolved > 0.45);
+    volume_close(v);
+    mesh_free(&m);
+    m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 0.002}, 0);
+    assert_null(open_mesh(&m, "off", 64, &e));
+    assert_int_equal(e.code, ERROR_NO_SURFACE);
+    assert_non_null(strstr(e.message, "thinner than that everywhere"));
+    mesh_free(&m);
+}
+
+static void expect_error(const char *path, const void *bytes, size_t count, error_code code, const char *text)
+{
+    error e = {0};
+    assert_null(open_bytes(bytes, count, path, 64, FIXTURE_MEMORY, &e));
+    if (e.code != code || !strstr(e.message, text) || strncmp(e.message, path, strlen(path)) != 0)
+        fail_msg("%s: %s instead of %s with '%s'", path, e.message, error_code_name(code), text);
+}
+
+static void open_meshes_are_refused(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
+    mesh_fixture_remove(&m, 0);
+    size_t count;
+    char *bytes = mesh_fixture_print(&m, "obj", &count);
+    expect_error("dir/open.obj", bytes, count, ERROR_INPUT_UNSUPPORTED,
+                 "3 boundary edges around 1 hole: close");
+    free(bytes);
+    mesh_free(&m);
+}
+
+static void files_that_are_no_meshes(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *path, *text;
+        error_code code;
+        const char *message;
+    } cases[] = {
+        {"a.obj", "", ERROR_INPUT_DAMAGED, "is empty"},
+        {"a.ply", "version https://git-lfs.github.com/spec/v1\noid sha256:12\n", ERROR_INPUT_DAMAGED,
+         "Git-LFS"},
+        {"a.xyz", "nothing that anybody knows", ERROR_INPUT_UNSUPPORTED, "is no mesh of a known format"},
+        {"a", "nothing that anybody knows", ERROR_INPUT_UNSUPPORTED, "is no mesh of a known format"},
+        {"a.obj", "# vertices and no face at all\nv 0 0 0\nv 1 0 0\nv 0 1 0\n", ERROR_NO_SURFACE,
+         "no triangle"},
+        {"a.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+         ERROR_INPUT_DAMAGED, "not finite"},
+        {"a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e38 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+         ERROR_INPUT_DAMAGED, "beyond"},
+        {"a.off", "OFF\n2000000000 2000000000 0\n0 0 0\n", ERROR_INPUT_DAMAGED, ""},
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++)
+        expect_error(cases[k].path, cases[k].text, strlen(cases[k].text), cases[k].code, cases[k].message);
+}
+
+/* Cut anywhere and with bytes changed anywhere a file gives an error or a mesh, never a fault of ours. */
+static void damaged_files(void **state)
+{
+    (void)state;
+    static const char *const formats[] = {"obj", "off", "ply", "stl", "bstl"};
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 1);
+    uint64_t seed = SEED;
+    int refused = 0;
+    for (size_t k = 0; k < sizeof formats / sizeof *formats; k++) {
+        size_t count;
+        char *bytes = mesh_fixture_print(&m, formats[k], &count), *copy = mem_alloc(count);
+        char *path = mem_printf("x.%s", formats[k][0] == 'b' ? "stl" : formats[k]);
+        for (int i = 0; i < 16; i++) {
+            error e = {0};
+            memcpy(copy, bytes, count);
+            for (int n = 0; n < i && i > 8; n++)
+                copy[(size_t)(fixture_random(&seed) * (double)count)] = (char)(256 * fixture_random(&seed));
+            volume *v =
+                open_bytes(copy, i < 8 ? 1 + count * (size_t)i / 8 : count, path, 16, FIXTURE_MEMORY, &e);
+            refused += !v;
+            if (!v && e.code != ERROR_INPUT_DAMAGED && e.code != ERROR_INPUT_UNSUPPORTED &&
+                e.code != ERROR_NO_SURFACE && e.code != ERROR_SPEC_INVALID)
+                fail_msg("%s %d (seed %d): %s", formats[k], i, SEED, e.message);
+            volume_close(v);
+        }
+        free(path);
+        free(copy);
+        free(bytes);
+    }
+    assert_true(refused > 40);
+    mesh_free(&m);
+}
+
+/* A pipe that nobody writes would hold whoever opens it for ever. */
+static void other_files_are_not_opened(void **state)
+{
+    (void)state;
+    char directory[] = "/tmp/test_mesh.XXXXXX", here[4096];
+    assert_non_null(getcwd(here, sizeof here));
+    assert_non_null(mkdtemp(directory));
+    assert_int_equal(chdir(directory), 0);
+    assert_int_equal(mkfifo("other.mtl", 0600), 0);
+    error e = {0};
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
+    size_t count;
+    char *bytes = mesh_fixture_print(&m, "obj", &count),
+         *text = mem_printf("mtllib other.mtl\nusemtl a\n%s", bytes);
+    volume *v = open_bytes(text, strlen(text), "mesh.obj", 32, FIXTURE_MEMORY, &e);
+    if (!v) fail_msg("%s", e.message);
+    volume_close(v);
+    unlink("other.mtl");
+    assert_int_equal(chdir(here), 0);
+    rmdir(directory);
+    free(text);
+    free(bytes);
+    mesh_free(&m);
+}
+
+static void limits_hold(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 5);
+    size_t count;
+    char *bytes = mesh_fixture_print(&m, "bstl", &count);
+    for (size_t memory = 1 << 16; memory <= 1 << 24; memory *= 4) {
+        error e = {0};
+        assert_null(open_bytes(bytes, count, "ball.stl", 256, memory, &e));
+        if (e.code != ERROR_LIMIT_MEMORY) fail_msg("%zu bytes: %s", memory, e.message);
+    }
+    free(bytes);
+    mesh_free(&m);
+}
+
+/* ---- readers that answer nonsense */
+
+static int fake(int kind)
+{
+    static const float corners[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, bad[3] = {0, NAN, 0};
+    static const uint32_t faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}}, none[3] = {0, 4, 1};
+    mesh_reader_header h = {.magic = MESH_READER_MAGIC, .vertices = 4, .triangles = 4};
+    if (kind == 1) h.magic++;
+    if (kind == 2) h.vertices = 5;
+    if (kind == 3) h.triangles = 5;
+    if (kind == 4) h.triangles = UINT64_MAX;
+    if (kind == 5) h.vertices = (uint64_t)1 << 31;
+    if (kind == 6) h.code = ERROR_CODE_COUNT;
+    if (kind == 7) h.text_length = UINT32_MAX;
+    fwrite(&h, kind == 8 ? 20 : sizeof h, 1, stdout);
+    if (kind == 8) return fflush(stdout);
+    fwrite(corners, sizeof corners - sizeof bad, 1, stdout);
+    fwrite(kind == 9 ? bad : corners[3], sizeof bad, 1, stdout);
+    fwrite(faces, sizeof faces - sizeof none, 1, stdout);
+    fwrite(kind == 10 ? none : faces[3], sizeof none, 1, stdout);
+    if (kind == 11) putchar('x');
+    fflush(stdout);
+    if (kind == 12) raise(SIGKILL); /* a sanitizer does not catch it */
+    return 0;
+}
+
+static void answers_are_not_believed(void **state)
+{
+    (void)state;
+    static const char *const words[] = {"",
+                                        "nonsense",
+                                        "to its end",
+                                        "to its end",
+                                        "too many for 32 bits",
+                                        "raise limits.memory_mb",
+                                        "nonsense",
+                                        "nonsense",
+                                        "to its end",
+                                        "not finite",
+                                        "none of its 4 vertices",
+                                        "more than it announced",
+                                        "crash"};
+    volume *v = NULL;
+    error e = {0};
+    v = open_bytes("x", 1, "a.fake0", 32, FIXTURE_MEMORY, &e); /* nothing wrong with this one */
+    if (!v) fail_msg("%s", e.message);
+    volume_close(v);
+    for (int kind = 1; kind <= FAKES; kind++) {
+        char path[32];
+        snprintf(path, sizeof path, "a.fake%d", kind);
+        expect_error(path, "x", 1,
+                     kind == 4   ? ERROR_INPUT_UNSUPPORTED
+                     : kind == 5 ? ERROR_LIMIT_MEMORY
+                                 : ERROR_INPUT_DAMAGED,
+                     words[kind]);
+    }
+    const volume_mesh_request request = {fixture_bytes("x", 1), "a.obj", "/nowhere/at/all", 0, 32, 4,
+                                         FIXTURE_MEMORY};
+    assert_null(volume_open_mesh(&request, &e));
+    assert_int_equal(e.code, ERROR_INTERNAL);
+    close(request.fd);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 2 && strcmp(argv[1], MESH_READER_COMMAND) == 0)
+        return strncmp(argv[2], "fake", 4) == 0 ? fake(atoi(argv[2] + 4))
+                                                : mesh_reader_main(argc - 1, argv + 1);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(balls_of_every_format),      cmocka_unit_test(cavities_and_hidden_shells),
+        cmocka_unit_test(thin_walls_are_told),        cmocka_unit_test(open_meshes_are_refused),
+        cmocka_unit_test(files_that_are_no_meshes),   cmocka_unit_test(damaged_files),
+        cmocka_unit_test(other_files_are_not_opened), cmocka_unit_test(limits_hold),
+        cmocka_unit_test(answers_are_not_believed),
+    };
+    return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
+}
