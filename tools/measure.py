@@ -1,30 +1,31 @@
 """Quality measures of a point set on a surface, from its points alone; the second opinion on report.json.
 
-Shares no code with the sampler. Neighbours are those of the Voronoi diagram restricted to the surface: each
-point's cell is cut out of its own tangent plane, its neighbours rolled into that plane with their distances
-kept. A pair is joined where the two planes' Voronoi edges have a positive length between them; of the two
-diagonals of four points nearly on a circle the longer one's opponent loses, so that both are never joined.
+Shares no code with the sampler, nor its way. Neighbours are those of the Delaunay triangulation restricted to the
+surface: of the tetrahedra between the points in space, those whose circumcentre lies inside are the solid, and
+the triangles between these and the others are the surface. It is closed by construction and has one Euler
+characteristic. Whether a circumcentre lies inside is asked of the points that it is nearest to, which are the
+tetrahedron's corners, by their normals.
 """
 import dataclasses
 
 import numpy
 from scipy.sparse import coo_matrix, csgraph
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
 # Normals that part by more than this belong to another sheet; a right angle, as on a cube, does not.
-OTHER_SIDE = -0.25
-# Enough for the cells and the potential's support in a packing that is about even; more are fetched for the
-# points that need them, up to the last of these.
-NEIGHBOURS = (20, 40, 80, 160)
-# Where nothing bounds a cell (a rim), it ends here, in requested spacings.
-CELL_END = 2.0
-# Voronoi edges shorter than this, in requested spacings, are held against the other diagonal's.
-DOUBT = 0.1
-# Pairs whose Voronoi edge is shorter than minus this, seen from one end, are no neighbours from either.
-FAR = 0.5
-# Points that are worked on together: arrays of CHUNK x NEIGHBOURS^2 doubles.
-CHUNK = 2048
+OTHER_SIDE = -0.2
+# Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
+NEIGHBOURS = (16, 48, 144)
+# Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
+# spacings, are none of the surface. An ideal one has 0.58, one beside a vacancy less than 1.
+RIM_RADIUS = 1.2
+# Points that lie on a plane or a sphere have no unique Delaunay triangulation, and the search for one takes for
+# ever; moved by this, in spacings, they have.
+JITTER = 1e-5
+# Companions in the empty space, so many spacings off the surface, keep tetrahedra from reaching right across it. One
+# point in COMPANIONS times the distance gets one, if it is nearer to nobody than CLEAR of that distance.
+COMPANION_DISTANCES, COMPANIONS, CLEAR = (4, 8, 16, 32, 64, 128), 30, 0.8
 
 
 @dataclasses.dataclass
@@ -77,123 +78,128 @@ def tangents(normal):
     return u, numpy.cross(normal, u)
 
 
-def _rolled(points, near, at):
-    """Neighbours near[] of points at[] in their tangent planes: the direction of the projection, the distance
-    in space; infinitely far those on another sheet."""
-    u, v = tangents(points.normal[at])
-    r = points.position[near] - points.position[at][:, None]
-    flat = numpy.stack([numpy.einsum("nkc,nc->nk", r, u), numpy.einsum("nkc,nc->nk", r, v)], axis=2)
-    distance = numpy.linalg.norm(r, axis=2)
-    length = numpy.linalg.norm(flat, axis=2)
-    same = numpy.einsum("nkc,nc->nk", points.normal[near], points.normal[at]) > OTHER_SIDE
-    flat *= (distance / numpy.maximum(length, 1e-300))[:, :, None]
-    return flat, distance, same
+# ---- neighbours
+
+def _companions(points, tree):
+    """Places in the empty space, and on which side of the surface they are (-1: inside)."""
+    rng = numpy.random.default_rng(1)
+    places, sides = [numpy.zeros((0, 3))], [numpy.zeros(0)]
+    for side in (-1, 1):
+        for far in COMPANION_DISTANCES:
+            who = rng.choice(points.count, max(1, points.count // (COMPANIONS * far)), replace=False)
+            off = far * points.spacing[who]
+            place = points.position[who] + (side * off)[:, None] * points.normal[who]
+            alone = tree.query(place)[0] > CLEAR * off
+            places.append(place[alone])
+            sides.append(numpy.full(alone.sum(), side))
+    return numpy.concatenate(places), numpy.concatenate(sides)
 
 
-def _cells(points, near, at):
-    """Of points at[] with neighbours near[]: signed lengths of the Voronoi edges, who ends them, areas, the
-    distances, which of them are on the same sheet, and how far the cell reaches."""
-    flat, distance, same = _rolled(points, near, at)
-    end = CELL_END * points.spacing[at][:, None]
-    dot = numpy.einsum("njc,nlc->njl", flat, flat)
-    side = flat[:, :, None, 0] * flat[:, None, :, 1] - flat[:, :, None, 1] * flat[:, None, :, 0]
-    side /= numpy.maximum(distance, 1e-300)[:, :, None]
-    rest = 0.5 * (distance[:, None, :] ** 2 - dot)
-    with numpy.errstate(divide="ignore", invalid="ignore"):
-        cut = rest / side
-    usable = same[:, None, :] & ~numpy.eye(near.shape[1], dtype=bool)[None]
-    above = numpy.where(usable & (side > 0), cut, numpy.inf)
-    below = numpy.where(usable & (side < 0), cut, -numpy.inf)
-    between = (usable & (side == 0) & (rest < 0)).any(axis=2)  # somebody stands in the way
-    high_by, low_by = above.argmin(axis=2), below.argmax(axis=2)
-    high = numpy.minimum(numpy.take_along_axis(above, high_by[:, :, None], 2)[:, :, 0], end)
-    low = numpy.maximum(numpy.take_along_axis(below, low_by[:, :, None], 2)[:, :, 0], -end)
-    signed = numpy.where(same & ~between, high - low, -numpy.inf)
-    open_end = (high == end) | (low == -end)
-    length = numpy.maximum(signed, 0)
-    area = 0.25 * (distance * length).sum(axis=1)
-    corner = numpy.where(length > 0, numpy.hypot(0.5 * distance, numpy.maximum(high, -low)), 0).max(axis=1)
-    rows = numpy.arange(len(at))[:, None]
-    cutters = numpy.where(open_end, -1, near[rows, high_by]), numpy.where(open_end, -1, near[rows, low_by])
-    return signed, cutters, area, distance, same, corner
+def circumcentres(corners):
+    """Of tetrahedra (n, 4, 3); not finite where flat."""
+    a = corners[:, 0]
+    m = corners[:, 1:] - a[:, None]
+    half = 0.5 * (m * m).sum(axis=2)
+    with numpy.errstate(all="ignore"):
+        across = sum(half[:, k, None] * numpy.cross(m[:, (k + 1) % 3], m[:, (k + 2) % 3]) for k in range(3))
+        return a + across / numpy.einsum("nc,nc->n", m[:, 0], numpy.cross(m[:, 1], m[:, 2]))[:, None]
 
 
-@dataclasses.dataclass
-class Pairs:
-    """Each i < j once: distance, and the mean signed length of their Voronoi edge (-inf: far apart)."""
-    i: numpy.ndarray
-    j: numpy.ndarray
-    distance: numpy.ndarray
-    edge: numpy.ndarray
-    joined: numpy.ndarray
+def triangulate(points, rims=False):
+    """Triangles (m, 3) of the Delaunay triangulation restricted to the surface; with rims, only those that do not
+    reach across them."""
+    rng = numpy.random.default_rng(2)
+    n = points.count
+    moved = points.position + (JITTER * points.spacing * rng.standard_normal(n))[:, None] * points.normal
+    extra, sides = _companions(points, cKDTree(points.position))
+    places = numpy.concatenate([moved, extra])
+    mesh = Delaunay(places)
+    corner = mesh.simplices
+    centre = circumcentres(places[corner])
+    normal = numpy.concatenate([points.normal, numpy.zeros_like(extra)])
+    with numpy.errstate(invalid="ignore"):
+        vote = numpy.sign(numpy.einsum("nkc,nkc->nk", centre[:, None] - places[corner], normal[corner]))
+    vote = numpy.nan_to_num(vote).sum(axis=1)
+    alone = (corner >= n).all(axis=1)
+    vote[alone] = sides[corner[alone] - n].sum(axis=1)
+    inside = vote < 0
+    triangles = []
+    for k in range(4):
+        other = mesh.neighbors[:, k]
+        face = inside & ((other < 0) | ~inside[other])
+        triangles.append(numpy.delete(corner[face], k, axis=1))
+    triangles = numpy.concatenate(triangles)
+    triangles = triangles[(triangles < n).all(axis=1)]
+    if rims:
+        radius = circumradii(points.position[triangles]) / points.spacing[triangles].mean(axis=1)
+        triangles = triangles[radius < RIM_RADIUS]
+    return triangles
 
 
-def _gather(points, support):
-    """Every close pair as seen from both ends, and the areas; `support`: how far pairs must be known."""
-    tree = cKDTree(points.position)
+def circumradii(corners):
+    side = numpy.linalg.norm(corners - numpy.roll(corners, 1, axis=1), axis=2)
+    across = numpy.linalg.norm(numpy.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return side.prod(axis=1) / (2 * numpy.maximum(across, 1e-300))
+
+
+def edges_of(triangles):
+    """Every edge once, (m, 2), i < j."""
+    edge = numpy.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    key = numpy.unique(edge[:, 0] * (edge.max(initial=0) + 1) + edge[:, 1])
+    return numpy.stack(numpy.divmod(key, edge.max(initial=0) + 1), axis=1)
+
+
+def voronoi_areas(points, triangles):
+    """The dual cell of every point: each edge gives its two ends |e|^2 cot(opposite angle) / 8."""
+    corner = points.position[triangles]
     area = numpy.zeros(points.count)
-    seen = []
-    todo = numpy.arange(points.count)
+    for k in range(3):
+        a, b, c = triangles[:, k], triangles[:, (k + 1) % 3], corner[:, (k + 2) % 3]
+        u, v = corner[:, k] - c, corner[:, (k + 1) % 3] - c
+        across = numpy.maximum(numpy.linalg.norm(numpy.cross(u, v), axis=1), 1e-300)
+        share = ((u - v) ** 2).sum(axis=1) * (u * v).sum(axis=1) / across / 8
+        area += numpy.bincount(a, share, points.count) + numpy.bincount(b, share, points.count)
+    return area
+
+
+def close_pairs(points, support):
+    """Pairs i < j on one sheet and nearer than the larger of their supports, and their distances."""
+    tree = cKDTree(points.position)
+    n, todo, found = points.count, numpy.arange(points.count), []
     for most in NEIGHBOURS:
-        most = min(most, points.count - 1)
-        again = []
-        for at in numpy.array_split(todo, max(1, len(todo) * (most // NEIGHBOURS[0]) ** 2 // CHUNK)):
-            near = tree.query(points.position[at], most + 1)[1]
-            near = _without_self(near, at)
-            signed, cutters, cell, distance, same, corner = _cells(points, near, at)
-            known = distance[:, -1] >= numpy.maximum(2 * corner, support[at])
-            last = most in (NEIGHBOURS[-1], points.count - 1)
-            done = known | last
-            again.append(at[~done])
-            area[at[done]] = cell[done]
-            keep = same & done[:, None] & ((signed > -FAR * points.spacing[at][:, None]) |
-                                           (distance <= support[at].max()))
-            rows = numpy.broadcast_to(at[:, None], near.shape)
-            seen.append([a[keep] for a in (rows, near, distance, signed, *cutters)])
-        todo = numpy.concatenate(again)
-        if not len(todo):
+        most = min(most, n - 1)
+        distance, near = tree.query(points.position[todo], most + 1)
+        own = numpy.broadcast_to(todo[:, None], near.shape)
+        keep = (distance < support[todo][:, None]) & (near != own)
+        i, j, distance_kept = own[keep], near[keep], distance[keep]
+        found.append((numpy.minimum(i, j) * n + numpy.maximum(i, j), distance_kept))
+        todo = todo[distance[:, -1] < support[todo]]
+        if not len(todo) or most == n - 1:
             break
-    return area, [numpy.concatenate(column) for column in zip(*seen)]
+    key, first = numpy.unique(numpy.concatenate([k for k, _ in found]), return_index=True)
+    distance = numpy.concatenate([d for _, d in found])[first]
+    i, j = numpy.divmod(key, n)
+    same = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
+    return i[same], j[same], distance[same]
 
 
-def _without_self(near, at):
-    """The lists without the point itself, which twins may have pushed off the first place."""
-    own = near == at[:, None]
-    own[~own.any(axis=1), -1] = True
-    return near[~own].reshape(len(at), -1)
-
-
-def find_pairs(points, support):
-    """Pairs with their Voronoi edges, and every point's Voronoi area."""
-    area, (i, j, distance, signed, high_by, low_by) = _gather(points, support)
-    n = points.count
-    key = numpy.minimum(i, j) * n + numpy.maximum(i, j)
-    order = numpy.lexsort((i > j, key))
-    key, i, j, distance, signed = key[order], i[order], j[order], distance[order], signed[order]
-    high_by, low_by = high_by[order], low_by[order]
-    first = numpy.flatnonzero(numpy.r_[True, key[1:] != key[:-1]])
-    twice = numpy.r_[first[1:], len(key)] - first == 2
-    other = numpy.where(twice, numpy.minimum(first + 1, len(key) - 1), first)
-    edge = numpy.where(twice, 0.5 * (signed[first] + signed[other]), -numpy.inf)
-    pairs = Pairs(numpy.minimum(i, j)[first], numpy.maximum(i, j)[first], distance[first], edge, edge > 0)
-    _settle_doubts(points, pairs, key[first], high_by[first], low_by[first])
-    return pairs, area
-
-
-def _settle_doubts(points, pairs, key, c, d):
-    """Four points nearly on a circle, seen in four planes: ab is joined when its edge is the longer."""
-    n = points.count
-    doubt = numpy.flatnonzero((numpy.abs(pairs.edge) < DOUBT * points.spacing[pairs.i]) & (c >= 0) & (d >= 0))
-    c, d = c[doubt], d[doubt]
-    opponent = numpy.minimum(c, d) * n + numpy.maximum(c, d)
-    place = numpy.minimum(numpy.searchsorted(key, opponent), len(key) - 1)
-    rival = numpy.where(key[place] == opponent, pairs.edge[place], -numpy.inf)
-    own = pairs.edge[doubt]
-    pairs.joined[doubt] = (own > rival) | ((own == rival) & (key[doubt] < opponent))
-
+# ---- measures
 
 def _variation(values):
     return float(values.std() / values.mean()) if len(values) else float("nan")
+
+
+def is_uneven(spacing):
+    return spacing.max() > 1.05 * spacing.min()
+
+
+def _energies(points, h, graded):
+    """Every point's full sum; the support is sqrt(3) h, or that of each pair's own spacings where graded."""
+    n = points.count
+    support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
+    i, j, distance = close_pairs(points, support)
+    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / (0.5 * (support[i] + support[j])))
+    return numpy.bincount(i, phi, n) + numpy.bincount(j, phi, n)
 
 
 def measure(points, area, domain=None):
@@ -201,38 +207,37 @@ def measure(points, area, domain=None):
 
     domain: (low, high) corners of the box whose faces cut the surface; points within 2 h of it are left out.
     Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
-    part), `pairs`, `h` and `rim`, for further questions."""
+    part), `edges` and `rim`, for further questions."""
     n, h = points.count, ideal_spacing(area, points.count)
-    graded = points.spacing.max() > 1.05 * points.spacing.min() and points.alpha.std() == 0
-    support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
-    pairs, cell = find_pairs(points, support)
-    i, j = pairs.i, pairs.j
+    triangles = triangulate(points, domain is not None)
+    edges = edges_of(triangles)
+    i, j = edges.T
     rim = numpy.zeros(n, bool)
     if domain is not None:
         low, high = numpy.asarray(domain[0]) + 2 * h, numpy.asarray(domain[1]) - 2 * h
         rim = ((points.position < low) | (points.position > high)).any(axis=1)
     inner = ~rim
-    relative = pairs.distance / (0.5 * (points.spacing[i] + points.spacing[j]))
-    degree = numpy.bincount(i[pairs.joined], minlength=n) + numpy.bincount(j[pairs.joined], minlength=n)
-    own = pairs.joined & inner[i] & inner[j]
-    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(pairs.distance / (0.5 * (support[i] + support[j])))
-    energy = numpy.bincount(i, phi, n) + numpy.bincount(j, phi, n)
-    local = numpy.sqrt(2 * cell / numpy.sqrt(3))
+    length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
+    relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
+    degree = numpy.bincount(edges.ravel(), minlength=n)
+    cell = voronoi_areas(points, triangles)
+    local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
     sized = inner & (local > 0)
-    graph = coo_matrix((numpy.ones(pairs.joined.sum()), (i[pairs.joined], j[pairs.joined])), (n, n))
-    reach = inner[i] | inner[j]
-    slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if \
-        points.spacing.max() > 1.05 * points.spacing.min() else 1.0
+    uneven = is_uneven(points.spacing[inner])
+    energy = _energies(points, h, uneven and not is_uneven(points.alpha))
+    slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if uneven else 1
     return {
-        "count": n, "h": h, "rim_count": int(rim.sum()),
+        "count": n, "h": float(h), "rim_count": int(rim.sum()),
         "hex_fraction": float((degree[inner] == 6).mean()),
-        "edge_cv": _variation(relative[own]),
+        "edge_cv": _variation(relative[inner[i] & inner[j]]),
         "area_cv": _variation((cell / points.spacing ** 2)[inner]),
         "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
-        "min_spacing_ratio": float(relative[reach].min()),
-        "euler": float((6 - degree).sum() / 6),
+        "min_spacing_ratio": float(relative[inner[i] | inner[j]].min()),
+        "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
+        "unmeshed": int((degree == 0).sum()),
         "grading_cv": _variation((local / points.spacing)[inner]),
         "grading_exponent": float(slope),
-        "degree": degree, "cell": cell, "local": local, "pairs": pairs, "rim": rim,
-        "component": csgraph.connected_components(graph, directed=False)[1],
+        "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "rim": rim,
+        "component": csgraph.connected_components(
+            coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1],
     }

@@ -192,18 +192,19 @@ def spacing_error(case, surface, points, found):
     if "ratio" in rule:
         wanted = numpy.clip(wanted, points.spacing.min(), rule["ratio"] * points.spacing.min())
     if found["gradation"]:
-        wanted = graded_field(wanted, found["gradation"], found["pairs"])
+        wanted = graded_field(wanted, found["gradation"], found["edges"], found["edge_length"])
     wanted *= numpy.median(points.spacing / wanted)
     return float(numpy.quantile(numpy.abs(numpy.log(points.spacing / wanted)), 0.99))
 
 
-def graded_field(wanted, gradation, pairs):
+def graded_field(wanted, gradation, edges, length):
     """The largest field below `wanted` that grows by at most `gradation` per distance along the edges: the
     shortest ways from a source that every point hangs on by its own wanted spacing."""
     n = len(wanted)
-    row = numpy.concatenate([pairs.i, pairs.j, numpy.full(n, n)])
-    column = numpy.concatenate([pairs.j, pairs.i, numpy.arange(n)])
-    weight = numpy.concatenate([gradation * pairs.distance] * 2 + [wanted])
+    i, j = edges.T
+    row = numpy.concatenate([i, j, numpy.full(n, n)])
+    column = numpy.concatenate([j, i, numpy.arange(n)])
+    weight = numpy.concatenate([gradation * length] * 2 + [wanted])
     graph = coo_matrix((weight, (row, column)), (n + 1, n + 1)).tocsr()
     return csgraph.dijkstra(graph, indices=n)[:n]
 

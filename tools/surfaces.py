@@ -169,10 +169,11 @@ class Volume(Surface):
     def area(self):
         if self._area is None:
             shape = numpy.array(self.samples.shape) - 1
-            near = numpy.abs(self.samples) < 2 * self.voxel.max()
-            near = ndimage.minimum_filter(self.samples, 4) * ndimage.maximum_filter(self.samples, 4) <= 0
+            near = ndimage.minimum_filter(self.samples, 5) * ndimage.maximum_filter(self.samples, 5) <= 0
             cells = numpy.argwhere(near[:-1, :-1, :-1])
-            self._area = area_by_rays(self, self.origin + self.low * self.voxel, self.voxel, shape, cells)
+            # off the nodes, where a surface along the voxels would stand between two pieces of a ray
+            low = self.origin + (self.low + OFF_NODES) * self.voxel
+            self._area = area_by_rays(self, low, self.voxel, shape, cells)
         return self._area
 
 
@@ -199,7 +200,7 @@ def _roots(surface, low, high, axis):
 
 # Rays per side of a cell, and pieces that a ray is cut into within it: two roots in one piece are missed, but they
 # are where the ray grazes the surface and weigh next to nothing.
-RAYS, PIECES = 4, 3
+RAYS, PIECES, OFF_NODES = 4, 3, 0.29
 
 
 def area_by_rays(surface, origin, cell, count, cells=None):
