@@ -219,6 +219,7 @@ def measure(points, area, domain=None):
     inner = ~rim
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
+    facing = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
     degree = numpy.bincount(edges.ravel(), minlength=n)
     cell = voronoi_areas(points, triangles)
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
@@ -232,7 +233,7 @@ def measure(points, area, domain=None):
         "edge_cv": _variation(relative[inner[i] & inner[j]]),
         "area_cv": _variation((cell / points.spacing ** 2)[inner]),
         "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
-        "min_spacing_ratio": float(relative[inner[i] | inner[j]].min()),
+        "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & facing].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),
         "grading_cv": _variation((local / points.spacing)[inner]),
