@@ -194,18 +194,21 @@ def is_uneven(spacing):
 
 
 def _energies(points, h, graded):
-    """Every point's full sum; the support is sqrt(3) h, or that of each pair's own spacings where graded."""
+    """Every point's full sum; the support is sqrt(3) h. Where graded it is that of each pair's mean spacing s, and
+    a pair gives s^2 phi, to each end in units of its own spacing squared."""
     n = points.count
     support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
     i, j, distance = close_pairs(points, support)
-    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / (0.5 * (support[i] + support[j])))
-    return numpy.bincount(i, phi, n) + numpy.bincount(j, phi, n)
+    between = 0.5 * (support[i] + support[j])
+    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / between)
+    return (numpy.bincount(i, phi * (between / support[i]) ** 2, n) +
+            numpy.bincount(j, phi * (between / support[j]) ** 2, n))
 
 
 def measure(points, area, domain=None):
     """The quality measures by their names in report.json, from the points and the surface's true area.
 
-    domain: (low, high) corners of the box whose faces cut the surface; points within 2 h of it are left out.
+    domain: (low, high) corners of the box whose faces cut the surface; points within two spacings of it are left out.
     Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
     part), `edges` and `rim`, for further questions."""
     n, h = points.count, ideal_spacing(area, points.count)
@@ -214,7 +217,8 @@ def measure(points, area, domain=None):
     i, j = edges.T
     rim = numpy.zeros(n, bool)
     if domain is not None:
-        low, high = numpy.asarray(domain[0]) + 2 * h, numpy.asarray(domain[1]) - 2 * h
+        within = 2 * points.spacing[:, None]
+        low, high = numpy.asarray(domain[0]) + within, numpy.asarray(domain[1]) - within
         rim = ((points.position < low) | (points.position > high)).any(axis=1)
     inner = ~rim
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
