@@ -144,7 +144,7 @@ def circumradii(corners):
 
 def edges_of(triangles):
     """Every edge once, (m, 2), i < j."""
-    edge = numpy.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edge = numpy.sort(triangles.astype(numpy.int64)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     key = numpy.unique(edge[:, 0] * (edge.max(initial=0) + 1) + edge[:, 1])
     return numpy.stack(numpy.divmod(key, edge.max(initial=0) + 1), axis=1)
 
