@@ -151,7 +151,8 @@ def gap_to_edges(edges, points, found):
     if not len(edges):
         return 0.0
     far, which = cKDTree(points.position).query(edges)
-    return float((far / numpy.maximum(found["local"][which], 1e-300)).max())
+    local = numpy.where(found["local"] > 0, found["local"], points.spacing)
+    return float((far / local[which]).max())
 
 
 def rim_gap(surface, position, h):
@@ -316,6 +317,8 @@ MORE = (("grading_cv", "grading CV {:.4f}"), ("grading_exponent", "exponent {:.4
 def cell(middle, name, form):
     factor = 100 if name == "energy_excess" else 1
     value, half = middle[name]
+    if value != value:
+        return ""
     text = form.format(factor * value)
     # the residual is rounding, and its spread nothing
     return text if name in ("lost", "max_residual") or half == 0 else f"{text} ± " + form.format(factor * half)
