@@ -13,8 +13,8 @@ from scipy.sparse import coo_matrix, csgraph
 from scipy.spatial import Delaunay, cKDTree
 
 E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
-# Normals that part by more than this belong to another sheet; a right angle, as on a cube, does not.
-OTHER_SIDE = -0.2
+# Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
+OTHER_SIDE = -0.6
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
 NEIGHBOURS = (16, 48, 144)
 # Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
