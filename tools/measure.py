@@ -1,0 +1,248 @@
+"""Quality measures of a point set on a surface, from its points alone; the second opinion on report.json.
+
+Shares no code with the sampler, nor its way. Neighbours are those of the Delaunay triangulation restricted to the
+surface: of the tetrahedra between the points in space, those whose circumcentre lies inside are the solid, and
+the triangles between these and the others are the surface. It is closed by construction and has one Euler
+characteristic. Whether a circumcentre lies inside is asked of the points that it is nearest to, which are the
+tetrahedron's corners, by their normals.
+"""
+import dataclasses
+
+import numpy
+from scipy.sparse import coo_matrix, csgraph
+from scipy.spatial import Delaunay, cKDTree
+
+E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
+# Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
+OTHER_SIDE = -0.6
+# Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
+NEIGHBOURS = (16, 48, 144)
+# Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
+# spacings, are none of the surface. An ideal one has 0.58, one beside a vacancy less than 1.
+RIM_RADIUS = 1.2
+# Points that lie on a plane or a sphere have no unique Delaunay triangulation, and the search for one takes for
+# ever; moved by this, in spacings, they have.
+JITTER = 1e-5
+# Companions in the empty space, so many spacings off the surface, keep tetrahedra from reaching right across it. One
+# point in COMPANIONS times the distance gets one, if it is nearer to nobody than CLEAR of that distance.
+COMPANION_DISTANCES, COMPANIONS, CLEAR = (4, 8, 16, 32, 64, 128), 30, 0.8
+
+
+@dataclasses.dataclass
+class PointSet:
+    position: numpy.ndarray
+    normal: numpy.ndarray
+    spacing: numpy.ndarray  # requested
+    alpha: numpy.ndarray
+    columns: dict           # every property of the file by its name
+
+    @property
+    def count(self):
+        return len(self.position)
+
+
+def read_ply(path):
+    """Any PLY whose vertices are all floats or all doubles, as text or little-endian."""
+    with open(path, "rb") as file:
+        head, mark, body = file.read().partition(b"end_header\n")
+    words = [line.split() for line in head.decode("ascii").splitlines()]
+    if not mark or words[0] != ["ply"]:
+        raise ValueError(f"{path} is not a PLY file")
+    count = next(int(w[2]) for w in words if w[:2] == ["element", "vertex"])
+    names = [w[2] for w in words if w[0] == "property"]
+    kinds = {w[1] for w in words if w[0] == "property"}
+    if ["format", "ascii", "1.0"] in words:
+        table = numpy.array(body.split(), float)
+    else:
+        table = numpy.frombuffer(body, {"float": "<f4", "double": "<f8"}[kinds.pop()]).astype(float)
+    table = table.reshape(count, len(names))
+    columns = {name: table[:, k] for k, name in enumerate(names)}
+    return PointSet(table[:, 0:3], table[:, 3:6], columns["spacing"], columns["alpha"], columns)
+
+
+def ideal_spacing(area, count):
+    return numpy.sqrt(2 * area / (numpy.sqrt(3) * count))
+
+
+def cotangent(u):
+    """Equation (6) of distances in units of the support."""
+    w = numpy.clip(u, 1e-6, 1) * numpy.pi / 2
+    return 1 / numpy.tan(w) + w - numpy.pi / 2
+
+
+def tangents(normal):
+    """Two unit vectors across each normal."""
+    least = numpy.eye(3)[numpy.argmin(numpy.abs(normal), axis=1)]
+    u = numpy.cross(normal, least)
+    u /= numpy.linalg.norm(u, axis=1)[:, None]
+    return u, numpy.cross(normal, u)
+
+
+# ---- neighbours
+
+def _companions(points, tree):
+    """Places in the empty space, and on which side of the surface they are (-1: inside)."""
+    rng = numpy.random.default_rng(1)
+    places, sides = [numpy.zeros((0, 3))], [numpy.zeros(0)]
+    for side in (-1, 1):
+        for far in COMPANION_DISTANCES:
+            who = rng.choice(points.count, max(1, points.count // (COMPANIONS * far)), replace=False)
+            off = far * points.spacing[who]
+            place = points.position[who] + (side * off)[:, None] * points.normal[who]
+            alone = tree.query(place)[0] > CLEAR * off
+            places.append(place[alone])
+            sides.append(numpy.full(alone.sum(), side))
+    return numpy.concatenate(places), numpy.concatenate(sides)
+
+
+def circumcentres(corners):
+    """Of tetrahedra (n, 4, 3); not finite where flat."""
+    a = corners[:, 0]
+    m = corners[:, 1:] - a[:, None]
+    half = 0.5 * (m * m).sum(axis=2)
+    with numpy.errstate(all="ignore"):
+        across = sum(half[:, k, None] * numpy.cross(m[:, (k + 1) % 3], m[:, (k + 2) % 3]) for k in range(3))
+        return a + across / numpy.einsum("nc,nc->n", m[:, 0], numpy.cross(m[:, 1], m[:, 2]))[:, None]
+
+
+def triangulate(points, rims=False):
+    """Triangles (m, 3) of the Delaunay triangulation restricted to the surface; with rims, only those that do not
+    reach across them."""
+    rng = numpy.random.default_rng(2)
+    n = points.count
+    moved = points.position + (JITTER * points.spacing * rng.standard_normal(n))[:, None] * points.normal
+    extra, sides = _companions(points, cKDTree(points.position))
+    places = numpy.concatenate([moved, extra])
+    mesh = Delaunay(places)
+    corner = mesh.simplices
+    centre = circumcentres(places[corner])
+    normal = numpy.concatenate([points.normal, numpy.zeros_like(extra)])
+    with numpy.errstate(invalid="ignore"):
+        vote = numpy.sign(numpy.einsum("nkc,nkc->nk", centre[:, None] - places[corner], normal[corner]))
+    vote = numpy.nan_to_num(vote).sum(axis=1)
+    alone = (corner >= n).all(axis=1)
+    vote[alone] = sides[corner[alone] - n].sum(axis=1)
+    inside = vote < 0
+    triangles = []
+    for k in range(4):
+        other = mesh.neighbors[:, k]
+        face = inside & ((other < 0) | ~inside[other])
+        triangles.append(numpy.delete(corner[face], k, axis=1))
+    triangles = numpy.concatenate(triangles)
+    triangles = triangles[(triangles < n).all(axis=1)]
+    if rims:
+        radius = circumradii(points.position[triangles]) / points.spacing[triangles].mean(axis=1)
+        triangles = triangles[radius < RIM_RADIUS]
+    return triangles
+
+
+def circumradii(corners):
+    side = numpy.linalg.norm(corners - numpy.roll(corners, 1, axis=1), axis=2)
+    across = numpy.linalg.norm(numpy.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return side.prod(axis=1) / (2 * numpy.maximum(across, 1e-300))
+
+
+def edges_of(triangles):
+    """Every edge once, (m, 2), i < j."""
+    edge = numpy.sort(triangles.astype(numpy.int64)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    key = numpy.unique(edge[:, 0] * (edge.max(initial=0) + 1) + edge[:, 1])
+    return numpy.stack(numpy.divmod(key, edge.max(initial=0) + 1), axis=1)
+
+
+def voronoi_areas(points, triangles):
+    """The dual cell of every point: each edge gives its two ends |e|^2 cot(opposite angle) / 8."""
+    corner = points.position[triangles]
+    area = numpy.zeros(points.count)
+    for k in range(3):
+        a, b, c = triangles[:, k], triangles[:, (k + 1) % 3], corner[:, (k + 2) % 3]
+        u, v = corner[:, k] - c, corner[:, (k + 1) % 3] - c
+        across = numpy.maximum(numpy.linalg.norm(numpy.cross(u, v), axis=1), 1e-300)
+        share = ((u - v) ** 2).sum(axis=1) * (u * v).sum(axis=1) / across / 8
+        area += numpy.bincount(a, share, points.count) + numpy.bincount(b, share, points.count)
+    return area
+
+
+def close_pairs(points, support):
+    """Pairs i < j on one sheet and nearer than the larger of their supports, and their distances."""
+    tree = cKDTree(points.position)
+    n, todo, found = points.count, numpy.arange(points.count), []
+    for most in NEIGHBOURS:
+        most = min(most, n - 1)
+        distance, near = tree.query(points.position[todo], most + 1)
+        own = numpy.broadcast_to(todo[:, None], near.shape)
+        keep = (distance < support[todo][:, None]) & (near != own)
+        i, j, distance_kept = own[keep], near[keep], distance[keep]
+        found.append((numpy.minimum(i, j) * n + numpy.maximum(i, j), distance_kept))
+        todo = todo[distance[:, -1] < support[todo]]
+        if not len(todo) or most == n - 1:
+            break
+    key, first = numpy.unique(numpy.concatenate([k for k, _ in found]), return_index=True)
+    distance = numpy.concatenate([d for _, d in found])[first]
+    i, j = numpy.divmod(key, n)
+    same = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
+    return i[same], j[same], distance[same]
+
+
+# ---- measures
+
+def _variation(values):
+    return float(values.std() / values.mean()) if len(values) else float("nan")
+
+
+def is_uneven(spacing):
+    return spacing.max() > 1.05 * spacing.min()
+
+
+def _energies(points, h, graded):
+    """Every point's full sum; the support is sqrt(3) h. Where graded it is that of each pair's mean spacing s, and
+    a pair gives s^2 phi, to each end in units of its own spacing squared."""
+    n = points.count
+    support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
+    i, j, distance = close_pairs(points, support)
+    between = 0.5 * (support[i] + support[j])
+    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / between)
+    return (numpy.bincount(i, phi * (between / support[i]) ** 2, n) +
+            numpy.bincount(j, phi * (between / support[j]) ** 2, n))
+
+
+def measure(points, area, domain=None):
+    """The quality measures by their names in report.json, from the points and the surface's true area.
+
+    domain: (low, high) corners of the box whose faces cut the surface; points within two spacings of it are left out.
+    Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
+    part), `edges` and `rim`, for further questions."""
+    n, h = points.count, ideal_spacing(area, points.count)
+    triangles = triangulate(points, domain is not None)
+    edges = edges_of(triangles)
+    i, j = edges.T
+    rim = numpy.zeros(n, bool)
+    if domain is not None:
+        within = 2 * points.spacing[:, None]
+        low, high = numpy.asarray(domain[0]) + within, numpy.asarray(domain[1]) - within
+        rim = ((points.position < low) | (points.position > high)).any(axis=1)
+    inner = ~rim
+    length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
+    relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
+    facing = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
+    degree = numpy.bincount(edges.ravel(), minlength=n)
+    cell = voronoi_areas(points, triangles)
+    local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
+    sized = inner & (local > 0)
+    uneven = is_uneven(points.spacing[inner])
+    energy = _energies(points, h, uneven and not is_uneven(points.alpha))
+    slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if uneven else 1
+    return {
+        "count": n, "h": float(h), "rim_count": int(rim.sum()),
+        "hex_fraction": float((degree[inner] == 6).mean()),
+        "edge_cv": _variation(relative[inner[i] & inner[j]]),
+        "area_cv": _variation((cell / points.spacing ** 2)[inner]),
+        "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
+        "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & facing].min()),
+        "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
+        "unmeshed": int((degree == 0).sum()),
+        "grading_cv": _variation((local / points.spacing)[inner]),
+        "grading_exponent": float(slope),
+        "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "rim": rim,
+        "component": csgraph.connected_components(
+            coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1],
+    }

@@ -1,0 +1,149 @@
+"""Triangle meshes for the measuring programs: OBJ, OFF, STL and PLY by their definitions, and what is asked of
+them: parts, areas, creases, the nearest place. Shares no code with the sampler."""
+import re
+import struct
+
+import numpy
+from scipy.sparse import coo_matrix, csgraph
+from scipy.spatial import cKDTree
+
+# Triangles whose centres are the nearest, that the nearest place is looked for on.
+CANDIDATES = 16
+
+
+class Mesh:
+    def __init__(self, vertices, triangles):
+        """Vertices at the same place become one, whatever the file says, and triangles that stand there twice."""
+        self.vertices, same = numpy.unique(numpy.asarray(vertices, float), axis=0, return_inverse=True)
+        triangles = same.reshape(-1)[numpy.asarray(triangles, int)]
+        a, b, c = triangles.T
+        triangles = triangles[(a != b) & (b != c) & (c != a)]
+        once = numpy.unique(numpy.sort(triangles, axis=1), axis=0, return_index=True)[1]
+        self.triangles = triangles[numpy.sort(once)]
+        corner = self.vertices[self.triangles]
+        across = numpy.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        twice = numpy.linalg.norm(across, axis=1)
+        self.areas = 0.5 * twice
+        self.normals = across / numpy.maximum(twice, 1e-300)[:, None]
+
+    @property
+    def area(self):
+        return float(self.areas.sum())
+
+    def parts(self):
+        """The part of every triangle, from 0."""
+        i, j = self.triangles[:, [0, 1]].ravel(), self.triangles[:, [1, 2]].ravel()
+        n = len(self.vertices)
+        part = csgraph.connected_components(coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1]
+        return numpy.unique(part[self.triangles[:, 0]], return_inverse=True)[1]
+
+    def creases(self, cosine, step):
+        """Points at most `step` apart on the edges where the normals' cosine is below `cosine`."""
+        edge = numpy.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        owner = numpy.repeat(numpy.arange(len(self.triangles)), 3)
+        order = numpy.lexsort((edge[:, 1], edge[:, 0]))
+        edge, owner = edge[order], owner[order]
+        pair = numpy.flatnonzero((edge[1:] == edge[:-1]).all(axis=1))
+        sharp = pair[(self.normals[owner[pair]] * self.normals[owner[pair + 1]]).sum(axis=1) < cosine]
+        points = []
+        for a, b in self.vertices[edge[sharp]]:
+            count = 1 + int(numpy.ceil(numpy.linalg.norm(b - a) / step))
+            points.append(a + (b - a) * numpy.linspace(0, 1, count + 1)[:, None])
+        return numpy.concatenate(points) if points else numpy.zeros((0, 3))
+
+    def nearest(self, points):
+        """Of every point: the distance to the mesh, and the triangle that is nearest."""
+        fine, owner = self._dense()
+        tree = cKDTree(fine)
+        best = numpy.full(len(points), numpy.inf)
+        which = numpy.zeros(len(points), int)
+        near = owner[tree.query(points, CANDIDATES)[1]]
+        for k in range(near.shape[1]):
+            d = distance_to_triangles(points, self.vertices[self.triangles[near[:, k]]])
+            better = d < best
+            best[better], which[better] = d[better], near[better, k]
+        return best, which
+
+    def _dense(self):
+        """Places on the triangles, so many on each that the nearest place is on the nearest triangle's or on
+        one beside it."""
+        step = 0.5 * numpy.sqrt(self.area / max(len(self.triangles), 20000))
+        corner = self.vertices[self.triangles]
+        longest = numpy.linalg.norm(corner - numpy.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        parts = numpy.ceil(longest / (4 * step)).astype(int)
+        places, owners = [], []
+        for m in numpy.unique(parts):
+            u, v = (g.ravel() for g in numpy.meshgrid((numpy.arange(m) + 1 / 3) / m, (numpy.arange(m) + 1 / 3) / m))
+            u, v = u[u + v < 1], v[u + v < 1]
+            some = numpy.flatnonzero(parts == m)
+            c = corner[some][:, None]
+            places.append((c[:, :, 0] + u[:, None] * (c[:, :, 1] - c[:, :, 0]) +
+                           v[:, None] * (c[:, :, 2] - c[:, :, 0])).reshape(-1, 3))
+            owners.append(numpy.repeat(some, len(u)))
+        return numpy.concatenate(places), numpy.concatenate(owners)
+
+
+def distance_to_triangles(points, corners):
+    """Of each point to its own triangle, corners (n, 3, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normal = numpy.cross(b - a, c - a)
+    squared = numpy.maximum((normal * normal).sum(axis=1), 1e-300)
+    inside = numpy.ones(len(points), bool)
+    best = numpy.full(len(points), numpy.inf)
+    for p, q in ((a, b), (b, c), (c, a)):
+        edge, r = q - p, points - p
+        inside &= (numpy.cross(edge, r) * normal).sum(axis=1) >= 0
+        t = numpy.clip((r * edge).sum(axis=1) / numpy.maximum((edge * edge).sum(axis=1), 1e-300), 0, 1)
+        best = numpy.minimum(best, numpy.linalg.norm(r - t[:, None] * edge, axis=1))
+    plane = numpy.abs(((points - a) * normal).sum(axis=1)) / numpy.sqrt(squared)
+    return numpy.where(inside, plane, best)
+
+
+def read(path):
+    kind = str(path).rsplit(".", 1)[-1].lower()
+    with open(path, "rb") as file:
+        data = file.read()
+    return {"obj": _read_obj, "off": _read_off, "stl": _read_stl, "ply": _read_ply}[kind](data)
+
+
+def _fans(polygons):
+    return [(p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1)]
+
+
+def _read_obj(data):
+    vertices, polygons = [], []
+    for line in data.decode("latin-1").splitlines():
+        words = line.split()
+        if words[:1] == ["v"]:
+            vertices.append([float(w) for w in words[1:4]])
+        elif words[:1] == ["f"]:
+            at = [int(w.split("/")[0]) for w in words[1:]]
+            polygons.append([k - 1 if k > 0 else len(vertices) + k for k in at])
+    return Mesh(vertices, _fans(polygons))
+
+
+def _read_off(data):
+    words = iter(data.decode("ascii").split())
+    assert next(words) == "OFF"
+    counts = [int(next(words)) for _ in range(3)]
+    vertices = [[float(next(words)) for _ in range(3)] for _ in range(counts[0])]
+    return Mesh(vertices, _fans([[int(next(words)) for _ in range(int(next(words)))] for _ in range(counts[1])]))
+
+
+def _read_stl(data):
+    (count,) = struct.unpack("<I", data[80:84])
+    assert len(data) == 84 + 50 * count, "only binary STL is read here"
+    record = numpy.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
+    corners = numpy.frombuffer(data, record, count, 84)["corner"].astype(float).reshape(-1, 3)
+    return Mesh(corners, numpy.arange(3 * count).reshape(-1, 3))
+
+
+def _read_ply(data):
+    head, _, body = re.split(rb"(end_header[ \r]*\n)", data, maxsplit=1)
+    assert b"format ascii" in head, "only PLY in text is read here"
+    words = [line.split() for line in head.decode("ascii").splitlines()]
+    count = {w[1]: int(w[2]) for w in words if w[:1] == ["element"]}
+    lines = [line.split() for line in body.decode("ascii").splitlines() if line.strip()]
+    vertices = [[float(w) for w in line[:3]] for line in lines[:count["vertex"]]]
+    faces = lines[count["vertex"]:count["vertex"] + count["face"]]
+    return Mesh(vertices, _fans([[int(w) for w in line[1:1 + int(line[0])]] for line in faces]))
