@@ -16,6 +16,20 @@ static double angle_at(vec3 p, vec3 a, vec3 b)
     return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
 }
 
+/* The cotangent of the angle at p under which a and b are seen. */
+static double cotangent_at(vec3 p, vec3 a, vec3 b)
+{
+    vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
+    return vec3_dot(u, v) / vec3_norm(vec3_cross(u, v));
+}
+
+/* Between the circumcentres of the triangles a b c and a b d, unfolded about their edge. */
+static double dual_length(vec3 a, vec3 b, vec3 c, vec3 d)
+{
+    double length = 0.5 * vec3_norm(vec3_sub(b, a)) * (cotangent_at(c, a, b) + cotangent_at(d, a, b));
+    return isfinite(length) ? fmax(length, 0) : 0;
+}
+
 /* Of a quadrilateral a c b d that nearly lies on a circle: is ab its Delaunay diagonal, rather than cd?
  * The same answer for either diagonal. */
 static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
@@ -71,7 +85,9 @@ bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *lengt
             return false; /* c lies between the two */
         if (high - low < -EDGE_DOUBT * limit) return false;
     }
-    *length = fmax(high - low, 0);
+    *length = low_by == a || high_by == a ? fmax(high - low, 0)
+                                          : dual_length(in->position[a], in->position[b],
+                                                        in->position[low_by], in->position[high_by]);
     if (high - low > EDGE_DOUBT * limit || low_by == a || high_by == a) return high > low;
     return is_diagonal(in->position, a, b, low_by, high_by);
 }
