@@ -118,7 +118,8 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
     size_t drawn_again = 0, first = 0;
     const rims_request request = {spacing, params->grading, levels_spacing(scan->area, params->count),
                                   p->count};
-    if (params->start == SAMPLER_START_SURFACE && !place_rims(scan, &request, p, &first, e)) return false;
+    /* also before random draws, of which many end on the rims, run into them from outside, and stay */
+    if (!place_rims(scan, &request, p, &first, e)) return false;
     for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
