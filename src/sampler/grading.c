@@ -9,7 +9,7 @@
 
 /* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
  * of the mean spacing, below which the request need not be told apart. */
-static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.125;
+static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
 /* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
  * speck of noise must not set the scale. */
 static const double FINE_QUANTILE = 0.99;
@@ -26,6 +26,10 @@ static const int SCALE_STEPS = 60;
 static const double GRADIENT_DAMPING = 0.02;
 /* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
 static const double MODEL_LIMIT = 0.5;
+/* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a node where
+ * the Laplacian is 1 per squared cube; and when to leave it. */
+static const double BEND = 0.25, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
+static const int SMOOTH_PASSES = 400;
 static const size_t GRAIN = 256;
 
 #define AXIS_BITS 21
@@ -53,6 +57,11 @@ struct grading {
     grading_facts facts;
 };
 
+static bool is_map(const grading *g)
+{
+    return g->params.kind == GRADING_SPACING || g->params.kind == GRADING_DENSITY;
+}
+
 /* --- the request, cell by cell --- */
 
 typedef struct request_job {
@@ -79,7 +88,7 @@ static void request_cell(const request_job *job, size_t k)
         return;
     job->position[k] = x;
     const grading_params *p = &job->g->params;
-    if (p->kind == GRADING_SPACING || p->kind == GRADING_DENSITY) {
+    if (is_map(job->g)) {
         double v = p->map(p->map_context, x);
         job->value[k] = !isnan(v) ? v : p->kind == GRADING_SPACING ? INFINITY : 0;
         return;
@@ -159,17 +168,16 @@ static bool check_map(const grading_params *p, double v, error *e)
 static bool values_to_spacings(const grading *g, const surface *scan, double *value, error *e)
 {
     const grading_params *p = &g->params;
-    bool is_map = p->kind == GRADING_SPACING || p->kind == GRADING_DENSITY;
     double fine = 1, least = INFINITY;
     if (p->kind == GRADING_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         if (isnan(value[k])) continue;
-        if (is_map && !check_map(p, value[k], e)) return false;
+        if (is_map(g) && !check_map(p, value[k], e)) return false;
         value[k] = value_to_spacing(p, value[k], fine);
         least = fmin(least, value[k]);
     }
     if (isinf(least)) {
-        if (is_map)
+        if (is_map(g))
             return error_set(
                 e, ERROR_INPUT_UNSUPPORTED,
                 "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
@@ -354,6 +362,80 @@ static bool find_scale(grading *g, front *f, double want, double first, double w
     return false;
 }
 
+/* --- noise --- */
+
+/* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is bounded;
+ * this bounds the second: averages over the nodes around, as far as they are needed, until nowhere the Laplacian of
+ * the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
+typedef struct smoothing {
+    const grading *g;
+    uint32_t *beside;  /* 27 a node */
+    double *from, *to; /* logarithms of spacings */
+    double *change;    /* of each node in the last average */
+    double scale;
+} smoothing;
+
+static void smoothing_free(smoothing *s)
+{
+    free(s->beside);
+    free(s->from);
+    free(s->to);
+    free(s->change);
+}
+
+static void link_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const smoothing *s = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (int i = 0; i < 27; i++) s->beside[27 * k + (size_t)i] = node_beside(s->g, &s->g->node[k], i);
+}
+
+static bool smoothing_begin(smoothing *s, const grading *g, threads *pool, error *e)
+{
+    *s = (smoothing){.g = g,
+                     .beside = mem_array(27 * g->count, sizeof *s->beside, "the grading", e),
+                     .from = mem_array(g->count, sizeof *s->from, "the grading", e),
+                     .to = mem_array(g->count, sizeof *s->to, "the grading", e),
+                     .change = mem_array(g->count, sizeof *s->change, "the grading", e)};
+    if (!s->beside || !s->from || !s->to || !s->change) return false;
+    threads_run(pool, g->count, GRAIN, link_chunk, s);
+    return true;
+}
+
+static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const smoothing *s = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        double sum = 0, weights = 0, spacing = exp(s->from[k]) * s->scale / s->g->edge;
+        for (int i = 0; i < 27; i++) {
+            uint32_t other = s->beside[27 * k + (size_t)i];
+            if (other == NO_NODE) continue;
+            sum += s->g->node[other].area * s->from[other];
+            weights += s->g->node[other].area;
+        }
+        double rise = sum / weights - s->from[k], most = BEND * AVERAGE_RISE / (spacing * spacing);
+        s->change[k] = fabs(rise) - most;
+        s->to[k] = s->from[k] + (s->change[k] > 0 ? copysign(s->change[k], rise) : 0);
+    }
+}
+
+/* Smooths the logarithms in s->from; times `scale` they are spacings. */
+static void smooth(smoothing *s, double scale, threads *pool)
+{
+    double worst = INFINITY;
+    s->scale = scale;
+    for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE; pass++) {
+        threads_run(pool, s->g->count, GRAIN, smooth_chunk, s);
+        worst = 0;
+        for (size_t k = 0; k < s->g->count; k++) worst = fmax(worst, s->change[k]);
+        double *swap = s->from;
+        s->from = s->to;
+        s->to = swap;
+    }
+}
+
 /* --- models --- */
 
 /* Solves the symmetric system m x = b by elimination; m is positive definite. */
@@ -477,11 +559,12 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
                        error *e)
 {
     front f = {.node = g->node};
+    smoothing s = {0};
     bool ok = false;
     f.heap = mem_array(g->count, sizeof *f.heap, "the grading", e);
     f.at = mem_array(g->count, sizeof *f.at, "the grading", e);
     g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
-    if (!f.heap || !f.at || !g->points_before) goto done;
+    if (!f.heap || !f.at || !g->points_before || !smoothing_begin(&s, g, pool, e)) goto done;
     double area = 0, asked = 0, want = (double)count, widest = bbox_longest(scan->box);
     for (size_t k = 0; k < g->count; k++) {
         area += g->node[k].area;
@@ -489,12 +572,21 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     }
     want *= area / scan->area; /* cells without a sample are taken to be like the rest */
     double scale = levels_spacing(scan->area, count) * sqrt(asked / area);
+    if (!find_scale(g, &f, want, scale, widest)) {
+        count_impossible(g, scan, count, e);
+        goto done;
+    }
+    if (!is_map(g)) { /* a painted map means what it says, noise of second derivatives does not */
+        for (size_t i = 0; i < g->count; i++) s.from[i] = log(g->node[i].request);
+        smooth(&s, g->facts.scale, pool);
+        for (size_t i = 0; i < g->count; i++) g->node[i].request = exp(s.from[i]);
+    }
     for (int k = 0; k < CELLS_STEPS; k++) {
-        if (!find_scale(g, &f, want, scale, widest) && k == 0) {
-            count_impossible(g, scan, count, e);
-            goto done;
-        }
-        scale = g->facts.scale;
+        find_scale(g, &f, want, g->facts.scale, widest);
+        for (size_t i = 0; i < g->count; i++) s.from[i] = log(g->node[i].spacing);
+        smooth(&s, 1, pool); /* the ridges where growth from two sides meets */
+        for (size_t i = 0; i < g->count; i++) g->node[i].spacing = exp(s.from[i]);
+        limit_growth(g, &f);
         threads_run(pool, g->count, GRAIN, model_chunk, g);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
@@ -502,6 +594,7 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     }
     ok = true;
 done:
+    smoothing_free(&s);
     free(f.heap);
     free(f.at);
     return ok;

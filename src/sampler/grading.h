@@ -1,13 +1,15 @@
 /* grading: the spacing that is requested at each place of a surface, scaled so that a given count of points
  * meets it.
  *
- * A request gives a spacing by curvature or by a painted map; it is held between bounds, and to a growth of at
- * most `gradation` per unit of distance along the surface, so that neighbours differ little. Of all fields
- * of that shape (request times a constant, then bounds and growth) the one is taken whose ideal cells, sqrt(3) / 2
- * spacing^2 each, fill the surface with exactly the count.
+ * A request gives a spacing by curvature or by a painted map. It is held between bounds, to a growth of at most
+ * `gradation` per unit of distance along the surface, so that neighbours differ little, and to a bend that a packing
+ * can follow: where it varies within the spacing itself, as at the noise of a scan, it is averaged. Of all fields
+ * of that shape (the request times a constant, then the rest) the one is taken whose ideal cells,
+ * sqrt(3) / 2 spacing^2 each, fill the surface with exactly the count.
  *
  * The field is kept as nodes, one for each cube of space that the surface passes, with the spacing there and its
- * gradient, and blended between them: what differs within a cell of the surface is averaged. World space and world units. Immutable once made, safe in any thread.
+ * gradient, and blended between them: what differs within a cell of the surface is averaged. World space and world
+ * units. Immutable once made, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_GRADING_H
 #define HEXAD_SAMPLER_GRADING_H
