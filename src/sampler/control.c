@@ -171,7 +171,7 @@ bool sampler_control(sampler *s, error *e)
     note_round(s, energy);
     bool last_stage = s->stage == SAMPLER_STAGES - 1, bounded = s->params.max_sigma > 0;
     bool changed = false, again = false;
-    if (s->level == 0 && s->levels > 1 && s->stage > 0 && !sampler_replan(s, &again, e)) return false;
+    if (s->level == 0 && s->levels > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
     if (last_stage && s->level < s->levels - 1) return sampler_refine(s, e);
     bool good = last_stage && sampler_is_on_target(s, energy);

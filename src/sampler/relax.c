@@ -402,6 +402,13 @@ double relax_max_support(const relax *r)
     return r->sigma + r->skin;
 }
 
+double relax_bent_share(const relax *r, const particles *p)
+{
+    size_t bent = 0;
+    for (size_t i = 0; i < p->count; i++) bent += !r->flat[i];
+    return (double)bent / (double)p->count;
+}
+
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
     size_t pairs = 0;

@@ -66,6 +66,10 @@ double relax_mean_energy(relax *r, particles *p, double sigma);
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 
+/* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were built: round
+ * an edge, or through a sheet. */
+double relax_bent_share(const relax *r, const particles *p);
+
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);
 

@@ -37,6 +37,9 @@ static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
 static const double SIZE_SETTLED = 1e-3;
 static const int RESIZES_MAX = 10;
 
+/* A coarsest level of which more particles than this see round edges or through sheets is too coarse. */
+static const double BENT_SHARE = 0.5;
+
 /* A level that is to be refined is left when the rms step is below this (of h), or after so many sweeps. */
 static const double LEVEL_STEP = 5e-3;
 static const int LEVEL_SWEEPS = 30;
@@ -184,10 +187,22 @@ static size_t count_on_rim(const sampler *s)
     return count;
 }
 
-/* Once: the rims fill up only with time, so the last word is left to the levels between. */
+/* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
+static bool drop_coarsest(sampler *s, bool *again, error *e)
+{
+    *again = relax_bent_share(s->relax, s->p) > BENT_SHARE;
+    if (!*again) return true;
+    s->levels--;
+    memmove(s->level_count, s->level_count + 1, (size_t)s->levels * sizeof *s->level_count);
+    return begin(s, s->sigma / s->spacing, e);
+}
+
+/* Begins again with a better count once: the rims fill up only with time, so the last word is left to the levels
+ * between. */
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
     size_t count = s->p->count, edges;
+    if (s->stage == 0) return drop_coarsest(s, again, e);
     if (!refine_count_edges(s->p, s->spacing, s->pool, &edges, e)) return false;
     levels_correct(s->level_count, s->levels, edges, count_on_rim(s));
     *again = !s->planned && s->level_count[0] != count;
