@@ -139,7 +139,7 @@ static bool resolve_count(job *j, error *e)
                          target_pointer(s), count, area, COUNT_MIN, COUNT_MAX,
                          strrchr(target_pointer(s), '/') + 1);
     j->count = (size_t)count;
-    return fits_memory(j, count, e);
+    return fits_memory(j, fmax(count, (double)s->control.start_count), e);
 }
 
 static grading_kind grading_kind_of(const spec *s)

@@ -76,7 +76,7 @@ static void request_cell(const request_job *job, size_t k)
 {
     const field *f = job->field;
     field_cell cell;
-    f->ops->cell(f, k, &cell);
+    surface_cell(job->scan, k, &cell);
     vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal;
     const project_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size, SAMPLE_ACCEPT * f->cell_size,
                                    SAMPLE_REJECT * f->cell_size};
@@ -199,7 +199,7 @@ static uint64_t key_of(const grading *g, vec3 x)
 
 static size_t slot_of(const grading *g, uint64_t key)
 {
-    size_t slot = (size_t)(key * 0x9e3779b97f4a7c15u >> 20) & (g->table_size - 1);
+    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (g->table_size - 1);
     while (g->table[slot] && g->node[g->table[slot] - 1].key != key) slot = (slot + 1) & (g->table_size - 1);
     return slot;
 }
@@ -650,8 +650,13 @@ grading_facts grading_describe(const grading *g)
     return g->facts;
 }
 
+const double *grading_weight(const grading *g, const surface *scan)
+{
+    return g ? g->points_before : scan->area_before;
+}
+
 vec3 grading_draw(const grading *g, const surface *scan, double where, rng *r)
 {
-    const double *before = g ? g->points_before : scan->area_before;
+    const double *before = grading_weight(g, scan);
     return surface_point(scan, before, where * before[scan->cells], r);
 }

@@ -56,6 +56,9 @@ typedef struct grading_facts {
 } grading_facts;
 grading_facts grading_describe(const grading *g);
 
+/* The density of points summed over the cells, as area_before; NULL: the area. */
+const double *grading_weight(const grading *g, const surface *scan);
+
 /* A point near the surface, drawn by the density of points, `where` in [0, 1) in the order of the cells; NULL: by
  * area. See surface_point. */
 vec3 grading_draw(const grading *g, const surface *scan, double where, rng *r);

@@ -11,6 +11,9 @@
  * costs 0.01 of hex_fraction on torus and quartic, twice as much 0.006 on the gyroid. */
 static const double COARSEST_BEND = 0.6;
 enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
+/* Of each connected part that is to have any: refining keeps the parts' shares as they are on the coarsest level, where
+ * they are off by half a particle, and gives nothing to a part that has none. */
+static const double FEWEST_IN_PART = 30;
 /* Of those samples, the one that counts: what is bent more, such as the creases and the noise of a scan, is bent for
  * any packing. */
 static const double BEND_QUANTILE = 0.5;
@@ -48,15 +51,29 @@ double levels_spacing(double area, size_t count)
     return sqrt(2 * area / (sqrt(3) * (double)count));
 }
 
+/* The share of the smallest part that is to have a particle at all. */
+static double smallest_part(const surface *scan, const double *weight, size_t count)
+{
+    const components *parts = &scan->parts;
+    double whole = weight[scan->cells], smallest = whole;
+    for (size_t c = 0; parts->order && c < parts->count; c++) {
+        double part = weight[parts->begin[c + 1]] - weight[parts->begin[c]];
+        if (part * (double)count >= whole) smallest = fmin(smallest, part);
+    }
+    return smallest / whole;
+}
+
 int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
                 size_t out[LEVELS_MAX])
 {
     size_t finest_first[LEVELS_MAX] = {count};
-    int levels = 1;
     double coarsest = COARSEST_BEND / typical_bend(f, scan, graded, levels_spacing(scan->area, count), seed);
+    double smallest = smallest_part(scan, grading_weight(graded, scan), count);
+    int levels = 1;
     while (levels < LEVELS_MAX) {
         size_t next = refine_coarser(finest_first[levels - 1]);
         if (next < FEWEST_PARTICLES || levels_spacing(scan->area, next) > coarsest) break;
+        if ((double)next * smallest < FEWEST_IN_PART) break;
         finest_first[levels++] = next;
     }
     for (int k = 0; k < levels; k++) out[k] = finest_first[levels - 1 - k];

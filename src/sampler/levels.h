@@ -15,7 +15,8 @@
 double levels_spacing(double area, size_t count);
 
 /* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest is
- * still fine enough for the surface's curvature, and for the grading (NULL: even). Deterministic in the seed. */
+ * still fine enough for the surface's curvature, for its smallest part, and for the grading (NULL: even).
+ * Deterministic in the seed. */
 int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
                 size_t out[LEVELS_MAX]);
 

@@ -120,7 +120,7 @@ static place parent_of(const place *p)
 /* The slot of a key: where its bin is, or where it would go. */
 static size_t slot_of(const neighbours *n, uint64_t key)
 {
-    size_t slot = (size_t)(key * 0x9e3779b97f4a7c15u >> 20) & (n->table_size - 1);
+    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (n->table_size - 1);
     while (n->table[slot] && n->bin_key[n->table[slot] - 1] != key) slot = (slot + 1) & (n->table_size - 1);
     return slot;
 }

@@ -22,6 +22,7 @@ size_t refine_coarser(size_t count)
 
 typedef struct edge {
     uint32_t a, b;
+    uint32_t part; /* of the mesh: its first particle */
     double length; /* over the mean spacing of its ends */
 } edge;
 
@@ -38,7 +39,7 @@ static size_t find_edges(const voronoi_sites *sites, size_t count, edge *out, si
                 !voronoi_edge(sites, i, j, &across))
                 continue;
             double length = vec3_norm(vec3_sub(sites->position[i], sites->position[j]));
-            out[found++] = (edge){i, j, length / (0.5 * (sites->spacing[i] + sites->spacing[j]))};
+            out[found++] = (edge){i, j, 0, length / (0.5 * (sites->spacing[i] + sites->spacing[j]))};
         }
     }
     return found;
@@ -47,6 +48,7 @@ static size_t find_edges(const voronoi_sites *sites, size_t count, edge *out, si
 static int compare_edges(const void *x, const void *y)
 {
     const edge *a = x, *b = y;
+    if (a->part != b->part) return (a->part > b->part) - (a->part < b->part);
     if (a->length != b->length) return (a->length > b->length) - (a->length < b->length);
     return a->a != b->a ? (a->a > b->a) - (a->a < b->a) : (a->b > b->b) - (a->b < b->b);
 }
@@ -65,20 +67,62 @@ static void add_between(const field *f, const voronoi_sites *sites, const edge *
     p->normal[p->count++] = n;
 }
 
-/* The middles of the edges; where these are too many the shortest edges get none, where too few the longest two
+static uint32_t root_of(uint32_t *parent, uint32_t k)
+{
+    while (parent[k] != k) k = parent[k] = parent[parent[k]];
+    return k;
+}
+
+/* Sorts the edges by the connected parts of the mesh, and in each by length. members[k]: the particles of the part
+ * whose first is k. */
+static bool sort_edges(edge *edges, size_t found, size_t count, size_t *members, error *e)
+{
+    uint32_t *parent = mem_array(count, sizeof *parent, "refinement", e);
+    if (!parent) return false;
+    for (uint32_t k = 0; k < count; k++) parent[k] = k;
+    for (size_t k = 0; k < found; k++) {
+        uint32_t a = root_of(parent, edges[k].a), b = root_of(parent, edges[k].b);
+        parent[a > b ? a : b] = a < b ? a : b;
+    }
+    for (size_t k = 0; k < found; k++) edges[k].part = root_of(parent, edges[k].a);
+    for (uint32_t k = 0; k < count; k++) members[root_of(parent, k)]++;
+    free(parent);
+    qsort(edges, found, sizeof *edges, compare_edges);
+    return true;
+}
+
+/* The middles of one part's edges; where these are too many the shortest edges get none, where too few the longest two
  * each. Both are at the cores of dislocations, which they only move along: anywhere else a particle
  * too few or too many is a defect more. */
-static void add_middles(const field *f, const voronoi_sites *sites, edge *edges, size_t found, size_t wanted,
-                        particles *p)
+static void add_part(const field *f, const voronoi_sites *sites, const edge *edges, size_t found,
+                     size_t wanted, particles *p)
 {
     size_t count = p->count + wanted, left_out = found > wanted ? found - wanted : 0;
     size_t twice = found < wanted ? wanted - found : 0;
-    qsort(edges, found, sizeof *edges, compare_edges);
     for (size_t k = left_out; k < found && p->count < count; k++) {
         bool two = k + twice >= found && p->count + 1 < count;
         add_between(f, sites, &edges[k], two ? 1.0 / 3 : 0.5, p);
         if (two) add_between(f, sites, &edges[k], 2.0 / 3, p);
     }
+}
+
+/* Every part keeps its share of the particles; by their edges alone small parts would lose, since a closed one of n has
+ * 3 n - 6. */
+static bool add_middles(const field *f, const voronoi_sites *sites, edge *edges, size_t found, size_t count,
+                        particles *p, error *e)
+{
+    size_t before = p->count, *members = mem_array(before, sizeof *members, "refinement", e), end = 0;
+    bool ok = members && sort_edges(edges, found, before, members, e);
+    double share = (double)count / (double)before, seen = 0;
+    for (size_t k = 0; ok && k < found; k = end) {
+        size_t part = members[edges[k].part];
+        while (end < found && edges[end].part == edges[k].part) end++;
+        double wanted = round((seen + (double)part) * share) - round(seen * share) - (double)part;
+        seen += (double)part;
+        add_part(f, sites, edges + k, end - k, (size_t)fmin(fmax(wanted, 0), (double)(count - p->count)), p);
+    }
+    free(members);
+    return ok;
 }
 
 /* Particles that the edges did not give all the same, anywhere on the surface. */
@@ -147,8 +191,8 @@ bool refine_particles(const field *f, const surface *scan, const grading *graded
     mesh m;
     bool ok = mesh_particles(p, spacing, pool, &m, e);
     if (ok) {
-        add_middles(f, &m.sites, m.edges, m.count, count - p->count, p);
-        ok = draw_rest(f, scan, graded, p, count, spacing, seed, e);
+        ok = add_middles(f, &m.sites, m.edges, m.count, count, p, e) &&
+             draw_rest(f, scan, graded, p, count, spacing, seed, e);
     }
     mesh_free(&m);
     return ok;

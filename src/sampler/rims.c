@@ -97,13 +97,13 @@ static bool cut_triangle(const field *f, int face, const vec3 t[3], segments *al
     return add_segment(all, &s, e);
 }
 
-static bool face_passes(const field *f, size_t cell, int face)
+static bool face_passes(const surface *s, size_t cell, int face)
 {
     field_cell c;
     bool inside = false, outside = false;
-    f->ops->cell(f, cell, &c);
+    surface_cell(s, cell, &c);
     for (int k = 0; k < 8; k++) {
-        double h = height(f, face, c.corner[k]);
+        double h = height(s->field, face, c.corner[k]);
         inside |= h > 0;
         outside |= h <= 0;
     }
@@ -114,7 +114,7 @@ static bool find_segments(const surface *s, int face, segments *all, error *e)
 {
     vec3 t[SURFACE_CELL_TRIANGLES][3];
     for (size_t k = 0; k < s->cells; k++) {
-        if (!face_passes(s->field, k, face)) continue;
+        if (!face_passes(s, k, face)) continue;
         int count = surface_cell_triangles(s, k, t);
         for (int i = 0; i < count; i++)
             if (!cut_triangle(s->field, face, t[i], all, e)) return false;

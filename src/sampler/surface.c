@@ -295,11 +295,17 @@ static void cut_cell(const field *f, const field_cell *cell, triangulation *out)
     }
 }
 
-/* And what of them lies in the domain. */
-static void measure_cell(const field *f, size_t index, triangulation *out)
+void surface_cell(const surface *s, size_t k, field_cell *out)
 {
+    s->field->ops->cell(s->field, s->parts.order ? s->parts.order[k] : k, out);
+}
+
+/* And what of them lies in the domain. */
+static void measure_cell(const surface *s, size_t index, triangulation *out)
+{
+    const field *f = s->field;
     field_cell cell;
-    f->ops->cell(f, index, &cell);
+    surface_cell(s, index, &cell);
     cut_cell(f, &cell, out);
     bool whole = is_whole(f, &cell);
     out->box = bbox_empty();
@@ -325,7 +331,7 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
         job->box[chunk] = bbox_empty();
         for (size_t k = chunk * GRAIN; k < last; k++) {
             double area = 0;
-            measure_cell(job->s->field, k, &t);
+            measure_cell(job->s, k, &t);
             for (int i = 0; i < t.count; i++) area += t.area[i];
             job->box[chunk] = bbox_unite(job->box[chunk], t.box);
             job->s->area_before[k + 1] = area;
@@ -351,7 +357,7 @@ surface *surface_scan(const field *f, threads *pool, error *e)
     size_t chunks = (s->cells + GRAIN - 1) / GRAIN;
     scan_job job = {s, mem_array(chunks, sizeof *job.box, "the scan of the surface", e)};
     s->area_before = mem_array(s->cells + 1, sizeof *s->area_before, "the scan of the surface", e);
-    if (!job.box || !s->area_before) goto fail;
+    if (!job.box || !s->area_before || !components_find(f, pool, &s->parts, e)) goto fail;
     threads_run(pool, chunks, 1, scan_chunk, &job);
     if (threads_stopped(pool)) {
         error_set(e, ERROR_CANCELLED, "stopped");
@@ -376,6 +382,7 @@ fail:
 void surface_free(surface *s)
 {
     if (!s) return;
+    components_free(&s->parts);
     free(s->area_before);
     free(s);
 }
@@ -398,7 +405,7 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
             high = middle - 1;
     }
     triangulation t;
-    measure_cell(s->field, low, &t);
+    measure_cell(s, low, &t);
     double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
     for (int i = 0; i < t.count; i++) rest += share * t.area[i];
     int k = 0;
@@ -413,7 +420,7 @@ int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_
 {
     field_cell place;
     triangulation t;
-    s->field->ops->cell(s->field, cell, &place);
+    surface_cell(s, cell, &place);
     cut_cell(s->field, &place, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;

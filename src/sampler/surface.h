@@ -12,14 +12,19 @@
 #include "base/rng.h"
 #include "base/threads.h"
 #include "field/field.h"
+#include "sampler/components.h"
 
 typedef struct surface {
     const field *field; /* not owned */
     double area;        /* world units squared */
     bbox box;           /* of the surface */
     size_t cells;
+    components parts;    /* cells are numbered part after part, so that strata of area keep to the parts */
     double *area_before; /* cells + 1: area of the cells before each, the last is the whole */
 } surface;
+
+/* The k-th of the surface's cells. */
+void surface_cell(const surface *s, size_t k, field_cell *out);
 
 /* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);

@@ -1,0 +1,160 @@
+/* Parts of surfaces, and that a small one beside a large one gets its particles. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/components.h"
+#include "sampler/sampler.h"
+
+/* Two balls, apart: the lesser of two distances, which is smooth near either. */
+typedef struct balls {
+    field base;
+    vec3 center[2];
+    double radius[2];
+    double cell;
+    int64_t side;
+    size_t count;
+    int64_t *crossing;
+} balls;
+
+static double distance(const balls *b, vec3 x, int *nearer)
+{
+    double d[2];
+    for (int k = 0; k < 2; k++) d[k] = vec3_norm(vec3_sub(x, b->center[k])) - b->radius[k];
+    *nearer = d[1] < d[0];
+    return d[*nearer];
+}
+
+static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const balls *b = (const balls *)f;
+    int k;
+    out->value = distance(b, x, &k);
+    vec3 d = vec3_sub(x, b->center[k]), n = vec3_unit(d);
+    double r = vec3_norm(d);
+    if (!(r > 0)) return false;
+    out->gradient = n;
+    if (order == FIELD_HESSIAN)
+        out->hessian = (sym3){(1 - n.x * n.x) / r, (1 - n.y * n.y) / r, (1 - n.z * n.z) / r,
+                              -n.x * n.y / r,      -n.x * n.z / r,      -n.y * n.z / r};
+    return true;
+}
+
+static size_t cell_count(const field *f)
+{
+    return ((const balls *)f)->count;
+}
+
+static void fill_cell(const balls *b, int64_t linear, field_cell *out)
+{
+    int64_t at[3] = {linear % b->side, linear / b->side % b->side, linear / b->side / b->side};
+    for (int c = 0; c < 8; c++) {
+        int ignored;
+        out->corner[c] = vec3_make(b->base.domain.min.x + b->cell * (double)(at[0] + (c & 1)),
+                                   b->base.domain.min.y + b->cell * (double)(at[1] + (c >> 1 & 1)),
+                                   b->base.domain.min.z + b->cell * (double)(at[2] + (c >> 2)));
+        out->value[c] = distance(b, out->corner[c], &ignored);
+    }
+}
+
+static void cell(const field *f, size_t k, field_cell *out)
+{
+    const balls *b = (const balls *)f;
+    fill_cell(b, b->crossing[k], out);
+}
+
+static const field_ops balls_ops = {sample, cell_count, cell};
+
+/* Radii 1 and `small`, in cells of a tenth of the small one. */
+static balls make_balls(double small)
+{
+    balls b = {.base = {.ops = &balls_ops, .domain = {{-1.3, -1.3, -1.3}, {1.3 + 4 * small, 1.3, 1.3}}},
+               .center = {{0.01, 0.02, 0.03}, {1.2 + 2 * small, 0.01, 0.02}},
+               .radius = {1, small},
+               .cell = small / 5};
+    b.base.extent = bbox_longest(b.base.domain);
+    b.base.cell_size = b.cell;
+    b.side = (int64_t)ceil(b.base.extent / b.cell);
+    b.crossing = malloc((size_t)(b.side * b.side * b.side) * sizeof *b.crossing);
+    for (int64_t k = 0; k < b.side * b.side * b.side; k++) {
+        field_cell c;
+        int inside = 0;
+        fill_cell(&b, k, &c);
+        for (int i = 0; i < 8; i++) inside += c.value[i] < 0;
+        if (inside > 0 && inside < 8) b.crossing[b.count++] = k;
+    }
+    return b;
+}
+
+static void shares_are_those_of_the_areas(void **state)
+{
+    (void)state;
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    for (double small = 0.1; small < 0.9; small *= 2) {
+        balls b = make_balls(small);
+        surface *scan = surface_scan(&b.base, pool, &e);
+        double truth = small * small / (1 + small * small);
+        assert_int_equal(scan->parts.count, 2);
+        size_t second = scan->parts.begin[1];
+        double share = 1 - scan->area_before[second] / scan->area;
+        assert_close(fmin(share, 1 - share) / truth, 1, 0.01);
+        for (size_t k = 0; k < scan->cells; k++) { /* every cell once, part by part */
+            field_cell c;
+            surface_cell(scan, k, &c);
+            assert_true((c.corner[0].x > 1.1) == ((share < 0.5) == (k >= second)));
+        }
+        surface_free(scan);
+        free(b.crossing);
+    }
+    threads_free(pool);
+}
+
+/* In proportion to the area, to 5 % or one particle, from a coarse start or where none would do. */
+static void a_small_part_gets_its_share(void **state)
+{
+    (void)state;
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    for (double small = 0.05; small < 0.9; small *= 2.3) {
+        balls b = make_balls(small);
+        surface *scan = surface_scan(&b.base, pool, &e);
+        const sampler_params params = {.count = 6000,
+                                       .seed = 1,
+                                       .max_sweeps = 5000,
+                                       .list_limit = SIZE_MAX,
+                                       .step_tolerance = 3e-3,
+                                       .energy_tolerance = 0.05,
+                                       .coarse_to_fine = true};
+        sampler *s = sampler_new(&b.base, scan, &params, pool, &e);
+        assert_non_null(s);
+        while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
+        assert_true(sampler_finish(s, &e));
+        const sampler_points *p = sampler_result_points(s);
+        double on_small = 0, wanted = 6000 * small * small / (1 + small * small);
+        for (size_t i = 0; i < p->count; i++) on_small += p->position[i].x > 1.1;
+        size_t rounds;
+        print_message("# radius %.3f: %.0f of %.1f, from %zu\n", small, on_small, wanted,
+                      sampler_rounds(s, &rounds)[0].count);
+        assert_int_equal(p->count, 6000);
+        assert_close(on_small, wanted, fmax(0.05 * wanted, 1));
+        sampler_free(s);
+        surface_free(scan);
+        free(b.crossing);
+    }
+    threads_free(pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(shares_are_those_of_the_areas),
+        cmocka_unit_test(a_small_part_gets_its_share),
+    };
+    return cmocka_run_group_tests_name("components", tests, NULL, NULL);
+}
