@@ -163,6 +163,7 @@ static bool start_grading(const job *j, grading **out, error *e)
         .min_spacing = s->min_spacing,
         .max_spacing = s->max_spacing,
         .gradation = s->gradation,
+        .memory_limit = (size_t)fmax(particle_memory(j), 1),
     };
     *out = grading_new(j->source.field, j->scan, &params, j->count, j->pool, e);
     return *out != NULL;

@@ -18,6 +18,8 @@ static const double WIDEST_REQUEST = 1e3;
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
 static const int SAMPLE_STEPS = 5;
 static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
+/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's size. */
+static const double WIDEST_EVEN = 10;
 /* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the cells. */
 static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
 static const int CELLS_STEPS = 4;
@@ -34,6 +36,8 @@ static const size_t GRAIN = 256;
 
 #define AXIS_BITS 21
 #define NO_NODE UINT32_MAX
+/* Around the surface's box: cubes beside cubes, and beside points that stray by a few. */
+#define MARGIN_CUBES 16
 
 typedef struct node {
     uint64_t key;
@@ -44,6 +48,10 @@ typedef struct node {
     double spacing; /* after scale, bounds and growth */
     vec3 gradient;  /* of it */
 } node;
+
+/* The most that a cell takes while a grading is made: its place and value, and a node of its own with all that goes
+ * with one. */
+static const double CELL_BYTES = 24 + 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 
 struct grading {
     grading_params params;
@@ -250,79 +258,123 @@ static bool make_nodes(grading *g, const surface *scan, const vec3 *position, co
     return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
 }
 
+/* What exists only while a grading is made. */
+typedef struct making {
+    grading *g;
+    threads *pool;
+    uint32_t *beside; /* 27 a node: those around it, or NO_NODE */
+    uint32_t *heap;   /* nodes whose spacing may force others down, smallest first */
+    uint32_t *at;     /* node k's place in it is at[k] - 1; 0: not in it */
+    size_t heap_count;
+    double *from, *to; /* logarithms of spacings, before and after an average */
+    double *change;    /* of each node in the last average */
+    double scale;      /* times exp(from) they are spacings */
+} making;
+
+static void making_free(making *m)
+{
+    free(m->beside);
+    free(m->heap);
+    free(m->at);
+    free(m->from);
+    free(m->to);
+    free(m->change);
+}
+
+static void link_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *m = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (int i = 0; i < 27; i++) m->beside[27 * k + (size_t)i] = node_beside(m->g, &m->g->node[k], i);
+}
+
+static bool making_begin(making *m, grading *g, threads *pool, error *e)
+{
+    const char *what = "the grading";
+    *m = (making){.g = g, .pool = pool, .beside = mem_array(27 * g->count, sizeof *m->beside, what, e)};
+    m->heap = mem_array(g->count, sizeof *m->heap, what, e);
+    m->at = mem_array(g->count, sizeof *m->at, what, e);
+    m->from = mem_array(g->count, sizeof *m->from, what, e);
+    m->to = mem_array(g->count, sizeof *m->to, what, e);
+    m->change = mem_array(g->count, sizeof *m->change, what, e);
+    if (!m->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
+    threads_run(pool, g->count, GRAIN, link_chunk, m);
+    return true;
+}
+
 /* --- bounds, growth and the count --- */
 
-/* Nodes whose spacing may force others down, smallest first. */
-typedef struct front {
-    size_t count;
-    uint32_t *heap; /* nodes; node k's place in it is at[k] - 1, 0: not in it */
-    uint32_t *at;
-    const node *node;
-} front;
-
-static void front_put(front *f, size_t place, uint32_t k)
+static double heap_spacing(const making *m, size_t place)
 {
-    f->heap[place] = k;
-    f->at[k] = (uint32_t)place + 1;
+    return m->g->node[m->heap[place]].spacing;
 }
 
-static void front_rise(front *f, size_t place, uint32_t k)
+static void heap_put(making *m, size_t place, uint32_t k)
 {
-    while (place > 0 && f->node[f->heap[(place - 1) / 2]].spacing > f->node[k].spacing) {
-        front_put(f, place, f->heap[(place - 1) / 2]);
-        place = (place - 1) / 2;
-    }
-    front_put(f, place, k);
+    m->heap[place] = k;
+    m->at[k] = (uint32_t)place + 1;
 }
 
-static void front_add(front *f, uint32_t k)
+/* Adds a node, or moves it up after its spacing fell. */
+static void heap_add(making *m, uint32_t k)
 {
-    front_rise(f, f->at[k] ? f->at[k] - 1 : f->count++, k);
+    size_t place = m->at[k] ? m->at[k] - 1 : m->heap_count++;
+    for (; place > 0 && heap_spacing(m, (place - 1) / 2) > m->g->node[k].spacing; place = (place - 1) / 2)
+        heap_put(m, place, m->heap[(place - 1) / 2]);
+    heap_put(m, place, k);
 }
 
-static uint32_t front_take(front *f)
+static uint32_t heap_take(making *m)
 {
-    uint32_t first = f->heap[0], last = f->heap[--f->count];
-    f->at[first] = 0;
+    uint32_t first = m->heap[0], last = m->heap[--m->heap_count];
+    m->at[first] = 0;
     size_t place = 0;
-    for (size_t child; (child = 2 * place + 1) < f->count; place = child) {
-        if (child + 1 < f->count && f->node[f->heap[child + 1]].spacing < f->node[f->heap[child]].spacing)
-            child++;
-        if (f->node[f->heap[child]].spacing >= f->node[last].spacing) break;
-        front_put(f, place, f->heap[child]);
+    for (size_t child; (child = 2 * place + 1) < m->heap_count; place = child) {
+        if (child + 1 < m->heap_count && heap_spacing(m, child + 1) < heap_spacing(m, child)) child++;
+        if (heap_spacing(m, child) >= m->g->node[last].spacing) break;
+        heap_put(m, place, m->heap[child]);
     }
-    if (f->count > 0) front_put(f, place, last);
+    if (m->heap_count > 0) heap_put(m, place, last);
     return first;
 }
 
-/* Lowers spacings until none exceeds its neighbour's by more than `gradation` times their distance. */
-static void limit_growth(grading *g, front *f)
+/* Lowers what exceeds node k by more than `gradation` times the distance; whether there was any. With `look` nothing
+ * is changed. */
+static bool hold_down(making *m, uint32_t k, bool look)
 {
-    double gradation = g->params.gradation;
-    if (isinf(gradation)) return;
-    for (uint32_t k = 0; k < g->count; k++) front_add(f, k);
-    while (f->count > 0) {
-        const node *n = &g->node[front_take(f)];
-        for (int k = 0; k < 27; k++) {
-            uint32_t other = node_beside(g, n, k);
-            if (other == NO_NODE) continue;
-            node *m = &g->node[other];
-            double most = n->spacing + gradation * vec3_norm(vec3_sub(m->position, n->position));
-            if (m->spacing <= most) continue;
-            m->spacing = most;
-            front_add(f, other);
-        }
+    const node *n = &m->g->node[k];
+    for (int i = 0; i < 27; i++) {
+        uint32_t other = m->beside[27 * (size_t)k + (size_t)i];
+        if (other == NO_NODE) continue;
+        node *o = &m->g->node[other];
+        double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
+        if (o->spacing <= most) continue;
+        if (look) return true;
+        o->spacing = most;
+        heap_add(m, other);
     }
+    return false;
+}
+
+/* Lowers spacings until none exceeds its neighbour's by more than `gradation` times their distance. */
+static void limit_growth(making *m)
+{
+    if (isinf(m->g->params.gradation)) return;
+    for (uint32_t k = 0; k < m->g->count; k++)
+        if (hold_down(m, k, true)) heap_add(m, k);
+    while (m->heap_count > 0 && !threads_stopped(m->pool)) hold_down(m, heap_take(m), false);
 }
 
 /* The spacings under a scale, and how many points they ask for. `widest` stands for no bound. */
-static double points_under(grading *g, front *f, double scale, double widest)
+static double points_under(making *m, double scale, double widest)
 {
-    const grading_params *p = &g->params;
-    double low = p->min_spacing, high = p->max_spacing > 0 ? p->max_spacing : widest, points = 0;
+    grading *g = m->g;
+    double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : widest;
     for (size_t k = 0; k < g->count; k++)
         g->node[k].spacing = fmin(fmax(scale * g->node[k].request, low), high);
-    limit_growth(g, f);
+    limit_growth(m);
+    double points = 0;
     for (size_t k = 0; k < g->count; k++)
         points += g->node[k].area / (sqrt(3) / 2 * g->node[k].spacing * g->node[k].spacing);
     return points;
@@ -331,25 +383,36 @@ static double points_under(grading *g, front *f, double scale, double widest)
 static bool count_impossible(const grading *g, const surface *scan, size_t count, error *e)
 {
     const grading_params *p = &g->params;
-    double least = p->max_spacing > 0 ? 2 * scan->area / (sqrt(3) * p->max_spacing * p->max_spacing) : 0;
-    double most =
-        p->min_spacing > 0 ? 2 * scan->area / (sqrt(3) * p->min_spacing * p->min_spacing) : INFINITY;
+    double most = 2 * scan->area / (sqrt(3) * p->min_spacing * p->min_spacing);
+    if (p->min_spacing > 0 && (double)count > 0.99 * most)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "%zu points do not fit: with /sampling/min_spacing %g there are at most %.0f on an area of "
+            "%g: ask for fewer, or lower it",
+            count, p->min_spacing, most, scan->area);
+    if (p->max_spacing > 0)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "%zu points are too few: with /sampling/max_spacing %g there are at least %.0f on an area of "
+            "%g: ask for more, or raise it",
+            count, p->max_spacing, 2 * scan->area / (sqrt(3) * p->max_spacing * p->max_spacing), scan->area);
     return error_set(
         e, ERROR_SPEC_INVALID,
-        "%zu points do not fit the bounds of the grading: with min_spacing %g there are at most %.0f on "
-        "an area of %g, with max_spacing %g at least %.0f",
-        count, p->min_spacing, most, scan->area, p->max_spacing, least);
+        "%zu points are too few for the grading, whose spacing may grow by %g per unit of distance: ask "
+        "for more, or raise /sampling/gradation",
+        count, p->gradation);
 }
 
-/* The scale under which the spacings ask for `count` points. Where nothing is bounded the points go as its
- * inverse square, which bounds and growth only soften. */
-static bool find_scale(grading *g, front *f, double want, double first, double widest)
+/* The scale under which the spacings ask for `want` points. Where nothing is bounded the points go as its
+ * inverse square, which bounds and growth only soften. A count is whole: half a point is near enough. */
+static bool find_scale(making *m, double want, double first, double widest)
 {
-    double scale = first, low = 0, high = INFINITY;
-    for (int k = 0; k < SCALE_STEPS; k++) {
-        double points = points_under(g, f, scale, widest);
-        g->facts.scale = scale;
-        if (fabs(points / want - 1) < NODES_TOLERANCE || high < low * (1 + NODES_TOLERANCE)) return true;
+    double scale = first, low = 0, high = INFINITY,
+           near = fmax(NODES_TOLERANCE * want, fmin(0.5, 1e-3 * want));
+    for (int k = 0; k < SCALE_STEPS && !threads_stopped(m->pool); k++) {
+        double points = points_under(m, scale, widest);
+        m->g->facts.scale = scale;
+        if (fabs(points - want) < near || high < low * (1 + NODES_TOLERANCE)) return true;
         if (points > want)
             low = scale;
         else
@@ -367,72 +430,38 @@ static bool find_scale(grading *g, front *f, double want, double first, double w
 /* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is bounded;
  * this bounds the second: averages over the nodes around, as far as they are needed, until nowhere the Laplacian of
  * the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
-typedef struct smoothing {
-    const grading *g;
-    uint32_t *beside;  /* 27 a node */
-    double *from, *to; /* logarithms of spacings */
-    double *change;    /* of each node in the last average */
-    double scale;
-} smoothing;
-
-static void smoothing_free(smoothing *s)
-{
-    free(s->beside);
-    free(s->from);
-    free(s->to);
-    free(s->change);
-}
-
-static void link_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    const smoothing *s = context;
-    (void)worker;
-    for (size_t k = begin; k < end; k++)
-        for (int i = 0; i < 27; i++) s->beside[27 * k + (size_t)i] = node_beside(s->g, &s->g->node[k], i);
-}
-
-static bool smoothing_begin(smoothing *s, const grading *g, threads *pool, error *e)
-{
-    *s = (smoothing){.g = g,
-                     .beside = mem_array(27 * g->count, sizeof *s->beside, "the grading", e),
-                     .from = mem_array(g->count, sizeof *s->from, "the grading", e),
-                     .to = mem_array(g->count, sizeof *s->to, "the grading", e),
-                     .change = mem_array(g->count, sizeof *s->change, "the grading", e)};
-    if (!s->beside || !s->from || !s->to || !s->change) return false;
-    threads_run(pool, g->count, GRAIN, link_chunk, s);
-    return true;
-}
-
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const smoothing *s = context;
+    const making *m = context;
+    const node *nodes = m->g->node;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        double sum = 0, weights = 0, spacing = exp(s->from[k]) * s->scale / s->g->edge;
+        double sum = 0, weights = 0, spacing = exp(m->from[k]) * m->scale / m->g->edge;
         for (int i = 0; i < 27; i++) {
-            uint32_t other = s->beside[27 * k + (size_t)i];
+            uint32_t other = m->beside[27 * k + (size_t)i];
             if (other == NO_NODE) continue;
-            sum += s->g->node[other].area * s->from[other];
-            weights += s->g->node[other].area;
+            sum += nodes[other].area * m->from[other];
+            weights += nodes[other].area;
         }
-        double rise = sum / weights - s->from[k], most = BEND * AVERAGE_RISE / (spacing * spacing);
-        s->change[k] = fabs(rise) - most;
-        s->to[k] = s->from[k] + (s->change[k] > 0 ? copysign(s->change[k], rise) : 0);
+        double rise = sum / weights - m->from[k], most = BEND * AVERAGE_RISE / (spacing * spacing);
+        m->change[k] = fabs(rise) - most;
+        m->to[k] = m->from[k] + (m->change[k] > 0 ? copysign(m->change[k], rise) : 0);
     }
 }
 
-/* Smooths the logarithms in s->from; times `scale` they are spacings. */
-static void smooth(smoothing *s, double scale, threads *pool)
+/* Smooths the logarithms in m->from. */
+static void smooth(making *m, double scale)
 {
     double worst = INFINITY;
-    s->scale = scale;
-    for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE; pass++) {
-        threads_run(pool, s->g->count, GRAIN, smooth_chunk, s);
+    m->scale = scale;
+    for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE && !threads_stopped(m->pool);
+         pass++) {
+        threads_run(m->pool, m->g->count, GRAIN, smooth_chunk, m);
         worst = 0;
-        for (size_t k = 0; k < s->g->count; k++) worst = fmax(worst, s->change[k]);
-        double *swap = s->from;
-        s->from = s->to;
-        s->to = swap;
+        for (size_t k = 0; k < m->g->count; k++) worst = fmax(worst, m->change[k]);
+        double *swap = m->from;
+        m->from = m->to;
+        m->to = swap;
     }
 }
 
@@ -547,57 +576,73 @@ double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
 static double sum_points(grading *g, const surface *scan, const vec3 *position)
 {
     for (size_t k = 0; k < scan->cells; k++) {
-        double spacing = grading_spacing(g, position[k], NULL);
-        g->points_before[k + 1] =
-            g->points_before[k] + cell_area(scan, k) / (sqrt(3) / 2 * spacing * spacing);
+        double area = cell_area(scan, k), spacing = area > 0 ? grading_spacing(g, position[k], NULL) : 1;
+        g->points_before[k + 1] = g->points_before[k] + area / (sqrt(3) / 2 * spacing * spacing);
     }
     return g->points_before[scan->cells];
+}
+
+/* A curvature's request without its noise; a painted map means what it says. */
+static void smooth_request(making *m)
+{
+    grading *g = m->g;
+    if (is_map(g)) return;
+    for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].request);
+    smooth(m, g->facts.scale);
+    for (size_t k = 0; k < g->count; k++) g->node[k].request = exp(m->from[k]);
+}
+
+/* Rounds the ridges where growth from two sides meets. */
+static void smooth_spacing(making *m)
+{
+    grading *g = m->g;
+    for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
+    smooth(m, 1);
+    for (size_t k = 0; k < g->count; k++) g->node[k].spacing = exp(m->from[k]);
+    limit_growth(m);
 }
 
 /* What the nodes are asked for is corrected until the cells ask for `count`. */
 static bool meet_count(grading *g, const surface *scan, const vec3 *position, size_t count, threads *pool,
                        error *e)
 {
-    front f = {.node = g->node};
-    smoothing s = {0};
-    bool ok = false;
-    f.heap = mem_array(g->count, sizeof *f.heap, "the grading", e);
-    f.at = mem_array(g->count, sizeof *f.at, "the grading", e);
-    g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
-    if (!f.heap || !f.at || !g->points_before || !smoothing_begin(&s, g, pool, e)) goto done;
-    double area = 0, asked = 0, want = (double)count, widest = bbox_longest(scan->box);
+    double area = 0, asked = 0, even = levels_spacing(scan->area, count);
+    double widest = fmax(bbox_longest(scan->box), WIDEST_EVEN * even);
     for (size_t k = 0; k < g->count; k++) {
         area += g->node[k].area;
         asked += g->node[k].area / (g->node[k].request * g->node[k].request);
     }
-    want *= area / scan->area; /* cells without a sample are taken to be like the rest */
-    double scale = levels_spacing(scan->area, count) * sqrt(asked / area);
-    if (!find_scale(g, &f, want, scale, widest)) {
-        count_impossible(g, scan, count, e);
-        goto done;
-    }
-    if (!is_map(g)) { /* a painted map means what it says, noise of second derivatives does not */
-        for (size_t i = 0; i < g->count; i++) s.from[i] = log(g->node[i].request);
-        smooth(&s, g->facts.scale, pool);
-        for (size_t i = 0; i < g->count; i++) g->node[i].request = exp(s.from[i]);
-    }
-    for (int k = 0; k < CELLS_STEPS; k++) {
-        find_scale(g, &f, want, g->facts.scale, widest);
-        for (size_t i = 0; i < g->count; i++) s.from[i] = log(g->node[i].spacing);
-        smooth(&s, 1, pool); /* the ridges where growth from two sides meets */
-        for (size_t i = 0; i < g->count; i++) g->node[i].spacing = exp(s.from[i]);
-        limit_growth(g, &f);
+    double want =
+        (double)count * area / scan->area; /* cells without a sample are taken to be like the rest */
+    making m;
+    g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
+    bool ok = making_begin(&m, g, pool, e) && g->points_before;
+    if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
+        ok = count_impossible(g, scan, count, e);
+    if (ok) smooth_request(&m);
+    for (int k = 0; ok && k < CELLS_STEPS; k++) {
+        find_scale(&m, want, g->facts.scale, widest); /* as possible as before, to what smoothing changed */
+        smooth_spacing(&m);
         threads_run(pool, g->count, GRAIN, model_chunk, g);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
         want /= ratio;
     }
-    ok = true;
-done:
-    smoothing_free(&s);
-    free(f.heap);
-    free(f.at);
+    making_free(&m);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     return ok;
+}
+
+/* No node has less than a cell. */
+static bool fits_memory(const grading *g, size_t cells, error *e)
+{
+    double bytes = (double)cells * CELL_BYTES;
+    if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "the grading of %zu cells of the surface needs about %.0f MB, the limit leaves %.0f MB: raise "
+        "limits.memory_mb",
+        cells, bytes / (1 << 20), (double)g->params.memory_limit / (1 << 20));
 }
 
 grading *grading_new(const field *f, const surface *scan, const grading_params *params, size_t count,
@@ -609,7 +654,9 @@ grading *grading_new(const field *f, const surface *scan, const grading_params *
                        mem_array(scan->cells, sizeof *job.value, "the grading", e)};
     if (!job.position || !job.value) goto done;
     g->params = *params;
+    if (!fits_memory(g, scan->cells, e)) goto done;
     g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * levels_spacing(scan->area, count));
+    g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
     threads_run(pool, scan->cells, GRAIN, request_chunk, &job);
     if (threads_stopped(pool)) {
         error_set(e, ERROR_CANCELLED, "stopped");

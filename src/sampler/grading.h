@@ -36,6 +36,7 @@ typedef struct grading_params {
     const void *map_context;
     double min_spacing, max_spacing; /* 0: no bound */
     double gradation;                /* > 0; INFINITY: no bound */
+    size_t memory_limit;             /* bytes that making it may take; 0: no bound */
 } grading_params;
 
 typedef struct grading grading;
@@ -47,7 +48,7 @@ grading *grading_new(const field *f, const surface *scan, const grading_params *
                      threads *pool, error *e);
 void grading_free(grading *g);
 
-/* The requested spacing at x, which is on the surface, and (unless NULL) its gradient there. */
+/* The requested spacing at x, which is on the surface, and (unless NULL) its slope, as the nodes around have it. */
 double grading_spacing(const grading *g, vec3 x, vec3 *gradient);
 
 /* What the request was multiplied by to meet the count, and the ends of the result. */

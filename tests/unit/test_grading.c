@@ -165,18 +165,26 @@ static void bounds_are_kept_and_told(void **state)
     }
     grading_free(g);
     error e = {0};
-    double area = 4 * M_PI * M_PI * 0.4;
-    const size_t outside[] = {(size_t)(area / (sqrt(3) / 2 * 9e-4)) + 500,
-                              (size_t)(area / (sqrt(3) / 2 * 64e-4)) - 500};
-    for (int k = 0; k < 2; k++) {
-        assert_null(grading_new(&s.a->base, s.scan, &params, outside[k], s.pool, &e));
-        assert_int_equal(e.code, ERROR_SPEC_INVALID);
-        char most[32], least[32];
-        snprintf(most, sizeof most, "at most %.0f", s.scan->area / (sqrt(3) / 2 * 9e-4));
-        snprintf(least, sizeof least, "at least %.0f", s.scan->area / (sqrt(3) / 2 * 64e-4));
-        assert_non_null(strstr(e.message, most));
-        assert_non_null(strstr(e.message, least));
+    double most = s.scan->area / (sqrt(3) / 2 * 9e-4), least = s.scan->area / (sqrt(3) / 2 * 64e-4);
+    assert_null(grading_new(&s.a->base, s.scan, &params, (size_t)most + 500, s.pool, &e));
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    char words[64];
+    snprintf(words, sizeof words, "min_spacing 0.03 there are at most %.0f", most);
+    assert_non_null(strstr(e.message, words));
+    assert_null(grading_new(&s.a->base, s.scan, &params, (size_t)least - 500, s.pool, &e));
+    snprintf(words, sizeof words, "max_spacing 0.08 there are at least %.0f", least);
+    assert_non_null(strstr(e.message, words));
+    params.min_spacing = params.max_spacing = 0.05; /* one count fits, to half a point */
+    grading_free(grade(&s, params, (size_t)round(s.scan->area / (sqrt(3) / 2 * 25e-4))));
+    params.min_spacing = params.max_spacing = 0; /* nothing is bounded: a few points are no fault */
+    for (size_t count = 4; count < 20; count += 5) {
+        g = grade(&s, params, count);
+        assert_close(torus_points(g) / (double)count, 1, 0.02);
+        grading_free(g);
     }
+    params.memory_limit = 1000;
+    assert_null(grading_new(&s.a->base, s.scan, &params, 1000, s.pool, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     release(&s);
 }
 
@@ -211,6 +219,22 @@ static void maps_with_holes(void **state)
     release(&s);
 }
 
+/* A pool that was told to stop ends the work with its code. */
+static void stops_when_told(void **state)
+{
+    (void)state;
+    scanned s = scan_shape(&torus, 1);
+    volatile sig_atomic_t stop = 0;
+    error e = {0};
+    threads *pool = threads_new(1, &stop, &e);
+    const grading_params params = {.kind = GRADING_RATIO, .ratio = 10, .exponent = 1, .gradation = 0.2};
+    stop = 1;
+    assert_null(grading_new(&s.a->base, s.scan, &params, 1000, pool, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    threads_free(pool);
+    release(&s);
+}
+
 static void threads_do_not_show(void **state)
 {
     (void)state;
@@ -234,6 +258,7 @@ int main(void)
         cmocka_unit_test(growth_is_held),
         cmocka_unit_test(bounds_are_kept_and_told),
         cmocka_unit_test(maps_with_holes),
+        cmocka_unit_test(stops_when_told),
         cmocka_unit_test(threads_do_not_show),
     };
     return cmocka_run_group_tests_name("grading", tests, NULL, NULL);
