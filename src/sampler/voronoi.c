@@ -2,6 +2,9 @@
 
 /* A Voronoi edge is cut off this far from its middle, in units of the spacing: nothing bounds it there. */
 static const double EDGE_LIMIT = 1.5;
+/* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where none are seen
+ * the two are on sheets that no edge joins, such as the floor of a cup and its outer wall. */
+static const double EDGE_FARTHEST = 2.2;
 /* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
  * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
 static const double EDGE_DOUBT = 0.1;
@@ -59,6 +62,8 @@ bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *lengt
         b = swap;
     }
     vec3 r = vec3_sub(in->position[b], in->position[a]);
+    double farthest = EDGE_FARTHEST * 0.5 * (in->spacing[a] + in->spacing[b]);
+    if (vec3_norm2(r) > farthest * farthest) return false;
     vec3 n = vec3_add(in->normal[a], in->normal[b]);
     vec3 d = vec3_unit(vec3_cross(n, r));
     double length_n = vec3_norm(n);
