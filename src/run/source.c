@@ -52,7 +52,7 @@ static volume *open_grid(const spec_vdb *v, int fd, size_t memory, error *e)
     return volume_open(&request, e);
 }
 
-static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, error *e)
+static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, threads *pool, error *e)
 {
     const volume_mesh_request request = {
         .fd = fd,
@@ -61,11 +61,13 @@ static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, error *e)
         .resolution = m->resolution,
         .band_vox = m->band_vox,
         .memory_limit = memory,
+        .pool = pool,
     };
     return volume_open_mesh(&request, e);
 }
 
-static bool open_volume(const spec *s, const store_roots *roots, size_t memory, source *out, error *e)
+static bool open_volume(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
+                        error *e)
 {
     spec_input input;
     if (!spec_input_at(s, 0, &input)) return error_set(e, ERROR_INTERNAL, "a volume without a file");
@@ -73,7 +75,7 @@ static bool open_volume(const spec *s, const store_roots *roots, size_t memory, 
     if (fd < 0) return false;
     bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e);
     if (ok)
-        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, e)
+        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, pool, e)
                                                            : open_grid(&s->vdb, fd, memory, e);
     ok = out->volume != NULL;
     if (ok && s->has_grid)
@@ -116,7 +118,7 @@ static bool open_whole(const spec *s, const store_roots *roots, size_t memory, t
     switch (s->surface_kind) {
     case SPEC_SURFACE_VDB:
     case SPEC_SURFACE_MESH:
-        return open_volume(s, roots, memory, out, e);
+        return open_volume(s, roots, memory, pool, out, e);
     case SPEC_SURFACE_BSPLINE:
         return open_bspline(&s->bspline, roots, memory, pool, out, e);
     case SPEC_SURFACE_ANALYTIC:

@@ -34,8 +34,15 @@ typedef struct making {
     size_t pair_count, pair_room;
     size_t *first; /* triangles of block b: near[first[b]] .. near[first[b + 1]] */
     uint32_t *near;
-    uint32_t *stamp; /* of a solid: the last block, plus one, that has triangles of it */
+    threads *pool;
+    uint32_t *stamps; /* of each worker, of a solid: the last block, plus one, that has triangles of it */
+    vdb_grid *out;
 } making;
+
+static bool may_go_on(const making *k, error *e)
+{
+    return !threads_stopped(k->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
 
 static bool over_limit(const making *k, size_t needed, error *e)
 {
@@ -193,7 +200,7 @@ static void unite(const making *k, uint32_t solid, const int32_t origin[3], cons
 }
 
 /* The block's distances in voxels, clamped to the band. */
-static void fill_block(making *k, uint32_t block, double f[VOXELS])
+static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
 {
     const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
     double nearest[VOXELS];
@@ -206,10 +213,10 @@ static void fill_block(making *k, uint32_t block, double f[VOXELS])
             triangle t = corners_of(k, k->near[n]);
             approach(&t, origin, k->band, nearest);
         }
-        k->stamp[solid] = block + 1;
+        stamp[solid] = block + 1;
         unite(k, solid, origin, nearest, f);
     }
-    if (!columns_covers(&k->columns, k->solids.one_sided, k->stamp, block + 1, origin)) return;
+    if (!columns_covers(&k->columns, k->solids.one_sided, stamp, block + 1, origin)) return;
     for (int v = 0; v < VOXELS; v++) f[v] = -k->band; /* deep within a solid that has no surface here */
 }
 
@@ -221,7 +228,17 @@ static void store_block(const making *k, uint32_t block, const double f[VOXELS],
         to[v] = (float)(f[v] * k->voxel_size);
         if (!(fabs(f[v]) < k->band)) continue;
         out->leaf_active[8 * (size_t)block + (size_t)(v >> 6)] |= (uint64_t)1 << (v & 63);
-        out->active_voxels++;
+    }
+}
+
+static void fill_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *k = context;
+    uint32_t *stamp = k->stamps + (size_t)worker * k->solids.solid_count;
+    for (size_t block = begin; block < end; block++) {
+        double f[VOXELS];
+        fill_block(k, (uint32_t)block, stamp, f);
+        store_block(k, (uint32_t)block, f, k->out);
     }
 }
 
@@ -232,14 +249,14 @@ static bool fill_leaves(making *k, vdb_grid *out, error *e)
     out->leaf_origin = mem_array(k->map.count, sizeof *out->leaf_origin, leaves, e);
     out->leaf_values = mem_array((size_t)k->map.count * VOXELS, sizeof *out->leaf_values, leaves, e);
     out->leaf_active = mem_array((size_t)k->map.count * 8, sizeof *out->leaf_active, leaves, e);
-    k->stamp = mem_array(k->solids.solid_count, sizeof *k->stamp, leaves, e);
-    if (!out->leaf_origin || !out->leaf_values || !out->leaf_active || !k->stamp) return false;
-    for (uint32_t block = 0; block < k->map.count; block++) {
-        double f[VOXELS];
-        fill_block(k, block, f);
-        store_block(k, block, f, out);
-    }
-    return true;
+    k->stamps =
+        mem_array((size_t)threads_count(k->pool) * k->solids.solid_count, sizeof *k->stamps, leaves, e);
+    if (!out->leaf_origin || !out->leaf_values || !out->leaf_active || !k->stamps) return false;
+    k->out = out;
+    threads_run(k->pool, k->map.count, 16, fill_chunk, k);
+    for (size_t word = 0; word < 8 * k->map.count; word++)
+        out->active_voxels += (uint64_t)__builtin_popcountll(out->leaf_active[word]);
+    return may_go_on(k, e);
 }
 
 /* ---- what is inside, away from the surface */
@@ -316,7 +333,8 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
     for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = columns_fix(k->m->vertex[n]);
     out->grid_class = VDB_LEVEL_SET;
     out->background = (float)(k->band * k->voxel_size);
-    return topology_settle(k->m, k->fixed, &k->solids, k->notes, e) && plan(k, e) &&
+    return topology_settle(k->m, k->fixed, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
+           may_go_on(k, e) &&
            columns_make(k->m, k->fixed, k->solids.first, k->solids.solid_count, k->limit, &k->columns, e) &&
            fill_leaves(k, out, e) && fill_tiles(k, out, e);
 }
@@ -324,7 +342,7 @@ static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, error *e)
 {
     size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
-    making k = {.m = m, .notes = notes, .band = params->band_vox};
+    making k = {.m = m, .notes = notes, .band = params->band_vox, .pool = params->pool};
     k.limit = params->memory_limit > held ? params->memory_limit - held : 0;
     vdb_grid *out = mem_alloc(sizeof *out);
     bool ok = make(&k, params, out, e);
@@ -335,7 +353,7 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
     free(k.pairs);
     free(k.first);
     free(k.near);
-    free(k.stamp);
+    free(k.stamps);
     if (ok) return out;
     vdb_grid_free(out);
     return NULL;

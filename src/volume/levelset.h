@@ -4,7 +4,6 @@
  * number's, so that cavities, overlaps and the orientation of the file come out right. The union of the
  * solids is the least of their distances. OpenVDB's meshToVolume was measured and left aside: see
  * ARCHITECTURE.md.
- * Threads: none; no shared state.
  */
 #ifndef HEXAD_VOLUME_LEVELSET_H
 #define HEXAD_VOLUME_LEVELSET_H
@@ -12,6 +11,7 @@
 #include <stddef.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/field.h"
 #include "vdb/vdb.h"
 #include "volume/mesh.h"
@@ -21,12 +21,13 @@ typedef struct levelset_params {
     int resolution;      /* voxels along the longest side of the mesh's box */
     int band_vox;        /* half-width of the band */
     size_t memory_limit; /* bytes, the mesh included */
+    threads *pool;       /* works on the distances, and may be told to stop */
 } levelset_params;
 
 /* The grid has distances in world units, negative inside, and its leaves wherever the band is; what is
  * inside beyond it has tiles. The mesh is left welded, turned, and in index space. Errors: those of
  * topology_settle; no_surface for a mesh without extent; spec_invalid for voxels too large or too small for
- * it; limit_memory. */
+ * it; limit_memory; cancelled. The same for any number of threads. */
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, error *e);
 
 /* How well a field keeps to the mesh that it was made of. */

@@ -376,7 +376,7 @@ static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh 
                       error *e)
 {
     const mesh_file file = {r->fd, r->path, r->reader, r->memory_limit};
-    const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit};
+    const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit, r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
     if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;

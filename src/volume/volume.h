@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/field.h"
 #include "volume/levelset.h"
 
@@ -42,6 +43,7 @@ typedef struct volume_mesh_request {
     int resolution;      /* voxels along the longest side of the mesh's box */
     int band_vox;        /* half-width of the band of distances */
     size_t memory_limit; /* as above, the process that reads included */
+    threads *pool;       /* as in levelset_params */
 } volume_mesh_request;
 
 #define VOLUME_MAX_WARNINGS 12

@@ -7,6 +7,13 @@
 
 #include "base/memory.h"
 
+threads *mesh_fixture_pool(void)
+{
+    static threads *pool;
+    if (!pool) pool = threads_new(2, NULL, NULL);
+    return pool;
+}
+
 static mesh with_room(size_t vertices, size_t triangles)
 {
     mesh m = {0};

@@ -5,7 +5,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "base/threads.h"
 #include "volume/mesh.h"
+
+/* Two workers, for as long as the program runs. */
+threads *mesh_fixture_pool(void);
 
 /* A ball: an icosahedron whose triangles were split in four so many times; outward. */
 mesh mesh_fixture_ball(vec3 center, double radius, int splits);

@@ -293,7 +293,7 @@ static void shells_in_shells(void **state)
 
 static vdb_grid *make(mesh *m, int resolution, mesh_notes *notes)
 {
-    const levelset_params params = {0, resolution, 4, (size_t)1 << 30};
+    const levelset_params params = {0, resolution, 4, (size_t)1 << 30, mesh_fixture_pool()};
     error e = {0};
     vdb_grid *g = levelset_make(m, &params, notes, &e);
     if (!g) fail_msg("%s", e.message);
@@ -603,7 +603,8 @@ static void sizes_and_limits(void **state)
                  {1e-5, 0, 1 << 30, ERROR_SPEC_INVALID}, {0, 256, 1 << 20, ERROR_LIMIT_MEMORY},
                  {0, 8191, 1 << 26, ERROR_LIMIT_MEMORY}, {0, 256, 100, ERROR_LIMIT_MEMORY}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-        const levelset_params params = {cases[k].voxel_size, cases[k].resolution, 4, cases[k].memory};
+        const levelset_params params = {cases[k].voxel_size, cases[k].resolution, 4, cases[k].memory,
+                                        mesh_fixture_pool()};
         error e = {0};
         mesh_notes notes = {0};
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
@@ -616,7 +617,7 @@ static void sizes_and_limits(void **state)
     }
     error e = {0};
     mesh_notes notes = {0};
-    const levelset_params params = {0, 100, 4, 1 << 30};
+    const levelset_params params = {0, 100, 4, 1 << 30, mesh_fixture_pool()};
     mesh point = mesh_fixture_ball((vec3){1, 1, 1}, 0, 0);
     assert_null(levelset_make(&point, &params, &notes, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);

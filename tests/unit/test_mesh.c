@@ -26,7 +26,7 @@ static volume *open_bytes(const void *bytes, size_t count, const char *path, int
                           error *e)
 {
     int fd = fixture_bytes(bytes, count);
-    const volume_mesh_request request = {fd, path, NULL, 0, resolution, 4, memory};
+    const volume_mesh_request request = {fd, path, NULL, 0, resolution, 4, memory, mesh_fixture_pool()};
     volume *v = volume_open_mesh(&request, e);
     close(fd);
     return v;
@@ -323,8 +323,8 @@ static void answers_are_not_believed(void **state)
                                  : ERROR_INPUT_DAMAGED,
                      words[kind]);
     }
-    const volume_mesh_request request = {fixture_bytes("x", 1), "a.obj", "/nowhere/at/all", 0, 32, 4,
-                                         FIXTURE_MEMORY};
+    const volume_mesh_request request = {
+        fixture_bytes("x", 1), "a.obj", "/nowhere/at/all", 0, 32, 4, FIXTURE_MEMORY, mesh_fixture_pool()};
     assert_null(volume_open_mesh(&request, &e));
     assert_int_equal(e.code, ERROR_INTERNAL);
     close(request.fd);
