@@ -1,4 +1,4 @@
-/* The table is one array on purpose, so this file may grow past a screen per "function". */
+/* The table is one array on purpose, so this file may grow past the length of others. */
 #include "spec/spec_table.h"
 
 #include <stdio.h>
