@@ -30,7 +30,7 @@ static const double GRADIENT_DAMPING = 0.02;
 static const double MODEL_LIMIT = 0.5;
 /* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a node where
  * the Laplacian is 1 per squared cube; and when to leave it. */
-static const double BEND = 0.25, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
+static const double BEND = 0.08, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 static const size_t GRAIN = 256;
 
@@ -268,7 +268,6 @@ typedef struct making {
     size_t heap_count;
     double *from, *to; /* logarithms of spacings, before and after an average */
     double *change;    /* of each node in the last average */
-    double scale;      /* times exp(from) they are spacings */
 } making;
 
 static void making_free(making *m)
@@ -436,7 +435,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
     const node *nodes = m->g->node;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
-        double sum = 0, weights = 0, spacing = exp(m->from[k]) * m->scale / m->g->edge;
+        double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
         for (int i = 0; i < 27; i++) {
             uint32_t other = m->beside[27 * k + (size_t)i];
             if (other == NO_NODE) continue;
@@ -450,10 +449,9 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Smooths the logarithms in m->from. */
-static void smooth(making *m, double scale)
+static void smooth(making *m)
 {
     double worst = INFINITY;
-    m->scale = scale;
     for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE && !threads_stopped(m->pool);
          pass++) {
         threads_run(m->pool, m->g->count, GRAIN, smooth_chunk, m);
@@ -582,22 +580,14 @@ static double sum_points(grading *g, const surface *scan, const vec3 *position)
     return g->points_before[scan->cells];
 }
 
-/* A curvature's request without its noise; a painted map means what it says. */
-static void smooth_request(making *m)
-{
-    grading *g = m->g;
-    if (is_map(g)) return;
-    for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].request);
-    smooth(m, g->facts.scale);
-    for (size_t k = 0; k < g->count; k++) g->node[k].request = exp(m->from[k]);
-}
-
-/* Rounds the ridges where growth from two sides meets. */
+/* After the growth: a crease has its say before it is averaged, and of noise the fine end remains. A painted map means
+ * what it says. */
 static void smooth_spacing(making *m)
 {
     grading *g = m->g;
+    if (is_map(g)) return;
     for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
-    smooth(m, 1);
+    smooth(m);
     for (size_t k = 0; k < g->count; k++) g->node[k].spacing = exp(m->from[k]);
     limit_growth(m);
 }
@@ -619,9 +609,8 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
         ok = count_impossible(g, scan, count, e);
-    if (ok) smooth_request(&m);
     for (int k = 0; ok && k < CELLS_STEPS; k++) {
-        find_scale(&m, want, g->facts.scale, widest); /* as possible as before, to what smoothing changed */
+        if (k > 0) find_scale(&m, want, g->facts.scale, widest); /* as possible as before, but for a little */
         smooth_spacing(&m);
         threads_run(pool, g->count, GRAIN, model_chunk, g);
         double ratio = sum_points(g, scan, position) / (double)count;

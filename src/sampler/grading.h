@@ -2,8 +2,8 @@
  * meets it.
  *
  * A request gives a spacing by curvature or by a painted map. It is held between bounds, to a growth of at most
- * `gradation` per unit of distance along the surface, so that neighbours differ little, and to a bend that a packing
- * can follow: where it varies within the spacing itself, as at the noise of a scan, it is averaged. Of all fields
+ * `gradation` per unit of distance along the surface, so that neighbours differ little, and (of curvatures) to a
+ * bend that a packing can follow: where it varies within the spacing itself, as at the noise of a scan, it is averaged. Of all fields
  * of that shape (the request times a constant, then the rest) the one is taken whose ideal cells,
  * sqrt(3) / 2 spacing^2 each, fill the surface with exactly the count.
  *

@@ -515,7 +515,7 @@ const spec_row spec_rows[] = {
      .flags = SPEC_LOW_OPEN,
      .low = 0,
      .high = 10,
-     .otherwise = "0.25",
+     .otherwise = "0.2",
      AT(gradation),
      .prose = "By how much the spacing of a grading may grow per unit of distance along the surface."},
 

