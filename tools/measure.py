@@ -223,6 +223,7 @@ def measure(points, area, domain=None):
     inner = ~rim
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
+    # what joins two sheets that the points do not tell apart is no edge between neighbours
     facing = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
     degree = numpy.bincount(edges.ravel(), minlength=n)
     cell = voronoi_areas(points, triangles)
@@ -234,7 +235,7 @@ def measure(points, area, domain=None):
     return {
         "count": n, "h": float(h), "rim_count": int(rim.sum()),
         "hex_fraction": float((degree[inner] == 6).mean()),
-        "edge_cv": _variation(relative[inner[i] & inner[j]]),
+        "edge_cv": _variation(relative[inner[i] & inner[j] & facing]),
         "area_cv": _variation((cell / points.spacing ** 2)[inner]),
         "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
         "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & facing].min()),
