@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 #include "sampler/neighbours.h"
 
 /* Cells that share a face have their middles this far apart, in cells; a little for rounding. */
@@ -24,24 +25,14 @@ static void middle_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static uint32_t root_of(uint32_t *parent, uint32_t k)
-{
-    while (parent[k] != k) k = parent[k] = parent[parent[k]];
-    return k;
-}
-
 /* Joins what is near; every cell's root is its part's first cell. */
 static size_t join(const neighbours *near, uint32_t *parent)
 {
     size_t parts = near->count;
-    for (uint32_t k = 0; k < near->count; k++) parent[k] = k;
+    sets_reset(parent, near->count);
     for (uint32_t k = 0; k < near->count; k++)
-        for (uint32_t i = 0; i < near->list_count[k]; i++) {
-            uint32_t a = root_of(parent, k), b = root_of(parent, neighbours_list(near, k)[i]);
-            if (a == b) continue;
-            parent[a > b ? a : b] = a < b ? a : b;
-            parts--;
-        }
+        for (uint32_t i = 0; i < near->list_count[k]; i++)
+            parts -= sets_join(parent, k, neighbours_list(near, k)[i]);
     return parts;
 }
 
@@ -54,7 +45,7 @@ static bool sort_cells(uint32_t *parent, size_t cells, components *out, error *e
     bool ok = part && out->order && out->begin;
     uint32_t parts = 0;
     for (uint32_t k = 0; ok && k < cells; k++) {
-        uint32_t root = root_of(parent, k);
+        uint32_t root = sets_root(parent, k);
         part[k] = root == k ? parts++ : part[root];
         out->begin[part[k] + 1]++;
     }

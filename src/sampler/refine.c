@@ -4,6 +4,7 @@
 
 #include "base/memory.h"
 #include "base/rng.h"
+#include "base/sets.h"
 #include "sampler/project.h"
 #include "sampler/voronoi.h"
 
@@ -67,25 +68,16 @@ static void add_between(const field *f, const voronoi_sites *sites, const edge *
     p->normal[p->count++] = n;
 }
 
-static uint32_t root_of(uint32_t *parent, uint32_t k)
-{
-    while (parent[k] != k) k = parent[k] = parent[parent[k]];
-    return k;
-}
-
 /* Sorts the edges by the connected parts of the mesh, and in each by length. members[k]: the particles of the part
  * whose first is k. */
 static bool sort_edges(edge *edges, size_t found, size_t count, size_t *members, error *e)
 {
     uint32_t *parent = mem_array(count, sizeof *parent, "refinement", e);
     if (!parent) return false;
-    for (uint32_t k = 0; k < count; k++) parent[k] = k;
-    for (size_t k = 0; k < found; k++) {
-        uint32_t a = root_of(parent, edges[k].a), b = root_of(parent, edges[k].b);
-        parent[a > b ? a : b] = a < b ? a : b;
-    }
-    for (size_t k = 0; k < found; k++) edges[k].part = root_of(parent, edges[k].a);
-    for (uint32_t k = 0; k < count; k++) members[root_of(parent, k)]++;
+    sets_reset(parent, count);
+    for (size_t k = 0; k < found; k++) sets_join(parent, edges[k].a, edges[k].b);
+    for (size_t k = 0; k < found; k++) edges[k].part = sets_root(parent, edges[k].a);
+    for (uint32_t k = 0; k < count; k++) members[sets_root(parent, k)]++;
     free(parent);
     qsort(edges, found, sizeof *edges, compare_edges);
     return true;
@@ -190,10 +182,8 @@ bool refine_particles(const field *f, const surface *scan, const grading *graded
 {
     mesh m;
     bool ok = mesh_particles(p, spacing, pool, &m, e);
-    if (ok) {
-        ok = add_middles(f, &m.sites, m.edges, m.count, count, p, e) &&
-             draw_rest(f, scan, graded, p, count, spacing, seed, e);
-    }
+    ok = ok && add_middles(f, &m.sites, m.edges, m.count, count, p, e) &&
+         draw_rest(f, scan, graded, p, count, spacing, seed, e);
     mesh_free(&m);
     return ok;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/sets.h"
 #include "geometry/bbox.h"
 
 static const char what[] = "the edges of the mesh";
@@ -159,12 +160,6 @@ static size_t edge_length(const side *s, size_t left)
     return n;
 }
 
-static uint32_t hole_of(uint32_t *up, uint32_t v)
-{
-    for (; up[v] != v; v = up[v]) up[v] = up[up[v]];
-    return v;
-}
-
 /* Holes: sets of boundary edges that hang together by vertices. Each edge that joins two sets makes one
  * less of the sets that the vertices are at first. */
 static bool count_holes(judging *j, error *e)
@@ -173,15 +168,14 @@ static bool count_holes(judging *j, error *e)
     uint32_t *up = mem_array(count, sizeof *up, what, e);
     bool *on = mem_array(count, sizeof *on, what, e);
     if (up && on) {
-        for (uint32_t v = 0; v < count; v++) up[v] = v;
+        sets_reset(up, count);
         for (uint32_t v = 0; v < count; v++)
             for (size_t k = j->first[v], n; k < j->first[v + 1]; k += n) {
                 n = edge_length(j->sides + k, j->first[v + 1] - k);
                 if (n != 1) continue;
-                uint32_t b = j->sides[k].other, ra = hole_of(up, v), rb = hole_of(up, b);
-                j->holes += (size_t)!on[v] + (size_t)!on[b] - (ra != rb);
+                uint32_t b = j->sides[k].other;
+                j->holes += (size_t)!on[v] + (size_t)!on[b] - sets_join(up, v, b);
                 on[v] = on[b] = true;
-                up[ra > rb ? ra : rb] = ra < rb ? ra : rb;
             }
     }
     bool ok = up && on;
