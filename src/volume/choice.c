@@ -104,3 +104,14 @@ bool choice_find(const vdb_listing *listing, const char *request, size_t *index,
     *index = found;
     return true;
 }
+
+bool choice_in_file(int fd, const char *request, size_t *index, vdb_class *grid_class,
+                    char unique[VDB_NAME_SIZE], error *e)
+{
+    vdb_listing listing;
+    if (!vdb_list_grids(fd, &listing, e)) return false;
+    bool ok = choice_find(&listing, request, index, unique, e);
+    if (ok) *grid_class = listing.entries[*index].grid_class;
+    vdb_listing_free(&listing);
+    return ok;
+}

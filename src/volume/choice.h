@@ -19,4 +19,8 @@
 bool choice_find(const vdb_listing *listing, const char *request, size_t *index, char unique[VDB_NAME_SIZE],
                  error *e);
 
+/* The same of a file, with the grid's class. Errors: those of vdb_list_grids as well. */
+bool choice_in_file(int fd, const char *request, size_t *index, vdb_class *grid_class,
+                    char unique[VDB_NAME_SIZE], error *e);
+
 #endif

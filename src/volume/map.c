@@ -37,12 +37,9 @@ static bool check_finite(const vdb_grid *g, error *e)
 static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, char name[VDB_NAME_SIZE],
                            error *e)
 {
-    vdb_listing listing;
+    vdb_class any;
     size_t index;
-    if (!vdb_list_grids(fd, &listing, e)) return NULL;
-    bool ok = choice_find(&listing, request, &index, name, e);
-    vdb_listing_free(&listing);
-    if (!ok) return NULL;
+    if (!choice_in_file(fd, request, &index, &any, name, e)) return NULL;
     vdb_grid *grid = vdb_load_grid(fd, index, memory_limit, e);
     if (grid && check_finite(grid, e) && grid->active_voxels > 0) return grid;
     if (grid && grid->active_voxels == 0) error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel");

@@ -145,13 +145,9 @@ static void warn(volume_info *info, const char *format, ...)
 /* Chooses the grid and decides what it is; on return l->grid is loaded. */
 static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
-    vdb_listing listing;
+    vdb_class class;
     size_t index;
-    if (!vdb_list_grids(r->fd, &listing, e)) return false;
-    bool ok = choice_find(&listing, r->grid, &index, v->info.grid, e);
-    vdb_class class = ok ? listing.entries[index].grid_class : VDB_UNKNOWN;
-    vdb_listing_free(&listing);
-    if (!ok) return false;
+    if (!choice_in_file(r->fd, r->grid, &index, &class, v->info.grid, e)) return false;
     snprintf(l->name, sizeof l->name, "grid \"%s\"", v->info.grid);
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
