@@ -1,7 +1,6 @@
 #include "sampler/grading.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "sampler/levels.h"
@@ -479,13 +478,15 @@ static vec3 solve3(sym3 m, vec3 b)
 }
 
 /* The gradient that fits the neighbours' spacings best. */
-static void model_node(grading *g, node *n)
+static void model_node(const making *links, size_t index)
 {
+    const grading *g = links->g;
+    node *n = &g->node[index];
     sym3 m = {0};
     vec3 b = {0, 0, 0};
     for (int k = 0; k < 27; k++) {
-        uint32_t other = node_beside(g, n, k);
-        if (other == NO_NODE || &g->node[other] == n) continue;
+        uint32_t other = links->beside[27 * index + (size_t)k];
+        if (other == NO_NODE || other == index) continue;
         vec3 d = vec3_sub(g->node[other].position, n->position);
         double weight = g->node[other].area / vec3_norm2(d);
         double rise = g->node[other].spacing - n->spacing;
@@ -510,9 +511,8 @@ static void model_node(grading *g, node *n)
 
 static void model_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    grading *g = context;
     (void)worker;
-    for (size_t k = begin; k < end; k++) model_node(g, &g->node[k]);
+    for (size_t k = begin; k < end; k++) model_node(context, k);
 }
 
 /* The nearest node: for points that stray from the cubes that were sampled. */
@@ -612,7 +612,7 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     for (int k = 0; ok && k < CELLS_STEPS; k++) {
         if (k > 0) find_scale(&m, want, g->facts.scale, widest); /* as possible as before, but for a little */
         smooth_spacing(&m);
-        threads_run(pool, g->count, GRAIN, model_chunk, g);
+        threads_run(pool, g->count, GRAIN, model_chunk, &m);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
         want /= ratio;
@@ -622,7 +622,7 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
     return ok;
 }
 
-/* No node has less than a cell. */
+/* Every node has a cell at least. */
 static bool fits_memory(const grading *g, size_t cells, error *e)
 {
     double bytes = (double)cells * CELL_BYTES;
@@ -638,12 +638,13 @@ grading *grading_new(const field *f, const surface *scan, const grading_params *
                      threads *pool, error *e)
 {
     grading *g = mem_alloc(sizeof *g);
+    request_job job = {g, f, scan, NULL, NULL};
     bool ok = false;
-    request_job job = {g, f, scan, mem_array(scan->cells, sizeof *job.position, "the grading", e),
-                       mem_array(scan->cells, sizeof *job.value, "the grading", e)};
-    if (!job.position || !job.value) goto done;
     g->params = *params;
     if (!fits_memory(g, scan->cells, e)) goto done;
+    job.position = mem_array(scan->cells, sizeof *job.position, "the grading", e);
+    job.value = mem_array(scan->cells, sizeof *job.value, "the grading", e);
+    if (!job.position || !job.value) goto done;
     g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * levels_spacing(scan->area, count));
     g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
     threads_run(pool, scan->cells, GRAIN, request_chunk, &job);
