@@ -21,7 +21,8 @@
 /* What a particle takes at the peak, from particles, neighbour lists, measures and the verification's second
  * copy: measured at 0.9 kB from a start on the surface, 1.5 kB from a random one, whose lists are longer. */
 static const double BYTES_PER_PARTICLE = 1600;
-/* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7 kB. */
+/* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
+ * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
@@ -32,8 +33,8 @@ static const double COUNT_MIN = 4, COUNT_MAX = 1e8;
 
 /* With a time for a target what comes after a relaxation may take this many times what is expected. */
 static const double TAIL_SLACK = 1.3;
-/* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below this:
- * its points no longer change places. */
+/* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below
+ * this: its points no longer change places. */
 static const double STEP_FIT = 0.01;
 /* Of the particles that memory holds: the last result is kept beside the run that may replace it. */
 static const double TWO_RUNS = 0.8;
@@ -281,8 +282,8 @@ static bool write_points(job *j, error *e)
                          json_put_array(j->report, "outputs"), &j->results, e);
 }
 
-/* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty: it
- * was not, and its points are not fit to be a result. */
+/* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:
+ * it was not, and its points are not fit to be a result. */
 static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *late, error *e)
 {
     int64_t begin = clock_monotonic_ms();
@@ -304,8 +305,8 @@ static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *
     return true;
 }
 
-/* Runs of ever more points, each from what those before it took, as long as one more fits into the time; the last
- * whole one is the result. The first is written, so that it is known how long that takes. */
+/* Runs of ever more points, each from what those before it took, as long as one more fits into the time; the
+ * last whole one is the result. The first is written, so that it is known how long that takes. */
 static bool fill_time(job *j, error *e)
 {
     double memory = particle_memory(j) / bytes_per_particle(j) * TWO_RUNS, write_s = 0;

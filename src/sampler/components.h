@@ -1,5 +1,5 @@
-/* components: the connected parts of a surface, by its cells: parts are told apart where no two of their cells share a
- * face. */
+/* components: the connected parts of a surface, by its cells: parts are told apart where no two of their
+ * cells share a face. */
 #ifndef HEXAD_SAMPLER_COMPONENTS_H
 #define HEXAD_SAMPLER_COMPONENTS_H
 

@@ -12,9 +12,9 @@ static const int REPLACEMENT_DRAWS = 30;
 static const int SETTLE_STEPS = 20;
 static const double SETTLE_FARTHEST = 0.05;
 
-/* What the grading asks for; or what (13) makes of an amplitude under a common support: the spacing goes as alpha^0.18 (measured on the
- * quartic: 0.181 with d = 1, 0.171 with d = 3; a mean-field estimate gives the inverse of E_ideal's slope,
- * 0.21). The scale keeps the sum of the ideal cells equal to the area. */
+/* What the grading asks for; or what (13) makes of an amplitude under a common support: the spacing goes as
+ * alpha^0.18 (measured on the quartic: 0.181 with d = 1, 0.171 with d = 3; a mean-field estimate gives the
+ * inverse of E_ideal's slope, 0.21). The scale keeps the sum of the ideal cells equal to the area. */
 static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
@@ -35,8 +35,8 @@ typedef struct finish_job {
     double *residual; /* over h; inf: not on the surface */
 } finish_job;
 
-/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01 h
- * of the surface; one that would have to go much farther sits where Newton's method goes astray. */
+/* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
+ * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
 static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
 {
     const project_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};

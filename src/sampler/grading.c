@@ -17,18 +17,21 @@ static const double WIDEST_REQUEST = 1e3;
 /* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
 static const int SAMPLE_STEPS = 5;
 static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
-/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's size. */
+/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's
+ * size. */
 static const double WIDEST_EVEN = 10;
-/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the cells. */
+/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the
+ * cells. */
 static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
 static const int CELLS_STEPS = 4;
 static const int SCALE_STEPS = 60;
-/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the matrix. */
+/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the
+ * matrix. */
 static const double GRADIENT_DAMPING = 0.02;
 /* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
 static const double MODEL_LIMIT = 0.5;
-/* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a node where
- * the Laplacian is 1 per squared cube; and when to leave it. */
+/* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a
+ * node where the Laplacian is 1 per squared cube; and when to leave it. */
 static const double BEND = 0.08, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 static const size_t GRAIN = 256;
@@ -48,8 +51,8 @@ typedef struct node {
     vec3 gradient;  /* of it */
 } node;
 
-/* The most that a cell takes while a grading is made: its place and value, and a node of its own with all that goes
- * with one. */
+/* The most that a cell takes while a grading is made: its place and value, and a node of its own with all
+ * that goes with one. */
 static const double CELL_BYTES = 24 + 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 
 struct grading {
@@ -337,8 +340,8 @@ static uint32_t heap_take(making *m)
     return first;
 }
 
-/* Lowers what exceeds node k by more than `gradation` times the distance; whether there was any. With `look` nothing
- * is changed. */
+/* Lowers what exceeds node k by more than `gradation` times the distance; whether there was any. With `look`
+ * nothing is changed. */
 static bool hold_down(making *m, uint32_t k, bool look)
 {
     const node *n = &m->g->node[k];
@@ -425,9 +428,9 @@ static bool find_scale(making *m, double want, double first, double widest)
 
 /* --- noise --- */
 
-/* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is bounded;
- * this bounds the second: averages over the nodes around, as far as they are needed, until nowhere the Laplacian of
- * the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
+/* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is
+ * bounded; this bounds the second: averages over the nodes around, as far as they are needed, until nowhere
+ * the Laplacian of the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *m = context;
@@ -580,8 +583,8 @@ static double sum_points(grading *g, const surface *scan, const vec3 *position)
     return g->points_before[scan->cells];
 }
 
-/* After the growth: a crease has its say before it is averaged, and of noise the fine end remains. A painted map means
- * what it says. */
+/* After the growth: a crease has its say before it is averaged, and of noise the fine end remains. A painted
+ * map means what it says. */
 static void smooth_spacing(making *m)
 {
     grading *g = m->g;

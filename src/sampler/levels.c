@@ -6,16 +6,17 @@
 #include "base/rng.h"
 #include "sampler/refine.h"
 
-/* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is coarser than
- * this fraction of the radius of curvature, where strain is locked in. Measured at 10 000 points: half of the fraction
- * costs 0.01 of hex_fraction on torus and quartic, twice as much 0.006 on the gyroid. */
+/* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
+ * coarser than this fraction of the radius of curvature, where strain is locked in. Measured at 10 000
+ * points: half of the fraction costs 0.01 of hex_fraction on torus and quartic, twice as much 0.006 on the
+ * gyroid. */
 static const double COARSEST_BEND = 0.6;
 enum { FEWEST_PARTICLES = 100, BEND_SAMPLES = 400 };
-/* Of each connected part that is to have any: refining keeps the parts' shares as they are on the coarsest level, where
- * they are off by half a particle, and gives nothing to a part that has none. */
+/* Of each connected part that is to have any: refining keeps the parts' shares as they are on the coarsest
+ * level, where they are off by half a particle, and gives nothing to a part that has none. */
 static const double FEWEST_IN_PART = 30;
-/* Of those samples, the one that counts: what is bent more, such as the creases and the noise of a scan, is bent for
- * any packing. */
+/* Of those samples, the one that counts: what is bent more, such as the creases and the noise of a scan, is
+ * bent for any packing. */
 static const double BEND_QUANTILE = 0.5;
 
 static int compare_double(const void *a, const void *b)

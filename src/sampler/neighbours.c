@@ -141,8 +141,8 @@ static uint32_t bin_at(neighbours *n, uint64_t key)
     return n->table[slot] - 1;
 }
 
-/* Bins are numbered as points first fall into them, so their order follows that of the points; then come those
- * that have only bins below them. False when there are more than there is room for. */
+/* Bins are numbered as points first fall into them, so their order follows that of the points; then come
+ * those that have only bins below them. False when there are more than there is room for. */
 static bool number_bins(neighbours *n, const vec3 *x, const double *size)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);

@@ -1,15 +1,16 @@
-/* neighbours: who is within a cutoff of whom, from spatial bins, and an order of updates in which
- * any number of threads gives the same result.
+/* neighbours: who is within a cutoff of whom, from spatial bins, and an order of updates in which any number
+ * of threads gives the same result.
  *
- * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points are
- * binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is the
- * cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost memory.
+ * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points
+ * are binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is
+ * the cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost
+ * memory.
  *
  * Bins of one level whose coordinates agree in parity have one colour; two points in different bins of one
  * colour are farther apart than their cutoff, so neither is in the other's list: the bins of a colour may be
- * updated at once, the colours one after the other, and the result is that of one thread (Gauss-Seidel).
- * The lists stay valid while no point has moved farther than its size times half of (cutoff - support).
- */
+ * updated at once, the colours one after the other, and the result is that of one thread (Gauss-Seidel). The
+ * lists stay valid while no point has moved farther than its size times half of (cutoff -
+ * support). */
 #ifndef HEXAD_SAMPLER_NEIGHBOURS_H
 #define HEXAD_SAMPLER_NEIGHBOURS_H
 
@@ -55,8 +56,9 @@ typedef struct neighbours {
 neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e);
 void neighbours_free(neighbours *n);
 
-/* Bins and lists for `count` points of the given sizes, > 0 (NULL: 1 each). Full lists: j in the list of i and
- * i in that of j; a point is not in its own. May grow its memory when points are crowded. Errors: limit_memory. */
+/* Bins and lists for `count` points of the given sizes, > 0 (NULL: 1 each). Full lists: j in the list of i
+ * and i in that of j; a point is not in its own. May grow its memory when points are crowded. Errors:
+ * limit_memory. */
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e);
 

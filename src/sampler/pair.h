@@ -1,13 +1,13 @@
 /* pair: the sums over a particle's neighbours, which is where the solver's time goes.
  *
- * The energy of a pair of size s is weight s^2 phi(r / (s sigma)): with the size the mean of the ends' requested
- * spacings, the local spacing follows the request (exponent 1; without the factor s^2 it is 0.67).
+ * The energy of a pair of size s is weight s^2 phi(r / (s sigma)): with the size the mean of the ends'
+ * requested spacings, the local spacing follows the request (exponent 1; without the factor s^2 it is 0.67).
  *
- * The potential (6), its slope (7) and the first term of its Hessian (10), in the tangent
- * frame of the particle: the Hessian in three dimensions leaks the normal part of the force into the
- * step. Sums run over PAIR_LANES partial sums that are added in a fixed order, so that every vector
- * width gives the same bits. Pure functions of their arguments.
- */
+ * The potential (6), its slope (7) and the first term of its Hessian (10), in the tangent frame of the
+ * particle: the Hessian in three dimensions leaks the normal part of the force into the step. Sums run over
+ * PAIR_LANES partial sums that are added in a fixed order, so that every vector width gives the same bits.
+ * Pure functions of their
+ * arguments. */
 #ifndef HEXAD_SAMPLER_PAIR_H
 #define HEXAD_SAMPLER_PAIR_H
 
@@ -24,14 +24,15 @@ typedef struct pair_list {
     size_t blocks;
     double *x, *y, *z;    /* positions, world space */
     double *weight;       /* what the pair's energy is multiplied by, beside size2 */
-    double *size2;        /* squared size of the pair over the particle's own: its support is sigma times that */
+    double *size2; /* squared size of the pair over the particle's own; its support is sigma times the size */
     double *nx, *ny, *nz; /* unit normals; only pair_weigh reads them and the next */
     double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */
 } pair_list;
 
-/* Pairs count in full while their normals differ by less than 120 degrees, and not at all from 143 degrees on (the
- * other side of a thin sheet), with a smooth step between. A sharp edge, where a spline's normals swing to 112
- * degrees from each other, is well within: were its sides hidden from each other, each would put a row along it. */
+/* Pairs count in full while their normals differ by less than 120 degrees, and not at all from 143 degrees on
+ * (the other side of a thin sheet), with a smooth step between. A sharp edge, where a spline's normals swing
+ * to 112 degrees from each other, is well within: were its sides hidden from each other, each would put a row
+ * along it. */
 #define PAIR_FACING_NONE -0.8
 #define PAIR_FACING_RANGE 0.3
 
@@ -50,7 +51,8 @@ typedef struct pair_forces {
 /* The cotangent has a vectorised kernel; the other potentials go through their tables. */
 void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
                     double sigma, pair_forces *out);
-/* The instruction set that the kernel runs on here: "avx512f", "avx2" or "portable"; the bytes are the same. */
+/* The instruction set that the kernel runs on here: "avx512f", "avx2" or "portable"; the bytes are the
+ * same. */
 const char *pair_isa(void);
 
 double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma);

@@ -28,7 +28,8 @@ typedef struct particles {
 particles *particles_new(size_t count, error *e);
 void particles_free(particles *p);
 
-/* Makes room for `capacity` particles, at least as many as there are; those there stay. Error: limit_memory. */
+/* Makes room for `capacity` particles, at least as many as there are; those there stay. Error:
+ * limit_memory. */
 bool particles_grow(particles *p, size_t capacity, error *e);
 
 /* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */

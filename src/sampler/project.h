@@ -16,7 +16,8 @@ typedef struct project_limits {
     double reject;   /* farther than this after the last step is failure */
 } project_limits;
 
-/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a rim has some. */
+/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a rim has
+ * some. */
 unsigned project_rim_axes(const field *f, vec3 x);
 
 /* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs

@@ -68,8 +68,8 @@ static void add_between(const field *f, const voronoi_sites *sites, const edge *
     p->normal[p->count++] = n;
 }
 
-/* Sorts the edges by the connected parts of the mesh, and in each by length. members[k]: the particles of the part
- * whose first is k. */
+/* Sorts the edges by the connected parts of the mesh, and in each by length. members[k]: the particles of the
+ * part whose first is k. */
 static bool sort_edges(edge *edges, size_t found, size_t count, size_t *members, error *e)
 {
     uint32_t *parent = mem_array(count, sizeof *parent, "refinement", e);
@@ -83,9 +83,9 @@ static bool sort_edges(edge *edges, size_t found, size_t count, size_t *members,
     return true;
 }
 
-/* The middles of one part's edges; where these are too many the shortest edges get none, where too few the longest two
- * each. Both are at the cores of dislocations, which they only move along: anywhere else a particle
- * too few or too many is a defect more. */
+/* The middles of one part's edges; where these are too many the shortest edges get none, where too few the
+ * longest two each. Both are at the cores of dislocations, which they only move along: anywhere else a
+ * particle too few or too many is a defect more. */
 static void add_part(const field *f, const voronoi_sites *sites, const edge *edges, size_t found,
                      size_t wanted, particles *p)
 {
@@ -98,8 +98,8 @@ static void add_part(const field *f, const voronoi_sites *sites, const edge *edg
     }
 }
 
-/* Every part keeps its share of the particles; by their edges alone small parts would lose, since a closed one of n has
- * 3 n - 6. */
+/* Every part keeps its share of the particles; by their edges alone small parts would lose, since a closed
+ * one of n has 3 n - 6. */
 static bool add_middles(const field *f, const voronoi_sites *sites, edge *edges, size_t found, size_t count,
                         particles *p, error *e)
 {

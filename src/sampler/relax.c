@@ -9,8 +9,8 @@
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists are
- * valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
+/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
+ * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
@@ -215,8 +215,8 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
-/* What tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within which
- * a field comes near zero without a surface. */
+/* What tolerances are fractions of: the spacing; or cells, of which a coarse spacing has many, and within
+ * which a field comes near zero without a surface. */
 static double tolerance_scale(const attempt *a)
 {
     return fmin(a->spacing, TRIAL_CELLS * a->params->field->cell_size);

@@ -52,22 +52,23 @@ typedef struct relax_sums {
 relax *relax_new(size_t capacity, const energy_function *energy, size_t list_limit, threads *pool, error *e);
 void relax_free(relax *r);
 
-/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times its
- * size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
+/* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times
+ * its size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
 /* Mean of E_i over size^2, over the mean of alpha, everyone where they are, for any support that the lists
- * cover; rims left out, where half of the neighbours are missing, unless there is nothing else. Sets p->energy. */
+ * cover; rims left out, where half of the neighbours are missing, unless there is nothing else. Sets
+ * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 
-/* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were built: round
- * an edge, or through a sheet. */
+/* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were
+ * built: round an edge, or through a sheet. */
 double relax_bent_share(const relax *r, const particles *p);
 
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */

@@ -5,8 +5,8 @@
 
 #include "base/memory.h"
 
-/* Of h, which counts rim particles as whole ones: at rest the packing behind the row is that much wider. Denser rows
- * (0.95) leave a seam of defects behind them. */
+/* Of h, which counts rim particles as whole ones: at rest the packing behind the row is that much wider.
+ * Denser rows (0.95) leave a seam of defects behind them. */
 static const double ROW_SPACING = 1.04;
 /* Of the spacing: ends of curves that meet at an edge of the domain are one place. */
 static const double SAME_PLACE = 0.3;

@@ -21,19 +21,20 @@ static const double round_share[SAMPLER_STAGES + 1] = {0, 0.07, 0.35, 1};
 /* And where refined levels begin. */
 static const double FINE_BEGINS = 0.4;
 
-/* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that.
- * A round that is longer than this many sweeps asks for ten times the gain, and again after each so many. */
+/* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than
+ * that. A round that is longer than this many sweeps asks for ten times the gain, and again after each so
+ * many. */
 static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE = 50;
 /* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
  * after so many sweeps. */
 static const double CRAMPED_SHARE = 0.01;
 static const int CRAMPED_WAIT = 4;
-/* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a few
- * sweeps of their steps are less. */
+/* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a
+ * few sweeps of their steps are less. */
 static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
 
-/* A rest holds when sizes, as of the particles' places, have changed by less than this in the root mean square
- * since the lists were built; so many times in a round it may be broken. */
+/* A rest holds when sizes, as of the particles' places, have changed by less than this in the root mean
+ * square since the lists were built; so many times in a round it may be broken. */
 static const double SIZE_SETTLED = 1e-3;
 static const int RESIZES_MAX = 10;
 
@@ -197,8 +198,8 @@ static bool drop_coarsest(sampler *s, bool *again, error *e)
     return begin(s, s->sigma / s->spacing, e);
 }
 
-/* Begins again with a better count once: the rims fill up only with time, so the last word is left to the levels
- * between. */
+/* Begins again with a better count once: the rims fill up only with time, so the last word is left to the
+ * levels between. */
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
     size_t count = s->p->count, edges;

@@ -41,8 +41,9 @@ typedef struct sampler_params {
     double d, gamma, nu, kappa_max;
     const grading *grading; /* spacing by place, stays the caller's; NULL: even */
     double sigma; /* initial support, world units; 0: that of the ideal packing */
-    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support is
-     * at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is exact */
+    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
+     * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
+     * exact */
     double max_sigma;
     size_t min_count;
     bool unbiased;      /* insertion and deletion at random instead of biased by energy */

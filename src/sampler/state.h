@@ -76,9 +76,9 @@ bool sampler_refine(sampler *s, error *e);
 /* Amplitudes, if they are due, rims, and lists for the support at hand. Error: limit_memory. */
 bool sampler_build_lists(sampler *s, error *e);
 
-/* The coarsest packing shows, after its first round, whether it resolves the surface at all, and after each later one
- * how many particles its refinement will give. When another count would have been better it begins again with that,
- * *again. Errors: limit_memory, no_surface. */
+/* The coarsest packing shows, after its first round, whether it resolves the surface at all, and after each
+ * later one how many particles its refinement will give. When another count would have been better it begins
+ * again with that, *again. Errors: limit_memory, no_surface. */
 bool sampler_replan(sampler *s, bool *again, error *e);
 
 /* Room for `capacity` particles, in whatever holds one entry for each; lists are to be built anew. Error:

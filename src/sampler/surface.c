@@ -103,10 +103,10 @@ static const corner *cut_edge(const field *f, const field_cell *cell, corner *ca
     return c;
 }
 
-/* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge over
- * radius of curvature. An edge of length l whose normals turn by a along it is l (1 + a^2 / 24) long on the
- * surface, which changes the area by cot(opposite angle) / 4 per change of squared length; and a triangle with
- * these sides has K (sum of squared sides) / 24 more area where the Gaussian curvature is K. */
+/* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge
+ * over radius of curvature. An edge of length l whose normals turn by a along it is l (1 + a^2 / 24) long on
+ * the surface, which changes the area by cot(opposite angle) / 4 per change of squared length; and a triangle
+ * with these sides has K (sum of squared sides) / 24 more area where the Gaussian curvature is K. */
 static double curvature_excess(const corner *t, vec3 twice_area)
 {
     double area = 0.5 * vec3_norm(twice_area), sum = 0, squares = 0;

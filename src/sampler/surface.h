@@ -26,21 +26,23 @@ typedef struct surface {
 /* The k-th of the surface's cells. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
-/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any number of threads. */
+/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any
+ * number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);
 void surface_free(surface *s);
 
-/* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to area
- * within it. With area_before equal lengths of `where` give equal areas. The point lies near the surface, within
- * the cell; project it. */
+/* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to
+ * area within it. With area_before equal lengths of `where` give equal areas. The point lies near the
+ * surface, within the cell; project it. */
 vec3 surface_point(const surface *s, const double *before, double where, rng *r);
 
-/* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the domain.
- * False, outputs untouched, when that does not end within `reach`. */
+/* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the
+ * domain. False, outputs untouched, when that does not end within `reach`. */
 bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
 
-/* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the same
- * corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how many. */
+/* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
+ * same corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how
+ * many. */
 #define SURFACE_CELL_TRIANGLES 12 /* at most two in each of six tetrahedra */
 int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3]);
 

@@ -2,14 +2,15 @@
 
 /* A Voronoi edge is cut off this far from its middle, in units of the spacing: nothing bounds it there. */
 static const double EDGE_LIMIT = 1.5;
-/* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where none are seen
- * the two are on sheets that no edge joins, such as the floor of a cup and its outer wall. */
+/* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where
+ * none are seen the two are on sheets that no edge joins, such as the floor of a cup and its outer wall. */
 static const double EDGE_FARTHEST = 2.2;
 /* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
  * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
 static const double EDGE_DOUBT = 0.1;
 
-/* A ridge between two points is taken to be no higher than this, of their distance; 0.5 is that of a right angle. */
+/* A ridge between two points is taken to be no higher than this, of their distance; 0.5 is that of a right
+ * angle. */
 static const double RIDGE_HIGHEST = 0.75, RIDGE_STEEPEST = 0.2;
 
 /* The angle at p under which a and b are seen. */
