@@ -34,11 +34,11 @@ static void evaluate(const bspline *b, vec3 x, field_order order, field_sample *
     vec3 w = {1 / b->span.x, 1 / b->span.y, 1 / b->span.z};
     spline_jet j;
     if (order == FIELD_HESSIAN) {
-        spline_hessian_wide(corner, row, slab, t, &j);
+        b->spline->hessian_wide(corner, row, slab, t, &j);
         out->hessian = (sym3){j.zz * w.x * w.x, j.yy * w.y * w.y, j.xx * w.z * w.z,
                               j.yz * w.x * w.y, j.xz * w.x * w.z, j.xy * w.y * w.z};
     } else {
-        spline_gradient_wide(corner, row, slab, t, &j);
+        b->spline->gradient_wide(corner, row, slab, t, &j);
     }
     out->value = j.f;
     out->gradient = (vec3){j.d[2] * w.x, j.d[1] * w.y, j.d[0] * w.z};
@@ -137,6 +137,7 @@ static bool no_surface(const bspline_params *p, error *e)
 bspline *bspline_new(const bspline_params *params, threads *pool, error *e)
 {
     bspline *b = mem_alloc(sizeof *b);
+    b->spline = spline_for(isa_best());
     b->base.ops = &bspline_ops;
     b->params = *params;
     for (int axis = 0; axis < 3; axis++) assert(params->dims[axis] >= BSPLINE_LEAST_COEFFICIENTS);

@@ -15,6 +15,7 @@
 #include "base/threads.h"
 #include "field/cell_grid.h"
 #include "field/field.h"
+#include "field/spline.h"
 
 #define BSPLINE_LEAST_COEFFICIENTS 4 /* along an axis: one span */
 
@@ -29,6 +30,7 @@ typedef struct bspline {
     field base; /* first: a bspline* is a field* */
     bspline_params params;
     vec3 span; /* w */
+    const spline *spline;
     cell_grid grid;
 } bspline;
 

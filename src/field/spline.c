@@ -17,7 +17,7 @@ typedef struct support {
 } support;
 
 /* Vectors go by pointer: passed by value, they have one ABI with AVX and another without. */
-static inline void load_rows(const support *s, int i, lanes rows[4])
+ISA_INLINE void load_rows(const support *s, int i, lanes rows[4])
 {
     for (int j = 0; j < 4; j++) {
         size_t at = (size_t)i * s->slab + (size_t)j * s->row;
@@ -31,13 +31,13 @@ static inline void load_rows(const support *s, int i, lanes rows[4])
     }
 }
 
-static inline double dot(const lanes *a, const lanes *b)
+ISA_INLINE double dot(const lanes *a, const lanes *b)
 {
     lanes p = *a * *b;
     return (p[0] + p[1]) + (p[2] + p[3]);
 }
 
-static inline void value_weights(double t, double w[4])
+ISA_INLINE void value_weights(double t, double w[4])
 {
     double s = 1 - t;
     w[0] = s * s * s * (1.0 / 6);
@@ -46,7 +46,7 @@ static inline void value_weights(double t, double w[4])
     w[3] = t * t * t * (1.0 / 6);
 }
 
-static inline void slope_weights(double t, double w[4])
+ISA_INLINE void slope_weights(double t, double w[4])
 {
     double s = 1 - t;
     w[0] = -0.5 * s * s;
@@ -55,7 +55,7 @@ static inline void slope_weights(double t, double w[4])
     w[3] = 0.5 * t * t;
 }
 
-static inline void bend_weights(double t, double w[4])
+ISA_INLINE void bend_weights(double t, double w[4])
 {
     w[0] = 1 - t;
     w[1] = 3 * t - 2;
@@ -63,8 +63,7 @@ static inline void bend_weights(double t, double w[4])
     w[3] = t;
 }
 
-static inline __attribute__((always_inline)) void gradient(const support *c, const double t[3],
-                                                           spline_jet *out)
+ISA_INLINE void gradient(const support *c, const double t[3], spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4];
     lanes vz, sz, value = {0}, along_x = {0}, along_y = {0};
@@ -90,8 +89,7 @@ static inline __attribute__((always_inline)) void gradient(const support *c, con
     out->d[2] = dot(&value, &sz);
 }
 
-static inline __attribute__((always_inline)) void hessian(const support *c, const double t[3],
-                                                          spline_jet *out)
+ISA_INLINE void hessian(const support *c, const double t[3], spline_jet *out)
 {
     double vx[4], vy[4], sx[4], sy[4], bx[4], by[4];
     lanes vz, sz, bz, vv = {0}, sv = {0}, vs = {0}, ss = {0}, bv = {0}, vb = {0};
@@ -130,22 +128,34 @@ static inline __attribute__((always_inline)) void hessian(const support *c, cons
     out->yz = dot(&vs, &sz);
 }
 
-void spline_gradient(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
-{
-    gradient(&(support){corner, NULL, row, slab}, t, out);
-}
+#define VERSION(isa, target)                                                                                 \
+    target static void gradient_##isa(const float *corner, size_t row, size_t slab, const double t[3],       \
+                                      spline_jet *out)                                                       \
+    {                                                                                                        \
+        gradient(&(support){corner, NULL, row, slab}, t, out);                                               \
+    }                                                                                                        \
+    target static void hessian_##isa(const float *corner, size_t row, size_t slab, const double t[3],        \
+                                     spline_jet *out)                                                        \
+    {                                                                                                        \
+        hessian(&(support){corner, NULL, row, slab}, t, out);                                                \
+    }                                                                                                        \
+    target static void gradient_wide_##isa(const double *corner, size_t row, size_t slab, const double t[3], \
+                                           spline_jet *out)                                                  \
+    {                                                                                                        \
+        gradient(&(support){NULL, corner, row, slab}, t, out);                                               \
+    }                                                                                                        \
+    target static void hessian_wide_##isa(const double *corner, size_t row, size_t slab, const double t[3],  \
+                                          spline_jet *out)                                                   \
+    {                                                                                                        \
+        hessian(&(support){NULL, corner, row, slab}, t, out);                                                \
+    }                                                                                                        \
+    static const spline version_##isa = {gradient_##isa, hessian_##isa, gradient_wide_##isa,                 \
+                                         hessian_wide_##isa};
+VERSION(portable, )
+VERSION(avx2, ISA_TARGET_AVX2)
 
-void spline_hessian(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
+/* A cell's rows have four coefficients: wider vectors have nothing to hold. */
+const spline *spline_for(isa which)
 {
-    hessian(&(support){corner, NULL, row, slab}, t, out);
-}
-
-void spline_gradient_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
-{
-    gradient(&(support){NULL, corner, row, slab}, t, out);
-}
-
-void spline_hessian_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out)
-{
-    hessian(&(support){NULL, corner, row, slab}, t, out);
+    return which == ISA_PORTABLE ? &version_portable : &version_avx2;
 }

@@ -11,6 +11,8 @@
 
 #include <stddef.h>
 
+#include "base/isa.h"
+
 /* A value with its derivatives along the grid's axes, per cell. */
 typedef struct spline_jet {
     double f;
@@ -18,12 +20,16 @@ typedef struct spline_jet {
     double xx, yy, zz, xy, xz, yz;
 } spline_jet;
 
-/* spline_gradient leaves the second derivatives untouched. */
-void spline_gradient(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
-void spline_hessian(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+/* The functions for one instruction set; the results are the same to the last bit with any. `gradient` leaves
+ * the second derivatives untouched. */
+typedef struct spline {
+    void (*gradient)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+    void (*hessian)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+    /* the same for coefficients in doubles */
+    void (*gradient_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+    void (*hessian_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+} spline;
 
-/* The same for coefficients in doubles. */
-void spline_gradient_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
-void spline_hessian_wide(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
+const spline *spline_for(isa which);
 
 #endif

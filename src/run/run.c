@@ -204,6 +204,7 @@ static bool place(const job *j, solution *out, error *e)
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .energy = energy_find(energy_names[s->energy]),
+        .isa = isa_best(),
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
         .step = s->step,
         .list_limit = j->memory - source_memory(&j->source),

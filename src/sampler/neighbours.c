@@ -8,36 +8,55 @@
 #include "geometry/bbox.h"
 
 static const size_t GRAIN = 16; /* bins in a chunk of work */
-#define AXIS_BITS 20            /* of a bin's coordinate in its key; the level stands above the three */
-static const size_t FIRST_STRIDE = 32;
+#define AXIS_BITS 19            /* of a bin's coordinate in its key; the level stands above the three */
+#define BLOCK_BIT 61            /* set in the keys of blocks */
+static const int BLOCK_SHIFT =
+    3; /* a block is this power of two of bins wide: what it reads fits into a core's cache */
+static const int PLACE_BITS = 30; /* of a place: differences fit into 32 with room to move */
+static const size_t FIRST_STRIDE = 24;
 static const size_t FEWEST_BINS = 64;
+/* Points on a surface share bins, eight to one when bins are as wide as usual; there is always room for more. */
+static const size_t POINTS_PER_BIN = 4;
+/* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
+static const double BIN_HAIR = 1e-6;
+enum { BATCH = 256, LANES = 16 };
+
+#ifdef __x86_64__
+#define DISPATCH __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define DISPATCH
+#endif
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
 {
     const char *what = "neighbour lists";
-    size_t table_size = FEWEST_BINS;
+    size_t table_size = 2 * FEWEST_BINS;
+    if (bins < FEWEST_BINS) bins = FEWEST_BINS;
     while (table_size < 2 * bins) table_size *= 2;
     uint32_t *begin = mem_array(bins + 1, sizeof *begin, what, e),
-             *colour_bin = mem_array(bins, sizeof *colour_bin, what, e),
+             *block = mem_array(4 * bins + 1, sizeof *block, what, e),
              *table = mem_array(table_size, sizeof *table, what, e);
     uint64_t *key = mem_array(bins, sizeof *key, what, e);
     bool *split = mem_array(bins, sizeof *split, what, e);
-    if (!begin || !colour_bin || !table || !key || !split) {
+    if (!begin || !block || !table || !key || !split) {
         free(begin);
-        free(colour_bin);
+        free(block);
         free(table);
         free(key);
         free(split);
         return false;
     }
     free(n->bin_begin);
-    free(n->colour_bin);
+    free(n->block_of);
     free(n->table);
     free(n->bin_key);
     free(n->bin_split);
     n->bin_begin = begin;
-    n->colour_bin = colour_bin;
+    n->block_of = block;
+    n->block_rank = block + bins;
+    n->block_bin = block + 2 * bins;
+    n->block_begin = block + 3 * bins;
     n->table = table;
     n->bin_key = key;
     n->bin_split = split;
@@ -53,7 +72,9 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
     n->list_limit = list_limit;
     n->stride = FIRST_STRIDE;
     const char *what = "neighbour lists";
-    if (!reserve_bins(n, capacity, e) || !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
+    if (!reserve_bins(n, capacity / POINTS_PER_BIN, e) ||
+        !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
+        !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
         !(n->bin_of = mem_array(capacity, sizeof *n->bin_of, what, e)) ||
         !(n->list = mem_array(capacity * n->stride, sizeof *n->list, what, e)) ||
         !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
@@ -66,13 +87,14 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
 void neighbours_free(neighbours *n)
 {
     if (!n) return;
+    free(n->place);
     free(n->bin_begin);
     free(n->bin_item);
     free(n->bin_key);
     free(n->bin_split);
     free(n->bin_of);
     free(n->table);
-    free(n->colour_bin);
+    free(n->block_of);
     free(n->list);
     free(n->list_count);
     free(n);
@@ -106,10 +128,12 @@ static int level_of(const neighbours *n, double size)
     return level;
 }
 
-static place place_at(const neighbours *n, vec3 x, int level)
+static place place_at(const neighbours *n, const neighbours_place *p, int level)
 {
-    vec3 d = vec3_scale(vec3_sub(x, n->origin), 1 / n->edge);
-    return (place){level, {(int64_t)d.x >> level, (int64_t)d.y >> level, (int64_t)d.z >> level}};
+    double scale = n->unit / n->edge;
+    return (place){level,
+                   {(int64_t)(p->x * scale) >> level, (int64_t)(p->y * scale) >> level,
+                    (int64_t)(p->z * scale) >> level}};
 }
 
 static place parent_of(const place *p)
@@ -141,18 +165,42 @@ static uint32_t bin_at(neighbours *n, uint64_t key)
     return n->table[slot] - 1;
 }
 
+/* Blocks take their numbers after all bins. */
+static bool number_blocks(neighbours *n)
+{
+    size_t bins = n->bin_count;
+    uint64_t key = UINT64_MAX;
+    uint32_t block = NO_BIN;
+    for (size_t b = 0; b < bins; b++) {
+        if (n->bin_begin[b] == 0) continue;
+        place p = place_of(n->bin_key[b]);
+        for (int a = 0; a < 3; a++) p.at[a] >>= BLOCK_SHIFT;
+        uint64_t k = key_of(&p) | (uint64_t)1 << BLOCK_BIT;
+        if (k != key) block = bin_at(n, key = k);
+        if (block == NO_BIN) return false;
+        n->block_of[b] = block - (uint32_t)bins;
+    }
+    n->blocks = n->bin_count - bins;
+    n->bin_count = bins;
+    return true;
+}
+
 /* Bins are numbered as points first fall into them, so their order follows that of the points; then come
  * those that have only bins below them. False when there are more than there is room for. */
-static bool number_bins(neighbours *n, const vec3 *x, const double *size)
+static bool number_bins(neighbours *n)
 {
     memset(n->table, 0, n->table_size * sizeof *n->table);
     n->bin_count = 0;
     n->levels = 1;
+    uint64_t key = UINT64_MAX; /* of the point before: in the same bin, more often than not */
+    uint32_t bin = NO_BIN;
     for (size_t i = 0; i < n->count; i++) {
-        place p = place_at(n, x[i], size ? level_of(n, size[i]) : 0);
+        place p = place_at(n, &n->place[i], level_of(n, n->place[i].size));
         if (p.level >= n->levels) n->levels = p.level + 1;
-        n->bin_of[i] = bin_at(n, key_of(&p));
-        n->bin_begin[n->bin_of[i]]++;
+        if (key_of(&p) != key) bin = bin_at(n, key = key_of(&p));
+        if (bin == NO_BIN) return false;
+        n->bin_of[i] = bin;
+        n->bin_begin[bin]++;
     }
     for (size_t b = 0; b < n->bin_count; b++) {
         place p = place_of(n->bin_key[b]);
@@ -162,12 +210,12 @@ static bool number_bins(neighbours *n, const vec3 *x, const double *size)
         if (parent == NO_BIN) return false;
         n->bin_split[parent] = true;
     }
-    return true;
+    return number_blocks(n);
 }
 
-static bool fill_bins(neighbours *n, const vec3 *x, const double *size, error *e)
+static bool fill_bins(neighbours *n, error *e)
 {
-    while (!number_bins(n, x, size))
+    while (!number_bins(n))
         if (!reserve_bins(n, 2 * n->bin_capacity, e)) return false;
     uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
     for (size_t b = 0; b < n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
@@ -179,27 +227,34 @@ static bool fill_bins(neighbours *n, const vec3 *x, const double *size, error *e
 static int colour_of(uint64_t key)
 {
     return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
-                 (key >> 3 * AXIS_BITS) << 3);
+                 (key >> 3 * AXIS_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
 }
 
-static bool has_points(const neighbours *n, size_t bin)
+static inline bool has_points(const neighbours *n, size_t bin)
 {
     return n->bin_begin[bin] < n->bin_begin[bin + 1];
 }
 
-static void sort_colours(neighbours *n)
+/* Puts the blocks in the order of their colours, and the bins in that of their blocks. */
+static void sort_blocks(neighbours *n)
 {
     n->colours = 8 * n->levels;
     memset(n->colour_begin, 0, sizeof n->colour_begin);
-    for (size_t b = 0; b < n->bin_count; b++)
-        if (has_points(n, b)) n->colour_begin[colour_of(n->bin_key[b]) + 1]++;
+    for (size_t k = 0; k < n->blocks; k++) n->colour_begin[colour_of(n->bin_key[n->bin_count + k]) + 1]++;
     uint32_t next[NEIGHBOURS_COLOURS];
     for (int c = 0; c < n->colours; c++) {
         n->colour_begin[c + 1] += n->colour_begin[c];
         next[c] = n->colour_begin[c];
     }
+    for (size_t k = 0; k < n->blocks; k++) n->block_rank[k] = next[colour_of(n->bin_key[n->bin_count + k])]++;
+    memset(n->block_begin, 0, (n->blocks + 1) * sizeof *n->block_begin);
     for (size_t b = 0; b < n->bin_count; b++)
-        if (has_points(n, b)) n->colour_bin[next[colour_of(n->bin_key[b])]++] = (uint32_t)b;
+        if (has_points(n, b)) n->block_begin[n->block_rank[n->block_of[b]]]++;
+    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
+    for (size_t k = 0; k < n->blocks; k++) n->block_begin[k] = total += n->block_begin[k];
+    n->block_begin[n->blocks] = total;
+    for (size_t b = n->bin_count; b-- > 0;)
+        if (has_points(n, b)) n->block_bin[--n->block_begin[n->block_rank[n->block_of[b]]]] = (uint32_t)b;
 }
 
 typedef struct build_job {
@@ -209,50 +264,72 @@ typedef struct build_job {
     atomic_size_t longest;
 } build_job;
 
-/* Bins that may hold neighbours of one bin's points, handed on in batches. */
+/* Points that may be neighbours of one bin's points, handed on in batches: arrays for the vector unit. */
 typedef struct search {
-    const build_job *job;
+    neighbours *n;
     size_t bin;
     place at;
-    uint32_t near[64];
-    int near_count;
+    size_t count;
+    int32_t x[BATCH], y[BATCH], z[BATCH];
+    float size[BATCH];
+    uint32_t item[BATCH];
 } search;
+
+/* Which of a batch are neighbours of point i; returns how many. */
+DISPATCH static size_t find_in_batch(const search *s, uint32_t i, float cutoff2, uint32_t *found)
+{
+    const neighbours_place own = s->n->place[i];
+    size_t count = 0;
+    for (size_t b = 0; b < s->count; b += LANES) {
+        uint32_t hit[LANES];
+        for (int l = 0; l < LANES; l++) {
+            float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),
+                  z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);
+            hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);
+        }
+        for (int l = 0; l < LANES; l++) {
+            found[count] = s->item[b + l];
+            count += hit[l];
+        }
+    }
+    return count;
+}
 
 /* Lists what the batch holds; entries beyond the stride are counted, not stored. */
 static void list_batch(search *s)
 {
-    neighbours *n = s->job->n;
-    const vec3 *x = s->job->x;
-    const double *size = s->job->size;
-    double cutoff2 = n->cutoff * n->cutoff;
+    neighbours *n = s->n;
+    const double cutoff = n->cutoff / n->unit;
+    uint32_t found[BATCH + LANES];
+    for (; s->count % LANES; s->count++) s->size[s->count] = NAN; /* nobody's neighbours */
     for (uint32_t a = n->bin_begin[s->bin]; a < n->bin_begin[s->bin + 1]; a++) {
-        uint32_t i = n->bin_item[a];
-        uint32_t *list = n->list + i * n->stride;
-        size_t count = n->list_count[i];
-        for (int k = 0; k < s->near_count; k++)
-            for (uint32_t b = n->bin_begin[s->near[k]]; b < n->bin_begin[s->near[k] + 1]; b++) {
-                uint32_t j = n->bin_item[b];
-                double mean = size ? 0.5 * (size[i] + size[j]) : 1;
-                if (vec3_norm2(vec3_sub(x[i], x[j])) >= cutoff2 * (mean * mean) || j == i) continue;
-                if (count < n->stride) list[count] = j;
-                count++;
-            }
-        n->list_count[i] = (uint32_t)count;
+        uint32_t i = n->bin_item[a], *list = n->list + i * n->stride;
+        size_t count = n->list_count[i], more = find_in_batch(s, i, (float)(cutoff * cutoff), found);
+        size_t room = count < n->stride ? n->stride - count : 0;
+        memcpy(list + (room ? count : 0), found, (more < room ? more : room) * sizeof *list);
+        n->list_count[i] = (uint32_t)(count + more);
     }
-    s->near_count = 0;
+    s->count = 0;
 }
 
 static void add_near(search *s, uint32_t bin)
 {
-    if (!has_points(s->job->n, bin)) return;
-    if (s->near_count == (int)(sizeof s->near / sizeof *s->near)) list_batch(s);
-    s->near[s->near_count++] = bin;
+    const neighbours *n = s->n;
+    for (uint32_t b = n->bin_begin[bin]; b < n->bin_begin[bin + 1]; b++) {
+        if (s->count == BATCH) list_batch(s);
+        const neighbours_place *p = &n->place[n->bin_item[b]];
+        s->x[s->count] = p->x;
+        s->y[s->count] = p->y;
+        s->z[s->count] = p->z;
+        s->size[s->count] = p->size;
+        s->item[s->count++] = n->bin_item[b];
+    }
 }
 
 /* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
 static void search_coarser(search *s, int up)
 {
-    const neighbours *n = s->job->n;
+    const neighbours *n = s->n;
     int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
     for (int a = 0; a < 3; a++) {
         low[a] = (s->at.at[a] - reach) >> up;
@@ -270,7 +347,7 @@ static void search_coarser(search *s, int up)
 /* Likewise those of the levels below, down from a bin that has some. */
 static void search_finer(search *s, uint32_t bin)
 {
-    const neighbours *n = s->job->n;
+    const neighbours *n = s->n;
     place parent = place_of(n->bin_key[bin]);
     int down = s->at.level - parent.level + 1;
     int64_t reach = ((1 << down) + 2) / 2;
@@ -295,7 +372,11 @@ static size_t list_bin(const build_job *job, size_t bin)
 {
     neighbours *n = job->n;
     if (!has_points(n, bin)) return 0;
-    search s = {.job = job, .bin = bin, .at = place_of(n->bin_key[bin])};
+    search s;
+    s.n = n;
+    s.bin = bin;
+    s.at = place_of(n->bin_key[bin]);
+    s.count = 0;
     for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) n->list_count[n->bin_item[a]] = 0;
     for (int k = 0; k < 27; k++) {
         place p = {s.at.level, {s.at.at[0] + k % 3 - 1, s.at.at[1] + k / 3 % 3 - 1, s.at.at[2] + k / 9 - 1}};
@@ -328,9 +409,9 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
 }
 
-static bool fill_lists(neighbours *n, const vec3 *x, const double *size, threads *pool, error *e)
+static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
-    build_job job = {n, x, size, 0};
+    build_job job = {.n = n};
     threads_run(pool, n->bin_count, GRAIN, list_chunk, &job);
     size_t longest = atomic_load(&job.longest);
     if (longest <= n->stride) return true;
@@ -351,6 +432,16 @@ static bool fill_lists(neighbours *n, const vec3 *x, const double *size, threads
     return true;
 }
 
+static void place_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        neighbours_move(job->n, i, job->x[i]);
+        job->n->place[i].size = job->size ? (float)job->size[i] : 1;
+    }
+}
+
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e)
 {
@@ -364,16 +455,18 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     }
     n->count = count;
     n->cutoff = cutoff;
-    /* a hair wider, so that rounding does not put the least size on level 1 */
-    n->edge = (1 + 1e-9) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));
+    n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));
     /* one bin of margin on any level, so that the bins around one have no negative coordinate */
-    double margin = cutoff * 2 * largest;
-    if ((bbox_longest(box) + 2 * margin) / n->edge > (1 << AXIS_BITS) - 4)
+    double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
+    if (span / n->edge > (1 << AXIS_BITS) - 4)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "the support %g is too small for a surface of size %g: ask for fewer points",
                          n->edge, bbox_longest(box));
     n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
-    if (!fill_bins(n, x, size, e)) return false;
-    sort_colours(n);
-    return fill_lists(n, x, size, pool, e);
+    n->unit = ldexp(span, -PLACE_BITS);
+    build_job job = {.n = n, .x = x, .size = size};
+    threads_run(pool, count, 4096, place_chunk, &job);
+    if (!fill_bins(n, e)) return false;
+    sort_blocks(n);
+    return fill_lists(n, pool, e);
 }

@@ -6,11 +6,11 @@
  * the cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost
  * memory.
  *
- * Bins of one level whose coordinates agree in parity have one colour; two points in different bins of one
- * colour are farther apart than their cutoff, so neither is in the other's list: the bins of a colour may be
- * updated at once, the colours one after the other, and the result is that of one thread (Gauss-Seidel). The
- * lists stay valid while no point has moved farther than its size times half of (cutoff -
- * support). */
+ * Bins of one level are gathered in blocks, and blocks whose coordinates agree in parity have one colour. Two
+ * points in different blocks of one colour are farther apart than their cutoff, so neither is in the other's
+ * list: the blocks of a colour may be updated at once, the colours one after the other, and the result is that of
+ * one thread (Gauss-Seidel). The lists stay valid while no point has moved farther than its size times half of
+ * (cutoff - support). */
 #ifndef HEXAD_SAMPLER_NEIGHBOURS_H
 #define HEXAD_SAMPLER_NEIGHBOURS_H
 
@@ -24,6 +24,13 @@
 
 #define NEIGHBOURS_LEVELS 16 /* sizes of 1 : 2^15 are told apart */
 #define NEIGHBOURS_COLOURS (8 * NEIGHBOURS_LEVELS)
+
+/* Where a point is, in units of 2^-30 of the box around all: differences are exact, whatever the origin, and
+ * a point and its size take one quarter of a cache line. */
+typedef struct neighbours_place {
+    int32_t x, y, z;
+    float size;
+} neighbours_place;
 
 typedef struct neighbours {
     size_t capacity; /* points there is room for */
@@ -41,10 +48,15 @@ typedef struct neighbours {
     uint32_t *table;   /* open addressing: bin + 1, or 0 */
     size_t table_size; /* a power of two */
     vec3 origin;
+    double unit;             /* of places, world */
+    neighbours_place *place; /* of each point, at the build or since neighbours_move */
 
-    int colours; /* in use, 8 a level */
-    uint32_t colour_begin[NEIGHBOURS_COLOURS + 1];
-    uint32_t *colour_bin; /* bins with points by colour, ascending */
+    size_t blocks;
+    uint32_t *block_of, *block_rank; /* of each bin with points; place of a block in the order below */
+    uint32_t *block_begin;           /* blocks + 1: the block's bins in `block_bin` */
+    uint32_t *block_bin;             /* bins with points by block, ascending within a block */
+    int colours;                     /* in use, 8 a level */
+    uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */
     size_t stride;        /* room for this many entries per point */
@@ -65,6 +77,16 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {
     return n->list + i * n->stride;
+}
+
+/* Notes where point i has moved to, for those who look at places; bins and lists stay. */
+static inline void neighbours_move(neighbours *n, size_t i, vec3 x)
+{
+    vec3 d = vec3_scale(vec3_sub(x, n->origin), 1 / n->unit);
+    neighbours_place *p = &n->place[i];
+    p->x = (int32_t)d.x;
+    p->y = (int32_t)d.y;
+    p->z = (int32_t)d.z;
 }
 
 #endif

@@ -1,6 +1,7 @@
 #include "sampler/particles.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 
@@ -11,15 +12,11 @@ particles *particles_new(size_t count, error *e)
     p->count = count;
     if (!(p->position = mem_array(count, sizeof *p->position, what, e)) ||
         !(p->normal = mem_array(count, sizeof *p->normal, what, e)) ||
-        !(p->anchor = mem_array(count, sizeof *p->anchor, what, e)) ||
         !(p->alpha = mem_array(count, sizeof *p->alpha, what, e)) ||
         !(p->size = mem_array(count, sizeof *p->size, what, e)) ||
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
-        !(p->step = mem_array(count, sizeof *p->step, what, e)) ||
-        !(p->rim = mem_array(count, sizeof *p->rim, what, e)) ||
-        !(p->cramped = mem_array(count, sizeof *p->cramped, what, e)) ||
-        !(p->rejected = mem_array(count, sizeof *p->rejected, what, e))) {
+        !(p->rim = mem_array(count, sizeof *p->rim, what, e))) {
         particles_free(p);
         return NULL;
     }
@@ -32,15 +29,11 @@ void particles_free(particles *p)
     if (!p) return;
     free(p->position);
     free(p->normal);
-    free(p->anchor);
     free(p->alpha);
     free(p->size);
     free(p->lambda);
     free(p->energy);
-    free(p->step);
     free(p->rim);
-    free(p->cramped);
-    free(p->rejected);
     free(p);
 }
 
@@ -72,4 +65,23 @@ void particles_copy(particles *p, size_t to, size_t from)
     p->size[to] = p->size[from];
     p->lambda[to] = p->lambda[from];
     p->energy[to] = p->energy[from];
+}
+
+static bool arrange(void *array, size_t size, const uint32_t *order, size_t count, error *e)
+{
+    char *copy = mem_array(count, size, "the order of particles", e), *to = array;
+    if (!copy) return false;
+    memcpy(copy, array, count * size);
+    for (size_t k = 0; k < count; k++) memcpy(to + k * size, copy + order[k] * size, size);
+    free(copy);
+    return true;
+}
+
+bool particles_arrange(particles *p, const uint32_t *order, error *e)
+{
+    return arrange(p->position, sizeof *p->position, order, p->count, e) &&
+           arrange(p->normal, sizeof *p->normal, order, p->count, e) &&
+           arrange(p->alpha, sizeof *p->alpha, order, p->count, e) &&
+           arrange(p->size, sizeof *p->size, order, p->count, e) &&
+           arrange(p->lambda, sizeof *p->lambda, order, p->count, e);
 }

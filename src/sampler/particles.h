@@ -12,16 +12,12 @@
 typedef struct particles {
     size_t count;
     vec3 *position;
-    vec3 *normal;       /* unit; of the last projection */
-    vec3 *anchor;       /* position when the neighbour lists were built */
-    double *alpha;      /* repulsion amplitude (14), lagged to the last build; 1 without grading */
-    double *size;       /* requested spacing over h, lagged to the last build; 1 when even */
-    double *lambda;     /* log10 of the damping of (11) */
-    double *energy;     /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
-    double *step;       /* length of the last move */
-    bool *rim;          /* within 2 h of a rim of an open surface, at the last build of lists */
-    bool *cramped;      /* the last move was cut short by the validity of the neighbour lists */
-    uint32_t *rejected; /* trials refused in the last update */
+    vec3 *normal;   /* unit; of the last projection */
+    double *alpha;  /* repulsion amplitude (14), lagged to the last build; 1 without grading */
+    double *size;   /* requested spacing over h, lagged to the last build; 1 when even */
+    float *lambda;  /* log10 of the damping of (11) */
+    double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
+    bool *rim;      /* within 2 h of a rim of an open surface, at the last build of lists */
 } particles;
 
 /* Error: limit_memory. */
@@ -34,5 +30,8 @@ bool particles_grow(particles *p, size_t capacity, error *e);
 
 /* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */
 void particles_copy(particles *p, size_t to, size_t from);
+
+/* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, the order half changed. */
+bool particles_arrange(particles *p, const uint32_t *order, error *e);
 
 #endif

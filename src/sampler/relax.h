@@ -17,6 +17,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "sampler/energy.h"
+#include "sampler/kernel.h"
 #include "sampler/particles.h"
 
 typedef struct relax relax;
@@ -48,8 +49,10 @@ typedef struct relax_sums {
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
 
 /* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
- * `list_limit` bytes. Error: limit_memory. */
-relax *relax_new(size_t capacity, const energy_function *energy, size_t list_limit, threads *pool, error *e);
+ * `list_limit` bytes. `forces`: NULL, or, with the cotangent and amplitudes of 1, what serves particles whose
+ * neighbours all face their way. Error: limit_memory. */
+relax *relax_new(size_t capacity, const energy_function *energy, kernel forces, size_t list_limit,
+                 threads *pool, error *e);
 void relax_free(relax *r);
 
 /* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times

@@ -18,6 +18,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/isa.h"
 #include "base/threads.h"
 #include "field/field.h"
 #include "sampler/energy.h"
@@ -40,7 +41,7 @@ typedef struct sampler_params {
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
     const grading *grading; /* spacing by place, stays the caller's; NULL: even */
-    double sigma; /* initial support, world units; 0: that of the ideal packing */
+    double sigma;           /* initial support, world units; 0: that of the ideal packing */
     /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
      * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
      * exact */
@@ -54,6 +55,7 @@ typedef struct sampler_params {
     /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;
      * graded: its target radii go with the amplitudes (14) */
     const witkin_heckbert_params *witkin_heckbert;
+    isa isa;       /* what the kernels run on */
     bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
     double step;
     size_t list_limit; /* bytes that neighbour lists may take */

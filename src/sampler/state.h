@@ -36,6 +36,8 @@ struct sampler {
     particles *p;
     size_t capacity; /* of p and relax */
     relax *relax;
+    kernel
+        forces; /* of relax: NULL under potentials and amplitudes that it does not know, and by the paper's method */
     double spacing; /* h */
     double sigma;
     double skin;
@@ -43,7 +45,7 @@ struct sampler {
     int level, levels;
     bool planned; /* the counts were corrected by what the coarsest packing showed */
     int stage;    /* of sampler_stage_gain */
-    double gain; /* in force: that of the stage, or more when it does not come to rest */
+    double gain;  /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
@@ -66,6 +68,9 @@ double sampler_amplitude(const sampler *s, double kappa);
 
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);
+
+/* Puts the particles into an order in which neighbours are near each other in memory too. Error: limit_memory. */
+bool sampler_arrange(sampler *s, error *e);
 
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
 bool sampler_is_on_target(const sampler *s, double energy);

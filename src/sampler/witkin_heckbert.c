@@ -98,9 +98,11 @@ typedef struct swarm {
     size_t capacity;
     double *sigma;
     vec3 *velocity, *place, *normal; /* of a step, before it is taken */
+    vec3 *anchor;                    /* position when the lists were built */
     double *grown;                   /* likewise sigma */
     witkin_heckbert_terms *terms;
     bool *dies, *splits;
+    bool *refused; /* no place was found for it in this step */
     neighbours *near;
     double cutoff; /* of the lists */
     bool lists_stale;
@@ -117,6 +119,8 @@ static void free_columns(swarm *w)
     free(w->normal);
     free(w->grown);
     free(w->terms);
+    free(w->anchor);
+    free(w->refused);
     free(w->dies);
     free(w->splits);
     neighbours_free(w->near);
@@ -149,9 +153,12 @@ static bool reserve(sampler *s, size_t capacity, error *e)
     bigger.terms = mem_array(roomy, sizeof *bigger.terms, what, e);
     bigger.dies = mem_array(roomy, sizeof *bigger.dies, what, e);
     bigger.splits = mem_array(roomy, sizeof *bigger.splits, what, e);
+    bigger.anchor = mem_array(roomy, sizeof *bigger.anchor, what, e);
+    bigger.refused = mem_array(roomy, sizeof *bigger.refused, what, e);
     bigger.near = neighbours_new(roomy, s->params.list_limit, e);
     if (!bigger.sigma || !bigger.velocity || !bigger.place || !bigger.normal || !bigger.grown ||
-        !bigger.terms || !bigger.dies || !bigger.splits || !bigger.near) {
+        !bigger.terms || !bigger.dies || !bigger.splits || !bigger.anchor || !bigger.refused ||
+        !bigger.near) {
         free_columns(&bigger);
         return false;
     }
@@ -225,12 +232,12 @@ static bool update_lists(sampler *s, error *e)
     double reach = WITKIN_HECKBERT_REACH * widest_radius(s), moved2 = 0;
     if (!w->lists_stale) {
         for (size_t i = 0; i < s->p->count; i++)
-            moved2 = fmax(moved2, vec3_norm2(vec3_sub(s->p->position[i], s->p->anchor[i])));
+            moved2 = fmax(moved2, vec3_norm2(vec3_sub(s->p->position[i], w->anchor[i])));
         if (reach + 2 * sqrt(moved2) < w->cutoff) return true;
     }
     w->cutoff = reach + SKIN * s->sigma;
     if (!neighbours_build(w->near, s->p->count, s->p->position, NULL, w->cutoff, s->pool, e)) return false;
-    memcpy(s->p->anchor, s->p->position, s->p->count * sizeof *s->p->anchor);
+    memcpy(w->anchor, s->p->position, s->p->count * sizeof *w->anchor);
     w->lists_stale = false;
     return true;
 }
@@ -275,11 +282,10 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
         const project_limits limits = {PROJECT_STEPS, OFF_SURFACE * sigma, 0, OFF_SURFACE * sigma};
         vec3 old = s->p->position[i], x = vec3_axpy(share * w->params.dt, w->velocity[i], old);
         w->normal[i] = s->p->normal[i];
-        s->p->rejected[i] = !project_point(s->field, &limits, &x, &w->normal[i]) ||
-                            vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
-        if (s->p->rejected[i]) x = old;
+        w->refused[i] = !project_point(s->field, &limits, &x, &w->normal[i]) ||
+                        vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
+        if (w->refused[i]) x = old;
         w->place[i] = x;
-        s->p->step[i] = vec3_norm(vec3_sub(x, old));
         w->velocity[i] = vec3_scale(vec3_sub(x, old), 1 / w->params.dt);
     }
 }
@@ -304,7 +310,7 @@ static void take_step(sampler *s)
 {
     swarm *w = s->swarm;
     for (size_t i = 0; i < s->p->count; i++) {
-        if (!s->p->rejected[i]) s->p->normal[i] = w->normal[i];
+        if (!w->refused[i]) s->p->normal[i] = w->normal[i];
         s->p->position[i] = w->place[i];
         w->sigma[i] = w->grown[i];
     }
@@ -387,11 +393,11 @@ static bool step(sampler *s, error *e)
     uint64_t rejected = 0;
     for (size_t i = 0; i < s->p->count; i++) {
         energy += s->p->energy[i];
-        squares += s->p->step[i] * s->p->step[i];
+        squares += vec3_norm2(w->velocity[i]);
         radii += w->sigma[i];
-        rejected += s->p->rejected[i];
+        rejected += w->refused[i];
     }
-    double rms = sqrt(squares / n) / s->spacing;
+    double rms = w->params.dt * sqrt(squares / n) / s->spacing;
     s->sigma = radii / n;
     size_t inserted, deleted;
     if (!live(s, &inserted, &deleted, e)) return false;

@@ -44,6 +44,7 @@ struct volume {
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
     blockmap map;
     float *coefficients; /* BRICK_SIZE a block of the map */
+    const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
     volume_info info;
@@ -101,10 +102,10 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
         v->coefficients + (size_t)n * BRICK_SIZE + cell[0] * BRICK_SLAB + cell[1] * BRICK_SIDE + cell[2];
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
-        spline_hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
+        v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
         out->hessian = to_world_hessian(v->to_index, &jet);
     } else {
-        spline_gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
+        v->spline->gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
     }
     out->value = jet.f;
     out->gradient = to_world_gradient(v->to_index, jet.d);
@@ -354,6 +355,7 @@ volume *volume_open(const volume_request *request, error *e)
 {
     loading l = {0};
     volume *v = mem_alloc(sizeof *v);
+    v->spline = spline_for(isa_best());
     v->base.ops = &volume_ops;
     bool ok = load_grid(request, &l, v, e) && build(&l, v, e);
     loading_free(&l);
@@ -400,6 +402,7 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
     mesh m = {0};
     mesh_notes notes = {0};
     volume *v = mem_alloc(sizeof *v);
+    v->spline = spline_for(isa_best());
     v->base.ops = &volume_ops;
     bool ok = load_mesh(request, &l, v, &m, &notes, e) && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);

@@ -82,7 +82,7 @@ static void lists_hold_every_pair_within_its_own_cutoff(void **state)
     threads_free(pool);
 }
 
-static void points_of_one_colour_in_two_bins_are_not_neighbours(void **state)
+static void points_of_one_colour_in_two_blocks_are_not_neighbours(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 1);
@@ -98,11 +98,12 @@ static void points_of_one_colour_in_two_bins_are_not_neighbours(void **state)
     for (int c = 0; c < n->colours; c++) {
         int colour[COUNT];
         for (int i = 0; i < COUNT; i++) colour[i] = -1;
-        for (uint32_t b = n->colour_begin[c]; b < n->colour_begin[c + 1]; b++)
-            for (uint32_t k = n->bin_begin[n->colour_bin[b]]; k < n->bin_begin[n->colour_bin[b] + 1]; k++) {
-                colour[n->bin_item[k]] = (int)n->colour_bin[b];
-                seen++;
-            }
+        for (uint32_t block = n->colour_begin[c]; block < n->colour_begin[c + 1]; block++)
+            for (uint32_t b = n->block_begin[block]; b < n->block_begin[block + 1]; b++)
+                for (uint32_t k = n->bin_begin[n->block_bin[b]]; k < n->bin_begin[n->block_bin[b] + 1]; k++) {
+                    colour[n->bin_item[k]] = (int)block;
+                    seen++;
+                }
         for (uint32_t i = 0; i < COUNT; i++)
             for (uint32_t k = 0; colour[i] >= 0 && k < n->list_count[i]; k++) {
                 int other = colour[neighbours_list(n, i)[k]];
@@ -132,7 +133,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_hold_every_pair_within_the_cutoff),
         cmocka_unit_test(lists_hold_every_pair_within_its_own_cutoff),
-        cmocka_unit_test(points_of_one_colour_in_two_bins_are_not_neighbours),
+        cmocka_unit_test(points_of_one_colour_in_two_blocks_are_not_neighbours),
         cmocka_unit_test(a_cutoff_too_small_is_refused),
     };
     return cmocka_run_group_tests_name("neighbours", tests, NULL, NULL);

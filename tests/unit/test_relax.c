@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 #include <cmocka.h>
 
 #include "close.h"
@@ -32,7 +33,7 @@ static void set_up(bench *b, int shape, uint64_t stream)
     b->pool = threads_new(2, NULL, &e);
     b->scan = surface_scan(&b->a->base, b->pool, &e);
     b->p = particles_new(COUNT, &e);
-    b->r = relax_new(COUNT, &energy_cotangent, SIZE_MAX, b->pool, &e);
+    b->r = relax_new(COUNT, &energy_cotangent, NULL, SIZE_MAX, b->pool, &e);
     assert_non_null(b->r);
     for (size_t i = 0; i < COUNT;) {
         vec3 x = surface_point(b->scan, b->scan->area_before, rng_uniform(&r) * b->scan->area, &r);
@@ -90,13 +91,15 @@ static void lists_stay_valid(void **state)
     double skin = 0.3 * b.params.spacing;
     assert_true(relax_build(b.r, b.p, b.params.sigma, skin, &e));
     size_t cramped = 0;
+    vec3 built[COUNT];
+    memcpy(built, b.p->position, sizeof built);
     for (int sweep = 0; sweep < 10; sweep++) {
         relax_sums sums;
         relax_sweep(b.r, b.p, &b.params, &sums);
         cramped += sums.cramped;
         for (size_t i = 0; i < COUNT; i++) {
             field_sample s;
-            assert_true(vec3_norm(vec3_sub(b.p->position[i], b.p->anchor[i])) <= 0.5 * skin);
+            assert_true(vec3_norm(vec3_sub(b.p->position[i], built[i])) <= 0.5 * skin * (1 + 1e-6));
             assert_true(field_sample_at(&b.a->base, b.p->position[i], FIELD_GRADIENT, &s));
             assert_true(fabs(s.value) <= 0.01 * b.params.spacing * vec3_norm(s.gradient));
         }
@@ -114,7 +117,7 @@ static void sheets_do_not_push_each_other(void **state)
     analytic *a = analytic_new(&plate, NULL, &e);
     threads *pool = threads_new(1, NULL, &e);
     particles *p = particles_new(2, &e);
-    relax *r = relax_new(2, &energy_cotangent, SIZE_MAX, pool, &e);
+    relax *r = relax_new(2, &energy_cotangent, NULL, SIZE_MAX, pool, &e);
     p->position[0] = (vec3){0.1, 0, 0.03};
     p->position[1] = (vec3){0.12, 0, -0.03};
     p->normal[0] = (vec3){0, 0, 1};

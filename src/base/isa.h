@@ -1,0 +1,24 @@
+/* isa: the instruction sets that the numerical kernels are compiled for, out of one source each. Their results
+ * are the same to the last bit, for each sums in the same fixed order; only the time differs. */
+#ifndef HEXAD_BASE_ISA_H
+#define HEXAD_BASE_ISA_H
+
+#include <stdbool.h>
+
+typedef enum isa { ISA_PORTABLE, ISA_AVX2, ISA_AVX512, ISA_COUNT } isa;
+
+isa isa_best(void); /* of those that this machine has */
+bool isa_available(isa which);
+const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
+
+/* How a kernel's versions are marked; on other machines they are all the portable one. */
+#ifdef __x86_64__
+#define ISA_TARGET_AVX2 __attribute__((target("avx2")))
+#define ISA_TARGET_AVX512 __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512")))
+#else
+#define ISA_TARGET_AVX2
+#define ISA_TARGET_AVX512
+#endif
+#define ISA_INLINE static inline __attribute__((always_inline))
+
+#endif
