@@ -137,7 +137,7 @@ static bool no_surface(const bspline_params *p, error *e)
 bspline *bspline_new(const bspline_params *params, threads *pool, error *e)
 {
     bspline *b = mem_alloc(sizeof *b);
-    b->spline = spline_for(isa_best());
+    b->spline = spline_for(params->isa);
     b->base.ops = &bspline_ops;
     b->params = *params;
     for (int axis = 0; axis < 3; axis++) assert(params->dims[axis] >= BSPLINE_LEAST_COEFFICIENTS);

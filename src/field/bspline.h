@@ -24,6 +24,7 @@ typedef struct bspline_params {
     bbox domain; /* world; min < max */
     const double
         *coefficients; /* dims[0] dims[1] dims[2] of them, finite, x fastest; not owned, outlive it */
+    isa isa;
 } bspline_params;
 
 typedef struct bspline {

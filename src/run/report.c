@@ -4,7 +4,6 @@
 #include <sys/resource.h>
 
 #include "base/clock.h"
-#include "sampler/pair.h"
 
 /* Neighbours within the support when the spacing resolves the surface: six, and a few of the next ring. Many
  * more means other sheets within reach. */
@@ -179,6 +178,6 @@ void report_fill(json *report, const report_facts *facts)
     put_timing(report, facts->progress);
     json_put_integer(report, "peak_memory_bytes", peak_memory());
     json_put_integer(report, "threads", facts->threads);
-    json_put_string(report, "isa", pair_isa());
+    json_put_string(report, "isa", isa_name(facts->isa));
     json_put(report, "spec", json_copy(facts->spec->normalised));
 }

@@ -21,6 +21,7 @@ typedef struct report_facts {
     const results_facts *results;
     bool converged;
     int threads;
+    isa isa;
     const progress *progress; /* ended */
 } report_facts;
 

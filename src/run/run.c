@@ -53,6 +53,7 @@ typedef struct job {
     progress progress;
     size_t memory; /* bytes, the job's limit */
     threads *pool;
+    isa isa;
     source source;
     surface *scan;
     size_t count; /* that the target asks for; of the next run, when it asks for time */
@@ -104,6 +105,17 @@ static bool fits_memory(const job *j, double count, error *e)
         count, particles / (1 << 20), fmax(memory, 0) / (1 << 20));
 }
 
+/* The instruction set that the spec asks for. */
+static bool choose_isa(const spec *s, isa *out, error *e)
+{
+    static const isa named[] = {
+        [SPEC_ISA_PORTABLE] = ISA_PORTABLE, [SPEC_ISA_AVX2] = ISA_AVX2, [SPEC_ISA_AVX512] = ISA_AVX512};
+    *out = s->isa == SPEC_ISA_AUTO ? isa_best() : named[s->isa];
+    return isa_available(*out) ||
+           error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine has no %s: use \"auto\"",
+                     isa_name(*out));
+}
+
 static bool load(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -113,7 +125,8 @@ static bool load(job *j, error *e)
     int workers = s->threads > 0 ? s->threads : threads_available();
     if (workers > THREADS_MAX) workers = THREADS_MAX;
     j->pool = threads_new(workers, j->options->cancel, e);
-    return j->pool && source_open(s, j->options->roots, j->memory, j->pool, &j->source, e);
+    return j->pool && choose_isa(s, &j->isa, e) &&
+           source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
 }
 
 static const char *target_pointer(const spec *s)
@@ -204,7 +217,7 @@ static bool place(const job *j, solution *out, error *e)
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .energy = energy_find(energy_names[s->energy]),
-        .isa = isa_best(),
+        .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
         .step = s->step,
         .list_limit = j->memory - source_memory(&j->source),
@@ -361,10 +374,10 @@ static bool write_report(job *j, run_summary *out, error *e)
     const sampler_points *p = sampler_result_points(s->sampler);
     bool converged = sampler_result(s->sampler) == SAMPLER_CONVERGED && p->lost == 0;
     const report_facts facts = {
-        j->spec,      &j->source, j->scan,
-        s->grading,   s->sampler, &s->quality,
-        &j->results,  converged,  threads_count(j->pool),
-        &j->progress,
+        j->spec,     &j->source,   j->scan,
+        s->grading,  s->sampler,   &s->quality,
+        &j->results, converged,    threads_count(j->pool),
+        j->isa,      &j->progress,
     };
     report_fill(j->report, &facts);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;

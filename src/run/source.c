@@ -37,7 +37,7 @@ static bool open_analytic(const spec_analytic *a, threads *pool, source *out, er
     return true;
 }
 
-static volume *open_grid(const spec_vdb *v, int fd, size_t memory, error *e)
+static volume *open_grid(const spec_vdb *v, int fd, size_t memory, isa kernels, error *e)
 {
     const volume_request request = {
         .fd = fd,
@@ -48,11 +48,12 @@ static volume *open_grid(const spec_vdb *v, int fd, size_t memory, error *e)
         .reconstruction =
             v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING,
         .memory_limit = memory,
+        .isa = kernels,
     };
     return volume_open(&request, e);
 }
 
-static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, threads *pool, error *e)
+static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, isa kernels, threads *pool, error *e)
 {
     const volume_mesh_request request = {
         .fd = fd,
@@ -62,12 +63,13 @@ static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, threads *poo
         .band_vox = m->band_vox,
         .memory_limit = memory,
         .pool = pool,
+        .isa = kernels,
     };
     return volume_open_mesh(&request, e);
 }
 
-static bool open_volume(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
-                        error *e)
+static bool open_volume(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
+                        source *out, error *e)
 {
     spec_input input;
     if (!spec_input_at(s, 0, &input)) return error_set(e, ERROR_INTERNAL, "a volume without a file");
@@ -75,8 +77,8 @@ static bool open_volume(const spec *s, const store_roots *roots, size_t memory, 
     if (fd < 0) return false;
     bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e);
     if (ok)
-        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, pool, e)
-                                                           : open_grid(&s->vdb, fd, memory, e);
+        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, kernels, pool, e)
+                                                           : open_grid(&s->vdb, fd, memory, kernels, e);
     ok = out->volume != NULL;
     if (ok && s->has_grid)
         ok = (out->map = map_open(fd, input.path, s->grid.name, memory - source_memory(out), e)) != NULL;
@@ -99,38 +101,40 @@ static bool read_coefficients(const spec_bspline *b, const store_roots *roots, s
     return ok;
 }
 
-static bool open_bspline(const spec_bspline *b, const store_roots *roots, size_t memory, threads *pool,
-                         source *out, error *e)
+static bool open_bspline(const spec_bspline *b, const store_roots *roots, size_t memory, isa kernels,
+                         threads *pool, source *out, error *e)
 {
     if (b->path && !read_coefficients(b, roots, memory, out, e)) return false;
     const bspline_params params = {{b->dims[0], b->dims[1], b->dims[2]},
                                    {b->domain.min, b->domain.max},
-                                   b->path ? out->coefficients : b->coefficients};
+                                   b->path ? out->coefficients : b->coefficients,
+                                   kernels};
     out->bspline = bspline_new(&params, pool, e);
     if (!out->bspline) return b->path ? error_prefix(e, "%s", b->path) : false;
     out->field = &out->bspline->base;
     return true;
 }
 
-static bool open_whole(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
-                       error *e)
+static bool open_whole(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
+                       source *out, error *e)
 {
     switch (s->surface_kind) {
     case SPEC_SURFACE_VDB:
     case SPEC_SURFACE_MESH:
-        return open_volume(s, roots, memory, pool, out, e);
+        return open_volume(s, roots, memory, kernels, pool, out, e);
     case SPEC_SURFACE_BSPLINE:
-        return open_bspline(&s->bspline, roots, memory, pool, out, e);
+        return open_bspline(&s->bspline, roots, memory, kernels, pool, out, e);
     case SPEC_SURFACE_ANALYTIC:
         return open_analytic(&s->analytic, pool, out, e);
     }
     return false;
 }
 
-bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out, error *e)
+bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
+                 source *out, error *e)
 {
     *out = (source){0};
-    if (!open_whole(s, roots, memory, pool, out, e)) return false;
+    if (!open_whole(s, roots, memory, kernels, pool, out, e)) return false;
     if (!s->has_region) return true;
     out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
     if (!out->region) return out->input_path ? error_prefix(e, "%s", out->input_path) : false;

@@ -28,10 +28,10 @@ typedef struct source {
     char input_sha256[STORE_HASH_SIZE];
 } source;
 
-/* `memory` bounds what the surface may hold, in bytes; the spec outlives the source. Errors: those of
+/* `memory` bounds what the surface may hold, in bytes; it is sampled with `kernels`; the spec outlives the source. Errors: those of
  * volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed struct. */
-bool source_open(const spec *s, const store_roots *roots, size_t memory, threads *pool, source *out,
-                 error *e);
+bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
+                 source *out, error *e);
 void source_close(source *s);
 
 /* The report's `inputs`, a volume's members of `surface`, and what it warns of. */

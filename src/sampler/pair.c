@@ -153,12 +153,3 @@ void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x
         out->nearest2 = fmin(out->nearest2, r * r);
     }
 }
-
-const char *pair_isa(void)
-{
-#ifdef __x86_64__
-    if (__builtin_cpu_supports("avx512f")) return "avx512f";
-    if (__builtin_cpu_supports("avx2")) return "avx2";
-#endif
-    return "portable";
-}

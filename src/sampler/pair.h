@@ -51,10 +51,6 @@ typedef struct pair_forces {
 /* The cotangent has a vectorised kernel; the other potentials go through their tables. */
 void pair_forces_at(const pair_list *list, const energy_function *energy, vec3 x, vec3 axis1, vec3 axis2,
                     double sigma, pair_forces *out);
-/* The instruction set that the kernel runs on here: "avx512f", "avx2" or "portable"; the bytes are the
- * same. */
-const char *pair_isa(void);
-
 double pair_energy_at(const pair_list *list, const energy_function *energy, vec3 x, double sigma);
 
 #endif

@@ -117,6 +117,7 @@ typedef enum spec_energy {
     SPEC_ENERGY_ELECTROSTATIC
 } spec_energy;
 typedef enum spec_minimiser { SPEC_MINIMISER_LM, SPEC_MINIMISER_GRADIENT } spec_minimiser;
+typedef enum spec_isa { SPEC_ISA_AUTO, SPEC_ISA_PORTABLE, SPEC_ISA_AVX2, SPEC_ISA_AVX512 } spec_isa;
 typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
 typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
 typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
@@ -157,6 +158,7 @@ typedef struct spec {
     spec_init init;
     uint64_t seed;
     int threads; /* 0: the worker's share */
+    spec_isa isa;
     int max_sweeps;
     double step_tolerance, energy_tolerance;
 

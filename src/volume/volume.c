@@ -355,7 +355,7 @@ volume *volume_open(const volume_request *request, error *e)
 {
     loading l = {0};
     volume *v = mem_alloc(sizeof *v);
-    v->spline = spline_for(isa_best());
+    v->spline = spline_for(request->isa);
     v->base.ops = &volume_ops;
     bool ok = load_grid(request, &l, v, e) && build(&l, v, e);
     loading_free(&l);
@@ -402,7 +402,7 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
     mesh m = {0};
     mesh_notes notes = {0};
     volume *v = mem_alloc(sizeof *v);
-    v->spline = spline_for(isa_best());
+    v->spline = spline_for(request->isa);
     v->base.ops = &volume_ops;
     bool ok = load_mesh(request, &l, v, &m, &notes, e) && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);

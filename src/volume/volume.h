@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/isa.h"
 #include "base/threads.h"
 #include "field/field.h"
 #include "volume/levelset.h"
@@ -33,6 +34,7 @@ typedef struct volume_request {
     double isovalue;    /* in the grid's own unit */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
+    isa isa;             /* what sampling runs on */
 } volume_request;
 
 typedef struct volume_mesh_request {
@@ -44,6 +46,7 @@ typedef struct volume_mesh_request {
     int band_vox;        /* half-width of the band of distances */
     size_t memory_limit; /* as above, the process that reads included */
     threads *pool;       /* as in levelset_params */
+    isa isa;             /* as above */
 } volume_mesh_request;
 
 #define VOLUME_MAX_WARNINGS 12

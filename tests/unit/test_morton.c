@@ -1,0 +1,55 @@
+/* Morton's order: a permutation, sorted by the interleaved coordinates, along which neighbours are near. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "geometry/morton.h"
+#include "shapes.h"
+
+enum { SIDE = 16, COUNT = SIDE * SIDE * SIDE };
+
+static void a_lattice_is_ordered_octant_by_octant(void **state)
+{
+    (void)state;
+    static vec3 x[COUNT];
+    static uint32_t order[COUNT];
+    error e = {0};
+    for (int k = 0; k < COUNT; k++) /* x slowest, so that nothing is in order yet */
+        x[k] = (vec3){k / (SIDE * SIDE), k / SIDE % SIDE, k % SIDE};
+    assert_true(morton_order(x, COUNT, order, &e));
+    bool seen[COUNT] = {false};
+    for (int k = 0; k < COUNT; k++) {
+        assert_false(seen[order[k]]);
+        seen[order[k]] = true;
+        /* the k-th octant of the lattice holds the k-th eighth of the order, and so on down */
+        int expected[3] = {0, 0, 0};
+        for (int bit = 0; bit < 12; bit++) expected[bit % 3] |= (k >> bit & 1) << bit / 3;
+        assert_true(x[order[k]].x == expected[0] && x[order[k]].y == expected[1] &&
+                    x[order[k]].z == expected[2]);
+    }
+}
+
+static void coincident_points_keep_their_order(void **state)
+{
+    (void)state;
+    vec3 x[5] = {{1, 2, 3}, {1, 2, 3}, {-1, 0, 0}, {1, 2, 3}, {-1, 0, 0}};
+    uint32_t order[5];
+    error e = {0};
+    const uint32_t wanted[5] = {2, 4, 0, 1, 3};
+    assert_true(morton_order(x, 5, order, &e));
+    for (int k = 0; k < 5; k++) assert_int_equal(order[k], wanted[k]);
+    assert_true(morton_order(x, 2, order, &e)); /* a box without extent */
+    assert_true(order[0] == 0 && order[1] == 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_lattice_is_ordered_octant_by_octant),
+        cmocka_unit_test(coincident_points_keep_their_order),
+    };
+    return cmocka_run_group_tests_name("morton", tests, NULL, NULL);
+}
