@@ -565,7 +565,7 @@ static void test_normalised_is_idempotent(void **state)
               "\"radius\":0.4}},"
               "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
               "\"minimiser\":"
-              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"max_sweeps\":5000,"
+              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],"
               "\"color\":"
