@@ -146,7 +146,7 @@ bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *lengt
 static const double FLAT_FACING = 0.9, FLAT_HEIGHT = 0.22; /* the cosine of an angle, the sine of its half */
 /* Half of FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
 static const double FLAT_OTHER_SIDE = -0.77;
-static const double CLEAR = 2;
+static const double CLEAR = 1.5;
 /* Points that are looked at first, as far away as this in spacings: mostly the cell's neighbours alone. */
 static const double RING_FIRST = 1.45;
 
