@@ -56,9 +56,11 @@ static void count_value(moments *m, double value)
 }
 
 /* Pairs that wait to be summed. */
+#define BATCH (2 * ENERGY_LANES)
+
 typedef struct batch {
     size_t count;
-    double u2[2 * ENERGY_LANES], weight[2 * ENERGY_LANES];
+    double u2[BATCH], weight[BATCH];
     double energy;
 } batch;
 
@@ -78,7 +80,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
-    batch b = {0};
+    batch b = {.count = 0};
     double over = 1 / in->spacing[i], alpha = alpha_of(in, i), least = INFINITY;
     double support = sqrt(3) * (in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
@@ -90,10 +92,10 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
         least = relative2 < least ? relative2 : least;
         if (!in->sized) size2 = 1;
         double u2 = square * over2 / size2;
-        if (u2 >= 1) continue;
-        if (b.count == 2 * ENERGY_LANES) sum_batch(&b);
+        if (b.count == BATCH) sum_batch(&b);
         b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
-        b.weight[b.count++] = 0.5 * (alpha + alpha_of(in, j)) * size2;
+        b.weight[b.count] = 0.5 * (alpha + alpha_of(in, j)) * size2;
+        b.count += u2 < 1; /* as good as random: no branch */
     }
     sum_batch(&b);
     *nearest2 = least;

@@ -156,20 +156,21 @@ static const double RING_FIRST = 1.45;
  * space. */
 typedef struct ring {
     int count;
-    uint32_t point[RING_MAX];
-    double x[RING_MAX], y[RING_MAX], z[RING_MAX]; /* z: along the normal */
-    double square[RING_MAX];
+    uint32_t point[RING_MAX + 1]; /* the last is scratch */
+    double x[RING_MAX + 1], y[RING_MAX + 1], z[RING_MAX + 1]; /* z: along the normal */
+    double square[RING_MAX + 1];
     double beyond; /* squared distance that the others have at least */
     double widest; /* largest spacing of those listed */
 } ring;
 
-/* Those within a squared distance. False when the surface bends, or they are too many. */
+/* Those within a squared distance. False when the surface bends, or they are too many. Which are within is as
+ * good as random, so nothing branches on it. */
 static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring *out)
 {
     const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
     vec3 x = in->position[a], n = in->normal[a], u, v;
     double least = in->spacing[a], beyond = INFINITY, widest = least;
-    int count = 0;
+    int count = 0, bent = 0;
     vec3_frame(n, &u, &v);
     for (uint32_t k = 0; k < listed; k++) {
         uint32_t c = list[k];
@@ -177,20 +178,19 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
         if (facing <= FLAT_OTHER_SIDE) continue;
         vec3 r = vec3_sub(in->position[c], x);
         double square = vec3_norm2(r), height = vec3_dot(n, r), spacing = in->spacing[c];
-        if (facing < FLAT_FACING || height * height > FLAT_HEIGHT * FLAT_HEIGHT * square || square == 0)
-            return false;
+        bent |= (facing < FLAT_FACING) | (height * height > FLAT_HEIGHT * FLAT_HEIGHT * square) | (square == 0);
         least = spacing < least ? spacing : least;
         widest = spacing > widest ? spacing : widest;
-        if (square >= reach2) {
-            beyond = square < beyond ? square : beyond;
-            continue;
-        }
-        if (count == RING_MAX) return false;
+        int within = square < reach2;
+        double outside = within ? INFINITY : square;
+        beyond = outside < beyond ? outside : beyond;
         out->point[count] = c;
         out->x[count] = vec3_dot(u, r);
         out->y[count] = vec3_dot(v, r);
         out->z[count] = height;
-        out->square[count++] = square;
+        out->square[count] = square;
+        count += within;
+        if (count > RING_MAX || bent) return false;
     }
     double unlisted = VORONOI_REACH * 0.5 * (in->spacing[a] + least);
     out->count = count;
