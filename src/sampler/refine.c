@@ -35,57 +35,72 @@ typedef struct mesh {
     double *spacing;
     neighbours *near;
     voronoi_sites sites;
-    size_t *first; /* edge of each chunk of points, and the end */
+    uint32_t *places; /* of each point's edges, as bits for the places in its list */
+    size_t *first;    /* edge of each chunk of points, and the end */
     size_t count;
     edge *edges;
 } mesh;
+
+/* Set where a point's edges are not all at places that have a bit. */
+#define ELSEWHERE ((uint32_t)1 << 31)
 
 static size_t chunks_of(size_t n)
 {
     return (n + CHUNK - 1) / CHUNK;
 }
 
-/* The edges of a chunk of points, to `out` unless it is NULL. */
-static size_t list_edges(const voronoi_sites *sites, size_t begin, size_t end, edge *out)
-{
-    size_t found = 0;
-    for (size_t i = begin; i < end; i++) {
-        voronoi_star star;
-        voronoi_star_at(sites, (uint32_t)i, &star);
-        for (uint32_t k = 0; k < voronoi_star_held(&star); k++) {
-            uint32_t j = star.point[k];
-            if (j < i) continue;
-            double mean = 0.5 * (sites->spacing[i] + sites->spacing[j]);
-            if (out) out[found] = (edge){(uint32_t)i, j, (float)(star.distance[k] / mean), 1};
-            found++;
-        }
-    }
-    return found;
-}
-
 static void count_chunk(void *context, int worker, size_t begin, size_t end)
 {
     mesh *m = context;
     (void)worker;
-    m->first[begin / CHUNK + 1] = list_edges(&m->sites, begin, end, NULL);
+    size_t found = 0;
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        voronoi_star star;
+        voronoi_star_at(&m->sites, i, &star);
+        m->places[i] = 0;
+        for (uint32_t k = 0; k < voronoi_star_held(&star); k++) {
+            if (star.point[k] < i) continue;
+            m->places[i] |= star.place[k] < 31 ? (uint32_t)1 << star.place[k] : ELSEWHERE;
+            found++;
+        }
+    }
+    m->first[begin / CHUNK + 1] = found;
+}
+
+static edge edge_between(const voronoi_sites *s, uint32_t i, uint32_t j)
+{
+    double length = vec3_norm(vec3_sub(s->position[i], s->position[j]));
+    return (edge){i, j, (float)(length / (0.5 * (s->spacing[i] + s->spacing[j]))), 1};
 }
 
 static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const mesh *m = context;
     (void)worker;
-    list_edges(&m->sites, begin, end, m->edges + m->first[begin / CHUNK]);
+    edge *out = m->edges + m->first[begin / CHUNK];
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(m->near, i);
+        if (m->places[i] & ELSEWHERE) {
+            voronoi_star star;
+            voronoi_star_at(&m->sites, i, &star);
+            for (uint32_t k = 0; k < voronoi_star_held(&star); k++)
+                if (star.point[k] > i) *out++ = edge_between(&m->sites, i, star.point[k]);
+        } else
+            for (uint32_t left = m->places[i]; left; left &= left - 1)
+                *out++ = edge_between(&m->sites, i, list[__builtin_ctz(left)]);
+    }
 }
 
 static void mesh_free(mesh *m)
 {
     neighbours_free(m->near);
     free(m->spacing);
+    free(m->places);
     free(m->first);
     free(m->edges);
 }
 
-/* Counts the edges only: they take as long to find again as to fetch. */
+/* Finds and counts the edges. */
 static bool mesh_particles(const particles *p, double spacing, threads *pool, mesh *out, error *e)
 {
     const char *what = "refinement";
@@ -93,17 +108,20 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
     *out = (mesh){.points = p->count,
                   .spacing = mem_array(p->count, sizeof *out->spacing, what, e),
                   .near = neighbours_new(p->count, SIZE_MAX, e),
+                  .places = mem_array(p->count, sizeof *out->places, what, e),
                   .first = mem_array(chunks + 1, sizeof *out->first, what, e)};
-    if (!out->spacing || !out->first || !out->near) return false;
+    if (!out->spacing || !out->near || !out->places || !out->first) return false;
     for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
     if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e)) return false;
     out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near};
     threads_run(pool, p->count, CHUNK, count_chunk, out);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];
     out->count = out->first[chunks];
     return true;
 }
 
+/* Lists the edges; the lists of neighbours are given up. */
 static bool mesh_edges(mesh *m, threads *pool, error *e)
 {
     m->edges = mem_array(m->count, sizeof *m->edges, "refinement", e);
@@ -271,7 +289,7 @@ static bool add_middles(const field *f, const mesh *m, threads *pool, particles 
         p->count += job.kept[k];
     }
     free(first);
-    return true;
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* Particles that the edges did not give all the same, anywhere on the surface. */

@@ -156,7 +156,7 @@ static const double RING_FIRST = 1.45;
  * space. */
 typedef struct ring {
     int count;
-    uint32_t point[RING_MAX + 1]; /* the last is scratch */
+    uint32_t place[RING_MAX + 1];                             /* in the list; the last is scratch */
     double x[RING_MAX + 1], y[RING_MAX + 1], z[RING_MAX + 1]; /* z: along the normal */
     double square[RING_MAX + 1];
     double beyond; /* squared distance that the others have at least */
@@ -184,7 +184,7 @@ static bool gather_ring(const voronoi_sites *in, uint32_t a, double reach2, ring
         int within = square < reach2;
         double outside = within ? INFINITY : square;
         beyond = outside < beyond ? outside : beyond;
-        out->point[count] = c;
+        out->place[count] = k;
         out->x[count] = vec3_dot(u, r);
         out->y[count] = vec3_dot(v, r);
         out->z[count] = height;
@@ -272,11 +272,13 @@ static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], do
 }
 
 /* Of each triangle of the star the cotangents of its outer angles, which halve the edges' lengths. */
-static void measure_star(const ring *g, int count, const int hull[RING_MAX + 1], voronoi_star *out)
+static void measure_star(const ring *g, const uint32_t *list, int count, const int hull[RING_MAX + 1],
+                         voronoi_star *out)
 {
     out->count = (uint32_t)count;
     for (int k = 0; k < count; k++) {
-        out->point[k] = g->point[hull[k]];
+        out->place[k] = g->place[hull[k]];
+        out->point[k] = list[out->place[k]];
         out->distance[k] = sqrt(g->square[hull[k]]);
         out->edge[k] = 0;
     }
@@ -302,7 +304,7 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
         double clear = CLEAR * EDGE_DOUBT * EDGE_LIMIT * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
-        measure_star(&g, count, hull, out);
+        measure_star(&g, neighbours_list(in->near, a), count, hull, out);
         return true;
     }
     return false;
@@ -320,6 +322,7 @@ void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
             continue;
         if (out->count < VORONOI_STAR_MAX) {
             out->point[out->count] = b;
+            out->place[out->count] = k;
             out->distance[out->count] = vec3_norm(vec3_sub(in->position[b], in->position[a]));
             out->edge[out->count] = edge;
         }

@@ -36,6 +36,7 @@ bool voronoi_edge(const voronoi_sites *sites, uint32_t a, uint32_t b, double *le
 typedef struct voronoi_star {
     uint32_t count; /* may be more than the arrays hold, of a point that is joined to a crowd */
     uint32_t point[VORONOI_STAR_MAX];
+    uint32_t place[VORONOI_STAR_MAX];  /* of each in the list */
     double distance[VORONOI_STAR_MAX]; /* to each */
     double edge[VORONOI_STAR_MAX];     /* length of the Voronoi edge between */
 } voronoi_star;
