@@ -52,6 +52,7 @@ static void compare_star(const voronoi_sites *sites, uint32_t a, const voronoi_s
         if (joined != (at >= 0)) fail_msg("points %u, %u: %d by their pair, star has %d", a, b, joined, at);
         edges += joined;
         if (!joined) continue;
+        assert_int_equal(star->place[at], k);
         assert_close(star->edge[at], length, 1e-9 * sites->spacing[a]);
         assert_close(star->distance[at], vec3_norm(vec3_sub(sites->position[a], sites->position[b])),
                      1e-12 * sites->spacing[a]);
