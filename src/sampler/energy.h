@@ -39,8 +39,8 @@ const energy_function *energy_find(const char *name);
 extern const double energy_cot_polynomial[ENERGY_COT_TERMS];
 
 /* The sum of weight[k] phi(u) of energy_cotangent for `count` squared arguments u^2 in (0, 1), by that
- * polynomial, vectorised: the same bits for every instruction set. `count` is a multiple of ENERGY_LANES; what
- * fills it up has weight 0. */
+ * polynomial, vectorised: the same bits for every instruction set. `count` is a multiple of ENERGY_LANES;
+ * what fills it up has weight 0. */
 #define ENERGY_LANES 8
 double energy_cotangent_sum(const double *u2, const double *weight, size_t count);
 

@@ -32,7 +32,7 @@ typedef struct tally {
 typedef struct measure_job {
     const quality_input *in;
     voronoi_sites sites;
-    bool graded; /* spacings differ enough for a slope */
+    bool graded;  /* spacings differ enough for a slope */
     tally *tally; /* per chunk */
     double *local;
     uint8_t *degree; /* may be NULL, as may local */
@@ -74,8 +74,8 @@ static void sum_batch(batch *b)
     b->count = 0;
 }
 
-/* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared and
- * over the squared mean of the spacings. */
+/* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared
+ * and over the squared mean of the spacings. */
 static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 {
     const quality_input *in = job->in;
@@ -206,7 +206,8 @@ static double variation(const moments *m)
 
 static quality conclude(const tally *t)
 {
-    quality q = {.rim_count = (size_t)t->rims, .euler = t->degrees / 6, .min_spacing_ratio = sqrt(t->nearest)};
+    quality q = {
+        .rim_count = (size_t)t->rims, .euler = t->degrees / 6, .min_spacing_ratio = sqrt(t->nearest)};
     q.grading_exponent = 1;
     if (t->area.n < 1) { /* nothing but rims: there is nothing to say */
         q.hex_fraction = q.edge_cv = q.area_cv = q.energy_excess = q.grading_cv = q.grading_exponent = NAN;

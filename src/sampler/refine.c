@@ -112,7 +112,8 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
                   .first = mem_array(chunks + 1, sizeof *out->first, what, e)};
     if (!out->spacing || !out->near || !out->places || !out->first) return false;
     for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
-    if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e)) return false;
+    if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e))
+        return false;
     out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near};
     threads_run(pool, p->count, CHUNK, count_chunk, out);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -137,9 +138,9 @@ static bool mesh_edges(mesh *m, threads *pool, error *e)
  * particle too few or too many is a defect more. */
 typedef struct part {
     size_t members, edges;
-    bool longest;          /* its longest edges are picked, not its shortest */
-    size_t picks, picked;  /* how many edges are, and have been */
-    uint32_t *pick;        /* a heap, the one to be given up first at its root */
+    bool longest;         /* its longest edges are picked, not its shortest */
+    size_t picks, picked; /* how many edges are, and have been */
+    uint32_t *pick;       /* a heap, the one to be given up first at its root */
 } part;
 
 /* Whether edge x is to be picked rather than y. */
@@ -153,7 +154,8 @@ static bool is_better(const edge *edges, bool longest, uint32_t x, uint32_t y)
 static void sift_down(part *p, const edge *edges, size_t k, uint32_t x)
 {
     for (size_t child = 2 * k + 1; child < p->picked; child = 2 * k + 1) {
-        if (child + 1 < p->picked && is_better(edges, p->longest, p->pick[child], p->pick[child + 1])) child++;
+        if (child + 1 < p->picked && is_better(edges, p->longest, p->pick[child], p->pick[child + 1]))
+            child++;
         if (is_better(edges, p->longest, p->pick[child], x)) break;
         p->pick[k] = p->pick[child];
         k = child;
@@ -187,8 +189,8 @@ static size_t number_parts(const mesh *m, uint32_t *part_of)
     return parts;
 }
 
-/* How many edges of each part are to be picked, so that every part keeps its share of the particles; by their
- * edges alone small parts would lose, since a closed one of n has 3 n - 6. */
+/* How many edges of each part are to be picked, so that every part keeps its share of the particles; by
+ * their edges alone small parts would lose, since a closed one of n has 3 n - 6. */
 static size_t share_out(part *parts, size_t count, double share)
 {
     double seen = 0;
@@ -224,8 +226,7 @@ static bool choose_edges(mesh *m, size_t count, error *e)
     if (!picks) goto done;
     uint32_t *next = picks;
     for (size_t k = 0; k < number; next += parts[k++].picks) parts[k].pick = next;
-    for (size_t k = 0; k < m->count; k++)
-        offer_edge(&parts[part_of[m->edges[k].a]], m->edges, (uint32_t)k);
+    for (size_t k = 0; k < m->count; k++) offer_edge(&parts[part_of[m->edges[k].a]], m->edges, (uint32_t)k);
     for (part *p = parts; p < parts + number; p++)
         for (size_t k = 0; k < p->picked; k++) m->edges[p->pick[k]].copies = p->longest ? 2 : 0;
     ok = true;

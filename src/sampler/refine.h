@@ -21,8 +21,8 @@ bool refine_count_edges(const particles *p, double spacing, threads *pool, size_
 /* Adds particles until there are exactly `count` (p has room for them): those on the middles of Delaunay
  * edges, with the shortest of these left out when they are too many, and two on the longest when they are too
  * few; what is missing even so is drawn from the surface by `graded` (NULL: evenly). `spacing` is that of the
- * particles at hand, of size 1. Errors: limit_memory, no_surface, cancelled. The same particles for any number of
- * threads. */
+ * particles at hand, of size 1. The same for any number of threads. Errors: limit_memory, no_surface,
+ * cancelled. */
 bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
                       double spacing, uint64_t seed, threads *pool, error *e);
 

@@ -215,8 +215,13 @@ static void energies_are_those_of_all_pairs(void **state)
             }
         }
         quality q;
-        quality_input in = {
-            .count = POINTS, .position = x, .normal = x, .alpha = alpha, .spacing = spacing, .h = h, .sized = sized};
+        quality_input in = {.count = POINTS,
+                            .position = x,
+                            .normal = x,
+                            .alpha = alpha,
+                            .spacing = spacing,
+                            .h = h,
+                            .sized = sized};
         assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
         assert_close(q.energy_excess, energy / alphas / energy_cotangent.ideal - 1, 1e-11);
         assert_close(q.min_spacing_ratio, nearest, 1e-12);

@@ -27,8 +27,7 @@ static double sphere_spacing(size_t count)
     return sqrt(8 * M_PI / (sqrt(3) * (double)count)) * shapes[0].radius;
 }
 
-/* Fibonacci's lattice on the first shape, a little shaken; of its points those whose height over the radius is
- * not within `gap`. */
+/* Fibonacci's lattice on the first shape, a little shaken, less a belt of three times `gap` of the radius. */
 static void make_ball(ball *b, double gap, int workers, const volatile sig_atomic_t *stop)
 {
     error e = {0};
@@ -42,8 +41,8 @@ static void make_ball(ball *b, double gap, int workers, const volatile sig_atomi
     for (int k = 0; k < POINTS; k++) {
         double z = 1 - (2 * k + 1.0) / POINTS, turn = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
         vec3 noise = random_between(&r, (vec3){-0.05, -0.05, -0.05}, (vec3){0.05, 0.05, 0.05});
-        vec3 n = vec3_unit(vec3_axpy(b->spacing / shapes[0].radius, noise,
-                                     (vec3){w * cos(turn), w * sin(turn), z}));
+        vec3 n = vec3_unit(
+            vec3_axpy(b->spacing / shapes[0].radius, noise, (vec3){w * cos(turn), w * sin(turn), z}));
         if (n.z > -gap && n.z < 2 * gap) continue;
         b->p->position[b->p->count] = vec3_axpy(shapes[0].radius, n, shapes[0].center);
         b->p->normal[b->p->count] = n;

@@ -1,4 +1,4 @@
-/* Stars against edges judged a pair at a time, on sets that are even, shaken, bent, creased and degenerate. */
+/* Stars against edges judged a pair at a time: on sets that are even, shaken, bent, creased, degenerate. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
