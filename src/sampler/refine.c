@@ -12,6 +12,9 @@
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;
 static const double MIDDLE_ACCEPT = 1e-3;
+/* A step from this close ends within that where h resolves the surface: the error left is half the square of
+ * this times h over the radius of curvature. */
+static const double MIDDLE_SHORTCUT = 0.02;
 /* Draws per particle that the edges did not give. */
 static const int MAX_DRAWS = 1000;
 
@@ -251,7 +254,7 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
 {
     const voronoi_sites *sites = &job->m->sites;
     double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
-    const project_limits limits = {5, accept, accept, accept};
+    const project_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
     vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
     vec3 x = m, n;
     if (!project_point(job->f, &limits, &x, &n) ||
