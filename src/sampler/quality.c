@@ -29,13 +29,31 @@ typedef struct tally {
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
 } tally;
 
-typedef struct measure_job {
-    const quality_input *in;
-    voronoi_sites sites;
-    bool graded;  /* spacings differ enough for a slope */
+/* Points are measured slab by slab along the longest side of their box, so that the lists of neighbours are
+ * those of a slab at a time. About as many points as this are in one, but for the largest sets. */
+static const size_t SLAB_POINTS = 100000, SLABS_MOST = 16;
+enum { BINS = 4096 }; /* of the histogram that slabs are cut by */
+/* A star takes the lists of those listed, in spacings: of points as far again as these, and again. */
+static const double HALO = 3 * VORONOI_REACH;
+
+typedef struct slab {
+    int axis;
+    double low, high; /* of its own points */
+    quality_input in; /* of them and those around, in their order */
+    vec3 *position, *normal;
+    double *spacing, *alpha;
+    uint32_t *index; /* of each, among all */
+    neighbours *near;
     tally *tally; /* per chunk */
-    double *local;
-    uint8_t *degree; /* may be NULL, as may local */
+    bool graded;  /* spacings differ enough for a slope */
+} slab;
+
+typedef struct measure_job {
+    const slab *slab;
+    const quality_input *in; /* the slab's */
+    voronoi_sites sites;
+    double *local; /* of all points, as degree; either may be NULL */
+    uint8_t *degree;
 } measure_job;
 
 static double alpha_of(const quality_input *in, size_t i)
@@ -135,8 +153,9 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = sqrt(2 * area / sqrt(3));
-    if (job->local) job->local[i] = local;
-    if (job->degree) job->degree[i] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
+    if (job->local) job->local[job->slab->index[i]] = local;
+    if (job->degree)
+        job->degree[job->slab->index[i]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
     t->degrees += 6.0 - star.count;
     if (is_on_rim(in, i)) {
         t->rims++;
@@ -152,7 +171,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     tally_edges(in, i, &star, t);
     count_value(&t->area, area / (spacing * spacing));
     count_value(&t->ratio, local / spacing);
-    if (job->graded && local > 0) tally_logarithms(spacing, local, t);
+    if (job->slab->graded && local > 0) tally_logarithms(spacing, local, t);
 }
 
 static tally tally_empty(void)
@@ -165,8 +184,11 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     const measure_job *job = context;
     (void)worker;
     tally t = tally_empty();
-    for (size_t i = begin; i < end; i++) tally_point(job, (uint32_t)i, &t);
-    job->tally[begin / CHUNK] = t;
+    for (size_t i = begin; i < end; i++) {
+        double at = vec3_get(job->in->position[i], job->slab->axis);
+        if (at >= job->slab->low && at < job->slab->high) tally_point(job, (uint32_t)i, &t);
+    }
+    job->slab->tally[begin / CHUNK] = t;
 }
 
 static void add_moments(moments *m, const moments *other)
@@ -233,27 +255,101 @@ static bool is_graded(const quality_input *in)
     return coarsest > EVEN_REQUEST * finest;
 }
 
+/* The points in a slab and within `halo` of it; to `out`, if that is given, which has room for them. */
+static size_t gather_slab(const quality_input *in, const slab *s, double halo, const slab *out)
+{
+    size_t found = 0;
+    for (size_t i = 0; i < in->count; i++) {
+        double at = vec3_get(in->position[i], s->axis);
+        if (!(at >= s->low - halo && at < s->high + halo)) continue;
+        if (out) {
+            out->position[found] = in->position[i];
+            out->normal[found] = in->normal[i];
+            out->spacing[found] = in->spacing[i];
+            out->alpha[found] = alpha_of(in, i);
+            out->index[found] = (uint32_t)i;
+        }
+        found++;
+    }
+    return found;
+}
+
+static void free_slab(slab *s)
+{
+    free(s->position);
+    free(s->normal);
+    free(s->spacing);
+    free(s->alpha);
+    free(s->index);
+    free(s->tally);
+    neighbours_free(s->near);
+}
+
+/* The points and the lists of a slab of which axis, low and high are set. */
+static bool fill_slab(const quality_input *in, double halo, threads *pool, slab *s, error *e)
+{
+    const char *what = "the quality measures";
+    size_t n = gather_slab(in, s, halo, NULL);
+    s->position = mem_array(n, sizeof *s->position, what, e);
+    s->normal = mem_array(n, sizeof *s->normal, what, e);
+    s->spacing = mem_array(n, sizeof *s->spacing, what, e);
+    s->alpha = mem_array(n, sizeof *s->alpha, what, e);
+    s->index = mem_array(n, sizeof *s->index, what, e);
+    s->tally = mem_array(n / CHUNK + 1, sizeof *s->tally, what, e);
+    s->near = neighbours_new(n, SIZE_MAX, e);
+    if (!s->position || !s->normal || !s->spacing || !s->alpha || !s->index || !s->tally || !s->near)
+        return false;
+    gather_slab(in, s, halo, s);
+    s->in = *in;
+    s->in.count = n;
+    s->in.position = s->position;
+    s->in.normal = s->normal;
+    s->in.spacing = s->spacing;
+    s->in.alpha = s->alpha;
+    return neighbours_build(s->near, n, s->position, s->spacing, VORONOI_REACH, pool, e);
+}
+
+/* Where slabs end that have about the same number of points; returns the axis they are across. */
+static int cut_slabs(const quality_input *in, size_t slabs, double *end)
+{
+    bbox box = bbox_empty();
+    for (size_t i = 0; i < in->count; i++) box = bbox_include(box, in->position[i]);
+    vec3 size = vec3_sub(box.max, box.min);
+    int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    double low = vec3_get(box.min, axis), width = vec3_get(size, axis) / BINS;
+    size_t bin[BINS] = {0}, k = 0, seen = 0;
+    for (size_t i = 0; slabs > 1 && width > 0 && i < in->count; i++) {
+        double at = (vec3_get(in->position[i], axis) - low) / width;
+        bin[at < BINS ? (size_t)at : BINS - 1]++;
+    }
+    for (size_t b = 0; b < BINS; b++) {
+        seen += bin[b];
+        while (k + 1 < slabs && seen * slabs >= (k + 1) * in->count) end[k++] = low + (double)(b + 1) * width;
+    }
+    while (k < slabs) end[k++] = INFINITY;
+    return axis;
+}
+
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
                      quality *out, error *e)
 {
-    bool ok = false;
-    size_t n = in->count, chunks = (n + CHUNK - 1) / CHUNK;
-    tally *part = mem_array(chunks, sizeof *part, "the quality measures", e), whole = tally_empty();
-    neighbours *near = neighbours_new(n, SIZE_MAX, e);
-    if (!part || !near) goto done;
-    if (!neighbours_build(near, n, in->position, in->spacing, VORONOI_REACH, pool, e)) goto done;
-    measure_job job = {.in = in,
-                       .sites = {in->position, in->normal, in->spacing, near},
-                       .graded = is_graded(in),
-                       .tally = part,
-                       .local = spacing_local,
-                       .degree = degree};
-    threads_run(pool, n, CHUNK, tally_chunk, &job);
-    for (size_t k = 0; k < chunks; k++) add_tally(&whole, &part[k]);
-    *out = conclude(&whole);
-    ok = true;
-done:
-    free(part);
-    neighbours_free(near);
+    size_t slabs = in->count / SLAB_POINTS < SLABS_MOST ? in->count / SLAB_POINTS + 1 : SLABS_MOST;
+    double *end = mem_array(slabs, sizeof *end, "the quality measures", e), low = -INFINITY, widest = 0;
+    if (!end) return false;
+    bool ok = true, graded = is_graded(in);
+    int axis = cut_slabs(in, slabs, end);
+    tally whole = tally_empty();
+    for (size_t i = 0; i < in->count; i++) widest = fmax(widest, in->spacing[i]);
+    for (size_t k = 0; k < slabs && ok; low = end[k++]) {
+        if (!(low < end[k])) continue; /* so many points in one bin that it is the last of two slabs */
+        slab s = {.axis = axis, .low = low, .high = end[k], .graded = graded};
+        ok = fill_slab(in, HALO * widest, pool, &s, e);
+        measure_job job = {&s, &s.in, {s.position, s.normal, s.spacing, s.near}, spacing_local, degree};
+        if (ok) threads_run(pool, s.in.count, CHUNK, tally_chunk, &job);
+        for (size_t c = 0; ok && c < (s.in.count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &s.tally[c]);
+        free_slab(&s);
+    }
+    free(end);
+    if (ok) *out = conclude(&whole);
     return ok;
 }
