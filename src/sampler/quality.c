@@ -33,8 +33,8 @@ typedef struct tally {
  * those of a slab at a time. About as many points as this are in one, but for the largest sets. */
 static const size_t SLAB_POINTS = 100000, SLABS_MOST = 16;
 enum { BINS = 4096 }; /* of the histogram that slabs are cut by */
-/* A star takes the lists of those listed, in spacings: of points as far again as these, and again. */
-static const double HALO = 3 * VORONOI_REACH;
+/* A star takes the lists of those listed by those listed. */
+static const double HALO_REACHES = 3;
 
 typedef struct slab {
     int axis;
@@ -245,14 +245,21 @@ static quality conclude(const tally *t)
     return q;
 }
 
-static bool is_graded(const quality_input *in)
+/* What is to be known of all points before any is measured. */
+typedef struct extent {
+    double finest, coarsest; /* spacing */
+    double reach;            /* of the lists: that of the Voronoi diagram and of the energies */
+} extent;
+
+static extent extent_of(const quality_input *in)
 {
-    double finest = INFINITY, coarsest = 0;
+    extent x = {.finest = INFINITY, .coarsest = 0};
     for (size_t i = 0; i < in->count; i++) {
-        finest = fmin(finest, in->spacing[i]);
-        coarsest = fmax(coarsest, in->spacing[i]);
+        x.finest = fmin(x.finest, in->spacing[i]);
+        x.coarsest = fmax(x.coarsest, in->spacing[i]);
     }
-    return coarsest > EVEN_REQUEST * finest;
+    x.reach = in->sized ? VORONOI_REACH : fmax(VORONOI_REACH, sqrt(3) * in->h / x.finest);
+    return x;
 }
 
 /* The points in a slab and within `halo` of it; to `out`, if that is given, which has room for them. */
@@ -286,8 +293,9 @@ static void free_slab(slab *s)
 }
 
 /* The points and the lists of a slab of which axis, low and high are set. */
-static bool fill_slab(const quality_input *in, double halo, threads *pool, slab *s, error *e)
+static bool fill_slab(const quality_input *in, const extent *x, threads *pool, slab *s, error *e)
 {
+    double halo = HALO_REACHES * x->reach * x->coarsest;
     const char *what = "the quality measures";
     size_t n = gather_slab(in, s, halo, NULL);
     s->position = mem_array(n, sizeof *s->position, what, e);
@@ -306,7 +314,7 @@ static bool fill_slab(const quality_input *in, double halo, threads *pool, slab 
     s->in.normal = s->normal;
     s->in.spacing = s->spacing;
     s->in.alpha = s->alpha;
-    return neighbours_build(s->near, n, s->position, s->spacing, VORONOI_REACH, pool, e);
+    return neighbours_build(s->near, n, s->position, s->spacing, x->reach, pool, e);
 }
 
 /* Where slabs end that have about the same number of points; returns the axis they are across. */
@@ -334,16 +342,16 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
                      quality *out, error *e)
 {
     size_t slabs = in->count / SLAB_POINTS < SLABS_MOST ? in->count / SLAB_POINTS + 1 : SLABS_MOST;
-    double *end = mem_array(slabs, sizeof *end, "the quality measures", e), low = -INFINITY, widest = 0;
+    double *end = mem_array(slabs, sizeof *end, "the quality measures", e), low = -INFINITY;
     if (!end) return false;
-    bool ok = true, graded = is_graded(in);
+    bool ok = true;
+    const extent x = extent_of(in);
     int axis = cut_slabs(in, slabs, end);
     tally whole = tally_empty();
-    for (size_t i = 0; i < in->count; i++) widest = fmax(widest, in->spacing[i]);
     for (size_t k = 0; k < slabs && ok; low = end[k++]) {
         if (!(low < end[k])) continue; /* so many points in one bin that it is the last of two slabs */
-        slab s = {.axis = axis, .low = low, .high = end[k], .graded = graded};
-        ok = fill_slab(in, HALO * widest, pool, &s, e);
+        slab s = {.axis = axis, .low = low, .high = end[k], .graded = x.coarsest > EVEN_REQUEST * x.finest};
+        ok = fill_slab(in, &x, pool, &s, e);
         measure_job job = {&s, &s.in, {s.position, s.normal, s.spacing, s.near}, spacing_local, degree};
         if (ok) threads_run(pool, s.in.count, CHUNK, tally_chunk, &job);
         for (size_t c = 0; ok && c < (s.in.count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &s.tally[c]);

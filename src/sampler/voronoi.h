@@ -19,7 +19,7 @@
 typedef struct voronoi_sites {
     const vec3 *position, *normal;
     const double *spacing;  /* of an ideal packing at each point */
-    const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair */
+    const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair, or more */
 } voronoi_sites;
 
 /* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where

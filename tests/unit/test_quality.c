@@ -200,18 +200,18 @@ static void energies_are_those_of_all_pairs(void **state)
             double z = 1 - (2 * k + 1.0) / POINTS, angle = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
             vec3 noise = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
             x[k] = vec3_unit(vec3_axpy(0.1 * h, noise, (vec3){w * cos(angle), w * sin(angle), z}));
-            spacing[k] = h * (1 + sized * 0.1 * rng_uniform(&r));
+            spacing[k] = h * (sized ? 1 + 0.1 * rng_uniform(&r) : 0.6 + 0.8 * rng_uniform(&r));
             alpha[k] = 1 + rng_uniform(&r);
         }
         for (int i = 0; i < POINTS; i++) {
             alphas += alpha[i];
             for (int j = 0; j < POINTS; j++) {
                 double distance = vec3_norm(vec3_sub(x[i], x[j])), mean = 0.5 * (spacing[i] + spacing[j]);
-                double size = sized ? mean / spacing[i] : 1;
+                double size = sized ? mean / spacing[i] : 1, support = sqrt(3) * (sized ? mean : h);
                 if (i == j) continue;
                 nearest = fmin(nearest, distance / mean);
                 energy += 0.5 * (alpha[i] + alpha[j]) * size * size *
-                          energy_cotangent.value(distance / (sqrt(3) * size * spacing[i]));
+                          energy_cotangent.value(distance / support);
             }
         }
         quality q;
