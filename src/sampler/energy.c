@@ -1,8 +1,13 @@
 #include "sampler/energy.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
+
+#ifdef __x86_64__
+#define DISPATCH __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define DISPATCH
+#endif
 
 const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     0.9999999999999993,      -0.33333333333263604,    -0.02222222223830475,   -0.0021164019721737048,
@@ -10,6 +15,20 @@ const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     -2.506174706812694e-08,  -7.482250235439409e-10,  -7.488432880992186e-10, 8.722701840462539e-11,
     -1.4174855412866178e-11,
 };
+
+DISPATCH double energy_cotangent_sum(const double *u2, const double *weight, size_t count)
+{
+    double sum[ENERGY_LANES] = {0};
+    for (size_t k = 0; k < count; k += ENERGY_LANES)
+        for (int l = 0; l < ENERGY_LANES; l++) {
+            double s = M_PI_2 * M_PI_2 * u2[k + l], w = sqrt(s);
+            double cot = energy_cot_polynomial[ENERGY_COT_TERMS - 1];
+#pragma GCC unroll 16
+            for (int t = ENERGY_COT_TERMS - 2; t >= 0; t--) cot = cot * s + energy_cot_polynomial[t];
+            sum[l] += weight[k + l] * (cot / w + w - M_PI_2);
+        }
+    return ((sum[0] + sum[4]) + (sum[2] + sum[6])) + ((sum[1] + sum[5]) + (sum[3] + sum[7]));
+}
 
 static double cotangent_value(double u)
 {

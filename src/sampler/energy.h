@@ -6,6 +6,8 @@
 #ifndef HEXAD_SAMPLER_ENERGY_H
 #define HEXAD_SAMPLER_ENERGY_H
 
+#include <stddef.h>
+
 typedef struct energy_function {
     const char *name;
     double (*value)(double u);  /* u > 0 */
@@ -35,5 +37,11 @@ const energy_function *energy_find(const char *name);
  * is the least-squares fit on Chebyshev nodes; |error| < 1e-13 on the interval. */
 #define ENERGY_COT_TERMS 13
 extern const double energy_cot_polynomial[ENERGY_COT_TERMS];
+
+/* The sum of weight[k] phi(u) of energy_cotangent for `count` squared arguments u^2 in (0, 1), by that
+ * polynomial, vectorised: the same bits for every instruction set. `count` is a multiple of ENERGY_LANES;
+ * what fills it up has weight 0. */
+#define ENERGY_LANES 8
+double energy_cotangent_sum(const double *u2, const double *weight, size_t count);
 
 #endif

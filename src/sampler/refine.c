@@ -1,6 +1,7 @@
 #include "sampler/refine.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/rng.h"
@@ -11,8 +12,9 @@
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;
 static const double MIDDLE_ACCEPT = 1e-3;
-/* Room for edges, per particle; there are three. */
-static const size_t EDGES_MAX = 4;
+/* A step from this close ends within that where h resolves the surface: the error left is half the square of
+ * this times h over the radius of curvature. */
+static const double MIDDLE_SHORTCUT = 0.02;
 /* Draws per particle that the edges did not give. */
 static const int MAX_DRAWS = 1000;
 
@@ -21,100 +23,277 @@ size_t refine_coarser(size_t count)
     return (count + 6 + 3) / 4;
 }
 
+/* Points, or edges, in a chunk of work. */
+#define CHUNK 256
+
 typedef struct edge {
     uint32_t a, b;
-    uint32_t part; /* of the mesh: its first particle */
-    double length; /* over the mean spacing of its ends */
+    float length;    /* over the mean spacing of its ends */
+    uint32_t copies; /* particles to add on it */
 } edge;
 
-/* The Delaunay edges, in the order of their first and second end. */
-static size_t find_edges(const voronoi_sites *sites, size_t count, edge *out, size_t capacity)
+/* The particles as sites, and their edges: those to a point of higher index, chunk by chunk. */
+typedef struct mesh {
+    size_t points;
+    double *spacing;
+    neighbours *near;
+    voronoi_sites sites;
+    uint32_t *places; /* of each point's edges, as bits for the places in its list */
+    size_t *first;    /* edge of each chunk of points, and the end */
+    size_t count;
+    edge *edges;
+} mesh;
+
+/* Set where a point's edges are not all at places that have a bit. */
+#define ELSEWHERE ((uint32_t)1 << 31)
+
+static size_t chunks_of(size_t n)
 {
+    return (n + CHUNK - 1) / CHUNK;
+}
+
+static void count_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    mesh *m = context;
+    (void)worker;
     size_t found = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *list = neighbours_list(sites->near, i);
-        for (uint32_t k = 0; k < sites->near->list_count[i] && found < capacity; k++) {
-            uint32_t j = list[k];
-            double across;
-            if (j < i || vec3_dot(sites->normal[i], sites->normal[j]) <= VORONOI_OTHER_SIDE ||
-                !voronoi_edge(sites, i, j, &across))
-                continue;
-            double length = vec3_norm(vec3_sub(sites->position[i], sites->position[j]));
-            out[found++] = (edge){i, j, 0, length / (0.5 * (sites->spacing[i] + sites->spacing[j]))};
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        voronoi_star star;
+        voronoi_star_at(&m->sites, i, &star);
+        m->places[i] = 0;
+        for (uint32_t k = 0; k < voronoi_star_held(&star); k++) {
+            if (star.point[k] < i) continue;
+            m->places[i] |= star.place[k] < 31 ? (uint32_t)1 << star.place[k] : ELSEWHERE;
+            found++;
         }
     }
-    return found;
+    m->first[begin / CHUNK + 1] = found;
 }
 
-static int compare_edges(const void *x, const void *y)
+static edge edge_between(const voronoi_sites *s, uint32_t i, uint32_t j)
 {
-    const edge *a = x, *b = y;
-    if (a->part != b->part) return (a->part > b->part) - (a->part < b->part);
-    if (a->length != b->length) return (a->length > b->length) - (a->length < b->length);
-    return a->a != b->a ? (a->a > b->a) - (a->a < b->a) : (a->b > b->b) - (a->b < b->b);
+    double length = vec3_norm(vec3_sub(s->position[i], s->position[j]));
+    return (edge){i, j, (float)(length / (0.5 * (s->spacing[i] + s->spacing[j]))), 1};
 }
 
-/* Adds a particle on the surface beside the point at `share` of an edge, unless it joins two sheets. */
-static void add_between(const field *f, const voronoi_sites *sites, const edge *e, double share, particles *p)
+static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
-    const project_limits limits = {5, accept, accept, accept};
-    vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
-    vec3 x = m, n;
-    if (!project_point(f, &limits, &x, &n) ||
-        vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
-        return;
-    p->position[p->count] = x;
-    p->normal[p->count++] = n;
+    const mesh *m = context;
+    (void)worker;
+    edge *out = m->edges + m->first[begin / CHUNK];
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(m->near, i);
+        if (m->places[i] & ELSEWHERE) {
+            voronoi_star star;
+            voronoi_star_at(&m->sites, i, &star);
+            for (uint32_t k = 0; k < voronoi_star_held(&star); k++)
+                if (star.point[k] > i) *out++ = edge_between(&m->sites, i, star.point[k]);
+        } else
+            for (uint32_t left = m->places[i]; left; left &= left - 1)
+                *out++ = edge_between(&m->sites, i, list[__builtin_ctz(left)]);
+    }
 }
 
-/* Sorts the edges by the connected parts of the mesh, and in each by length. members[k]: the particles of the
- * part whose first is k. */
-static bool sort_edges(edge *edges, size_t found, size_t count, size_t *members, error *e)
+static void mesh_free(mesh *m)
 {
-    uint32_t *parent = mem_array(count, sizeof *parent, "refinement", e);
-    if (!parent) return false;
-    sets_reset(parent, count);
-    for (size_t k = 0; k < found; k++) sets_join(parent, edges[k].a, edges[k].b);
-    for (size_t k = 0; k < found; k++) edges[k].part = sets_root(parent, edges[k].a);
-    for (uint32_t k = 0; k < count; k++) members[sets_root(parent, k)]++;
-    free(parent);
-    qsort(edges, found, sizeof *edges, compare_edges);
+    neighbours_free(m->near);
+    free(m->spacing);
+    free(m->places);
+    free(m->first);
+    free(m->edges);
+}
+
+/* Finds and counts the edges. */
+static bool mesh_particles(const particles *p, double spacing, threads *pool, mesh *out, error *e)
+{
+    const char *what = "refinement";
+    size_t chunks = chunks_of(p->count);
+    *out = (mesh){.points = p->count,
+                  .spacing = mem_array(p->count, sizeof *out->spacing, what, e),
+                  .near = neighbours_new(p->count, SIZE_MAX, e),
+                  .places = mem_array(p->count, sizeof *out->places, what, e),
+                  .first = mem_array(chunks + 1, sizeof *out->first, what, e)};
+    if (!out->spacing || !out->near || !out->places || !out->first) return false;
+    for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
+    if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e))
+        return false;
+    out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near};
+    threads_run(pool, p->count, CHUNK, count_chunk, out);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];
+    out->count = out->first[chunks];
     return true;
 }
 
-/* The middles of one part's edges; where these are too many the shortest edges get none, where too few the
- * longest two each. Both are at the cores of dislocations, which they only move along: anywhere else a
- * particle too few or too many is a defect more. */
-static void add_part(const field *f, const voronoi_sites *sites, const edge *edges, size_t found,
-                     size_t wanted, particles *p)
+/* Lists the edges; the lists of neighbours are given up. */
+static bool mesh_edges(mesh *m, threads *pool, error *e)
 {
-    size_t count = p->count + wanted, left_out = found > wanted ? found - wanted : 0;
-    size_t twice = found < wanted ? wanted - found : 0;
-    for (size_t k = left_out; k < found && p->count < count; k++) {
-        bool two = k + twice >= found && p->count + 1 < count;
-        add_between(f, sites, &edges[k], two ? 1.0 / 3 : 0.5, p);
-        if (two) add_between(f, sites, &edges[k], 2.0 / 3, p);
-    }
+    m->edges = mem_array(m->count, sizeof *m->edges, "refinement", e);
+    if (!m->edges) return false;
+    threads_run(pool, m->points, CHUNK, list_chunk, m);
+    neighbours_free(m->near);
+    m->near = NULL;
+    return true;
 }
 
-/* Every part keeps its share of the particles; by their edges alone small parts would lose, since a closed
- * one of n has 3 n - 6. */
-static bool add_middles(const field *f, const voronoi_sites *sites, edge *edges, size_t found, size_t count,
-                        particles *p, error *e)
+/* A connected part of the mesh. Where its edges are too many the shortest get no particle, where too few the
+ * longest two each. Both are at the cores of dislocations, which they only move along: anywhere else a
+ * particle too few or too many is a defect more. */
+typedef struct part {
+    size_t members, edges;
+    bool longest;         /* its longest edges are picked, not its shortest */
+    size_t picks, picked; /* how many edges are, and have been */
+    uint32_t *pick;       /* a heap, the one to be given up first at its root */
+} part;
+
+/* Whether edge x is to be picked rather than y. */
+static bool is_better(const edge *edges, bool longest, uint32_t x, uint32_t y)
 {
-    size_t before = p->count, *members = mem_array(before, sizeof *members, "refinement", e), end = 0;
-    bool ok = members && sort_edges(edges, found, before, members, e);
-    double share = (double)count / (double)before, seen = 0;
-    for (size_t k = 0; ok && k < found; k = end) {
-        size_t part = members[edges[k].part];
-        while (end < found && edges[end].part == edges[k].part) end++;
-        double wanted = round((seen + (double)part) * share) - round(seen * share) - (double)part;
-        seen += (double)part;
-        add_part(f, sites, edges + k, end - k, (size_t)fmin(fmax(wanted, 0), (double)(count - p->count)), p);
+    if (edges[x].length != edges[y].length) return longest == (edges[x].length > edges[y].length);
+    return longest == (x > y);
+}
+
+/* Puts x where the place k of the heap is free, or below. */
+static void sift_down(part *p, const edge *edges, size_t k, uint32_t x)
+{
+    for (size_t child = 2 * k + 1; child < p->picked; child = 2 * k + 1) {
+        if (child + 1 < p->picked && is_better(edges, p->longest, p->pick[child], p->pick[child + 1]))
+            child++;
+        if (is_better(edges, p->longest, p->pick[child], x)) break;
+        p->pick[k] = p->pick[child];
+        k = child;
     }
-    free(members);
+    p->pick[k] = x;
+}
+
+static void sift_up(part *p, const edge *edges, size_t k, uint32_t x)
+{
+    for (; k > 0 && is_better(edges, p->longest, p->pick[(k - 1) / 2], x); k = (k - 1) / 2)
+        p->pick[k] = p->pick[(k - 1) / 2];
+    p->pick[k] = x;
+}
+
+static void offer_edge(part *p, const edge *edges, uint32_t x)
+{
+    if (p->picked < p->picks)
+        sift_up(p, edges, p->picked++, x);
+    else if (p->picks > 0 && is_better(edges, p->longest, x, p->pick[0]))
+        sift_down(p, edges, 0, x);
+}
+
+/* Which part each point is of; the parts in the order of their first points. */
+static size_t number_parts(const mesh *m, uint32_t *part_of)
+{
+    uint32_t parts = 0;
+    sets_reset(part_of, m->points);
+    for (size_t k = 0; k < m->count; k++) sets_join(part_of, m->edges[k].a, m->edges[k].b);
+    for (size_t k = 0; k < m->points; k++) part_of[k] = part_of[part_of[k]];
+    for (size_t k = 0; k < m->points; k++) part_of[k] = part_of[k] == k ? parts++ : part_of[part_of[k]];
+    return parts;
+}
+
+/* How many edges of each part are to be picked, so that every part keeps its share of the particles; by
+ * their edges alone small parts would lose, since a closed one of n has 3 n - 6. */
+static size_t share_out(part *parts, size_t count, double share)
+{
+    double seen = 0;
+    size_t sum = 0;
+    for (part *p = parts; p < parts + count; p++) {
+        if (p->edges == 0) continue;
+        double members = (double)p->members;
+        double wanted = round((seen + members) * share) - round(seen * share) - members;
+        double missing = fmax(wanted, 0) - (double)p->edges;
+        seen += members;
+        p->longest = missing > 0;
+        p->picks = (size_t)fmin(fabs(missing), (double)p->edges);
+        sum += p->picks;
+    }
+    return sum;
+}
+
+/* Sets how many particles each edge is to have, for `count` of them in all. */
+static bool choose_edges(mesh *m, size_t count, error *e)
+{
+    const char *what = "refinement";
+    bool ok = false;
+    part *parts = NULL;
+    uint32_t *picks = NULL, *part_of = mem_array(m->points, sizeof *part_of, what, e);
+    if (!part_of) return false;
+    size_t number = number_parts(m, part_of);
+    parts = mem_array(number, sizeof *parts, what, e);
+    if (!parts) goto done;
+    for (size_t k = 0; k < m->points; k++) parts[part_of[k]].members++;
+    for (size_t k = 0; k < m->count; k++) parts[part_of[m->edges[k].a]].edges++;
+    size_t sum = share_out(parts, number, (double)count / (double)m->points);
+    picks = mem_array(sum, sizeof *picks, what, e);
+    if (!picks) goto done;
+    uint32_t *next = picks;
+    for (size_t k = 0; k < number; next += parts[k++].picks) parts[k].pick = next;
+    for (size_t k = 0; k < m->count; k++) offer_edge(&parts[part_of[m->edges[k].a]], m->edges, (uint32_t)k);
+    for (part *p = parts; p < parts + number; p++)
+        for (size_t k = 0; k < p->picked; k++) m->edges[p->pick[k]].copies = p->longest ? 2 : 0;
+    ok = true;
+done:
+    free(part_of);
+    free(parts);
+    free(picks);
     return ok;
+}
+
+/* New particles chunk by chunk of edges, each at a place of its own. */
+typedef struct middles {
+    const field *f;
+    const mesh *m;
+    particles *p;
+    size_t *first; /* place for each chunk's particles, and the end */
+    size_t *kept;  /* by chunk: how many there are */
+} middles;
+
+/* Puts a particle on the surface beside the point at `share` of an edge, unless that joins two sheets. */
+static bool put_between(const middles *job, const edge *e, double share, size_t place)
+{
+    const voronoi_sites *sites = &job->m->sites;
+    double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
+    const project_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
+    vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
+    vec3 x = m, n;
+    if (!project_point(job->f, &limits, &x, &n) ||
+        vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
+        return false;
+    job->p->position[place] = x;
+    job->p->normal[place] = n;
+    return true;
+}
+
+static void put_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const middles *job = context;
+    (void)worker;
+    size_t place = job->first[begin / CHUNK];
+    for (const edge *e = job->m->edges + begin; e < job->m->edges + end; e++)
+        for (uint32_t k = 1; k <= e->copies; k++) place += put_between(job, e, k / (e->copies + 1.0), place);
+    job->kept[begin / CHUNK] = place - job->first[begin / CHUNK];
+}
+
+/* Adds the particles that the edges are to have, in their order, less those that failed. */
+static bool add_middles(const field *f, const mesh *m, threads *pool, particles *p, error *e)
+{
+    size_t chunks = chunks_of(m->count), *first = mem_array(2 * chunks + 1, sizeof *first, "refinement", e);
+    if (!first) return false;
+    middles job = {f, m, p, first, first + chunks + 1};
+    first[0] = p->count;
+    for (size_t k = 0; k < m->count; k++) first[k / CHUNK + 1] += m->edges[k].copies;
+    for (size_t k = 0; k < chunks; k++) first[k + 1] += first[k];
+    threads_run(pool, m->count, CHUNK, put_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) { /* closes the gaps */
+        if (p->count != first[k]) {
+            memmove(p->position + p->count, p->position + first[k], job.kept[k] * sizeof *p->position);
+            memmove(p->normal + p->count, p->normal + first[k], job.kept[k] * sizeof *p->normal);
+        }
+        p->count += job.kept[k];
+    }
+    free(first);
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* Particles that the edges did not give all the same, anywhere on the surface. */
@@ -138,36 +317,6 @@ static bool draw_rest(const field *f, const surface *scan, const grading *graded
     return true;
 }
 
-/* The particles as sites and their edges, in memory of their own. */
-typedef struct mesh {
-    double *spacing;
-    neighbours *near;
-    edge *edges;
-    size_t count;
-    voronoi_sites sites;
-} mesh;
-
-static void mesh_free(mesh *m)
-{
-    neighbours_free(m->near);
-    free(m->edges);
-    free(m->spacing);
-}
-
-static bool mesh_particles(const particles *p, double spacing, threads *pool, mesh *out, error *e)
-{
-    mesh m = {.spacing = mem_array(p->count, sizeof *m.spacing, "refinement", e),
-              .near = neighbours_new(p->count, SIZE_MAX, e),
-              .edges = mem_array(EDGES_MAX * p->count, sizeof *m.edges, "refinement", e)};
-    *out = m;
-    if (!m.spacing || !m.edges || !m.near) return false;
-    for (size_t i = 0; i < p->count; i++) m.spacing[i] = spacing * p->size[i];
-    if (!neighbours_build(m.near, p->count, p->position, m.spacing, VORONOI_REACH, pool, e)) return false;
-    out->sites = (voronoi_sites){p->position, p->normal, m.spacing, m.near};
-    out->count = find_edges(&out->sites, p->count, m.edges, EDGES_MAX * p->count);
-    return true;
-}
-
 bool refine_count_edges(const particles *p, double spacing, threads *pool, size_t *edges, error *e)
 {
     mesh m;
@@ -182,7 +331,7 @@ bool refine_particles(const field *f, const surface *scan, const grading *graded
 {
     mesh m;
     bool ok = mesh_particles(p, spacing, pool, &m, e);
-    ok = ok && add_middles(f, &m.sites, m.edges, m.count, count, p, e) &&
+    ok = ok && mesh_edges(&m, pool, e) && choose_edges(&m, count, e) && add_middles(f, &m, pool, p, e) &&
          draw_rest(f, scan, graded, p, count, spacing, seed, e);
     mesh_free(&m);
     return ok;

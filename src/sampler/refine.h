@@ -14,13 +14,15 @@
  * characteristic x has 3 (n - x) edges, so n become 4 n - 3 x; spheres, x = 2, have the fewest. */
 size_t refine_coarser(size_t count);
 
-/* How many Delaunay edges the particles have, which is how many refining adds. Error: limit_memory. */
+/* How many Delaunay edges the particles have, which is how many refining adds. Errors: limit_memory,
+ * cancelled (the pool was told to stop). */
 bool refine_count_edges(const particles *p, double spacing, threads *pool, size_t *edges, error *e);
 
 /* Adds particles until there are exactly `count` (p has room for them): those on the middles of Delaunay
  * edges, with the shortest of these left out when they are too many, and two on the longest when they are too
  * few; what is missing even so is drawn from the surface by `graded` (NULL: evenly). `spacing` is that of the
- * particles at hand, of size 1. Errors: limit_memory, no_surface. */
+ * particles at hand, of size 1. The same for any number of threads. Errors: limit_memory, no_surface,
+ * cancelled. */
 bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
                       double spacing, uint64_t seed, threads *pool, error *e);
 

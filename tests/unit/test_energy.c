@@ -20,6 +20,28 @@ static void value_is_equation_6(void **state)
     assert_true(energy_cotangent.value(1.5) == 0);
 }
 
+static void sum_is_of_values(void **state)
+{
+    (void)state;
+    enum { PAIRS = 5 * ENERGY_LANES };
+    double u2[PAIRS], weight[PAIRS], sum = 0;
+    for (int k = 0; k < PAIRS; k++) {
+        double u = k == 0 ? 1e-6 : (k + 0.5) / PAIRS;
+        u2[k] = u * u;
+        weight[k] = k % 7; /* some are 0 */
+        sum += weight[k] * energy_cotangent.value(u);
+    }
+    assert_close(energy_cotangent_sum(u2, weight, PAIRS), sum, 1e-11);
+    for (int k = 0; k < PAIRS; k++) /* one at a time, in each lane */
+        for (int l = 0; l < PAIRS; l++) {
+            weight[l] = l == k;
+            if (l == PAIRS - 1)
+                assert_close(energy_cotangent_sum(u2, weight, PAIRS) / energy_cotangent.value(sqrt(u2[k])), 1,
+                             u2[k] < 0.9 ? 1e-11 : 1e-6);
+        }
+    assert_true(energy_cotangent_sum(u2, weight, 0) == 0);
+}
+
 static void first_is_equation_7(void **state)
 {
     (void)state;
@@ -106,6 +128,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(value_is_equation_6),
+        cmocka_unit_test(sum_is_of_values),
         cmocka_unit_test(first_is_equation_7),
         cmocka_unit_test(derivatives_match_differences),
         cmocka_unit_test(ideals_are_of_six_neighbours),

@@ -45,12 +45,17 @@ static sheet *make_sheet(void)
     return s;
 }
 
-static void measure(sheet *s, quality *q)
+static void measure_with(sheet *s, int workers, quality *q)
 {
     error e = {0};
-    threads *pool = threads_new(2, NULL, &e);
+    threads *pool = threads_new(workers, NULL, &e);
     if (!quality_measure(&s->in, pool, s->local, s->degree, q, &e)) fail_msg("%s", e.message);
     threads_free(pool);
+}
+
+static void measure(sheet *s, quality *q)
+{
+    measure_with(s, 2, q);
 }
 
 static void lattice_is_perfect(void **state)
@@ -152,6 +157,151 @@ static void grading_is_told_from_disorder(void **state)
     free(s);
 }
 
+/* Any number of threads gives the same bits, of a sheet that is shaken, sized and of uneven alpha. */
+static void threads_do_not_matter(void **state)
+{
+    (void)state;
+    const int workers[] = {2, 3, 8};
+    rng r = rng_seed(test_seed(), 1);
+    sheet *s = make_sheet(), *other = make_sheet();
+    for (int k = 0; k < LATTICE; k++) {
+        vec3 noise = random_between(&r, (vec3){-0.2, -0.2, -0.1}, (vec3){0.2, 0.2, 0.1});
+        s->position[k] = vec3_add(s->position[k], noise);
+        s->spacing[k] = 1 + 0.1 * rng_uniform(&r);
+        s->alpha[k] = 1 + rng_uniform(&r);
+    }
+    s->in.sized = true;
+    quality one, q;
+    measure_with(s, 1, &one);
+    for (int k = 0; k < 3; k++) {
+        other->in = s->in;
+        measure_with(other, workers[k], &q);
+        assert_memory_equal(&q, &one, sizeof q);
+        assert_memory_equal(other->local, s->local, sizeof s->local);
+        assert_memory_equal(other->degree, s->degree, sizeof s->degree);
+    }
+    free(s);
+    free(other);
+}
+
+/* The energies, from the potential itself and all pairs. */
+static void energies_are_those_of_all_pairs(void **state)
+{
+    (void)state;
+    enum { POINTS = 400 };
+    vec3 x[POINTS];
+    double spacing[POINTS], alpha[POINTS], h = sqrt(8 * M_PI / (sqrt(3) * POINTS));
+    error e = {0};
+    rng r = rng_seed(test_seed(), 2);
+    threads *pool = threads_new(1, NULL, &e);
+    for (int sized = 0; sized < 2; sized++) {
+        double energy = 0, alphas = 0, nearest = INFINITY;
+        for (int k = 0; k < POINTS; k++) {
+            double z = 1 - (2 * k + 1.0) / POINTS, angle = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
+            vec3 noise = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+            x[k] = vec3_unit(vec3_axpy(0.1 * h, noise, (vec3){w * cos(angle), w * sin(angle), z}));
+            spacing[k] = h * (sized ? 1 + 0.1 * rng_uniform(&r) : 0.6 + 0.8 * rng_uniform(&r));
+            alpha[k] = 1 + rng_uniform(&r);
+        }
+        for (int i = 0; i < POINTS; i++) {
+            alphas += alpha[i];
+            for (int j = 0; j < POINTS; j++) {
+                double distance = vec3_norm(vec3_sub(x[i], x[j])), mean = 0.5 * (spacing[i] + spacing[j]);
+                double size = sized ? mean / spacing[i] : 1, support = sqrt(3) * (sized ? mean : h);
+                if (i == j) continue;
+                nearest = fmin(nearest, distance / mean);
+                energy += 0.5 * (alpha[i] + alpha[j]) * size * size *
+                          energy_cotangent.value(distance / support);
+            }
+        }
+        quality q;
+        quality_input in = {.count = POINTS,
+                            .position = x,
+                            .normal = x,
+                            .alpha = alpha,
+                            .spacing = spacing,
+                            .h = h,
+                            .sized = sized};
+        assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
+        assert_close(q.energy_excess, energy / alphas / energy_cotangent.ideal - 1, 1e-11);
+        assert_close(q.min_spacing_ratio, nearest, 1e-12);
+    }
+    threads_free(pool);
+}
+
+/* The points from begin to end, alone. */
+static quality_input part_of(const quality_input *all, size_t begin, size_t end)
+{
+    quality_input part = *all;
+    part.count = end - begin;
+    part.position += begin;
+    part.normal += begin;
+    part.spacing += begin;
+    return part;
+}
+
+/* A set so large that it is measured in slabs, each point as if the others far from it were not there. */
+static void slabs_do_not_show(void **state)
+{
+    (void)state;
+    enum { LONG = 2600, WIDE = 100, ALL = LONG * WIDE, PIECE = 60, MARGIN = 10 };
+    rng r = rng_seed(test_seed(), 3);
+    error e = {0};
+    vec3 *position = calloc(ALL, sizeof *position), *normal = calloc(ALL, sizeof *normal);
+    double *spacing = calloc(ALL, sizeof *spacing), *local = calloc(2 * ALL, sizeof *local);
+    uint8_t *degree = calloc(2 * ALL, 1);
+    threads *pool = threads_new(2, NULL, &e);
+    for (int k = 0; k < ALL; k++) { /* column after column along y */
+        int i = k / WIDE, j = k % WIDE;
+        vec3 noise = random_between(&r, (vec3){-0.3, -0.3, 0}, (vec3){0.3, 0.3, 0});
+        position[k] = vec3_add((vec3){j + 0.5 * (i & 1), i * sqrt(3) / 2, 0}, noise);
+        normal[k] = (vec3){0, 0, 1};
+        spacing[k] = 1;
+    }
+    quality_input in = {.count = ALL, .position = position, .normal = normal, .spacing = spacing, .h = 1};
+    quality q;
+    assert_true(quality_measure(&in, pool, local, degree, &q, &e));
+    for (size_t first = 0; first + PIECE <= LONG; first += PIECE - 2 * MARGIN) {
+        quality_input piece = part_of(&in, first * WIDE, (first + PIECE) * WIDE);
+        assert_true(quality_measure(&piece, pool, local + ALL, degree + ALL, &q, &e));
+        for (int k = MARGIN * WIDE; k < (PIECE - MARGIN) * WIDE; k++) {
+            assert_int_equal(degree[first * WIDE + (size_t)k], degree[ALL + k]);
+            assert_close(local[first * WIDE + (size_t)k], local[ALL + k], 1e-9);
+        }
+    }
+    threads_free(pool);
+    free(position);
+    free(normal);
+    free(spacing);
+    free(local);
+    free(degree);
+}
+
+/* A sphere of several slabs, whose triangulation closes. */
+static void slabs_fit_together(void **state)
+{
+    (void)state;
+    enum { POINTS = 250000 };
+    rng r = rng_seed(test_seed(), 4);
+    error e = {0};
+    vec3 *x = calloc(POINTS, sizeof *x);
+    double *spacing = calloc(POINTS, sizeof *spacing), h = sqrt(8 * M_PI / (sqrt(3) * POINTS));
+    threads *pool = threads_new(2, NULL, &e);
+    for (int k = 0; k < POINTS; k++) {
+        double z = 1 - (2 * k + 1.0) / POINTS, angle = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
+        vec3 noise = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
+        x[k] = vec3_unit(vec3_axpy(0.1 * h, noise, (vec3){w * cos(angle), w * sin(angle), z}));
+        spacing[k] = h;
+    }
+    quality_input in = {.count = POINTS, .position = x, .normal = x, .spacing = spacing, .h = h};
+    quality q;
+    assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
+    assert_close(q.euler, 2, 1e-9);
+    threads_free(pool);
+    free(x);
+    free(spacing);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -160,6 +310,10 @@ int main(void)
         cmocka_unit_test(a_vacancy_makes_defects),
         cmocka_unit_test(euler_of_a_sphere_is_two),
         cmocka_unit_test(grading_is_told_from_disorder),
+        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(energies_are_those_of_all_pairs),
+        cmocka_unit_test(slabs_do_not_show),
+        cmocka_unit_test(slabs_fit_together),
     };
     return cmocka_run_group_tests_name("quality", tests, NULL, NULL);
 }
