@@ -22,8 +22,8 @@ typedef struct sums {
     float energy[LANES], d1[LANES], d2[LANES], h11[LANES], h12[LANES], h22[LANES], nearest2[LANES];
 } sums;
 
-/* Adds the first `count` of up to LANES neighbours. */
-ISA_INLINE void add_block(const neighbours_place *place, const uint32_t *list, size_t count,
+/* Adds the first `count` of up to LANES neighbours; the first block sets the sums. */
+ISA_INLINE void add_block(bool first, const neighbours_place *place, const uint32_t *list, size_t count,
                           neighbours_place own, const float axis1[3], const float axis2[3], float support,
                           sums *out)
 {
@@ -53,13 +53,14 @@ ISA_INLINE void add_block(const neighbours_place *place, const uint32_t *list, s
         float bend = 2 * cot * (1 + cot2) * (over * over) * (scale * scale) * weight; /* phi'' / r^2 */
         float a1 = dx * axis1[0] + dy * axis1[1] + dz * axis1[2];
         float a2 = dx * axis2[0] + dy * axis2[1] + dz * axis2[2];
-        out->energy[l] += inside * (share * share) * (cot + w - (float)M_PI_2);
-        out->d1[l] += slope * a1;
-        out->d2[l] += slope * a2;
-        out->h11[l] += bend * a1 * a1;
-        out->h12[l] += bend * a1 * a2;
-        out->h22[l] += bend * a2 * a2;
-        out->nearest2[l] = far2 < out->nearest2[l] ? far2 : out->nearest2[l];
+        float energy = inside * (share * share) * (cot + w - (float)M_PI_2);
+        out->energy[l] = first ? energy : out->energy[l] + energy;
+        out->d1[l] = first ? slope * a1 : out->d1[l] + slope * a1;
+        out->d2[l] = first ? slope * a2 : out->d2[l] + slope * a2;
+        out->h11[l] = first ? bend * a1 * a1 : out->h11[l] + bend * a1 * a1;
+        out->h12[l] = first ? bend * a1 * a2 : out->h12[l] + bend * a1 * a2;
+        out->h22[l] = first ? bend * a2 * a2 : out->h22[l] + bend * a2 * a2;
+        out->nearest2[l] = first || far2 < out->nearest2[l] ? far2 : out->nearest2[l];
     }
 }
 
@@ -83,12 +84,13 @@ ISA_INLINE void sum_forces(const neighbours_place *place, const uint32_t *list, 
                            kernel_forces *out)
 {
     sums s;
-    for (int l = 0; l < LANES; l++) {
-        s.energy[l] = s.d1[l] = s.d2[l] = s.h11[l] = s.h12[l] = s.h22[l] = 0;
-        s.nearest2[l] = INFINITY;
+    if (count == 0) {
+        *out = (kernel_forces){.nearest2 = INFINITY};
+        return;
     }
-    for (size_t k = 0; k < count; k += LANES)
-        add_block(place, list + k, count - k, own, axis1, axis2, support, &s);
+    add_block(true, place, list, count, own, axis1, axis2, support, &s);
+    for (size_t k = LANES; k < count; k += LANES)
+        add_block(false, place, list + k, count - k, own, axis1, axis2, support, &s);
     *out =
         (kernel_forces){fold(s.energy),        fold(s.d1), fold(s.d2), fold(s.h11), fold(s.h12), fold(s.h22),
                         fold_least(s.nearest2)};

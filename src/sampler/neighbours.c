@@ -301,7 +301,11 @@ static void list_batch(search *s)
     neighbours *n = s->n;
     const double cutoff = n->cutoff / n->unit;
     uint32_t found[BATCH + LANES];
-    for (; s->count % LANES; s->count++) s->size[s->count] = NAN; /* nobody's neighbours */
+    for (; s->count % LANES; s->count++) { /* nobody's neighbours */
+        s->x[s->count] = s->y[s->count] = s->z[s->count] = 0;
+        s->item[s->count] = NO_BIN;
+        s->size[s->count] = NAN;
+    }
     for (uint32_t a = n->bin_begin[s->bin]; a < n->bin_begin[s->bin + 1]; a++) {
         uint32_t i = n->bin_item[a], *list = n->list + i * n->stride;
         size_t count = n->list_count[i], more = find_in_batch(s, i, (float)(cutoff * cutoff), found);
@@ -464,6 +468,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
                          n->edge, bbox_longest(box));
     n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
     n->unit = ldexp(span, -PLACE_BITS);
+    n->per_unit = 1 / n->unit;
     build_job job = {.n = n, .x = x, .size = size};
     threads_run(pool, count, 4096, place_chunk, &job);
     if (!fill_bins(n, e)) return false;

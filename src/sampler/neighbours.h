@@ -48,7 +48,7 @@ typedef struct neighbours {
     uint32_t *table;   /* open addressing: bin + 1, or 0 */
     size_t table_size; /* a power of two */
     vec3 origin;
-    double unit;             /* of places, world */
+    double unit, per_unit;   /* of places, world; its inverse */
     neighbours_place *place; /* of each point, at the build or since neighbours_move */
 
     size_t blocks;
@@ -82,7 +82,7 @@ static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 /* Notes where point i has moved to, for those who look at places; bins and lists stay. */
 static inline void neighbours_move(neighbours *n, size_t i, vec3 x)
 {
-    vec3 d = vec3_scale(vec3_sub(x, n->origin), 1 / n->unit);
+    vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
     neighbours_place *p = &n->place[i];
     p->x = (int32_t)d.x;
     p->y = (int32_t)d.y;

@@ -237,13 +237,13 @@ static double damped_step(const pair_forces *f, double lambda, double *s1, doubl
 {
     double floor = HESSIAN_FLOOR * (f->h11 + f->h22);
     double a = f->h11 * (1 + lambda) + floor, c = f->h22 * (1 + lambda) + floor, b = f->h12;
-    double determinant = a * c - b * b;
+    double determinant = a * c - b * b, over = 1 / determinant;
     if (!(determinant > 0)) {
         *s1 = *s2 = 0;
         return 0;
     }
-    *s1 = (b * f->d2 - c * f->d1) / determinant;
-    *s2 = (b * f->d1 - a * f->d2) / determinant;
+    *s1 = (b * f->d2 - c * f->d1) * over;
+    *s2 = (b * f->d1 - a * f->d2) * over;
     return -0.5 * (*s1 * f->d1 + *s2 * f->d2);
 }
 
@@ -297,10 +297,9 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double room, part *sums)
 {
     particles *p = job->p;
-    double length = vec3_norm(vec3_sub(x, p->position[i]));
-    double step = length / (job->params->spacing * p->size[i]);
+    double length = vec3_norm(vec3_sub(x, p->position[i])), step = length / p->size[i];
     sums->squares += step * step;
-    sums->max_step = fmax(sums->max_step, step);
+    sums->max_step = step > sums->max_step ? step : sums->max_step;
     sums->cramped += length >= CRAMPED_STEP * room;
     job->r->moved[i] += (float)length;
     p->position[i] = x;
@@ -352,7 +351,8 @@ static void descend_gradient(const sweep_job *job, const attempt *a, const pair_
 /* How far the particle may still go until the lists are no longer valid. */
 static double room_of(const relax *r, const particles *p, size_t i)
 {
-    return fmax(0.5 * r->skin * p->size[i] - (double)r->moved[i], 0);
+    double room = 0.5 * r->skin * p->size[i] - (double)r->moved[i];
+    return room > 0 ? room : 0;
 }
 
 /* The forces in single precision, in the frame of the particle's normal. */
@@ -379,20 +379,24 @@ static bool glide(const sweep_job *job, size_t i, part *sums)
     sum_forces(r, p, params->sigma, i, &axis1, &axis2, &single);
     const pair_forces f = {
         .d1 = single.d1, .d2 = single.d2, .h11 = single.h11, .h12 = single.h12, .h22 = single.h22};
-    double room = room_of(r, p, i), limit = fmin(sqrt(single.nearest2) * r->near->unit, room), s1, s2;
+    double unit = r->near->unit, room = room_of(r, p, i), s1, s2;
+    double limit2 = (double)single.nearest2 * (unit * unit);
+    if (limit2 > room * room) limit2 = room * room;
     damped_step(&f, 0, &s1, &s2);
-    double scale = params->omega * r->near->unit, length = scale * sqrt(s1 * s1 + s2 * s2);
-    if (length > BOUND_SHARE * limit) scale *= BOUND_SHARE * limit / length;
+    double scale = params->omega * unit, length2 = scale * scale * (s1 * s1 + s2 * s2);
+    double bound2 = BOUND_SHARE * BOUND_SHARE * limit2;
+    if (length2 > bound2) scale *= sqrt(bound2 / length2);
     vec3 q = vec3_axpy(scale * s1, axis1, vec3_axpy(scale * s2, axis2, x));
     field_sample s;
     if (!field_sample_at(params->field, q, FIELD_GRADIENT, &s)) return false;
     double g2 = vec3_norm2(s.gradient), farthest = GLIDE_FARTHEST * params->spacing * p->size[i];
     if (!(s.value * s.value < farthest * farthest * g2)) return false;
-    q = vec3_axpy(-s.value / g2, s.gradient, q);
-    if (vec3_norm2(vec3_sub(q, x)) > limit * limit) return false;
+    double over = 1 / sqrt(g2);
+    q = vec3_axpy(-s.value * over * over, s.gradient, q);
+    if (vec3_norm2(vec3_sub(q, x)) > limit2) return false;
     sums->energy += (double)single.energy;
     sums->lambda += LAMBDA_FLOOR;
-    take_step(job, i, q, vec3_scale(s.gradient, 1 / sqrt(g2)), room, sums);
+    take_step(job, i, q, vec3_scale(s.gradient, over), room, sums);
     return true;
 }
 
@@ -435,14 +439,32 @@ static void sweep_bin(const sweep_job *job, int worker, uint32_t bin, part *sums
     }
 }
 
+/* Asks for what the bin's particles will need while the one before is worked on. */
+static void prefetch_bin(const sweep_job *job, uint32_t bin)
+{
+    const neighbours *near = job->r->near;
+    for (uint32_t k = near->bin_begin[bin]; k < near->bin_begin[bin + 1]; k++) {
+        uint32_t i = near->bin_item[k];
+        const uint32_t *list = neighbours_list(near, i);
+        __builtin_prefetch(list);
+        __builtin_prefetch(list + 12);
+        __builtin_prefetch(&job->p->position[i], 1);
+        __builtin_prefetch(&job->p->normal[i], 1);
+        __builtin_prefetch(&near->place[i], 1);
+    }
+}
+
 static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     const neighbours *near = job->r->near;
     for (size_t block = job->first_block + begin; block < job->first_block + end; block++) {
         part sums = {0};
-        for (uint32_t k = near->block_begin[block]; k < near->block_begin[block + 1]; k++)
+        uint32_t end_bin = near->block_begin[block + 1];
+        for (uint32_t k = near->block_begin[block]; k < end_bin; k++) {
+            if (k + 1 < end_bin) prefetch_bin(job, near->block_bin[k + 1]);
             sweep_bin(job, worker, near->block_bin[k], &sums);
+        }
         job->r->parts[block] = sums;
     }
 }
@@ -469,7 +491,8 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     double count = (double)p->count;
     sums.energy /= count;
     sums.mean_log10_lambda /= count;
-    sums.rms_step = sqrt(squares / count);
+    sums.rms_step = sqrt(squares / count) / params->spacing;
+    sums.max_step /= params->spacing;
     *out = sums;
 }
 

@@ -42,7 +42,7 @@ static bspline *make(fixture *x, double (*value)(vec3))
 {
     error e = {0};
     fill(x, value);
-    const bspline_params params = {{NX, NY, NZ}, oblong, x->coefficients};
+    const bspline_params params = {{NX, NY, NZ}, oblong, x->coefficients, ISA_PORTABLE};
     x->b = bspline_new(&params, NULL, &e);
     if (!x->b) fail_msg("%s", e.message);
     return x->b;
@@ -274,7 +274,7 @@ static void no_zero_is_no_surface(void **state)
     fixture x;
     error e = {0};
     fill(&x, positive);
-    const bspline_params params = {{NX, NY, NZ}, oblong, x.coefficients};
+    const bspline_params params = {{NX, NY, NZ}, oblong, x.coefficients, isa_best()};
     assert_null(bspline_new(&params, NULL, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
     assert_non_null(strstr(e.message, "range from 1 to "));
