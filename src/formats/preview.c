@@ -11,8 +11,10 @@
 /* An odd number, so that the middle sample is the pixel's centre. */
 enum { SAMPLES = 3 };
 
-/* Samples of one band of rows: what is drawn at once, to bound the memory of large pictures. */
-enum { BAND_SAMPLES = 1 << 22 };
+/* Samples of one band of rows: what a worker draws at once, within its cache. */
+enum { BAND_SAMPLES = 1 << 16 };
+/* Points in a chunk of work. */
+enum { POINTS_GRAIN = 4096 };
 
 /* A sample's code: 0 nothing, else index + 1 with these marks. */
 #define CODE_BODY 0x80000000u
@@ -122,8 +124,7 @@ static int whole(double value, int low, int high)
 static bool sample_range(const camera *c, const disc *d, const band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
-    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)),
-           ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
+    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
     double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz),
            far = c->focal / (p.z + rz);
     double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
@@ -142,40 +143,43 @@ static double sample_place(int sample)
     return (sample + 0.5) / SAMPLES;
 }
 
-/* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. */
-static void draw_disc(const camera *c, const disc *d, const band *b)
+/* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. Without a branch, so
+ * that the samples of a row go through vectors; the sums are the same on every machine, as none is fused. */
+__attribute__((target_clones("default", "avx2", "avx512f"))) static void
+draw_samples(const camera *c, const disc *d, const band *b, const int range[4])
 {
-    int range[4];
-    if (!sample_range(c, d, b, range)) return;
     vec3 p = d->center, n = d->normal;
     double offset = vec3_dot(p, n), limit = d->radius * d->radius, per_area = d->cone / limit;
     double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
+    double step = 1 / (SAMPLES * c->focal), first = (sample_place(0) - c->center_x) / c->focal;
+    uint32_t plain = d->code, outline = d->code | CODE_RING;
     for (int y = range[2]; y <= range[3]; y++) {
-        float *depth = b->depth + (size_t)(y - b->top) * (size_t)b->width;
-        uint32_t *code = b->code + (size_t)(y - b->top) * (size_t)b->width;
-        vec3 ray = camera_ray(c, 0, sample_place(y));
-        double row = ray.y * n.y + n.z;
+        float *restrict depth = b->depth + (size_t)(y - b->top) * (size_t)b->width;
+        uint32_t *restrict code = b->code + (size_t)(y - b->top) * (size_t)b->width;
+        double ray_y = camera_ray(c, 0, sample_place(y)).y, row = ray_y * n.y + n.z;
         for (int x = range[0]; x <= range[1]; x++) {
-            ray.x = (sample_place(x) - c->center_x) / c->focal;
-            double z = offset / (ray.x * n.x + row);
-            double dx = ray.x * z - p.x, dy = ray.y * z - p.y, dz = z - p.z,
-                   area = dx * dx + dy * dy + dz * dz;
-            if (!(area <= limit)) continue; /* also where the ray runs along the plane */
-            float key = (float)(z + per_area * area);
-            if (key >= depth[x]) continue;
-            depth[x] = key;
-            code[x] = area > ring_limit ? d->code | CODE_RING : d->code;
+            double ray_x = first + x * step, z = offset / (ray_x * n.x + row);
+            double dx = ray_x * z - p.x, dy = ray_y * z - p.y, dz = z - p.z;
+            double area = dx * dx + dy * dy + dz * dz; /* not a number where the ray runs along the plane */
+            float key = (float)(z + per_area * area), before = depth[x];
+            bool wins = (area <= limit) & (key < before);
+            depth[x] = wins ? key : before;
+            code[x] = wins ? area > ring_limit ? outline : plain : code[x];
         }
     }
+}
+
+static void draw_disc(const camera *c, const disc *d, const band *b)
+{
+    int range[4];
+    if (sample_range(c, d, b, range)) draw_samples(c, d, b, range);
 }
 
 /* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
 static void draw_dot(const camera *c, const disc *d, const band *b)
 {
-    int x =
-        whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
-    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top,
-                  -1, b->rows);
+    int x = whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
+    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
     if ((float)d->center.z >= b->depth[at]) return;
@@ -188,13 +192,86 @@ static bool faces_away(const disc *d)
     return vec3_dot(d->center, d->normal) >= 0;
 }
 
-static void draw_band(const image *m, const band *b)
+/* The points that may be seen in each band, in the order of the set. */
+typedef struct bins {
+    int rows;                  /* of samples in a band */
+    size_t bands;
+    uint16_t (*reach)[2];      /* of each point: its first and last band */
+    size_t *begin;             /* bands + 1: of a band's points in `point` */
+    uint32_t *point;
+} bins;
+
+static void bins_free(bins *b)
+{
+    free(b->reach);
+    free(b->begin);
+    free(b->point);
+}
+
+/* Linear light. */
+typedef struct color {
+    float r, g, b;
+} color;
+
+typedef struct drawing {
+    image *image;
+    threads *pool;
+    const color *colors;
+    const unsigned char *table;
+    bins bins;
+    band *band; /* one a worker */
+} drawing;
+
+static void reach_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const drawing *job = context;
+    const image *m = job->image;
+    (void)worker;
+    band all = {.width = m->width * SAMPLES, .rows = m->height * SAMPLES};
+    for (size_t i = begin; i < end; i++) {
+        disc both[2] = {body_of(m, i), face_of(m, i)};
+        double dot = (m->camera.center_y - both[1].center.y * m->camera.focal / both[1].center.z) * SAMPLES;
+        int low = whole(floor(dot), 0, all.rows - 1), high = low;
+        for (int k = 0; k < 2; k++) {
+            int range[4];
+            if (!sample_range(&m->camera, &both[k], &all, range)) continue;
+            if (range[2] < low) low = range[2];
+            if (range[3] > high) high = range[3];
+        }
+        job->bins.reach[i][0] = (uint16_t)(low / job->bins.rows);
+        job->bins.reach[i][1] = (uint16_t)(high / job->bins.rows);
+    }
+}
+
+static bool sort_into_bands(drawing *job, error *e)
+{
+    static const char what[] = "the preview's points";
+    bins *b = &job->bins;
+    size_t count = job->image->points.count;
+    b->reach = mem_array(count, sizeof *b->reach, what, e);
+    b->begin = mem_array(b->bands + 2, sizeof *b->begin, what, e);
+    if (!b->reach || !b->begin) return false;
+    threads_run(job->pool, count, POINTS_GRAIN, reach_chunk, job);
+    if (threads_stopped(job->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    for (size_t i = 0; i < count; i++)
+        for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->begin[k + 2]++;
+    for (size_t k = 2; k < b->bands + 2; k++) b->begin[k] += b->begin[k - 1];
+    b->point = mem_array(b->begin[b->bands + 1], sizeof *b->point, what, e);
+    if (!b->point) return false;
+    for (size_t i = 0; i < count; i++) /* begin[k + 1] moves from the band's begin to its end */
+        for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->point[b->begin[k + 1]++] = (uint32_t)i;
+    free(b->reach);
+    b->reach = NULL;
+    return true;
+}
+
+static void draw_band(const image *m, const bins *sorted, size_t which, const band *b)
 {
     size_t total = (size_t)b->width * (size_t)b->rows;
     for (size_t i = 0; i < total; i++) b->depth[i] = INFINITY;
     memset(b->code, 0, total * sizeof *b->code);
-    for (size_t i = 0; i < m->points.count; i++) {
-        disc body = body_of(m, i), face = face_of(m, i);
+    for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
+        disc body = body_of(m, sorted->point[k]), face = face_of(m, sorted->point[k]);
         draw_disc(&m->camera, &body, b);
         if (faces_away(&face)) continue;
         draw_disc(&m->camera, &face, b);
@@ -203,10 +280,6 @@ static void draw_band(const image *m, const band *b)
 }
 
 /* ---- shading ---- */
-
-typedef struct color {
-    float r, g, b;
-} color;
 
 /* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which
  * leaves nothing black. Directions point at the lights, in camera space. */
@@ -279,62 +352,124 @@ static float background(const image *m, int y)
     return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
 }
 
-static void resolve_pixel(image *m, const band *b, const color *colors, const unsigned char *table,
-                          vec3 up, int x, int y)
+/* What the samples of a pixel show, and the colour of the last code that was looked up. */
+typedef struct resolver {
+    image *image;
+    const band *band;
+    const color *colors;
+    const unsigned char *table;
+    vec3 up;
+    uint32_t code;
+    color color;
+} resolver;
+
+static color color_of(resolver *r, uint32_t code)
 {
-    color sum = {0, 0, 0}, last = {0, 0, 0};
-    uint32_t previous = 0;
+    if (code != r->code) r->color = sample_color(r->image, r->colors, code, r->up);
+    r->code = code;
+    return r->color;
+}
+
+static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, float ground)
+{
+    const float rgba[4] = {c.r, c.g, c.b, coverage};
+    float behind = (1 - coverage) * ground;
+    for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
+    for (int k = 0; k < 3; k++)
+        r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
+}
+
+static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[SAMPLES], int x, float ground)
+{
+    static const float share = 1.0f / (SAMPLES * SAMPLES);
+    color sum = {0, 0, 0};
     int covered = 0;
     for (int j = 0; j < SAMPLES; j++)
         for (int i = 0; i < SAMPLES; i++) {
-            uint32_t code = b->code[(size_t)(y * SAMPLES + j - b->top) * (size_t)b->width +
-                                    (size_t)(x * SAMPLES + i)];
+            uint32_t code = line[j][x * SAMPLES + i];
             if (code == 0) continue;
-            if (code != previous) last = sample_color(m, colors, code, up);
-            previous = code;
-            sum = (color){sum.r + last.r, sum.g + last.g, sum.b + last.b};
+            color c = color_of(r, code);
+            sum = (color){sum.r + c.r, sum.g + c.g, sum.b + c.b};
             covered++;
         }
-    const float share = 1.0f / (SAMPLES * SAMPLES);
-    float rgba[4] = {sum.r * share, sum.g * share, sum.b * share, (float)covered * share};
-    size_t pixel = (size_t)y * (size_t)m->width + (size_t)x;
-    for (int k = 0; k < 4; k++) m->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
-    float behind = (1 - rgba[3]) * background(m, y);
-    for (int k = 0; k < 3; k++) m->rgb[3 * pixel + (size_t)k] = to_byte(table, rgba[k] + behind);
-    int middle = SAMPLES / 2;
-    m->hit[pixel] = b->code[(size_t)(y * SAMPLES + middle - b->top) * (size_t)b->width +
-                            (size_t)(x * SAMPLES + middle)];
+    put_pixel(r, pixel, (color){sum.r * share, sum.g * share, sum.b * share}, (float)covered * share, ground);
 }
 
-static bool draw(image *m, preview_color which, error *e)
+/* Most pixels show one thing, or nothing, in all their samples. */
+static void resolve_row(resolver *r, int y)
 {
-    band b = {.width = m->width * SAMPLES};
-    int band_pixels = BAND_SAMPLES / (b.width * SAMPLES);
+    image *m = r->image;
+    const uint32_t *line[SAMPLES];
+    for (int j = 0; j < SAMPLES; j++)
+        line[j] = r->band->code + (size_t)(y * SAMPLES + j - r->band->top) * (size_t)r->band->width;
+    float ground = background(m, y);
+    size_t pixel = (size_t)y * (size_t)m->width;
+    for (int x = 0; x < m->width; x++, pixel++) {
+        uint32_t first = line[0][x * SAMPLES], differs = 0;
+        for (int j = 0; j < SAMPLES; j++)
+            for (int i = 0; i < SAMPLES; i++) differs |= line[j][x * SAMPLES + i] ^ first;
+        if (differs)
+            mix_pixel(r, pixel, line, x, ground);
+        else if (first)
+            put_pixel(r, pixel, color_of(r, first), 1, ground);
+        else
+            memset(m->rgb + 3 * pixel, to_byte(r->table, ground), 3);
+        m->hit[pixel] = line[SAMPLES / 2][x * SAMPLES + SAMPLES / 2];
+    }
+}
+
+static void band_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const drawing *job = context;
+    image *m = job->image;
+    band *b = &job->band[worker];
+    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
+    for (size_t k = begin; k < end; k++) {
+        int rows = job->bins.rows, all = m->height * SAMPLES;
+        b->top = (int)k * rows;
+        b->rows = all - b->top < rows ? all - b->top : rows;
+        draw_band(m, &job->bins, k, b);
+        resolver r = {m, b, job->colors, job->table, up, 0, {0, 0, 0}};
+        for (int y = b->top / SAMPLES; y < (b->top + b->rows) / SAMPLES; y++) resolve_row(&r, y);
+    }
+}
+
+static bool make_bands(drawing *job, error *e)
+{
+    int width = job->image->width * SAMPLES, pixels = BAND_SAMPLES / (width * SAMPLES);
+    job->bins.rows = (pixels < 1 ? 1 : pixels) * SAMPLES;
+    job->bins.bands = (size_t)((job->image->height * SAMPLES + job->bins.rows - 1) / job->bins.rows);
+    job->band = mem_alloc((size_t)threads_count(job->pool) * sizeof *job->band);
+    for (int k = 0; k < threads_count(job->pool); k++) {
+        band *b = &job->band[k];
+        b->width = width;
+        b->depth = mem_array((size_t)(width * job->bins.rows), sizeof *b->depth, "the preview's depths", e);
+        b->code = mem_array((size_t)(width * job->bins.rows), sizeof *b->code, "the preview's samples", e);
+        if (!b->depth || !b->code) return false;
+    }
+    return true;
+}
+
+static bool draw(image *m, preview_color which, threads *pool, error *e)
+{
     unsigned char *table = mem_alloc(TABLE_SIZE);
     color *colors = shade_points(m, which, e);
-    bool done = false;
-    if (band_pixels < 1) band_pixels = 1;
-    size_t samples = (size_t)b.width * (size_t)(band_pixels * SAMPLES);
-    b.depth = mem_array(samples, sizeof *b.depth, "the preview's depths", e);
-    b.code = mem_array(samples, sizeof *b.code, "the preview's samples", e);
-    if (!colors || !b.depth || !b.code) goto end;
-    make_table(table);
-    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
-    for (int top = 0; top < m->height; top += band_pixels) {
-        int rows = m->height - top < band_pixels ? m->height - top : band_pixels;
-        b.top = top * SAMPLES;
-        b.rows = rows * SAMPLES;
-        draw_band(m, &b);
-        for (int y = top; y < top + rows; y++)
-            for (int x = 0; x < m->width; x++) resolve_pixel(m, &b, colors, table, up, x, y);
+    drawing job = {.image = m, .pool = pool, .colors = colors, .table = table};
+    bool ok = colors && make_bands(&job, e) && sort_into_bands(&job, e);
+    if (ok) {
+        make_table(table);
+        threads_run(pool, job.bins.bands, 1, band_chunk, &job);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
-    done = true;
-end:
-    free(b.depth);
-    free(b.code);
+    for (int k = 0; job.band && k < threads_count(pool); k++) {
+        free(job.band[k].depth);
+        free(job.band[k].code);
+    }
+    free(job.band);
+    bins_free(&job.bins);
     free(colors);
     free(table);
-    return done;
+    return ok;
 }
 
 /* ---- the whole ---- */
@@ -397,7 +532,7 @@ static image *new_image(const points *set, const preview_options *options, error
     return NULL;
 }
 
-bool preview_render(const points *set, const preview_options *options, image **out, error *e)
+bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e)
 {
     if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
         options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
@@ -414,7 +549,7 @@ bool preview_render(const points *set, const preview_options *options, image **o
     double least = curvature ? 0.01 / m->extent : 0.001;
     if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale,
                            e) ||
-        !draw(m, options->color, e)) {
+        !draw(m, options->color, pool, e)) {
         preview_free(m);
         return false;
     }
@@ -433,25 +568,39 @@ void preview_free(image *m)
     free(m);
 }
 
-preview_sample preview_at(const image *m, int x, int y)
+preview_span preview_span_at(const image *m, int x, int y)
 {
-    preview_sample s = {.depth = PREVIEW_FAR};
-    uint32_t code = m->hit[(size_t)y * (size_t)m->width + (size_t)x];
+    const uint32_t *hit = m->hit + (size_t)y * (size_t)m->width;
+    uint32_t code = hit[x];
+    preview_span s = {.end = x + 1};
+    while (s.end < m->width && hit[s.end] == code) s.end++;
     if (code == 0) return s;
     size_t i = (code & CODE_INDEX) - 1;
     disc d = code & CODE_BODY ? body_of(m, i) : face_of(m, i);
-    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
-    double z = vec3_dot(d.center, d.normal) / vec3_dot(ray, d.normal);
-    vec3 p = vec3_scale(ray, z);
-    /* A dot stands for a disc that its ray misses: its own place then. */
-    if (!(vec3_norm2(vec3_sub(p, d.center)) <= d.radius * d.radius)) p = d.center;
     s.id = (uint32_t)(i + 1);
-    s.depth = (float)p.z;
-    s.position = camera_to_world(&m->camera, p);
     s.normal = m->points.normal[i];
     s.kappa = m->points.kappa[i];
     s.spacing = m->points.spacing_local[i];
+    s.center = d.center;
+    s.plane = d.normal;
+    s.radius = d.radius;
     return s;
+}
+
+vec3 preview_place(const image *m, const preview_span *s, int x, int y)
+{
+    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
+    vec3 p = vec3_scale(ray, vec3_dot(s->center, s->plane) / vec3_dot(ray, s->plane));
+    /* A dot stands for a disc that its ray misses: its own place then. */
+    return vec3_norm2(vec3_sub(p, s->center)) <= s->radius * s->radius ? p : s->center;
+}
+
+preview_sample preview_at(const image *m, int x, int y)
+{
+    preview_span s = preview_span_at(m, x, y);
+    if (s.id == 0) return (preview_sample){.depth = PREVIEW_FAR};
+    vec3 p = preview_place(m, &s, x, y);
+    return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
 }
 
 uint16_t preview_half(float value)

@@ -7,7 +7,7 @@
  *
  * The picture is computed from 3 x 3 samples a pixel; the data of a pixel (preview_sample) belong
  * to its centre sample alone and are never averaged. The same points and options give the same
- * bytes. One thread draws; any number may read a finished image.
+ * bytes, drawn by any number of threads; any number may read a finished image.
  */
 #ifndef HEXAD_FORMATS_PREVIEW_H
 #define HEXAD_FORMATS_PREVIEW_H
@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "formats/camera.h"
 #include "formats/colormap.h"
 #include "formats/points.h"
@@ -56,12 +57,29 @@ typedef struct preview_sample {
 } preview_sample;
 
 /* Draws the set; the caller frees with preview_free. An empty set, values that are not finite and
- * lengths beyond 1e25 are errors (internal: the solver never delivers such). */
-bool preview_render(const points *set, const preview_options *options, image **out, error *e);
+ * lengths beyond 1e25 are errors (internal: the solver never delivers such); cancelled when the pool was
+ * told to stop. */
+bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
 void preview_free(image *picture); /* accepts NULL */
 
 /* The centre sample of pixel (x, y), counted from the top left. */
 preview_sample preview_at(const image *picture, int x, int y);
+
+/* What the centres of neighbouring pixels of a row show: one point's disc, or nothing. */
+typedef struct preview_span {
+    int end;     /* the first pixel beyond */
+    uint32_t id; /* and what follows: as in preview_sample */
+    vec3 normal;
+    double kappa, spacing;
+    vec3 center, plane; /* the disc in camera space; plane: its normal */
+    double radius;
+} preview_span;
+
+/* From pixel x of row y on. */
+preview_span preview_span_at(const image *picture, int x, int y);
+
+/* The place in camera space, whose third coordinate is the depth, that pixel (x, y) of the span shows. */
+vec3 preview_place(const image *picture, const preview_span *span, int x, int y);
 
 /* A float as a half (IEEE 754 binary16), rounded to nearest even, and back. */
 uint16_t preview_half(float value);

@@ -9,6 +9,7 @@
 #include <openexr.h>
 
 #include "base/memory.h"
+#include "formats/deflate.h"
 
 /* In the order of the file, which is that of the names' bytes. */
 enum { A, B, G, N_X, N_Y, N_Z, P_X, P_Y, P_Z, R, Z, ID, KAPPA, SPACING, CHANNELS };
@@ -34,53 +35,96 @@ enum { CHUNK_LINES = 16 }; /* of ZIP */
 /* The library wants a name even where the callbacks do the work; it goes into messages only. */
 static const char library_name[] = "preview.exr";
 
-/* The lines of one chunk, a plane per channel of CHUNK_LINES lines. */
-typedef struct planes {
+/* The lines of one chunk as they stand in a file without compression: line after line, and within a line
+ * channel after channel. */
+typedef struct lines {
     int width;
-    unsigned char *plane[CHANNELS];
-} planes;
+    size_t line_bytes, offset[CHANNELS]; /* of a channel within its line */
+    unsigned char *bytes;
+} lines;
 
-static void planes_make(planes *p, int width)
+static lines lines_make(int width)
 {
-    *p = (planes){.width = width};
-    for (int c = 0; c < CHANNELS; c++)
-        p->plane[c] = mem_alloc((size_t)width * CHUNK_LINES * (size_t)channels[c].bytes);
+    lines l = {.width = width};
+    for (int c = 0; c < CHANNELS; c++) {
+        l.offset[c] = l.line_bytes;
+        l.line_bytes += (size_t)width * (size_t)channels[c].bytes;
+    }
+    l.bytes = mem_alloc(l.line_bytes * CHUNK_LINES);
+    return l;
 }
 
-static void planes_free(planes *p)
-{
-    for (int c = 0; c < CHANNELS; c++) free(p->plane[c]);
-}
-
-static void put_float(planes *p, int c, size_t at, double value)
+static void put_float(unsigned char *line, size_t at, double value)
 {
     float single = (float)value;
-    memcpy(p->plane[c] + 4 * at, &single, sizeof single);
+    memcpy(line + 4 * at, &single, sizeof single);
 }
 
-static void fill_pixel(planes *p, size_t at, const image *m, int x, int y)
+static void fill_constants(const lines *l, unsigned char *line, const preview_span *s, int x)
+{
+    for (size_t at = (size_t)x; at < (size_t)s->end; at++) {
+        put_float(line + l->offset[N_X], at, s->normal.x);
+        put_float(line + l->offset[N_Y], at, s->normal.y);
+        put_float(line + l->offset[N_Z], at, s->normal.z);
+        put_float(line + l->offset[KAPPA], at, s->kappa);
+        put_float(line + l->offset[SPACING], at, s->spacing);
+        memcpy(line + l->offset[ID] + 4 * at, &s->id, sizeof s->id);
+    }
+}
+
+static void fill_places(const lines *l, unsigned char *line, const image *m, const preview_span *s, int x, int y)
+{
+    for (; x < s->end; x++) {
+        size_t at = (size_t)x;
+        vec3 p = preview_place(m, s, x, y), world = camera_to_world(&m->camera, p);
+        put_float(line + l->offset[Z], at, p.z);
+        put_float(line + l->offset[P_X], at, world.x);
+        put_float(line + l->offset[P_Y], at, world.y);
+        put_float(line + l->offset[P_Z], at, world.z);
+    }
+}
+
+static void fill_line(const lines *l, unsigned char *line, const image *m, int y)
 {
     static const int color_channel[4] = {R, G, B, A};
-    preview_sample s = preview_at(m, x, y);
-    const uint16_t *rgba = m->rgba + 4 * ((size_t)y * (size_t)m->width + (size_t)x);
-    for (int k = 0; k < 4; k++) memcpy(p->plane[color_channel[k]] + 2 * at, &rgba[k], 2);
-    for (int k = 0; k < 3; k++) {
-        put_float(p, P_X + k, at, vec3_get(s.position, k));
-        put_float(p, N_X + k, at, vec3_get(s.normal, k));
+    const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
+    memset(line, 0, l->line_bytes);
+    for (int k = 0; k < 4; k++)
+        for (size_t x = 0; x < (size_t)m->width; x++)
+            memcpy(line + l->offset[color_channel[k]] + 2 * x, &rgba[4 * x + (size_t)k], 2);
+    for (int x = 0; x < m->width;) {
+        preview_span s = preview_span_at(m, x, y);
+        if (s.id > 0) {
+            fill_constants(l, line, &s, x);
+            fill_places(l, line, m, &s, x, y);
+        } else
+            for (size_t at = (size_t)x; at < (size_t)s.end; at++)
+                put_float(line + l->offset[Z], at, (double)PREVIEW_FAR);
+        x = s.end;
     }
-    put_float(p, Z, at, (double)s.depth);
-    put_float(p, KAPPA, at, s.kappa);
-    put_float(p, SPACING, at, s.spacing);
-    memcpy(p->plane[ID] + 4 * at, &s.id, sizeof s.id);
 }
 
-static int fill_lines(planes *p, const image *m, int top)
+/* Returns how many bytes the lines from `top` on take. */
+static size_t fill_lines(const lines *l, const image *m, int top)
 {
-    int lines = m->height - top < CHUNK_LINES ? m->height - top : CHUNK_LINES;
-    for (int y = 0; y < lines; y++)
-        for (int x = 0; x < m->width; x++)
-            fill_pixel(p, (size_t)y * (size_t)m->width + (size_t)x, m, x, top + y);
-    return lines;
+    int count = m->height - top < CHUNK_LINES ? m->height - top : CHUNK_LINES;
+    for (int y = 0; y < count; y++) fill_line(l, l->bytes + (size_t)y * l->line_bytes, m, top + y);
+    return (size_t)count * l->line_bytes;
+}
+
+/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. */
+__attribute__((target_clones("default", "avx2", "avx512f"))) static void
+spread(const unsigned char *restrict in, size_t count, unsigned char *restrict apart,
+       unsigned char *restrict out)
+{
+    size_t half = (count + 1) / 2;
+    for (size_t k = 0; k < count / 2; k++) {
+        apart[k] = in[2 * k];
+        apart[half + k] = in[2 * k + 1];
+    }
+    if (count % 2) apart[half - 1] = in[count - 1];
+    out[0] = apart[0];
+    for (size_t k = 1; k < count; k++) out[k] = (unsigned char)(apart[k] - apart[k - 1] + 128);
 }
 
 /* What the library's callbacks work on. */
@@ -145,9 +189,6 @@ static int64_t on_size(exr_const_context_t context, void *place)
     return fstat(((stream *)place)->fd, &status) == 0 ? (int64_t)status.st_size : -1;
 }
 
-/* Positions and normals hardly shrink: the quickest level gives files 5 % larger in half the time. */
-enum { ZIP_LEVEL = 1 };
-
 static exr_context_initializer_t initializer(stream *s)
 {
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -156,7 +197,6 @@ static exr_context_initializer_t initializer(stream *s)
     init.read_fn = on_read;
     init.size_fn = on_size;
     init.write_fn = on_write;
-    init.zip_level = ZIP_LEVEL;
     init.max_image_width = PREVIEW_SIZE_MAX;
     init.max_image_height = PREVIEW_SIZE_MAX;
     return init;
@@ -170,22 +210,6 @@ static bool finish(bool good, exr_result_t result, stream *s, error *e)
         error_set(&s->e, ERROR_INTERNAL, "EXR file: %s", exr_get_default_error_message(result));
     if (e) *e = s->e;
     return false;
-}
-
-static bool attach(exr_coding_channel_info_t *info, int count, planes *p)
-{
-    if (count != CHANNELS) return false;
-    for (int c = 0; c < CHANNELS; c++) {
-        if (strcmp(info[c].channel_name, channels[c].name) != 0 ||
-            info[c].data_type != channels[c].type)
-            return false;
-        info[c].user_bytes_per_element = (int16_t)channels[c].bytes;
-        info[c].user_data_type = (uint16_t)channels[c].type;
-        info[c].user_pixel_stride = channels[c].bytes;
-        info[c].user_line_stride = channels[c].bytes * p->width;
-        info[c].decode_to_ptr = p->plane[c]; /* a union with encode_from_ptr */
-    }
-    return true;
 }
 
 /* ---- writing ---- */
@@ -210,32 +234,50 @@ static exr_result_t write_head(exr_context_t file, const image *m)
     return r ? r : exr_write_header(file);
 }
 
-static exr_result_t write_chunks(exr_context_t file, const image *m, planes *p)
+/* What a chunk goes through. */
+typedef struct packing {
+    lines lines;
+    unsigned char *apart, *differences, *packed;
+} packing;
+
+static packing packing_make(int width)
 {
-    exr_encode_pipeline_t pipe = EXR_ENCODE_PIPELINE_INITIALIZER;
+    packing p = {.lines = lines_make(width)};
+    size_t most = p.lines.line_bytes * CHUNK_LINES;
+    p.apart = mem_alloc(most);
+    p.differences = mem_alloc(most);
+    p.packed = mem_alloc(deflate_bound(most));
+    return p;
+}
+
+static void packing_free(packing *p)
+{
+    free(p->lines.bytes);
+    free(p->apart);
+    free(p->differences);
+    free(p->packed);
+}
+
+/* A chunk that does not shrink is stored as it is, which its size tells. */
+static exr_result_t write_chunks(exr_context_t file, const image *m, packing *p)
+{
     exr_result_t r = EXR_ERR_SUCCESS;
     for (int y = 0; !r && y < m->height; y += CHUNK_LINES) {
-        exr_chunk_info_t chunk;
-        fill_lines(p, m, y);
-        r = exr_write_scanline_chunk_info(file, 0, y, &chunk);
-        if (!r)
-            r = y == 0 ? exr_encoding_initialize(file, 0, &chunk, &pipe)
-                       : exr_encoding_update(file, 0, &chunk, &pipe);
-        if (!r && !attach(pipe.channels, pipe.channel_count, p)) r = EXR_ERR_INVALID_ARGUMENT;
-        if (!r && y == 0) r = exr_encoding_choose_default_routines(file, 0, &pipe);
-        if (!r) r = exr_encoding_run(file, 0, &pipe);
+        size_t count = fill_lines(&p->lines, m, y);
+        spread(p->lines.bytes, count, p->apart, p->differences);
+        size_t packed = deflate_pack(p->differences, count, p->packed);
+        bool shrinks = packed < count;
+        r = exr_write_scanline_chunk(file, 0, y, shrinks ? p->packed : p->lines.bytes, shrinks ? packed : count);
     }
-    exr_encoding_destroy(file, &pipe);
     return r;
 }
 
 bool preview_exr_write(FILE *file, const image *m, error *e)
 {
     stream s = {.fd = fileno(file)};
-    planes p;
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
-    planes_make(&p, m->width);
+    packing p = packing_make(m->width);
     exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
     if (!r) r = write_head(context, m);
     if (!r) r = write_chunks(context, m, &p);
@@ -243,7 +285,7 @@ bool preview_exr_write(FILE *file, const image *m, error *e)
         exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
     }
-    planes_free(&p);
+    packing_free(&p);
     return finish(r == EXR_ERR_SUCCESS && s.e.code == ERROR_NONE, r, &s, e);
 }
 
@@ -252,30 +294,46 @@ bool preview_exr_write(FILE *file, const image *m, error *e)
 static bool check_head(exr_context_t file, const image *m, error *e)
 {
     int parts = 0;
-    int32_t lines = 0;
+    int32_t per_chunk = 0;
     exr_attr_box2i_t window;
     exr_compression_t compression;
     if (exr_get_count(file, &parts) || parts != 1 || exr_get_data_window(file, 0, &window) ||
-        exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &lines))
+        exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &per_chunk))
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
-        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_ZIP || lines != CHUNK_LINES)
+        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_ZIP || per_chunk != CHUNK_LINES)
         return error_set(e, ERROR_INTERNAL,
                          "EXR file: it does not have the picture's size and compression");
     return true;
 }
 
-static bool same_lines(const planes *a, const planes *b, int lines, error *e)
+/* The library is to put the channels where fill_lines has them. */
+static bool attach(exr_coding_channel_info_t *info, int count, const lines *l)
 {
-    for (int c = 0; c < CHANNELS; c++)
-        if (memcmp(a->plane[c], b->plane[c],
-                   (size_t)lines * (size_t)a->width * (size_t)channels[c].bytes) != 0)
-            return error_set(e, ERROR_INTERNAL, "EXR file: the channel %s is not what was written",
-                             channels[c].name);
+    if (count != CHANNELS) return false;
+    for (int c = 0; c < CHANNELS; c++) {
+        if (strcmp(info[c].channel_name, channels[c].name) != 0 || info[c].data_type != channels[c].type)
+            return false;
+        info[c].user_bytes_per_element = (int16_t)channels[c].bytes;
+        info[c].user_data_type = (uint16_t)channels[c].type;
+        info[c].user_pixel_stride = channels[c].bytes;
+        info[c].user_line_stride = (int32_t)l->line_bytes;
+        info[c].decode_to_ptr = l->bytes + l->offset[c];
+    }
     return true;
 }
 
-static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wanted, planes *found,
+static bool same_lines(const lines *a, const lines *b, size_t count, error *e)
+{
+    if (memcmp(a->bytes, b->bytes, count) == 0) return true;
+    size_t at = 0;
+    while (a->bytes[at] == b->bytes[at]) at++;
+    int c = CHANNELS - 1;
+    while (a->offset[c] > at % a->line_bytes) c--;
+    return error_set(e, ERROR_INTERNAL, "EXR file: the channel %s is not what was written", channels[c].name);
+}
+
+static exr_result_t check_chunks(exr_context_t file, const image *m, const lines *wanted, const lines *found,
                                  bool *same, error *e)
 {
     exr_decode_pipeline_t pipe = EXR_DECODE_PIPELINE_INITIALIZER;
@@ -283,19 +341,18 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wan
     *same = true;
     for (int y = 0; !r && *same && y < m->height; y += CHUNK_LINES) {
         exr_chunk_info_t chunk;
-        int lines = fill_lines(wanted, m, y);
+        size_t count = fill_lines(wanted, m, y);
         r = exr_read_scanline_chunk_info(file, 0, y, &chunk);
         if (!r)
             r = y == 0 ? exr_decoding_initialize(file, 0, &chunk, &pipe)
                        : exr_decoding_update(file, 0, &chunk, &pipe);
         if (!r && !attach(pipe.channels, pipe.channel_count, found)) {
-            *same = error_set(e, ERROR_INTERNAL,
-                              "EXR file: its channels are not those that were written");
+            *same = error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
             break;
         }
         if (!r && y == 0) r = exr_decoding_choose_default_routines(file, 0, &pipe);
         if (!r) r = exr_decoding_run(file, 0, &pipe);
-        if (!r) *same = same_lines(wanted, found, lines, e);
+        if (!r) *same = same_lines(wanted, found, count, e);
     }
     exr_decoding_destroy(file, &pipe);
     return r;
@@ -304,17 +361,14 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, planes *wan
 bool preview_exr_verify(FILE *file, const image *m, error *e)
 {
     stream s = {.fd = fileno(file)};
-    planes wanted, found;
+    lines wanted = lines_make(m->width), found = lines_make(m->width);
     bool same = false;
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
-    planes_make(&wanted, m->width);
-    planes_make(&found, m->width);
     exr_result_t r = exr_start_read(&context, library_name, &init);
-    if (!r && check_head(context, m, &s.e))
-        r = check_chunks(context, m, &wanted, &found, &same, &s.e);
+    if (!r && check_head(context, m, &s.e)) r = check_chunks(context, m, &wanted, &found, &same, &s.e);
     if (context) exr_finish(&context);
-    planes_free(&wanted);
-    planes_free(&found);
+    free(wanted.bytes);
+    free(found.bytes);
     return finish(!r && same, r, &s, e);
 }

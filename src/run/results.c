@@ -114,20 +114,21 @@ static bool write_exr(const char *directory, const image *picture, json *outputs
     return ok;
 }
 
-static bool write_preview(const char *directory, const spec *s, const points *set, json *outputs, error *e)
+static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool, json *outputs,
+                          error *e)
 {
     const preview_options options = {s->preview_width, s->preview_height,
                                      s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA
                                                                           : PREVIEW_CURVATURE};
     image *picture;
-    if (!preview_render(set, &options, &picture, e)) return false;
+    if (!preview_render(set, &options, pool, &picture, e)) return false;
     bool ok = write_png(directory, picture, outputs, e) && write_exr(directory, picture, outputs, e);
     preview_free(picture);
     return ok;
 }
 
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   json *outputs, results_facts *out, error *e)
+                   threads *pool, json *outputs, results_facts *out, error *e)
 {
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
     results_facts facts = {largest_residual(f, set, as_float, h), false};
@@ -136,7 +137,7 @@ bool results_write(const char *directory, const spec *s, const field *f, const p
         facts = (results_facts){largest_residual(f, set, false, h), true};
     }
     if (!write_ply(directory, s, set, as_float, outputs, e)) return false;
-    if (s->has_preview && !write_preview(directory, s, set, outputs, e)) return false;
+    if (s->has_preview && !write_preview(directory, s, set, pool, outputs, e)) return false;
     *out = facts;
     return true;
 }

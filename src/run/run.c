@@ -292,7 +292,7 @@ static bool write_points(job *j, error *e)
     json_free(j->report);
     j->report = json_new_object();
     return may_go_on(j, e) &&
-           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler),
+           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler), j->pool,
                          json_put_array(j->report, "outputs"), &j->results, e);
 }
 
