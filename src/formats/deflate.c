@@ -139,20 +139,37 @@ static void put_bytes(writer *w, const codes *c, const unsigned char *in, size_t
     }
 }
 
-/* RFC 1950; the sums are exact, so that vectors change nothing. */
-__attribute__((target_clones("default", "avx2", "avx512f"))) static uint32_t
-adler32_of(const unsigned char *in, size_t count)
+enum { LANES = 64, GROUPS = 80 }; /* of so many bytes together the sums stay far below 2^32 */
+
+/* Lane by lane the sum of the bytes, and the sum of these sums before each group. */
+__attribute__((target_clones("default", "avx2", "avx512f"))) static void
+sum_groups(const unsigned char *in, size_t groups, uint32_t *restrict sum, uint32_t *restrict before)
 {
-    enum { MODULUS = 65521, BLOCK = 5552 }; /* for so many bytes the sums stay below 2^32 */
-    uint64_t a = 1, b = 0;
-    for (size_t from = 0; from < count; from += BLOCK) {
-        uint32_t n = (uint32_t)(count - from < BLOCK ? count - from : BLOCK), sum = 0, weighted = 0;
-        for (uint32_t k = 0; k < n; k++) {
-            sum += in[from + k];
-            weighted += (n - k) * in[from + k];
+    for (size_t g = 0; g < groups; g++)
+        for (int k = 0; k < LANES; k++) {
+            before[k] += sum[k];
+            sum[k] += in[g * LANES + (size_t)k];
         }
-        b = (b + n * a + weighted) % MODULUS;
-        a = (a + sum) % MODULUS;
+}
+
+/* RFC 1950. */
+static uint32_t adler32_of(const unsigned char *in, size_t count)
+{
+    static const uint64_t modulus = 65521;
+    uint64_t a = 1, b = 0;
+    for (size_t at = 0; at < count;) {
+        size_t groups = (count - at) / LANES < GROUPS ? (count - at) / LANES : GROUPS;
+        uint32_t sum[LANES] = {0}, before[LANES] = {0};
+        sum_groups(in + at, groups, sum, before);
+        b += groups * LANES * a;
+        for (uint32_t k = 0; k < LANES; k++) {
+            b += (uint64_t)LANES * before[k] + (uint64_t)(LANES - k) * sum[k];
+            a += sum[k];
+        }
+        at += groups * LANES;
+        for (size_t end = groups < GROUPS ? count : at; at < end; at++) b += a += in[at];
+        a %= modulus;
+        b %= modulus;
     }
     return (uint32_t)(b << 16 | a);
 }

@@ -109,7 +109,7 @@ static disc face_of(const image *m, size_t i)
 
 typedef struct band {
     int width, top, rows; /* in samples */
-    float *depth;
+    float *key; /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
     uint32_t *code;
 } band;
 
@@ -143,36 +143,108 @@ static double sample_place(int sample)
     return (sample + 0.5) / SAMPLES;
 }
 
-/* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. Without a branch, so
- * that the samples of a row go through vectors; the sums are the same on every machine, as none is fused. */
-__attribute__((target_clones("default", "avx2", "avx512f"))) static void
-draw_samples(const camera *c, const disc *d, const band *b, const int range[4])
+/* A disc along one row of samples. A ray (x, y, 1) meets its plane at 1/z = w / offset with w = ray . normal,
+ * at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and what lies within a
+ * distance is an interval between the roots of a quadratic. Abscissae are taken from the centre's, where
+ * v is small. */
+typedef struct section {
+    double square, linear, constant; /* |v|^2 by powers of the abscissa */
+    double slope, level;             /* w likewise */
+} section;
+
+static section section_at(const disc *d, double offset, double ray_y)
 {
     vec3 p = d->center, n = d->normal;
-    double offset = vec3_dot(p, n), limit = d->radius * d->radius, per_area = d->cone / limit;
-    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
-    double step = 1 / (SAMPLES * c->focal), first = (sample_place(0) - c->center_x) / c->focal;
-    uint32_t plain = d->code, outline = d->code | CODE_RING;
-    for (int y = range[2]; y <= range[3]; y++) {
-        float *restrict depth = b->depth + (size_t)(y - b->top) * (size_t)b->width;
-        uint32_t *restrict code = b->code + (size_t)(y - b->top) * (size_t)b->width;
-        double ray_y = camera_ray(c, 0, sample_place(y)).y, row = ray_y * n.y + n.z;
-        for (int x = range[0]; x <= range[1]; x++) {
-            double ray_x = first + x * step, z = offset / (ray_x * n.x + row);
-            double dx = ray_x * z - p.x, dy = ray_y * z - p.y, dz = z - p.z;
-            double area = dx * dx + dy * dy + dz * dz; /* not a number where the ray runs along the plane */
-            float key = (float)(z + per_area * area), before = depth[x];
-            bool wins = (area <= limit) & (key < before);
-            depth[x] = wins ? key : before;
-            code[x] = wins ? area > ring_limit ? outline : plain : code[x];
-        }
+    section s = {.slope = n.x, .level = n.x * p.x / p.z + ray_y * n.y + n.z};
+    vec3 turn = vec3_axpy(-n.x, p, (vec3){offset, 0, 0});
+    vec3 start = vec3_axpy(-s.level, p, vec3_scale((vec3){p.x / p.z, ray_y, 1}, offset));
+    s.square = vec3_norm2(turn);
+    s.linear = 2 * vec3_dot(turn, start);
+    s.constant = vec3_norm2(start);
+    return s;
+}
+
+/* The abscissae within a distance of the centre, its square given; false if there are none. */
+static bool section_within(const section *s, double limit, double out[2])
+{
+    double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
+    double c = s->constant - limit * s->level * s->level, root2 = b * b - 4 * a * c;
+    if (!(a > 0) || !(root2 >= 0)) return false; /* a is not only where the plane passes the eye */
+    double root = sqrt(root2);
+    out[0] = (-b - root) / (2 * a);
+    out[1] = (-b + root) / (2 * a);
+    return true;
+}
+
+/* Inverse depths as a polynomial of the sample, and what to note where they are the greatest so far. Without a
+ * branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
+typedef struct run {
+    double square, linear, constant;
+    uint32_t code;
+} run;
+
+__attribute__((target_clones("default", "avx2", "avx512f"))) static void
+draw_run(const run *r, double first, double step, int count, float *restrict key, uint32_t *restrict code)
+{
+    double square = r->square, linear = r->linear, constant = r->constant;
+    uint32_t mine = r->code;
+    for (int k = 0; k < count; k++) {
+        double x = first + k * step;
+        float here = (float)((square * x + linear) * x + constant), before = key[k];
+        bool wins = here > before;
+        key[k] = wins ? here : before;
+        code[k] = wins ? mine : code[k];
     }
 }
 
+/* Samples of a row, as the abscissae of the disc at hand. */
+typedef struct abscissae {
+    double first, step;
+    int width;
+} abscissae;
+
+static void to_samples(const abscissae *a, const double between[2], int out[2])
+{
+    out[0] = whole(ceil((between[0] - a->first) / a->step), 0, a->width);
+    out[1] = whole(floor((between[1] - a->first) / a->step) + 1, out[0], a->width);
+}
+
+/* The interval of the disc, without that inside its outline, which is drawn apart. */
+static void draw_section(const abscissae *a, const section *s, const run *r, double limit, double ring_limit,
+                         float *key, uint32_t *code)
+{
+    double within[2];
+    int all[2], plain[2];
+    if (!section_within(s, limit, within)) return;
+    to_samples(a, within, all);
+    plain[0] = plain[1] = all[1];
+    if (section_within(s, ring_limit, within)) to_samples(a, within, plain);
+    run outline = *r;
+    outline.code |= CODE_RING;
+    const int ends[4] = {all[0], plain[0], plain[1], all[1]};
+    for (int k = 0; k < 3; k++)
+        if (ends[k + 1] > ends[k])
+            draw_run(k == 1 ? r : &outline, a->first + ends[k] * a->step, a->step, ends[k + 1] - ends[k],
+                     key + ends[k], code + ends[k]);
+}
+
+/* Exact but for the cone, which takes the disc as it would look from afar: it only breaks ties. */
 static void draw_disc(const camera *c, const disc *d, const band *b)
 {
     int range[4];
-    if (sample_range(c, d, b, range)) draw_samples(c, d, b, range);
+    double offset = vec3_dot(d->center, d->normal), limit = d->radius * d->radius;
+    if (!sample_range(c, d, b, range) || !(fabs(offset) > 0)) return;
+    double ring_limit = d->ring ? limit * ring_share * ring_share : limit, inverse = 1 / offset;
+    double cone = d->cone / limit * inverse * inverse;
+    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - d->center.x / d->center.z,
+                         1 / (SAMPLES * c->focal), b->width};
+    for (int y = range[2]; y <= range[3]; y++) {
+        size_t line = (size_t)(y - b->top) * (size_t)b->width;
+        section s = section_at(d, offset, camera_ray(c, 0, sample_place(y)).y);
+        const run r = {-cone * s.square, s.slope * inverse - cone * s.linear, s.level * inverse - cone * s.constant,
+                       d->code};
+        draw_section(&a, &s, &r, limit, ring_limit, b->key + line, b->code + line);
+    }
 }
 
 /* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
@@ -182,8 +254,9 @@ static void draw_dot(const camera *c, const disc *d, const band *b)
     int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
-    if ((float)d->center.z >= b->depth[at]) return;
-    b->depth[at] = (float)d->center.z;
+    float here = (float)(1 / d->center.z);
+    if (here <= b->key[at]) return;
+    b->key[at] = here;
     b->code[at] = d->code;
 }
 
@@ -268,7 +341,7 @@ static bool sort_into_bands(drawing *job, error *e)
 static void draw_band(const image *m, const bins *sorted, size_t which, const band *b)
 {
     size_t total = (size_t)b->width * (size_t)b->rows;
-    for (size_t i = 0; i < total; i++) b->depth[i] = INFINITY;
+    memset(b->key, 0, total * sizeof *b->key);
     memset(b->code, 0, total * sizeof *b->code);
     for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
         disc body = body_of(m, sorted->point[k]), face = face_of(m, sorted->point[k]);
@@ -443,9 +516,9 @@ static bool make_bands(drawing *job, error *e)
     for (int k = 0; k < threads_count(job->pool); k++) {
         band *b = &job->band[k];
         b->width = width;
-        b->depth = mem_array((size_t)(width * job->bins.rows), sizeof *b->depth, "the preview's depths", e);
+        b->key = mem_array((size_t)(width * job->bins.rows), sizeof *b->key, "the preview's depths", e);
         b->code = mem_array((size_t)(width * job->bins.rows), sizeof *b->code, "the preview's samples", e);
-        if (!b->depth || !b->code) return false;
+        if (!b->key || !b->code) return false;
     }
     return true;
 }
@@ -462,7 +535,7 @@ static bool draw(image *m, preview_color which, threads *pool, error *e)
         if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
     for (int k = 0; job.band && k < threads_count(pool); k++) {
-        free(job.band[k].depth);
+        free(job.band[k].key);
         free(job.band[k].code);
     }
     free(job.band);

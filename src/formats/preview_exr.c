@@ -1,5 +1,6 @@
 #include "formats/preview_exr.h"
 
+#include <endian.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -112,19 +113,23 @@ static size_t fill_lines(const lines *l, const image *m, int top)
     return (size_t)count * l->line_bytes;
 }
 
-/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. */
-__attribute__((target_clones("default", "avx2", "avx512f"))) static void
-spread(const unsigned char *restrict in, size_t count, unsigned char *restrict apart,
-       unsigned char *restrict out)
+/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. `count` is
+ * even. */
+__attribute__((target_clones("default", "avx2"))) static void spread(const unsigned char *restrict in, size_t count,
+                                                                    unsigned char *restrict out)
 {
-    size_t half = (count + 1) / 2;
-    for (size_t k = 0; k < count / 2; k++) {
-        apart[k] = in[2 * k];
-        apart[half + k] = in[2 * k + 1];
+    size_t half = count / 2;
+    out[0] = in[0];
+    out[half] = (unsigned char)(in[1] - in[count - 2] + 128);
+    for (size_t k = 1; k < half; k++) {
+        uint16_t here, before; /* both at once: what a byte borrows from the other is cut off */
+        memcpy(&here, in + 2 * k, sizeof here);
+        memcpy(&before, in + 2 * k - 2, sizeof before);
+        here = le16toh(here);
+        before = le16toh(before);
+        out[k] = (unsigned char)(here - before + 128);
+        out[half + k] = (unsigned char)((here >> 8) - (before >> 8) + 128);
     }
-    if (count % 2) apart[half - 1] = in[count - 1];
-    out[0] = apart[0];
-    for (size_t k = 1; k < count; k++) out[k] = (unsigned char)(apart[k] - apart[k - 1] + 128);
 }
 
 /* What the library's callbacks work on. */
@@ -237,14 +242,13 @@ static exr_result_t write_head(exr_context_t file, const image *m)
 /* What a chunk goes through. */
 typedef struct packing {
     lines lines;
-    unsigned char *apart, *differences, *packed;
+    unsigned char *differences, *packed;
 } packing;
 
 static packing packing_make(int width)
 {
     packing p = {.lines = lines_make(width)};
     size_t most = p.lines.line_bytes * CHUNK_LINES;
-    p.apart = mem_alloc(most);
     p.differences = mem_alloc(most);
     p.packed = mem_alloc(deflate_bound(most));
     return p;
@@ -253,7 +257,6 @@ static packing packing_make(int width)
 static void packing_free(packing *p)
 {
     free(p->lines.bytes);
-    free(p->apart);
     free(p->differences);
     free(p->packed);
 }
@@ -264,7 +267,7 @@ static exr_result_t write_chunks(exr_context_t file, const image *m, packing *p)
     exr_result_t r = EXR_ERR_SUCCESS;
     for (int y = 0; !r && y < m->height; y += CHUNK_LINES) {
         size_t count = fill_lines(&p->lines, m, y);
-        spread(p->lines.bytes, count, p->apart, p->differences);
+        spread(p->lines.bytes, count, p->differences);
         size_t packed = deflate_pack(p->differences, count, p->packed);
         bool shrinks = packed < count;
         r = exr_write_scanline_chunk(file, 0, y, shrinks ? p->packed : p->lines.bytes, shrinks ? packed : count);

@@ -7,8 +7,9 @@
 
 #include "base/memory.h"
 
-/* Deflate's fast end: a preview compresses little better at the slow end, and costs five times. */
-enum { COMPRESSION_LEVEL = 4 };
+/* Discs and background of one colour along a row are zeros after the filter, and runs of these are what there
+ * is to be found: a search for anything else makes the file a fifth smaller, and takes five times as long. */
+enum { COMPRESSION_LEVEL = 1, COMPRESSION_STRATEGY = 3 /* zlib's Z_RLE */ };
 
 static void on_error(png_structp png, png_const_charp words)
 {
@@ -25,6 +26,8 @@ static void on_warning(png_structp png, png_const_charp words)
 static void write_rows(png_structp png, png_infop info, const image *m)
 {
     png_set_compression_level(png, COMPRESSION_LEVEL);
+    png_set_compression_strategy(png, COMPRESSION_STRATEGY);
+    png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_SUB);
     png_set_IHDR(png, info, (png_uint_32)m->width, (png_uint_32)m->height, 8, PNG_COLOR_TYPE_RGB,
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
