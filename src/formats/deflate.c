@@ -191,3 +191,101 @@ size_t deflate_pack(const unsigned char *in, size_t count, unsigned char *out)
     memcpy(w.out, &sum, sizeof sum);
     return (size_t)(w.out - out) + sizeof sum;
 }
+
+/* ---- reading */
+
+enum { CODE_MOST = 9, TABLE = 1 << CODE_MOST, LAST_SYMBOL = 285 };
+
+/* By the next bits, first bit lowest: the symbol and how many of the bits are its code. */
+typedef struct table {
+    uint16_t symbol[TABLE];
+    uint8_t bits[TABLE];
+} table;
+
+static void make_table(table *t)
+{
+    for (uint32_t symbol = 0; symbol <= LAST_SYMBOL; symbol++) {
+        bits code = fixed_code(symbol);
+        for (uint32_t rest = code.value; rest < TABLE; rest += 1u << code.count) {
+            t->symbol[rest] = (uint16_t)symbol;
+            t->bits[rest] = (uint8_t)code.count;
+        }
+    }
+}
+
+/* What is beyond the end reads as zeros, and shows in `spent`. */
+typedef struct reader {
+    const unsigned char *at, *end;
+    uint64_t pending;
+    unsigned count;
+    size_t spent; /* bytes beyond the end */
+} reader;
+
+static inline void refill(reader *r)
+{
+    if (r->end - r->at >= 8) {
+        uint64_t next;
+        memcpy(&next, r->at, sizeof next);
+        r->pending |= le64toh(next) << r->count;
+        r->at += (63 - r->count) >> 3;
+        r->count |= 56;
+        return;
+    }
+    for (; r->count <= 56; r->count += 8) {
+        if (r->at < r->end)
+            r->pending |= (uint64_t)*r->at++ << r->count;
+        else
+            r->spent++;
+    }
+}
+
+static inline uint32_t take(reader *r, uint32_t count)
+{
+    uint32_t value = (uint32_t)r->pending & ((1u << count) - 1);
+    r->pending >>= count;
+    r->count -= count;
+    return value;
+}
+
+/* RFC 1951, 3.2.5. */
+static uint32_t length_of(reader *r, uint32_t symbol)
+{
+    uint32_t above = symbol - FIRST_LENGTH, extra = above < 8 ? 0 : above / 4 - 1;
+    if (symbol == LAST_SYMBOL) return MATCH_MOST;
+    uint32_t base = above < 8 ? above : (4 + above % 4) << extra;
+    return MATCH_LEAST + base + take(r, extra);
+}
+
+/* The symbols up to the end of the block. */
+static bool same_bytes(reader *r, const unsigned char *bytes, size_t count)
+{
+    table t;
+    make_table(&t);
+    for (size_t at = 0;;) {
+        refill(r);
+        uint32_t index = (uint32_t)r->pending & (TABLE - 1), symbol = t.symbol[index];
+        take(r, t.bits[index]);
+        if (symbol == END_OF_BLOCK) return at == count;
+        if (symbol < END_OF_BLOCK) {
+            if (at == count || bytes[at++] != symbol) return false;
+            continue;
+        }
+        uint32_t length = length_of(r, symbol);
+        if (take(r, 5) != 0x10 || at < DISTANCE || count - at < length) return false;
+        if (memcmp(bytes + at, bytes + at - DISTANCE, length) != 0) return false;
+        at += length;
+    }
+}
+
+bool deflate_holds(const unsigned char *stream, size_t length, const unsigned char *bytes, size_t count)
+{
+    uint32_t sum;
+    if (length < 2 + sizeof sum || stream[0] != 0x78 || stream[1] != 0x01) return false;
+    reader r = {.at = stream + 2, .end = stream + length - sizeof sum};
+    refill(&r);
+    if (take(&r, 3) != 3 || !same_bytes(&r, bytes, count)) return false;
+    memcpy(&sum, stream + length - sizeof sum, sizeof sum);
+    /* what was taken but not used is less than a byte, and of the stream's own */
+    size_t unused = (size_t)(r.end - r.at) + r.count / 8;
+    return unused == r.spent && be32toh(sum) == adler32_of(bytes, count);
+}
