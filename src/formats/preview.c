@@ -105,6 +105,24 @@ static disc face_of(const image *m, size_t i)
     return d;
 }
 
+static bool faces_away(const disc *d)
+{
+    return vec3_dot(d->center, d->normal) >= 0;
+}
+
+/* What is drawn of a point, one or two discs. Seen from behind it is its body alone; from the front its face,
+ * and its body where that shows beyond the face. */
+static int discs_of(const image *m, size_t i, disc out[2])
+{
+    out[0] = face_of(m, i);
+    if (faces_away(&out[0])) {
+        out[0] = body_of(m, i);
+        return 1;
+    }
+    out[1] = body_of(m, i);
+    return out[1].radius > out[0].radius ? 2 : 1;
+}
+
 /* ---- visibility ---- */
 
 typedef struct band {
@@ -260,11 +278,6 @@ static void draw_dot(const camera *c, const disc *d, const band *b)
     b->code[at] = d->code;
 }
 
-static bool faces_away(const disc *d)
-{
-    return vec3_dot(d->center, d->normal) >= 0;
-}
-
 /* The points that may be seen in each band, in the order of the set. */
 typedef struct bins {
     int rows;                  /* of samples in a band */
@@ -302,12 +315,13 @@ static void reach_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     band all = {.width = m->width * SAMPLES, .rows = m->height * SAMPLES};
     for (size_t i = begin; i < end; i++) {
-        disc both[2] = {body_of(m, i), face_of(m, i)};
-        double dot = (m->camera.center_y - both[1].center.y * m->camera.focal / both[1].center.z) * SAMPLES;
+        disc all_of[2];
+        int count = discs_of(m, i, all_of);
+        double dot = (m->camera.center_y - all_of[0].center.y * m->camera.focal / all_of[0].center.z) * SAMPLES;
         int low = whole(floor(dot), 0, all.rows - 1), high = low;
-        for (int k = 0; k < 2; k++) {
+        for (int k = 0; k < count; k++) {
             int range[4];
-            if (!sample_range(&m->camera, &both[k], &all, range)) continue;
+            if (!sample_range(&m->camera, &all_of[k], &all, range)) continue;
             if (range[2] < low) low = range[2];
             if (range[3] > high) high = range[3];
         }
@@ -344,11 +358,11 @@ static void draw_band(const image *m, const bins *sorted, size_t which, const ba
     memset(b->key, 0, total * sizeof *b->key);
     memset(b->code, 0, total * sizeof *b->code);
     for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
-        disc body = body_of(m, sorted->point[k]), face = face_of(m, sorted->point[k]);
-        draw_disc(&m->camera, &body, b);
-        if (faces_away(&face)) continue;
-        draw_disc(&m->camera, &face, b);
-        if (face.radius * m->camera.focal < face.center.z) draw_dot(&m->camera, &face, b);
+        disc all[2];
+        int count = discs_of(m, sorted->point[k], all);
+        for (int d = 0; d < count; d++) draw_disc(&m->camera, &all[d], b);
+        if (!(all[0].code & CODE_BODY) && all[0].radius * m->camera.focal < all[0].center.z)
+            draw_dot(&m->camera, &all[0], b);
     }
 }
 
@@ -368,19 +382,34 @@ static const double *quantity(const image *m, preview_color which)
     return which == PREVIEW_ALPHA ? m->points.alpha : m->points.kappa;
 }
 
+/* Places of the colour scale, in linear light: more than a byte can tell apart. */
+enum { SCALE_COLORS = 4096 };
+
+static void fill_scale(color *scale)
+{
+    for (int k = 0; k < SCALE_COLORS; k++) {
+        double srgb[3];
+        colormap_color((k + 0.5) / SCALE_COLORS, srgb);
+        scale[k] = (color){(float)colormap_linear(srgb[0]), (float)colormap_linear(srgb[1]),
+                           (float)colormap_linear(srgb[2])};
+    }
+}
+
 /* The colour of every point's disc, in linear light. */
 static color *shade_points(const image *m, preview_color which, error *e)
 {
     color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e);
     if (!colors) return NULL;
+    color *scale = mem_alloc(SCALE_COLORS * sizeof *scale);
+    fill_scale(scale);
     vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
     for (size_t i = 0; i < m->points.count; i++) {
-        double srgb[3], light = shade(camera_direction(&m->camera, m->points.normal[i]), up);
-        colormap_color(colormap_scale_place(&m->scale, quantity(m, which)[i]), srgb);
-        colors[i].r = (float)(light * colormap_linear(srgb[0]));
-        colors[i].g = (float)(light * colormap_linear(srgb[1]));
-        colors[i].b = (float)(light * colormap_linear(srgb[2]));
+        float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), up);
+        int place = (int)(colormap_scale_place(&m->scale, quantity(m, which)[i]) * SCALE_COLORS);
+        color c = scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
+        colors[i] = (color){light * c.r, light * c.g, light * c.b};
     }
+    free(scale);
     return colors;
 }
 

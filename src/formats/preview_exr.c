@@ -113,21 +113,25 @@ static size_t fill_lines(const lines *l, const image *m, int top)
     return (size_t)count * l->line_bytes;
 }
 
-typedef uint16_t __attribute__((may_alias)) byte_pair;
-
-/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. `in` is
- * aligned, `count` even. Both bytes of a pair at once: what one borrows from the other is cut off. */
-__attribute__((target_clones("default", "avx2"))) static void
-spread(const unsigned char *restrict in, size_t count, unsigned char *restrict even, unsigned char *restrict odd)
+/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. `count` is
+ * even. A block at a time by way of the stack, so that the compiler knows that nothing overlaps. */
+static void spread(const unsigned char *in, size_t count, unsigned char *even, unsigned char *odd)
 {
-    const byte_pair *pair = (const byte_pair *)in;
-    size_t half = count / 2;
-    even[0] = in[0];
-    odd[0] = (unsigned char)(in[1] - in[count - 2] + 128);
-    for (size_t k = 1; k < half; k++) {
-        uint16_t here = le16toh(pair[k]), before = le16toh(pair[k - 1]);
-        even[k] = (unsigned char)((uint16_t)(here - before + 128) & 255);
-        odd[k] = (unsigned char)((uint16_t)((here >> 8) - (before >> 8) + 128) & 255);
+    enum { BLOCK = 512 };
+    unsigned char last_even = 128, last_odd = in[count - 2]; /* before the odd bytes come the even ones */
+    for (size_t at = 0; at < count / 2; at += BLOCK) {
+        size_t n = count / 2 - at < BLOCK ? count / 2 - at : BLOCK;
+        uint16_t pair[BLOCK + 1];
+        unsigned char low[BLOCK], high[BLOCK];
+        memcpy(pair + 1, in + 2 * at, 2 * n);
+        for (size_t k = 1; k <= n; k++) pair[k] = le16toh(pair[k]);
+        pair[0] = (uint16_t)(last_even | last_odd << 8);
+        for (size_t k = 0; k < n; k++) low[k] = (unsigned char)(pair[k + 1] - pair[k] + 128);
+        for (size_t k = 0; k < n; k++) high[k] = (unsigned char)((pair[k + 1] >> 8) - (pair[k] >> 8) + 128);
+        memcpy(even + at, low, n);
+        memcpy(odd + at, high, n);
+        last_even = (unsigned char)(pair[n] & 255);
+        last_odd = (unsigned char)(pair[n] >> 8);
     }
 }
 
