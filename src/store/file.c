@@ -108,7 +108,7 @@ done:
 
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e)
 {
-    store_file file;
+    store_file file = {0};
     if (!store_file_begin(path, &file, e)) return false;
     fwrite(bytes, 1, count, file.stream); /* commit looks at the stream's error flag */
     return store_file_commit(&file, e);
