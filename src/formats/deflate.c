@@ -196,20 +196,17 @@ size_t deflate_pack(const unsigned char *in, size_t count, unsigned char *out)
 
 enum { CODE_MOST = 9, TABLE = 1 << CODE_MOST, LAST_SYMBOL = 285 };
 
-/* By the next bits, first bit lowest: the symbol and how many of the bits are its code. */
+/* By the next bits, first bit lowest: 16 times the symbol, and how many of the bits are its code. */
 typedef struct table {
-    uint16_t symbol[TABLE];
-    uint8_t bits[TABLE];
+    uint16_t entry[TABLE];
 } table;
 
 static void make_table(table *t)
 {
     for (uint32_t symbol = 0; symbol <= LAST_SYMBOL; symbol++) {
         bits code = fixed_code(symbol);
-        for (uint32_t rest = code.value; rest < TABLE; rest += 1u << code.count) {
-            t->symbol[rest] = (uint16_t)symbol;
-            t->bits[rest] = (uint8_t)code.count;
-        }
+        for (uint32_t rest = code.value; rest < TABLE; rest += 1u << code.count)
+            t->entry[rest] = (uint16_t)(symbol << 4 | code.count);
     }
 }
 
@@ -248,7 +245,7 @@ static inline uint32_t take(reader *r, uint32_t count)
 }
 
 /* RFC 1951, 3.2.5. */
-static uint32_t length_of(reader *r, uint32_t symbol)
+static inline uint32_t length_of(reader *r, uint32_t symbol)
 {
     uint32_t above = symbol - FIRST_LENGTH, extra = above < 8 ? 0 : above / 4 - 1;
     if (symbol == LAST_SYMBOL) return MATCH_MOST;
@@ -256,25 +253,32 @@ static uint32_t length_of(reader *r, uint32_t symbol)
     return MATCH_LEAST + base + take(r, extra);
 }
 
+/* As many bits as a match takes with all that belongs to it. */
+enum { SYMBOL_MOST = CODE_MOST + 5 + 5 };
+
 /* The symbols up to the end of the block. */
-static bool same_bytes(reader *r, const unsigned char *bytes, size_t count)
+static bool same_bytes(reader *whole, const unsigned char *bytes, size_t count)
 {
     table t;
+    reader r = *whole; /* a copy that nothing else points to stays in registers */
+    size_t at = 0;
     make_table(&t);
-    for (size_t at = 0;;) {
-        refill(r);
-        uint32_t index = (uint32_t)r->pending & (TABLE - 1), symbol = t.symbol[index];
-        take(r, t.bits[index]);
-        if (symbol == END_OF_BLOCK) return at == count;
+    for (;;) {
+        if (r.count < SYMBOL_MOST) refill(&r);
+        uint32_t entry = t.entry[r.pending & (TABLE - 1)], symbol = entry >> 4;
+        take(&r, entry & 15);
         if (symbol < END_OF_BLOCK) {
             if (at == count || bytes[at++] != symbol) return false;
             continue;
         }
-        uint32_t length = length_of(r, symbol);
-        if (take(r, 5) != 0x10 || at < DISTANCE || count - at < length) return false;
+        if (symbol == END_OF_BLOCK) break;
+        uint32_t length = length_of(&r, symbol);
+        if (take(&r, 5) != 0x10 || at < DISTANCE || count - at < length) return false;
         if (memcmp(bytes + at, bytes + at - DISTANCE, length) != 0) return false;
         at += length;
     }
+    *whole = r;
+    return at == count;
 }
 
 bool deflate_holds(const unsigned char *stream, size_t length, const unsigned char *bytes, size_t count)

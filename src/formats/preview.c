@@ -131,10 +131,11 @@ typedef struct band {
     uint32_t *code;
 } band;
 
-/* To int, within bounds also where the value is far outside. */
+/* To int, within bounds also where the value is far outside, or none. */
 static int whole(double value, int low, int high)
 {
-    return (int)fmin(fmax(value, low), high);
+    if (!(value > low)) return low;
+    return value < high ? (int)value : high;
 }
 
 /* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
@@ -673,9 +674,9 @@ void preview_free(image *m)
 preview_span preview_span_at(const image *m, int x, int y)
 {
     const uint32_t *hit = m->hit + (size_t)y * (size_t)m->width;
-    uint32_t code = hit[x];
+    uint32_t code = hit[x] & ~CODE_RING; /* which is only a darker shade */
     preview_span s = {.end = x + 1};
-    while (s.end < m->width && hit[s.end] == code) s.end++;
+    while (s.end < m->width && (hit[s.end] & ~CODE_RING) == code) s.end++;
     if (code == 0) return s;
     size_t i = (code & CODE_INDEX) - 1;
     disc d = code & CODE_BODY ? body_of(m, i) : face_of(m, i);
