@@ -46,8 +46,7 @@ static bool check_row(const double row[PLY_PROPERTIES], size_t i, ply_precision 
 {
     for (int c = 0; c < PLY_PROPERTIES; c++)
         if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
-            return error_set(e, ERROR_INTERNAL,
-                             "point %zu has %s = %g, which cannot be written as a %s", i,
+            return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
                              property_names[c], row[c], precision_names[precision]);
     return true;
 }
@@ -77,8 +76,7 @@ static size_t print_number(double value, ply_precision precision, char *out)
     int digits = precision == PLY_FLOAT ? 6 : 15, n = 0;
     for (int more = 0; more <= 3; more++) {
         n = snprintf(out, NUMBER_TEXT_MAX, "%.*g", digits + more, value);
-        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value)
-            break;
+        if (precision == PLY_FLOAT ? strtof(out, NULL) == (float)value : strtod(out, NULL) == value) break;
     }
     return (size_t)n;
 }
@@ -87,8 +85,7 @@ static size_t print_row(const double row[PLY_PROPERTIES], ply_precision precisio
 {
     size_t n = 0;
     for (int c = 0; c < PLY_PROPERTIES; c++) {
-        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision,
-                          out + n);
+        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
         out[n++] = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
     }
     return n;
@@ -99,14 +96,12 @@ static bool write_failed(error *e)
     return error_set(e, ERROR_INTERNAL, "cannot write the PLY file: %s", strerror(errno));
 }
 
-static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision,
-                         error *e)
+static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision, error *e)
 {
-    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n",
-                        format_names[format], count) > 0;
+    bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
+                        count) > 0;
     for (int c = 0; c < PLY_PROPERTIES; c++)
-        good = good &&
-               fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
+        good = good && fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -163,7 +158,8 @@ static bool write_blocks(FILE *file, const batch *job, size_t count, error *e)
     return true;
 }
 
-bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool, error *e)
+bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+               error *e)
 {
     static const size_t all = (size_t)BATCH_BLOCKS * BLOCK_POINTS;
     batch job = {set, format, precision, 0, {{0}}};
@@ -174,7 +170,8 @@ bool ply_write(FILE *file, const points *set, ply_format format, ply_precision p
         ok = job.block[k].text != NULL;
     }
     for (; ok && job.first < set->count; job.first += all) {
-        size_t left = set->count - job.first, blocks = left < all ? (left + BLOCK_POINTS - 1) / BLOCK_POINTS : BATCH_BLOCKS;
+        size_t left = set->count - job.first,
+               blocks = left < all ? (left + BLOCK_POINTS - 1) / BLOCK_POINTS : BATCH_BLOCKS;
         threads_run(pool, blocks, 1, fill_blocks, &job);
         if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
         ok = ok && write_blocks(file, &job, blocks, e);
@@ -197,8 +194,7 @@ static bool read_line(FILE *file, char line[LINE_MAX_BYTES], error *e)
         if (!fgets(line, LINE_MAX_BYTES, file)) return damaged(e, "it ends too early");
         char *end = strchr(line, '\n');
         if (!end)
-            return damaged(e, feof(file) ? "it ends too early"
-                                         : "a line is too long or holds a zero byte");
+            return damaged(e, feof(file) ? "it ends too early" : "a line is too long or holds a zero byte");
         *end = '\0';
     } while (strcmp(line, "comment") == 0 || strncmp(line, "comment ", 8) == 0);
     return true;
@@ -209,8 +205,8 @@ static bool expect_line(FILE *file, const char *expected, error *e)
     char line[LINE_MAX_BYTES];
     if (!read_line(file, line, e)) return false;
     if (strcmp(line, expected) == 0) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'",
-                     expected, line);
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the line '%s', found '%.60s'", expected,
+                     line);
 }
 
 static bool read_count(FILE *file, size_t *count, error *e)
@@ -221,8 +217,8 @@ static bool read_count(FILE *file, size_t *count, error *e)
     const char *digits = line + sizeof start - 1;
     if (strncmp(line, start, sizeof start - 1) != 0 || !*digits ||
         strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "PLY file: expected 'element vertex COUNT', found '%.60s'", line);
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'",
+                         line);
     errno = 0;
     uintmax_t value = strtoumax(digits, NULL, 10);
     if (errno || value > SIZE_MAX) return damaged(e, "its count of points is too large");
@@ -239,13 +235,11 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     else if (strcmp(line, "format binary_little_endian 1.0") == 0)
         f->format = PLY_BINARY_LITTLE_ENDIAN;
     else
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'",
-                         line);
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
     if (!read_count(file, &f->points.count, e) || !read_line(file, line, e)) return false;
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
     if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'",
-                         line);
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
     for (int c = 1; c < PLY_PROPERTIES; c++) {
         snprintf(expected, sizeof expected, "property %s %s", precision_names[f->precision],
                  property_names[c]);
@@ -265,11 +259,10 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     if (end < at || fseek(file, at, SEEK_SET) != 0)
         return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     size_t left = (size_t)(end - at), value = f->precision == PLY_FLOAT ? 4 : 8;
-    size_t point = PLY_PROPERTIES *
-                   (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
+    size_t point =
+        PLY_PROPERTIES * (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
     size_t holds = left / point;
-    if (f->points.count > holds ||
-        (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
+    if (f->points.count > holds || (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "PLY file: %zu bytes of data cannot be the %zu points of its header", left,
                          f->points.count);
@@ -394,7 +387,8 @@ static double as_written(double value, ply_precision precision)
     return precision == PLY_FLOAT ? (double)single : value;
 }
 
-bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool, error *e)
+bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+                error *e)
 {
     ply_file f = {0};
     double row[PLY_PROPERTIES], meant[PLY_PROPERTIES];
@@ -407,8 +401,9 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
         load_row(set, i, meant);
         for (int c = 0; c < PLY_PROPERTIES; c++)
             if (row[c] != as_written(meant[c], precision))
-                return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: the %s of point %zu is not what was written",
-                                 property_names[c], i);
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "PLY file: the %s of point %zu is not what was written", property_names[c],
+                                 i);
     }
     return read_end(file, e);
 }

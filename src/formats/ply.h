@@ -24,11 +24,13 @@ typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
  * A value that is not finite, or not as a float, is an error that names point and property, found
  * before anything is written beyond it: the file is then of no use. `cancelled` when the pool was told to
  * stop. */
-bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool, error *e);
+bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+               error *e);
 
 /* Reads a file as ply_read does, point after point, and compares it with the set that was written. Takes no
  * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs, cancelled. */
-bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool, error *e);
+bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+                error *e);
 
 /* A point set as it stands in a file. */
 typedef struct ply_file {

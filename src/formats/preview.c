@@ -67,8 +67,7 @@ typedef struct disc {
  * from the disc before its rim. */
 static double size_of(const points *set, size_t i)
 {
-    double wanted = set->spacing[i],
-           size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
+    double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
     if (wanted > 0) size = fmin(size, stretch_max * wanted);
     double bend = fmax(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
     if (bend > 0) size = fmin(size, fmax(bend_radii / bend, bend_least_share * size));
@@ -127,7 +126,7 @@ static int discs_of(const image *m, size_t i, disc out[2])
 
 typedef struct band {
     int width, top, rows; /* in samples */
-    float *key; /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
+    float *key;           /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
     uint32_t *code;
 } band;
 
@@ -260,8 +259,8 @@ static void draw_disc(const camera *c, const disc *d, const band *b)
     for (int y = range[2]; y <= range[3]; y++) {
         size_t line = (size_t)(y - b->top) * (size_t)b->width;
         section s = section_at(d, offset, camera_ray(c, 0, sample_place(y)).y);
-        const run r = {-cone * s.square, s.slope * inverse - cone * s.linear, s.level * inverse - cone * s.constant,
-                       d->code};
+        const run r = {-cone * s.square, s.slope * inverse - cone * s.linear,
+                       s.level * inverse - cone * s.constant, d->code};
         draw_section(&a, &s, &r, limit, ring_limit, b->key + line, b->code + line);
     }
 }
@@ -270,7 +269,8 @@ static void draw_disc(const camera *c, const disc *d, const band *b)
 static void draw_dot(const camera *c, const disc *d, const band *b)
 {
     int x = whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
-    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
+    int y =
+        whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
     float here = (float)(1 / d->center.z);
@@ -281,10 +281,10 @@ static void draw_dot(const camera *c, const disc *d, const band *b)
 
 /* The points that may be seen in each band, in the order of the set. */
 typedef struct bins {
-    int rows;                  /* of samples in a band */
+    int rows; /* of samples in a band */
     size_t bands;
-    uint16_t (*reach)[2];      /* of each point: its first and last band */
-    size_t *begin;             /* bands + 1: of a band's points in `point` */
+    uint16_t (*reach)[2]; /* of each point: its first and last band */
+    size_t *begin;        /* bands + 1: of a band's points in `point` */
     uint32_t *point;
 } bins;
 
@@ -318,7 +318,8 @@ static void reach_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         disc all_of[2];
         int count = discs_of(m, i, all_of);
-        double dot = (m->camera.center_y - all_of[0].center.y * m->camera.focal / all_of[0].center.z) * SAMPLES;
+        double dot =
+            (m->camera.center_y - all_of[0].center.y * m->camera.focal / all_of[0].center.z) * SAMPLES;
         int low = whole(floor(dot), 0, all.rows - 1), high = low;
         for (int k = 0; k < count; k++) {
             int range[4];
@@ -478,8 +479,7 @@ static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, 
     const float rgba[4] = {c.r, c.g, c.b, coverage};
     float behind = (1 - coverage) * ground;
     for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
-    for (int k = 0; k < 3; k++)
-        r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
+    for (int k = 0; k < 3; k++) r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
 }
 
 static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[SAMPLES], int x, float ground)
@@ -579,20 +579,18 @@ static bool draw(image *m, preview_color which, threads *pool, error *e)
 
 static bool check_points(const points *set, error *e)
 {
-    if (set->count == 0)
-        return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
+    if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
     if (set->count >= CODE_INDEX)
         return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
     for (size_t i = 0; i < set->count; i++) {
         const vec3 *p = &set->position[i], *n = &set->normal[i];
-        double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) +
-                       fabs(set->spacing_local[i]);
-        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) +
-                      fabs(set->kappa1[i]) + fabs(set->kappa2[i]) + fabs(set->alpha[i]);
+        double world =
+            fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
+        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
+                      fabs(set->kappa2[i]) + fabs(set->alpha[i]);
         if (!(world < world_max) || !(rest < (double)FLT_MAX))
             return error_set(e, ERROR_INTERNAL,
-                             "point %zu has a value that is not finite or too large for a preview",
-                             i);
+                             "point %zu has a value that is not finite or too large for a preview", i);
     }
     return true;
 }
@@ -614,8 +612,7 @@ static void place_camera(image *m)
     if (!(m->radius_max > 0))
         m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
     m->extent = fmax(half_diagonal, m->radius_max);
-    double legend = legend_height(m->width, m->height),
-           margin = margin_share * fmin(m->width, m->height);
+    double legend = legend_height(m->width, m->height), margin = margin_share * fmin(m->width, m->height);
     camera_frame frame = {margin, margin, m->width - 2 * margin, m->height - legend - 2 * margin};
     m->camera = camera_fit(set->position, set->count, m->radius_max, frame);
 }
@@ -639,8 +636,8 @@ bool preview_render(const points *set, const preview_options *options, threads *
 {
     if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
         options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible",
-                         options->width, options->height);
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", options->width,
+                         options->height);
     if (!check_points(set, e)) return false;
     image *m = new_image(set, options, e);
     if (!m) return false;
@@ -650,8 +647,7 @@ bool preview_render(const points *set, const preview_options *options, threads *
     /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even.
      */
     double least = curvature ? 0.01 / m->extent : 0.001;
-    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale,
-                           e) ||
+    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale, e) ||
         !draw(m, options->color, pool, e)) {
         preview_free(m);
         return false;
@@ -713,8 +709,7 @@ uint16_t preview_half(float value)
     uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
     if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
     if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
-    if (magnitude <
-        0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
+    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
         float denormal;
         memcpy(&denormal, &magnitude, sizeof denormal);
         denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */

@@ -37,9 +37,9 @@ typedef struct preview_options {
 typedef struct image {
     int width, height;
     unsigned char *rgb; /* 3 a pixel, sRGB, on a neutral background, with the legend */
-    uint16_t *rgba; /* 4 a pixel, half floats: linear light, multiplied by coverage, no legend */
-    uint32_t *hit;  /* private: what the centre sample shows */
-    points points;  /* borrowed: its arrays must outlive the image */
+    uint16_t *rgba;     /* 4 a pixel, half floats: linear light, multiplied by coverage, no legend */
+    uint32_t *hit;      /* private: what the centre sample shows */
+    points points;      /* borrowed: its arrays must outlive the image */
     camera camera;
     double radius_max;    /* no disc is larger, world units */
     double extent;        /* half diagonal of the set's box, > 0 */
@@ -48,11 +48,10 @@ typedef struct image {
 
 /* What stands at the centre of a pixel. */
 typedef struct preview_sample {
-    uint32_t
-        id; /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
-    float depth;           /* along the camera's axis, world units */
-    vec3 position;         /* on the disc, world space */
-    vec3 normal;           /* of the disc */
+    uint32_t id;   /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
+    float depth;   /* along the camera's axis, world units */
+    vec3 position; /* on the disc, world space */
+    vec3 normal;   /* of the disc */
     double kappa, spacing; /* kappa and achieved spacing of the point */
 } preview_sample;
 

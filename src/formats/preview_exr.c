@@ -73,7 +73,8 @@ static void fill_constants(const lines *l, unsigned char *line, const preview_sp
     }
 }
 
-static void fill_places(const lines *l, unsigned char *line, const image *m, const preview_span *s, int x, int y)
+static void fill_places(const lines *l, unsigned char *line, const image *m, const preview_span *s, int x,
+                        int y)
 {
     for (; x < s->end; x++) {
         size_t at = (size_t)x;
@@ -170,8 +171,8 @@ static int64_t on_write(exr_const_context_t context, void *place, const void *by
 }
 
 /* Short at the end of the file, as the library expects. */
-static int64_t on_read(exr_const_context_t context, void *place, void *bytes, uint64_t count,
-                       uint64_t offset, exr_stream_error_func_ptr_t report)
+static int64_t on_read(exr_const_context_t context, void *place, void *bytes, uint64_t count, uint64_t offset,
+                       exr_stream_error_func_ptr_t report)
 {
     stream *s = place;
     (void)context;
@@ -227,17 +228,13 @@ static exr_result_t write_head(exr_context_t file, const image *m)
     int part = 0;
     const camera *c = &m->camera;
     vec3 shift = camera_point(c, vec3_make(0, 0, 0));
-    exr_attr_m44f_t matrix = {{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0,
-                               (float)c->right.y, (float)c->up.y, (float)c->forward.y, 0,
-                               (float)c->right.z, (float)c->up.z, (float)c->forward.z, 0,
-                               (float)shift.x, (float)shift.y, (float)shift.z, 1}};
+    exr_attr_m44f_t matrix = {{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0, (float)c->right.y,
+                               (float)c->up.y, (float)c->forward.y, 0, (float)c->right.z, (float)c->up.z,
+                               (float)c->forward.z, 0, (float)shift.x, (float)shift.y, (float)shift.z, 1}};
     exr_result_t r = exr_add_part(file, "preview", EXR_STORAGE_SCANLINE, &part);
-    if (!r)
-        r = exr_initialize_required_attr_simple(file, part, m->width, m->height,
-                                                EXR_COMPRESSION_ZIP);
+    if (!r) r = exr_initialize_required_attr_simple(file, part, m->width, m->height, EXR_COMPRESSION_ZIP);
     for (int k = 0; !r && k < CHANNELS; k++)
-        r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR,
-                            1, 1);
+        r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
     if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &matrix);
     return r ? r : exr_write_header(file);
 }
@@ -273,7 +270,8 @@ static exr_result_t write_chunks(exr_context_t file, const image *m, packing *p)
         spread(p->lines.bytes, count, p->differences, p->differences + count / 2);
         size_t packed = deflate_pack(p->differences, count, p->packed);
         bool shrinks = packed < count;
-        r = exr_write_scanline_chunk(file, 0, y, shrinks ? p->packed : p->lines.bytes, shrinks ? packed : count);
+        r = exr_write_scanline_chunk(file, 0, y, shrinks ? p->packed : p->lines.bytes,
+                                     shrinks ? packed : count);
     }
     return r;
 }
@@ -308,8 +306,7 @@ static bool check_head(exr_context_t file, const image *m, error *e)
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
         window.max.y != m->height - 1 || compression != EXR_COMPRESSION_ZIP || per_chunk != CHUNK_LINES)
-        return error_set(e, ERROR_INTERNAL,
-                         "EXR file: it does not have the picture's size and compression");
+        return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
     return true;
 }
 
@@ -350,7 +347,8 @@ static exr_result_t check_chunks(exr_context_t file, const image *m, packing *p,
     for (int y = 0; !r && *same && y < m->height; y += CHUNK_LINES) {
         r = check_chunk(file, m, y, p, same);
         if (!r && !*same)
-            error_set(e, ERROR_INTERNAL, "EXR file: what it holds from line %d on is not what was written", y);
+            error_set(e, ERROR_INTERNAL, "EXR file: what it holds from line %d on is not what was written",
+                      y);
     }
     return r;
 }

@@ -32,8 +32,7 @@ static void write_rows(png_structp png, png_infop info, const image *m)
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_write_info(png, info);
-    for (int y = 0; y < m->height; y++)
-        png_write_row(png, m->rgb + 3 * (size_t)y * (size_t)m->width);
+    for (int y = 0; y < m->height; y++) png_write_row(png, m->rgb + 3 * (size_t)y * (size_t)m->width);
     png_write_end(png, info);
 }
 
@@ -62,8 +61,8 @@ static void compare_rows(png_structp png, png_infop info, const image *m, unsign
 {
     png_read_info(png, info);
     if (png_get_image_width(png, info) != (png_uint_32)m->width ||
-        png_get_image_height(png, info) != (png_uint_32)m->height ||
-        png_get_bit_depth(png, info) != 8 || png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
+        png_get_image_height(png, info) != (png_uint_32)m->height || png_get_bit_depth(png, info) != 8 ||
+        png_get_color_type(png, info) != PNG_COLOR_TYPE_RGB ||
         png_get_interlace_type(png, info) != PNG_INTERLACE_NONE)
         png_error(png, "it does not have the picture's size and type");
     for (int y = 0; y < m->height; y++) {

@@ -109,8 +109,8 @@ static bool write_exr(const char *directory, const image *picture, json *outputs
     return ok;
 }
 
-static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool, json *outputs,
-                          error *e)
+static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool,
+                          json *outputs, error *e)
 {
     const preview_options options = {s->preview_width, s->preview_height,
                                      s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA

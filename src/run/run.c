@@ -293,8 +293,8 @@ static bool write_points(job *j, error *e)
     json_free(j->report);
     j->report = json_new_object();
     return may_go_on(j, e) &&
-           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler), j->pool,
-                         json_put_array(j->report, "outputs"), &j->results, e);
+           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler),
+                         j->pool, json_put_array(j->report, "outputs"), &j->results, e);
 }
 
 /* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:

@@ -18,7 +18,7 @@ typedef struct watch watch;
 typedef struct watch_params {
     progress *progress;                  /* not owned; may be NULL */
     const volatile sig_atomic_t *cancel; /* not 0: stop; may be NULL */
-    void (*leave)(void *context);        /* called on the thread; must not return. NULL: the job is waited for */
+    void (*leave)(void *context); /* called on the thread; must not return. NULL: the job is waited for */
     void *context;
 } watch_params;
 

@@ -20,7 +20,8 @@ vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
     return shim ? shim->load_grid(fd, index, memory_limit, e) : NULL;
 }
 
-bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed, error *e)
+bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
+                     error *e)
 {
     const vdb_exports *shim = load(e);
     return shim && shim->write_grids(fd, drafts, count, layout, compressed, e);

@@ -9,7 +9,8 @@
 int mesh_reader_main(int argc, char **argv)
 {
     error e = {0};
-    int (*reader)(int, char **) = (int (*)(int, char **))module_symbol(MESH_READER_MODULE, "mesh_reader_main", &e);
+    int (*reader)(int, char **) =
+        (int (*)(int, char **))module_symbol(MESH_READER_MODULE, "mesh_reader_main", &e);
     if (reader) return reader(argc, argv);
     size_t length = strlen(e.message);
     mesh_reader_header h = {.magic = MESH_READER_MAGIC, .code = ERROR_INTERNAL};

@@ -21,7 +21,8 @@ static unsigned char *make_bytes(size_t count, int kind, rng *r)
     for (size_t at = 0; at < count;) {
         size_t span = 1 + (size_t)(rng_uniform(r) * (kind == 1 ? 1200 : 20));
         bool noise = kind == 0 || (kind == 2 && rng_uniform(r) < 0.5);
-        unsigned char pair[2] = {(unsigned char)(rng_uniform(r) * 256), (unsigned char)(rng_uniform(r) * 256)};
+        unsigned char pair[2] = {(unsigned char)(rng_uniform(r) * 256),
+                                 (unsigned char)(rng_uniform(r) * 256)};
         for (size_t k = 0; k < span && at < count; k++, at++)
             bytes[at] = noise ? (unsigned char)(rng_uniform(r) * 256) : pair[k & 1];
     }
