@@ -17,8 +17,8 @@ size_t deflate_bound(size_t count);
 /* Packs `count` bytes into `out`, of deflate_bound(count) bytes; returns the stream's length. */
 size_t deflate_pack(const unsigned char *in, size_t count, unsigned char *out);
 
-/* Whether a stream is whole and holds these bytes. It is read code by code, as the RFCs say, so that this does
- * not rely on deflate_pack; streams of other codes or distances than that uses are not understood. */
+/* Whether a stream is whole and holds these bytes. It is read code by code, as the RFCs say, so that this
+ * does not rely on deflate_pack; streams of other codes or distances than that uses are not understood. */
 bool deflate_holds(const unsigned char *stream, size_t length, const unsigned char *bytes, size_t count);
 
 #endif

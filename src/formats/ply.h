@@ -28,7 +28,8 @@ bool ply_write(FILE *file, const points *set, ply_format format, ply_precision p
                error *e);
 
 /* Reads a file as ply_read does, point after point, and compares it with the set that was written. Takes no
- * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs, cancelled. */
+ * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs,
+ * cancelled. */
 bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
                 error *e);
 

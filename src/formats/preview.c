@@ -194,8 +194,8 @@ static bool section_within(const section *s, double limit, double out[2])
     return true;
 }
 
-/* Inverse depths as a polynomial of the sample, and what to note where they are the greatest so far. Without a
- * branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
+/* Inverse depths as a polynomial of the sample, and what to note where they are the greatest so far. Without
+ * a branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
 typedef struct run {
     double square, linear, constant;
     uint32_t code;

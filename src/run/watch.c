@@ -9,8 +9,8 @@
 #include "base/clock.h"
 #include "base/memory.h"
 
-/* Of the tenth of a second within which a job is to end a good part is left for the kernel, which takes back its
- * memory. */
+/* Of the tenth of a second within which a job is to end a good part is left for the kernel, which takes back
+ * its memory. */
 static const int64_t GLANCE_MS = 10, PATIENCE_MS = 20;
 static const size_t STACK_BYTES = 256 * 1024; /* a default stack may not fit under a limit of address space */
 
