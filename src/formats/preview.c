@@ -506,6 +506,7 @@ static void resolve_row(resolver *r, int y)
     for (int j = 0; j < SAMPLES; j++)
         line[j] = r->band->code + (size_t)(y * SAMPLES + j - r->band->top) * (size_t)r->band->width;
     float ground = background(m, y);
+    unsigned char empty = to_byte(r->table, ground);
     size_t pixel = (size_t)y * (size_t)m->width;
     for (int x = 0; x < m->width; x++, pixel++) {
         uint32_t first = line[0][x * SAMPLES], differs = 0;
@@ -516,7 +517,7 @@ static void resolve_row(resolver *r, int y)
         else if (first)
             put_pixel(r, pixel, color_of(r, first), 1, ground);
         else
-            memset(m->rgb + 3 * pixel, to_byte(r->table, ground), 3);
+            m->rgb[3 * pixel] = m->rgb[3 * pixel + 1] = m->rgb[3 * pixel + 2] = empty;
         m->hit[pixel] = line[SAMPLES / 2][x * SAMPLES + SAMPLES / 2];
     }
 }
