@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 static void *not_null(void *p)
 {
@@ -45,13 +47,29 @@ char *mem_printf(const char *format, ...)
     return not_null(length < 0 ? NULL : text);
 }
 
+/* From so many bytes on a system call costs less than to write zeros. */
+static const size_t LARGE = 256 * 1024;
+
+/* Whole pages are given back to the kernel, which zeroes them when they are first touched: arrays are often
+ * larger than what comes to be used of them. */
+static void *zeroed(char *p, size_t bytes)
+{
+    size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    size_t head = (page - (uintptr_t)p % page) % page,
+           pages = bytes < LARGE ? 0 : (bytes - head) / page * page;
+    if (pages == 0 || madvise(p + head, pages, MADV_DONTNEED) != 0) return memset(p, 0, bytes);
+    memset(p, 0, head);
+    memset(p + head + pages, 0, bytes - head - pages);
+    return p;
+}
+
 void *mem_array(size_t count, size_t size, const char *what, error *e)
 {
     size_t bytes;
     if (!__builtin_mul_overflow(count, size, &bytes) && bytes <= SIZE_MAX - 128) {
         bytes = (bytes + 64) & ~(size_t)63;
-        void *p = aligned_alloc(64, bytes);
-        if (p) return memset(p, 0, bytes);
+        char *p = aligned_alloc(64, bytes);
+        if (p) return zeroed(p, bytes);
     }
     error_set(e, ERROR_LIMIT_MEMORY,
               "no memory for %s (%zu elements of %zu bytes): raise limits.memory_mb or ask for fewer points",

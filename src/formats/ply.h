@@ -2,8 +2,8 @@
  *
  * One element `vertex` with the 13 properties of PLY_PROPERTIES, all of one type. The header holds
  * neither a date nor a path: the same points give the same bytes. ASCII numbers are the shortest
- * text that reads back to the same value of the property's type. Nothing here keeps state; a file
- * belongs to one thread at a time. LC_NUMERIC must be the C locale.
+ * text that reads back to the same value of the property's type; the bytes are the same for any pool. Nothing
+ * here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
  */
 #ifndef HEXAD_FORMATS_PLY_H
 #define HEXAD_FORMATS_PLY_H
@@ -12,6 +12,7 @@
 #include <stdio.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "formats/points.h"
 
 enum { PLY_PROPERTIES = 13 };
@@ -21,8 +22,16 @@ typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
 
 /* Writes at the file's position and flushes; the caller made the file and syncs and renames it.
  * A value that is not finite, or not as a float, is an error that names point and property, found
- * before anything is written beyond it: the file is then of no use. */
-bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, error *e);
+ * before anything is written beyond it: the file is then of no use. `cancelled` when the pool was told to
+ * stop. */
+bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+               error *e);
+
+/* Reads a file as ply_read does, point after point, and compares it with the set that was written. Takes no
+ * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs,
+ * cancelled. */
+bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
+                error *e);
 
 /* A point set as it stands in a file. */
 typedef struct ply_file {

@@ -11,8 +11,10 @@
 /* An odd number, so that the middle sample is the pixel's centre. */
 enum { SAMPLES = 3 };
 
-/* Samples of one band of rows: what is drawn at once, to bound the memory of large pictures. */
-enum { BAND_SAMPLES = 1 << 22 };
+/* Samples of one band of rows: what a worker draws at once, within its cache. */
+enum { BAND_SAMPLES = 1 << 16 };
+/* Points in a chunk of work. */
+enum { POINTS_GRAIN = 4096 };
 
 /* A sample's code: 0 nothing, else index + 1 with these marks. */
 #define CODE_BODY 0x80000000u
@@ -65,8 +67,7 @@ typedef struct disc {
  * from the disc before its rim. */
 static double size_of(const points *set, size_t i)
 {
-    double wanted = set->spacing[i],
-           size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
+    double wanted = set->spacing[i], size = set->spacing_local[i] > 0 ? set->spacing_local[i] : wanted;
     if (wanted > 0) size = fmin(size, stretch_max * wanted);
     double bend = fmax(fabs(set->kappa1[i]), fabs(set->kappa2[i]));
     if (bend > 0) size = fmin(size, fmax(bend_radii / bend, bend_least_share * size));
@@ -103,18 +104,37 @@ static disc face_of(const image *m, size_t i)
     return d;
 }
 
+static bool faces_away(const disc *d)
+{
+    return vec3_dot(d->center, d->normal) >= 0;
+}
+
+/* What is drawn of a point, one or two discs. Seen from behind it is its body alone; from the front its face,
+ * and its body where that shows beyond the face. */
+static int discs_of(const image *m, size_t i, disc out[2])
+{
+    out[0] = face_of(m, i);
+    if (faces_away(&out[0])) {
+        out[0] = body_of(m, i);
+        return 1;
+    }
+    out[1] = body_of(m, i);
+    return out[1].radius > out[0].radius ? 2 : 1;
+}
+
 /* ---- visibility ---- */
 
 typedef struct band {
     int width, top, rows; /* in samples */
-    float *depth;
+    float *key;           /* inverse depth, with the cone: the greatest wins; 0 where nothing is */
     uint32_t *code;
 } band;
 
-/* To int, within bounds also where the value is far outside. */
+/* To int, within bounds also where the value is far outside, or none. */
 static int whole(double value, int low, int high)
 {
-    return (int)fmin(fmax(value, low), high);
+    if (!(value > low)) return low;
+    return value < high ? (int)value : high;
 }
 
 /* The samples that a disc's box may cover: its extent along each axis is exact for a disc in space,
@@ -122,8 +142,7 @@ static int whole(double value, int low, int high)
 static bool sample_range(const camera *c, const disc *d, const band *b, int range[4])
 {
     vec3 n = d->normal, p = d->center;
-    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)),
-           ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
+    double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
     double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz),
            far = c->focal / (p.z + rz);
     double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
@@ -142,71 +161,214 @@ static double sample_place(int sample)
     return (sample + 0.5) / SAMPLES;
 }
 
-/* Exact: each sample's ray meets the disc's plane, and the place is in the disc or not. */
+/* A disc along one row of samples. A ray (x, y, 1) meets its plane at 1/z = w / offset with w = ray . normal,
+ * at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and what lies within a
+ * distance is an interval between the roots of a quadratic. Abscissae are taken from the centre's, where
+ * v is small. */
+typedef struct section {
+    double square, linear, constant; /* |v|^2 by powers of the abscissa */
+    double slope, level;             /* w likewise */
+} section;
+
+static section section_at(const disc *d, double offset, double ray_y)
+{
+    vec3 p = d->center, n = d->normal;
+    section s = {.slope = n.x, .level = n.x * p.x / p.z + ray_y * n.y + n.z};
+    vec3 turn = vec3_axpy(-n.x, p, (vec3){offset, 0, 0});
+    vec3 start = vec3_axpy(-s.level, p, vec3_scale((vec3){p.x / p.z, ray_y, 1}, offset));
+    s.square = vec3_norm2(turn);
+    s.linear = 2 * vec3_dot(turn, start);
+    s.constant = vec3_norm2(start);
+    return s;
+}
+
+/* The abscissae within a distance of the centre, its square given; false if there are none. */
+static bool section_within(const section *s, double limit, double out[2])
+{
+    double a = s->square - limit * s->slope * s->slope, b = s->linear - 2 * limit * s->slope * s->level;
+    double c = s->constant - limit * s->level * s->level, root2 = b * b - 4 * a * c;
+    if (!(a > 0) || !(root2 >= 0)) return false; /* a is not only where the plane passes the eye */
+    double root = sqrt(root2);
+    out[0] = (-b - root) / (2 * a);
+    out[1] = (-b + root) / (2 * a);
+    return true;
+}
+
+/* Inverse depths as a polynomial of the sample, and what to note where they are the greatest so far. Without
+ * a branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
+typedef struct run {
+    double square, linear, constant;
+    uint32_t code;
+} run;
+
+__attribute__((target_clones("default", "avx2", "avx512f"))) static void
+draw_run(const run *r, double first, double step, int count, float *restrict key, uint32_t *restrict code)
+{
+    double square = r->square, linear = r->linear, constant = r->constant;
+    uint32_t mine = r->code;
+    for (int k = 0; k < count; k++) {
+        double x = first + k * step;
+        float here = (float)((square * x + linear) * x + constant), before = key[k];
+        bool wins = here > before;
+        key[k] = wins ? here : before;
+        code[k] = wins ? mine : code[k];
+    }
+}
+
+/* Samples of a row, as the abscissae of the disc at hand. */
+typedef struct abscissae {
+    double first, step;
+    int width;
+} abscissae;
+
+static void to_samples(const abscissae *a, const double between[2], int out[2])
+{
+    out[0] = whole(ceil((between[0] - a->first) / a->step), 0, a->width);
+    out[1] = whole(floor((between[1] - a->first) / a->step) + 1, out[0], a->width);
+}
+
+/* The interval of the disc, without that inside its outline, which is drawn apart. */
+static void draw_section(const abscissae *a, const section *s, const run *r, double limit, double ring_limit,
+                         float *key, uint32_t *code)
+{
+    double within[2];
+    int all[2], plain[2];
+    if (!section_within(s, limit, within)) return;
+    to_samples(a, within, all);
+    plain[0] = plain[1] = all[1];
+    if (section_within(s, ring_limit, within)) to_samples(a, within, plain);
+    run outline = *r;
+    outline.code |= CODE_RING;
+    const int ends[4] = {all[0], plain[0], plain[1], all[1]};
+    for (int k = 0; k < 3; k++)
+        if (ends[k + 1] > ends[k])
+            draw_run(k == 1 ? r : &outline, a->first + ends[k] * a->step, a->step, ends[k + 1] - ends[k],
+                     key + ends[k], code + ends[k]);
+}
+
+/* Exact but for the cone, which takes the disc as it would look from afar: it only breaks ties. */
 static void draw_disc(const camera *c, const disc *d, const band *b)
 {
     int range[4];
-    if (!sample_range(c, d, b, range)) return;
-    vec3 p = d->center, n = d->normal;
-    double offset = vec3_dot(p, n), limit = d->radius * d->radius, per_area = d->cone / limit;
-    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
+    double offset = vec3_dot(d->center, d->normal), limit = d->radius * d->radius;
+    if (!sample_range(c, d, b, range) || !(fabs(offset) > 0)) return;
+    double ring_limit = d->ring ? limit * ring_share * ring_share : limit, inverse = 1 / offset;
+    double cone = d->cone / limit * inverse * inverse;
+    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - d->center.x / d->center.z,
+                         1 / (SAMPLES * c->focal), b->width};
     for (int y = range[2]; y <= range[3]; y++) {
-        float *depth = b->depth + (size_t)(y - b->top) * (size_t)b->width;
-        uint32_t *code = b->code + (size_t)(y - b->top) * (size_t)b->width;
-        vec3 ray = camera_ray(c, 0, sample_place(y));
-        double row = ray.y * n.y + n.z;
-        for (int x = range[0]; x <= range[1]; x++) {
-            ray.x = (sample_place(x) - c->center_x) / c->focal;
-            double z = offset / (ray.x * n.x + row);
-            double dx = ray.x * z - p.x, dy = ray.y * z - p.y, dz = z - p.z,
-                   area = dx * dx + dy * dy + dz * dz;
-            if (!(area <= limit)) continue; /* also where the ray runs along the plane */
-            float key = (float)(z + per_area * area);
-            if (key >= depth[x]) continue;
-            depth[x] = key;
-            code[x] = area > ring_limit ? d->code | CODE_RING : d->code;
-        }
+        size_t line = (size_t)(y - b->top) * (size_t)b->width;
+        section s = section_at(d, offset, camera_ray(c, 0, sample_place(y)).y);
+        const run r = {-cone * s.square, s.slope * inverse - cone * s.linear,
+                       s.level * inverse - cone * s.constant, d->code};
+        draw_section(&a, &s, &r, limit, ring_limit, b->key + line, b->code + line);
     }
 }
 
 /* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
 static void draw_dot(const camera *c, const disc *d, const band *b)
 {
-    int x =
-        whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
-    int y = whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top,
-                  -1, b->rows);
+    int x = whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
+    int y =
+        whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
-    if ((float)d->center.z >= b->depth[at]) return;
-    b->depth[at] = (float)d->center.z;
+    float here = (float)(1 / d->center.z);
+    if (here <= b->key[at]) return;
+    b->key[at] = here;
     b->code[at] = d->code;
 }
 
-static bool faces_away(const disc *d)
+/* The points that may be seen in each band, in the order of the set. */
+typedef struct bins {
+    int rows; /* of samples in a band */
+    size_t bands;
+    uint16_t (*reach)[2]; /* of each point: its first and last band */
+    size_t *begin;        /* bands + 1: of a band's points in `point` */
+    uint32_t *point;
+} bins;
+
+static void bins_free(bins *b)
 {
-    return vec3_dot(d->center, d->normal) >= 0;
+    free(b->reach);
+    free(b->begin);
+    free(b->point);
 }
 
-static void draw_band(const image *m, const band *b)
+/* Linear light. */
+typedef struct color {
+    float r, g, b;
+} color;
+
+typedef struct drawing {
+    image *image;
+    threads *pool;
+    const color *colors;
+    const unsigned char *table;
+    bins bins;
+    band *band; /* one a worker */
+} drawing;
+
+static void reach_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const drawing *job = context;
+    const image *m = job->image;
+    (void)worker;
+    band all = {.width = m->width * SAMPLES, .rows = m->height * SAMPLES};
+    for (size_t i = begin; i < end; i++) {
+        disc all_of[2];
+        int count = discs_of(m, i, all_of);
+        double dot =
+            (m->camera.center_y - all_of[0].center.y * m->camera.focal / all_of[0].center.z) * SAMPLES;
+        int low = whole(floor(dot), 0, all.rows - 1), high = low;
+        for (int k = 0; k < count; k++) {
+            int range[4];
+            if (!sample_range(&m->camera, &all_of[k], &all, range)) continue;
+            if (range[2] < low) low = range[2];
+            if (range[3] > high) high = range[3];
+        }
+        job->bins.reach[i][0] = (uint16_t)(low / job->bins.rows);
+        job->bins.reach[i][1] = (uint16_t)(high / job->bins.rows);
+    }
+}
+
+static bool sort_into_bands(drawing *job, error *e)
+{
+    static const char what[] = "the preview's points";
+    bins *b = &job->bins;
+    size_t count = job->image->points.count;
+    b->reach = mem_array(count, sizeof *b->reach, what, e);
+    b->begin = mem_array(b->bands + 2, sizeof *b->begin, what, e);
+    if (!b->reach || !b->begin) return false;
+    threads_run(job->pool, count, POINTS_GRAIN, reach_chunk, job);
+    if (threads_stopped(job->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    for (size_t i = 0; i < count; i++)
+        for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->begin[k + 2]++;
+    for (size_t k = 2; k < b->bands + 2; k++) b->begin[k] += b->begin[k - 1];
+    b->point = mem_array(b->begin[b->bands + 1], sizeof *b->point, what, e);
+    if (!b->point) return false;
+    for (size_t i = 0; i < count; i++) /* begin[k + 1] moves from the band's begin to its end */
+        for (int k = b->reach[i][0]; k <= b->reach[i][1]; k++) b->point[b->begin[k + 1]++] = (uint32_t)i;
+    free(b->reach);
+    b->reach = NULL;
+    return true;
+}
+
+static void draw_band(const image *m, const bins *sorted, size_t which, const band *b)
 {
     size_t total = (size_t)b->width * (size_t)b->rows;
-    for (size_t i = 0; i < total; i++) b->depth[i] = INFINITY;
+    memset(b->key, 0, total * sizeof *b->key);
     memset(b->code, 0, total * sizeof *b->code);
-    for (size_t i = 0; i < m->points.count; i++) {
-        disc body = body_of(m, i), face = face_of(m, i);
-        draw_disc(&m->camera, &body, b);
-        if (faces_away(&face)) continue;
-        draw_disc(&m->camera, &face, b);
-        if (face.radius * m->camera.focal < face.center.z) draw_dot(&m->camera, &face, b);
+    for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
+        disc all[2];
+        int count = discs_of(m, sorted->point[k], all);
+        for (int d = 0; d < count; d++) draw_disc(&m->camera, &all[d], b);
+        if (!(all[0].code & CODE_BODY) && all[0].radius * m->camera.focal < all[0].center.z)
+            draw_dot(&m->camera, &all[0], b);
     }
 }
 
 /* ---- shading ---- */
-
-typedef struct color {
-    float r, g, b;
-} color;
 
 /* Light from a key over the viewer's left shoulder, a fill from the right, and the sky, which
  * leaves nothing black. Directions point at the lights, in camera space. */
@@ -222,19 +384,34 @@ static const double *quantity(const image *m, preview_color which)
     return which == PREVIEW_ALPHA ? m->points.alpha : m->points.kappa;
 }
 
+/* Places of the colour scale, in linear light: more than a byte can tell apart. */
+enum { SCALE_COLORS = 4096 };
+
+static void fill_scale(color *scale)
+{
+    for (int k = 0; k < SCALE_COLORS; k++) {
+        double srgb[3];
+        colormap_color((k + 0.5) / SCALE_COLORS, srgb);
+        scale[k] = (color){(float)colormap_linear(srgb[0]), (float)colormap_linear(srgb[1]),
+                           (float)colormap_linear(srgb[2])};
+    }
+}
+
 /* The colour of every point's disc, in linear light. */
 static color *shade_points(const image *m, preview_color which, error *e)
 {
     color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e);
     if (!colors) return NULL;
+    color *scale = mem_alloc(SCALE_COLORS * sizeof *scale);
+    fill_scale(scale);
     vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
     for (size_t i = 0; i < m->points.count; i++) {
-        double srgb[3], light = shade(camera_direction(&m->camera, m->points.normal[i]), up);
-        colormap_color(colormap_scale_place(&m->scale, quantity(m, which)[i]), srgb);
-        colors[i].r = (float)(light * colormap_linear(srgb[0]));
-        colors[i].g = (float)(light * colormap_linear(srgb[1]));
-        colors[i].b = (float)(light * colormap_linear(srgb[2]));
+        float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), up);
+        int place = (int)(colormap_scale_place(&m->scale, quantity(m, which)[i]) * SCALE_COLORS);
+        color c = scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
+        colors[i] = (color){light * c.r, light * c.g, light * c.b};
     }
+    free(scale);
     return colors;
 }
 
@@ -279,82 +456,142 @@ static float background(const image *m, int y)
     return top + (bottom - top) * ((float)y + 0.5f) / (float)m->height;
 }
 
-static void resolve_pixel(image *m, const band *b, const color *colors, const unsigned char *table,
-                          vec3 up, int x, int y)
+/* What the samples of a pixel show, and the colour of the last code that was looked up. */
+typedef struct resolver {
+    image *image;
+    const band *band;
+    const color *colors;
+    const unsigned char *table;
+    vec3 up;
+    uint32_t code;
+    color color;
+} resolver;
+
+static color color_of(resolver *r, uint32_t code)
 {
-    color sum = {0, 0, 0}, last = {0, 0, 0};
-    uint32_t previous = 0;
+    if (code != r->code) r->color = sample_color(r->image, r->colors, code, r->up);
+    r->code = code;
+    return r->color;
+}
+
+static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, float ground)
+{
+    const float rgba[4] = {c.r, c.g, c.b, coverage};
+    float behind = (1 - coverage) * ground;
+    for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
+    for (int k = 0; k < 3; k++) r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
+}
+
+static void mix_pixel(resolver *r, size_t pixel, const uint32_t *const line[SAMPLES], int x, float ground)
+{
+    static const float share = 1.0f / (SAMPLES * SAMPLES);
+    color sum = {0, 0, 0};
     int covered = 0;
     for (int j = 0; j < SAMPLES; j++)
         for (int i = 0; i < SAMPLES; i++) {
-            uint32_t code = b->code[(size_t)(y * SAMPLES + j - b->top) * (size_t)b->width +
-                                    (size_t)(x * SAMPLES + i)];
+            uint32_t code = line[j][x * SAMPLES + i];
             if (code == 0) continue;
-            if (code != previous) last = sample_color(m, colors, code, up);
-            previous = code;
-            sum = (color){sum.r + last.r, sum.g + last.g, sum.b + last.b};
+            color c = color_of(r, code);
+            sum = (color){sum.r + c.r, sum.g + c.g, sum.b + c.b};
             covered++;
         }
-    const float share = 1.0f / (SAMPLES * SAMPLES);
-    float rgba[4] = {sum.r * share, sum.g * share, sum.b * share, (float)covered * share};
-    size_t pixel = (size_t)y * (size_t)m->width + (size_t)x;
-    for (int k = 0; k < 4; k++) m->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
-    float behind = (1 - rgba[3]) * background(m, y);
-    for (int k = 0; k < 3; k++) m->rgb[3 * pixel + (size_t)k] = to_byte(table, rgba[k] + behind);
-    int middle = SAMPLES / 2;
-    m->hit[pixel] = b->code[(size_t)(y * SAMPLES + middle - b->top) * (size_t)b->width +
-                            (size_t)(x * SAMPLES + middle)];
+    put_pixel(r, pixel, (color){sum.r * share, sum.g * share, sum.b * share}, (float)covered * share, ground);
 }
 
-static bool draw(image *m, preview_color which, error *e)
+/* Most pixels show one thing, or nothing, in all their samples. */
+static void resolve_row(resolver *r, int y)
 {
-    band b = {.width = m->width * SAMPLES};
-    int band_pixels = BAND_SAMPLES / (b.width * SAMPLES);
+    image *m = r->image;
+    const uint32_t *line[SAMPLES];
+    for (int j = 0; j < SAMPLES; j++)
+        line[j] = r->band->code + (size_t)(y * SAMPLES + j - r->band->top) * (size_t)r->band->width;
+    float ground = background(m, y);
+    unsigned char empty = to_byte(r->table, ground);
+    size_t pixel = (size_t)y * (size_t)m->width;
+    for (int x = 0; x < m->width; x++, pixel++) {
+        uint32_t first = line[0][x * SAMPLES], differs = 0;
+        for (int j = 0; j < SAMPLES; j++)
+            for (int i = 0; i < SAMPLES; i++) differs |= line[j][x * SAMPLES + i] ^ first;
+        if (differs)
+            mix_pixel(r, pixel, line, x, ground);
+        else if (first)
+            put_pixel(r, pixel, color_of(r, first), 1, ground);
+        else
+            m->rgb[3 * pixel] = m->rgb[3 * pixel + 1] = m->rgb[3 * pixel + 2] = empty;
+        m->hit[pixel] = line[SAMPLES / 2][x * SAMPLES + SAMPLES / 2];
+    }
+}
+
+static void band_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const drawing *job = context;
+    image *m = job->image;
+    band *b = &job->band[worker];
+    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
+    for (size_t k = begin; k < end; k++) {
+        int rows = job->bins.rows, all = m->height * SAMPLES;
+        b->top = (int)k * rows;
+        b->rows = all - b->top < rows ? all - b->top : rows;
+        draw_band(m, &job->bins, k, b);
+        resolver r = {m, b, job->colors, job->table, up, 0, {0, 0, 0}};
+        for (int y = b->top / SAMPLES; y < (b->top + b->rows) / SAMPLES; y++) resolve_row(&r, y);
+    }
+}
+
+static bool make_bands(drawing *job, error *e)
+{
+    int width = job->image->width * SAMPLES, pixels = BAND_SAMPLES / (width * SAMPLES);
+    job->bins.rows = (pixels < 1 ? 1 : pixels) * SAMPLES;
+    job->bins.bands = (size_t)((job->image->height * SAMPLES + job->bins.rows - 1) / job->bins.rows);
+    job->band = mem_alloc((size_t)threads_count(job->pool) * sizeof *job->band);
+    for (int k = 0; k < threads_count(job->pool); k++) {
+        band *b = &job->band[k];
+        b->width = width;
+        b->key = mem_array((size_t)(width * job->bins.rows), sizeof *b->key, "the preview's depths", e);
+        b->code = mem_array((size_t)(width * job->bins.rows), sizeof *b->code, "the preview's samples", e);
+        if (!b->key || !b->code) return false;
+    }
+    return true;
+}
+
+static bool draw(image *m, preview_color which, threads *pool, error *e)
+{
     unsigned char *table = mem_alloc(TABLE_SIZE);
     color *colors = shade_points(m, which, e);
-    bool done = false;
-    if (band_pixels < 1) band_pixels = 1;
-    size_t samples = (size_t)b.width * (size_t)(band_pixels * SAMPLES);
-    b.depth = mem_array(samples, sizeof *b.depth, "the preview's depths", e);
-    b.code = mem_array(samples, sizeof *b.code, "the preview's samples", e);
-    if (!colors || !b.depth || !b.code) goto end;
-    make_table(table);
-    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
-    for (int top = 0; top < m->height; top += band_pixels) {
-        int rows = m->height - top < band_pixels ? m->height - top : band_pixels;
-        b.top = top * SAMPLES;
-        b.rows = rows * SAMPLES;
-        draw_band(m, &b);
-        for (int y = top; y < top + rows; y++)
-            for (int x = 0; x < m->width; x++) resolve_pixel(m, &b, colors, table, up, x, y);
+    drawing job = {.image = m, .pool = pool, .colors = colors, .table = table};
+    bool ok = colors && make_bands(&job, e) && sort_into_bands(&job, e);
+    if (ok) {
+        make_table(table);
+        threads_run(pool, job.bins.bands, 1, band_chunk, &job);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
-    done = true;
-end:
-    free(b.depth);
-    free(b.code);
+    for (int k = 0; job.band && k < threads_count(pool); k++) {
+        free(job.band[k].key);
+        free(job.band[k].code);
+    }
+    free(job.band);
+    bins_free(&job.bins);
     free(colors);
     free(table);
-    return done;
+    return ok;
 }
 
 /* ---- the whole ---- */
 
 static bool check_points(const points *set, error *e)
 {
-    if (set->count == 0)
-        return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
+    if (set->count == 0) return error_set(e, ERROR_INTERNAL, "a preview of no points cannot be drawn");
     if (set->count >= CODE_INDEX)
         return error_set(e, ERROR_INTERNAL, "%zu points are too many for a preview", set->count);
     for (size_t i = 0; i < set->count; i++) {
         const vec3 *p = &set->position[i], *n = &set->normal[i];
-        double world = fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) +
-                       fabs(set->spacing_local[i]);
-        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) +
-                      fabs(set->kappa1[i]) + fabs(set->kappa2[i]) + fabs(set->alpha[i]);
+        double world =
+            fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
+        double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
+                      fabs(set->kappa2[i]) + fabs(set->alpha[i]);
         if (!(world < world_max) || !(rest < (double)FLT_MAX))
             return error_set(e, ERROR_INTERNAL,
-                             "point %zu has a value that is not finite or too large for a preview",
-                             i);
+                             "point %zu has a value that is not finite or too large for a preview", i);
     }
     return true;
 }
@@ -376,8 +613,7 @@ static void place_camera(image *m)
     if (!(m->radius_max > 0))
         m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
     m->extent = fmax(half_diagonal, m->radius_max);
-    double legend = legend_height(m->width, m->height),
-           margin = margin_share * fmin(m->width, m->height);
+    double legend = legend_height(m->width, m->height), margin = margin_share * fmin(m->width, m->height);
     camera_frame frame = {margin, margin, m->width - 2 * margin, m->height - legend - 2 * margin};
     m->camera = camera_fit(set->position, set->count, m->radius_max, frame);
 }
@@ -397,12 +633,12 @@ static image *new_image(const points *set, const preview_options *options, error
     return NULL;
 }
 
-bool preview_render(const points *set, const preview_options *options, image **out, error *e)
+bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e)
 {
     if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
         options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible",
-                         options->width, options->height);
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", options->width,
+                         options->height);
     if (!check_points(set, e)) return false;
     image *m = new_image(set, options, e);
     if (!m) return false;
@@ -412,9 +648,8 @@ bool preview_render(const points *set, const preview_options *options, image **o
     /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even.
      */
     double least = curvature ? 0.01 / m->extent : 0.001;
-    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale,
-                           e) ||
-        !draw(m, options->color, e)) {
+    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale, e) ||
+        !draw(m, options->color, pool, e)) {
         preview_free(m);
         return false;
     }
@@ -433,25 +668,39 @@ void preview_free(image *m)
     free(m);
 }
 
-preview_sample preview_at(const image *m, int x, int y)
+preview_span preview_span_at(const image *m, int x, int y)
 {
-    preview_sample s = {.depth = PREVIEW_FAR};
-    uint32_t code = m->hit[(size_t)y * (size_t)m->width + (size_t)x];
+    const uint32_t *hit = m->hit + (size_t)y * (size_t)m->width;
+    uint32_t code = hit[x] & ~CODE_RING; /* which is only a darker shade */
+    preview_span s = {.end = x + 1};
+    while (s.end < m->width && (hit[s.end] & ~CODE_RING) == code) s.end++;
     if (code == 0) return s;
     size_t i = (code & CODE_INDEX) - 1;
     disc d = code & CODE_BODY ? body_of(m, i) : face_of(m, i);
-    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
-    double z = vec3_dot(d.center, d.normal) / vec3_dot(ray, d.normal);
-    vec3 p = vec3_scale(ray, z);
-    /* A dot stands for a disc that its ray misses: its own place then. */
-    if (!(vec3_norm2(vec3_sub(p, d.center)) <= d.radius * d.radius)) p = d.center;
     s.id = (uint32_t)(i + 1);
-    s.depth = (float)p.z;
-    s.position = camera_to_world(&m->camera, p);
     s.normal = m->points.normal[i];
     s.kappa = m->points.kappa[i];
     s.spacing = m->points.spacing_local[i];
+    s.center = d.center;
+    s.plane = d.normal;
+    s.radius = d.radius;
     return s;
+}
+
+vec3 preview_place(const image *m, const preview_span *s, int x, int y)
+{
+    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
+    vec3 p = vec3_scale(ray, vec3_dot(s->center, s->plane) / vec3_dot(ray, s->plane));
+    /* A dot stands for a disc that its ray misses: its own place then. */
+    return vec3_norm2(vec3_sub(p, s->center)) <= s->radius * s->radius ? p : s->center;
+}
+
+preview_sample preview_at(const image *m, int x, int y)
+{
+    preview_span s = preview_span_at(m, x, y);
+    if (s.id == 0) return (preview_sample){.depth = PREVIEW_FAR};
+    vec3 p = preview_place(m, &s, x, y);
+    return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
 }
 
 uint16_t preview_half(float value)
@@ -461,8 +710,7 @@ uint16_t preview_half(float value)
     uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
     if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
     if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
-    if (magnitude <
-        0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
+    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
         float denormal;
         memcpy(&denormal, &magnitude, sizeof denormal);
         denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */

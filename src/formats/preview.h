@@ -7,7 +7,7 @@
  *
  * The picture is computed from 3 x 3 samples a pixel; the data of a pixel (preview_sample) belong
  * to its centre sample alone and are never averaged. The same points and options give the same
- * bytes. One thread draws; any number may read a finished image.
+ * bytes, drawn by any number of threads; any number may read a finished image.
  */
 #ifndef HEXAD_FORMATS_PREVIEW_H
 #define HEXAD_FORMATS_PREVIEW_H
@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "formats/camera.h"
 #include "formats/colormap.h"
 #include "formats/points.h"
@@ -36,9 +37,9 @@ typedef struct preview_options {
 typedef struct image {
     int width, height;
     unsigned char *rgb; /* 3 a pixel, sRGB, on a neutral background, with the legend */
-    uint16_t *rgba; /* 4 a pixel, half floats: linear light, multiplied by coverage, no legend */
-    uint32_t *hit;  /* private: what the centre sample shows */
-    points points;  /* borrowed: its arrays must outlive the image */
+    uint16_t *rgba;     /* 4 a pixel, half floats: linear light, multiplied by coverage, no legend */
+    uint32_t *hit;      /* private: what the centre sample shows */
+    points points;      /* borrowed: its arrays must outlive the image */
     camera camera;
     double radius_max;    /* no disc is larger, world units */
     double extent;        /* half diagonal of the set's box, > 0 */
@@ -47,21 +48,37 @@ typedef struct image {
 
 /* What stands at the centre of a pixel. */
 typedef struct preview_sample {
-    uint32_t
-        id; /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
-    float depth;           /* along the camera's axis, world units */
-    vec3 position;         /* on the disc, world space */
-    vec3 normal;           /* of the disc */
+    uint32_t id;   /* index of the point plus one; 0: nothing, then the rest is 0 and depth PREVIEW_FAR */
+    float depth;   /* along the camera's axis, world units */
+    vec3 position; /* on the disc, world space */
+    vec3 normal;   /* of the disc */
     double kappa, spacing; /* kappa and achieved spacing of the point */
 } preview_sample;
 
 /* Draws the set; the caller frees with preview_free. An empty set, values that are not finite and
- * lengths beyond 1e25 are errors (internal: the solver never delivers such). */
-bool preview_render(const points *set, const preview_options *options, image **out, error *e);
+ * lengths beyond 1e25 are errors (internal: the solver never delivers such); cancelled when the pool was
+ * told to stop. */
+bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
 void preview_free(image *picture); /* accepts NULL */
 
 /* The centre sample of pixel (x, y), counted from the top left. */
 preview_sample preview_at(const image *picture, int x, int y);
+
+/* What the centres of neighbouring pixels of a row show: one point's disc, or nothing. */
+typedef struct preview_span {
+    int end;     /* the first pixel beyond */
+    uint32_t id; /* and what follows: as in preview_sample */
+    vec3 normal;
+    double kappa, spacing;
+    vec3 center, plane; /* the disc in camera space; plane: its normal */
+    double radius;
+} preview_span;
+
+/* From pixel x of row y on. */
+preview_span preview_span_at(const image *picture, int x, int y);
+
+/* The place in camera space, whose third coordinate is the depth, that pixel (x, y) of the span shows. */
+vec3 preview_place(const image *picture, const preview_span *span, int x, int y);
 
 /* A float as a half (IEEE 754 binary16), rounded to nearest even, and back. */
 uint16_t preview_half(float value);

@@ -130,7 +130,7 @@ static size_t put_utf8(char *out, unsigned c)
 /* After "\u": one code unit, or two that make a surrogate pair. */
 static bool read_unicode_escape(parser *p, size_t start, size_t *length)
 {
-    unsigned unit, low;
+    unsigned unit = 0, low = 0;
     if (!read_hex4(p, &unit)) return false;
     if (unit == 0) return fault_at(p, start, "\\u0000 is not accepted in a string");
     if (unit >= 0xDC00 && unit <= 0xDFFF)

@@ -116,6 +116,12 @@ static int fail(const error *e, const spec_faults *faults)
     return exit_code_of(e->code);
 }
 
+/* For a job that hangs in a library: its threads go on until the process is no more. */
+static void leave(const error *e)
+{
+    _exit(fail(e, NULL));
+}
+
 typedef struct arguments {
     const char *spec_path, *output;
     const char **roots;
@@ -235,7 +241,7 @@ static int run_command(int argc, char **argv)
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
     start_timer(s->timeout_s);
-    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested};
+    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested, leave};
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
            summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,

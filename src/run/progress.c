@@ -15,10 +15,11 @@ const char *const progress_phase_names[PROGRESS_PHASES] = {"load", "start", "rel
 
 static const int64_t INTERVAL_MS = 100;
 
-progress progress_begin(int fd, bool bar)
+void progress_begin(progress *p, int fd, bool bar)
 {
     int64_t now = clock_monotonic_ms();
-    return (progress){.fd = fd, .bar = bar, .start_ms = now, .entered_ms = now, .phase = -1};
+    *p = (progress){.fd = fd, .bar = bar, .start_ms = now, .entered_ms = now, .phase = -1};
+    pthread_mutex_init(&p->lock, NULL);
 }
 
 /* A line is far shorter than a pipe's atomic size, so that it is taken whole or not at all. */
@@ -81,19 +82,40 @@ static void leave(progress *p, int64_t now)
 
 void progress_enter(progress *p, progress_phase phase)
 {
+    pthread_mutex_lock(&p->lock);
     leave(p, clock_monotonic_ms());
     p->phase = (int)phase;
-    report(p, &(progress_numbers){0});
+    p->last = (progress_numbers){0};
+    report(p, &p->last);
+    pthread_mutex_unlock(&p->lock);
+}
+
+static void report_if_due(progress *p)
+{
+    if ((p->fd >= 0 || p->bar) && p->phase >= 0 && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS)
+        report(p, &p->last);
 }
 
 void progress_update(progress *p, const progress_numbers *numbers)
 {
-    if ((p->fd >= 0 || p->bar) && clock_monotonic_ms() - p->written_ms >= INTERVAL_MS) report(p, numbers);
+    pthread_mutex_lock(&p->lock);
+    p->last = *numbers;
+    report_if_due(p);
+    pthread_mutex_unlock(&p->lock);
+}
+
+void progress_tick(progress *p)
+{
+    pthread_mutex_lock(&p->lock);
+    report_if_due(p);
+    pthread_mutex_unlock(&p->lock);
 }
 
 void progress_end(progress *p)
 {
+    pthread_mutex_lock(&p->lock);
     leave(p, clock_monotonic_ms());
     p->phase = -1;
     if (p->bar) fputs("\r\033[K", stderr);
+    pthread_mutex_unlock(&p->lock);
 }

@@ -1,11 +1,13 @@
 /* progress: what a running job says about itself, as JSON lines on a descriptor.
  *
  * At most ten lines a second, except that the first line of a phase is always written. Lines that the
- * reader does not take are dropped, never waited for. The members are in ARCHITECTURE.md. One thread.
+ * reader does not take are dropped, never waited for. The members are in ARCHITECTURE.md. One thread runs the
+ * job; another may tick beside it.
  */
 #ifndef HEXAD_RUN_PROGRESS_H
 #define HEXAD_RUN_PROGRESS_H
 
+#include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -21,15 +23,6 @@ typedef enum progress_phase {
 
 extern const char *const progress_phase_names[PROGRESS_PHASES];
 
-typedef struct progress {
-    int fd;                            /* lines go here; -1: nowhere */
-    bool bar;                          /* and a bar to standard error */
-    int64_t start_ms;                  /* of the job, monotonic */
-    int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
-    int64_t entered_ms, written_ms;
-    int phase; /* -1 before the first */
-} progress;
-
 /* Numbers of the relaxation; zero in other phases. */
 typedef struct progress_numbers {
     double fraction; /* 0 .. 1 of the phase */
@@ -37,9 +30,24 @@ typedef struct progress_numbers {
     double energy_excess, rms_step, mean_log10_lambda;
 } progress_numbers;
 
-progress progress_begin(int fd, bool bar);
+typedef struct progress {
+    int fd;                            /* lines go here; -1: nowhere */
+    bool bar;                          /* and a bar to standard error */
+    int64_t start_ms;                  /* of the job, monotonic */
+    int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
+    int64_t entered_ms, written_ms;
+    int phase;             /* -1 before the first and after the last */
+    progress_numbers last; /* of this phase */
+    pthread_mutex_t lock;
+} progress;
+
+void progress_begin(progress *p, int fd, bool bar);
 void progress_enter(progress *p, progress_phase phase);
 void progress_update(progress *p, const progress_numbers *numbers);
+
+/* Says again what was said last, if that is long enough ago. */
+void progress_tick(progress *p);
+
 void progress_end(progress *p); /* closes the last phase; phase_ms is then complete */
 
 #endif

@@ -27,29 +27,6 @@ static bool commit_output(store_file *file, const char *name, json *outputs, err
     return true;
 }
 
-static bool same_column(const double *written, const double *meant, size_t count, bool as_float)
-{
-    for (size_t i = 0; i < count; i++)
-        if (written[i] != (as_float ? (double)(float)meant[i] : meant[i])) return false;
-    return true;
-}
-
-static bool same_points(const points *written, const points *meant, bool as_float)
-{
-    size_t n = meant->count;
-    if (written->count != n) return false;
-    /* a vec3 is three doubles */
-    return same_column(&written->position->x, &meant->position->x, 3 * n, as_float) &&
-           same_column(&written->normal->x, &meant->normal->x, 3 * n, as_float) &&
-           same_column(written->kappa, meant->kappa, n, as_float) &&
-           same_column(written->kappa1, meant->kappa1, n, as_float) &&
-           same_column(written->kappa2, meant->kappa2, n, as_float) &&
-           same_column(written->alpha, meant->alpha, n, as_float) &&
-           same_column(written->energy, meant->energy, n, as_float) &&
-           same_column(written->spacing, meant->spacing, n, as_float) &&
-           same_column(written->spacing_local, meant->spacing_local, n, as_float);
-}
-
 /* Through memory: gcc 12 at -O3 drops the two conversions when it puts x and y into one vector. */
 static double rounded(double value)
 {
@@ -57,37 +34,55 @@ static double rounded(double value)
     return single;
 }
 
-/* Of the positions, rounded to floats or not. */
-static double largest_residual(const field *f, const points *set, bool as_float, double h)
+/* Points in a chunk of work. */
+enum { GRAIN = 4096 };
+
+typedef struct residual_job {
+    const field *field;
+    const points *set;
+    bool as_float;
+    double *worst; /* of each chunk, |F| / |grad F| */
+} residual_job;
+
+static void residual_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    const residual_job *job = context;
     double worst = 0;
-    for (size_t i = 0; i < set->count; i++) {
-        vec3 x = set->position[i];
-        if (as_float) x = (vec3){rounded(x.x), rounded(x.y), rounded(x.z)};
-        field_sample s;
-        if (!field_sample_at(f, x, FIELD_GRADIENT, &s)) return INFINITY;
-        double length = vec3_norm(s.gradient);
-        worst = fmax(worst, length > 0 ? fabs(s.value) / length / h : INFINITY);
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        vec3 x = job->set->position[i];
+        if (job->as_float) x = (vec3){rounded(x.x), rounded(x.y), rounded(x.z)};
+        field_sample s = {0};
+        double length = field_sample_at(job->field, x, FIELD_GRADIENT, &s) ? vec3_norm(s.gradient) : 0;
+        worst = fmax(worst, length > 0 ? fabs(s.value) / length : INFINITY);
     }
+    job->worst[begin / GRAIN] = worst;
+}
+
+/* Of the positions, rounded to floats or not, over h. */
+static double largest_residual(const field *f, const points *set, bool as_float, double h, threads *pool)
+{
+    size_t chunks = set->count / GRAIN + 1;
+    residual_job job = {f, set, as_float, mem_alloc(chunks * sizeof *job.worst)};
+    double worst = 0;
+    threads_run(pool, set->count, GRAIN, residual_chunk, &job);
+    for (size_t k = 0; k < chunks; k++) worst = fmax(worst, job.worst[k] / h);
+    free(job.worst);
     return worst;
 }
 
-static bool write_ply(const char *directory, const spec *s, const points *set, bool as_float, json *outputs,
-                      error *e)
+static bool write_ply(const char *directory, const spec *s, const points *set, bool as_float, threads *pool,
+                      json *outputs, error *e)
 {
+    ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
+    ply_precision precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
     char *path = mem_printf("%s/points.ply", directory);
     store_file file = {0};
-    ply_file read = {0};
-    bool ok =
-        store_file_begin(path, &file, e) &&
-        ply_write(file.stream, set, s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN,
-                  as_float ? PLY_FLOAT : PLY_DOUBLE, e) &&
-        ply_read(file.stream, &read, e);
-    if (ok && !same_points(&read.points, set, as_float))
-        ok = error_set(e, ERROR_INTERNAL, "points.ply does not read back as it was written");
+    bool ok = store_file_begin(path, &file, e) && ply_write(file.stream, set, format, precision, pool, e);
+    if (ok && !ply_verify(file.stream, set, format, precision, pool, e))
+        ok = error_prefix(e, "points.ply does not read back as it was written");
     if (ok) ok = commit_output(&file, "points.ply", outputs, e);
     store_file_abort(&file);
-    ply_file_free(&read);
     free(path);
     return ok;
 }
@@ -114,29 +109,30 @@ static bool write_exr(const char *directory, const image *picture, json *outputs
     return ok;
 }
 
-static bool write_preview(const char *directory, const spec *s, const points *set, json *outputs, error *e)
+static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool,
+                          json *outputs, error *e)
 {
     const preview_options options = {s->preview_width, s->preview_height,
                                      s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA
                                                                           : PREVIEW_CURVATURE};
     image *picture;
-    if (!preview_render(set, &options, &picture, e)) return false;
+    if (!preview_render(set, &options, pool, &picture, e)) return false;
     bool ok = write_png(directory, picture, outputs, e) && write_exr(directory, picture, outputs, e);
     preview_free(picture);
     return ok;
 }
 
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   json *outputs, results_facts *out, error *e)
+                   threads *pool, json *outputs, results_facts *out, error *e)
 {
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {largest_residual(f, set, as_float, h), false};
+    results_facts facts = {largest_residual(f, set, as_float, h, pool), false};
     if (as_float && !(facts.max_residual <= RESULTS_RESIDUAL)) {
         as_float = false;
-        facts = (results_facts){largest_residual(f, set, false, h), true};
+        facts = (results_facts){largest_residual(f, set, false, h, pool), true};
     }
-    if (!write_ply(directory, s, set, as_float, outputs, e)) return false;
-    if (s->has_preview && !write_preview(directory, s, set, outputs, e)) return false;
+    if (!write_ply(directory, s, set, as_float, pool, outputs, e)) return false;
+    if (s->has_preview && !write_preview(directory, s, set, pool, outputs, e)) return false;
     *out = facts;
     return true;
 }

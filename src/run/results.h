@@ -4,6 +4,7 @@
 #define HEXAD_RUN_RESULTS_H
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "field/field.h"
 #include "formats/points.h"
 #include "json/json.h"
@@ -20,7 +21,7 @@ typedef struct results_facts {
 /* Writes what s->output asks for into `directory` and appends {name, bytes, sha256} of each file to
  * `outputs`. Errors: internal (the disk, or a file that does not read back as written). */
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   json *outputs, results_facts *out, error *e);
+                   threads *pool, json *outputs, results_facts *out, error *e);
 
 /* The same for the report itself, which comes last and makes the directory a result. */
 bool results_write_report(const char *directory, const json *report, error *e);

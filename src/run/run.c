@@ -13,6 +13,7 @@
 #include "run/report.h"
 #include "run/results.h"
 #include "run/source.h"
+#include "run/watch.h"
 #include "sampler/quality.h"
 #include "sampler/sampler.h"
 #include "sampler/surface.h"
@@ -293,7 +294,7 @@ static bool write_points(job *j, error *e)
     j->report = json_new_object();
     return may_go_on(j, e) &&
            results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler),
-                         json_put_array(j->report, "outputs"), &j->results, e);
+                         j->pool, json_put_array(j->report, "outputs"), &j->results, e);
 }
 
 /* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:
@@ -386,30 +387,55 @@ static bool write_report(job *j, run_summary *out, error *e)
     return true;
 }
 
+static const char *const output_names[] = {"report.json", "points.ply", "preview.png", "preview.exr"};
+enum { OUTPUT_NAMES = sizeof output_names / sizeof output_names[0] };
+
 /* Files of an earlier run in the same directory must not stand beside this one's report. */
 static bool prepare_output(const char *directory, error *e)
 {
-    static const char *const names[] = {"report.json", "points.ply", "preview.png", "preview.exr"};
     bool ok = store_directory_create(directory, e);
-    for (size_t k = 0; ok && k < sizeof names / sizeof names[0]; k++) {
-        char *path = mem_printf("%s/%s", directory, names[k]);
+    for (size_t k = 0; ok && k < OUTPUT_NAMES; k++) {
+        char *path = mem_printf("%s/%s", directory, output_names[k]);
         ok = store_remove(path, e);
         free(path);
     }
     return ok;
 }
 
-bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
+/* The job is still busy; what it holds goes with the process. */
+static void leave_job(void *context)
+{
+    const job *j = context;
+    error e = {0};
+    may_go_on(j, &e);
+    for (size_t k = 0; k < OUTPUT_NAMES; k++) {
+        char *path = mem_printf("%s/%s", j->options->output, output_names[k]);
+        store_file_clear(path);
+        free(path);
+    }
+    j->options->leave(&e);
+}
+
+static bool run_phases(job *j, error *e)
 {
     static bool (*const phases[])(job *, error *) = {load, start, relax, measure_result, write_results};
-    job j = {.spec = s, .options = options};
-    j.progress = progress_begin(options->progress_fd, options->progress_bar);
-    j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
-    bool ok = prepare_output(options->output, e);
+    const watch_params params = {&j->progress, j->options->cancel, j->options->leave ? leave_job : NULL, j};
+    watch *w = watch_start(&params, e);
+    bool ok = w != NULL;
     for (size_t k = 0; ok && k < sizeof phases / sizeof phases[0]; k++) {
-        ok = phases[k](&j, e);
-        if (!may_go_on(&j, e)) ok = false;
+        ok = phases[k](j, e);
+        if (!may_go_on(j, e)) ok = false;
     }
+    watch_end(w);
+    return ok;
+}
+
+bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
+{
+    job j = {.spec = s, .options = options};
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
+    bool ok = prepare_output(options->output, e) && run_phases(&j, e);
     progress_end(&j.progress);
     ok = ok && write_report(&j, out, e);
     json_free(j.report);

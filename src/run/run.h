@@ -23,6 +23,9 @@ typedef struct run_options {
     int progress_fd;                     /* -1: no progress lines */
     bool progress_bar;                   /* on standard error */
     const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */
+    /* Says e and ends the process, called on a thread of its own when the job was told to stop and is busy
+     * with what cannot be stopped; nothing half written is left then. NULL: it is waited for. */
+    void (*leave)(const error *e);
 } run_options;
 
 typedef struct run_summary {

@@ -747,7 +747,7 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_SIZE,
      .low = 64,
      .high = 8192,
-     .otherwise = "[1024,1024]",
+     .otherwise = "[512,512]",
      AT(preview_width),
      .unit = "pixels",
      .prose = "Side of a square picture, or [width, height]."},

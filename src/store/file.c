@@ -46,11 +46,33 @@ static bool parent_sync(const char *path, error *e)
     return ok;
 }
 
+/* A temporary file has the name of the one that it is for, a point, and so many hexadecimal digits. */
+enum { RANDOM_DIGITS = 16 };
+
+static bool is_temporary_for(const char *name, const char *of)
+{
+    size_t length = strlen(of);
+    return strncmp(name, of, length) == 0 && name[length] == '.' &&
+           strspn(name + length + 1, "0123456789abcdef") == RANDOM_DIGITS &&
+           name[length + 1 + RANDOM_DIGITS] == '\0';
+}
+
+void store_file_clear(const char *path)
+{
+    char *parent = parent_of(path);
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    DIR *listing = opendir(parent);
+    for (struct dirent *entry; listing && (entry = readdir(listing));)
+        if (is_temporary_for(entry->d_name, name)) unlinkat(dirfd(listing), entry->d_name, 0);
+    if (listing) closedir(listing);
+    free(parent);
+}
+
 bool store_file_begin(const char *path, store_file *file, error *e)
 {
     uint64_t random = 0;
     if (getrandom(&random, sizeof random, 0) != sizeof random) return fail(e, "created", path);
-    char *temporary = mem_printf("%s.%016" PRIx64, path, random);
+    char *temporary = mem_printf("%s.%0*" PRIx64, path, RANDOM_DIGITS, random);
     /* not mkstemp, which would make it private whatever the umask says */
     int fd = open(temporary, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (fd < 0) {
@@ -108,7 +130,7 @@ done:
 
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e)
 {
-    store_file file;
+    store_file file = {0};
     if (!store_file_begin(path, &file, e)) return false;
     fwrite(bytes, 1, count, file.stream); /* commit looks at the stream's error flag */
     return store_file_commit(&file, e);

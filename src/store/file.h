@@ -26,6 +26,10 @@ bool store_file_begin(const char *path, store_file *file, error *e);
 bool store_file_commit(store_file *file, error *e);
 void store_file_abort(store_file *file);
 
+/* Removes what files for `path` that were begun but neither committed nor aborted have left beside it, when
+ * their process is over or about to be. Names are looked at, nothing else. */
+void store_file_clear(const char *path);
+
 /* begin, write, commit. */
 bool store_file_write(const char *path, const void *bytes, size_t count, error *e);
 

@@ -485,13 +485,6 @@ extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
     return ok;
 }
 
-extern "C" void vdb_listing_free(vdb_listing *listing)
-{
-    std::free(listing->entries);
-    listing->entries = nullptr;
-    listing->count = 0;
-}
-
 extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
 {
     vdb_grid *out = nullptr;
@@ -512,16 +505,6 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
     if (ok) return out;
     vdb_grid_free(out);
     return nullptr;
-}
-
-extern "C" void vdb_grid_free(vdb_grid *grid)
-{
-    if (!grid) return;
-    std::free(grid->leaf_origin);
-    std::free(grid->leaf_values);
-    std::free(grid->leaf_active);
-    std::free(grid->tiles);
-    std::free(grid);
 }
 
 #ifdef __SANITIZE_ADDRESS__

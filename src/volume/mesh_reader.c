@@ -241,7 +241,7 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
-int mesh_reader_main(int argc, char **argv)
+__attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
 {
     bytes b = {0};
     if (argc != 4) return 2;

@@ -155,9 +155,30 @@ static void test_hash(void **state)
     drop_place(base);
 }
 
+/* What an ended process left is cleared, and nothing that only looks like it. */
+static void test_clearing(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"clear.me",          "clear.me.0123456789abcdef", "clear.me.0123456789abcde",
+                                        "clear.me.0123456789abcdeg", "clear.you.0123456789abcdef",
+                                        "clear.me.0123456789abcdef0"};
+    enum { NAMES = sizeof names / sizeof names[0] };
+    for (int k = 0; k < NAMES; k++) assert_true(store_file_write(names[k], "x", 1, NULL));
+    store_file begun = {0};
+    assert_true(store_file_begin("clear.me", &begun, NULL));
+    char *temporary = mem_strdup(begun.temporary);
+    store_file_clear("clear.me");
+    assert_int_not_equal(access(temporary, F_OK), 0);
+    for (int k = 0; k < NAMES; k++) assert_int_equal(access(names[k], F_OK) == 0, k != 1);
+    store_file_abort(&begun);
+    for (int k = 0; k < NAMES; k++) unlink(names[k]);
+    free(temporary);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_clearing),
         cmocka_unit_test(test_commit_replaces_and_abort_leaves),
         cmocka_unit_test(test_failures_name_the_path),
         cmocka_unit_test(test_directories),

@@ -19,12 +19,22 @@ typedef struct bytes {
     size_t length;
 } bytes;
 
+static bool write_alone(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
+{
+    threads *pool = threads_new(1, NULL, e);
+    bool good = pool && ply_write(file, set, format, precision, pool, e);
+    threads_free(pool);
+    return good;
+}
+
 static bytes write_set(const points *set, ply_format format, ply_precision precision)
 {
     bytes b = {NULL, 0};
     error e = {0};
     FILE *file = open_memstream(&b.data, &b.length);
-    if (!ply_write(file, set, format, precision, &e)) fail_msg("%s", e.message);
+    threads *pool = threads_new(3, NULL, &e);
+    if (!pool || !ply_write(file, set, format, precision, pool, &e)) fail_msg("%s", e.message);
+    threads_free(pool);
     fclose(file);
     return b;
 }
@@ -195,7 +205,7 @@ static void test_values_that_cannot_be_written(void **state)
         size_t length = 0;
         FILE *file = open_memstream(&data, &length);
         s.normal[4999].y = values[k];
-        assert_false(ply_write(file, &s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_FLOAT, &e));
+        assert_false(write_alone(file, &s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_FLOAT, &e));
         assert_non_null(strstr(e.message, "point 4999 has ny = "));
         fclose(file);
         free(data);
@@ -209,6 +219,49 @@ static void test_values_that_cannot_be_written(void **state)
     point_set_free(&s);
 }
 
+/* More points than are made at a time, by one thread and by three. */
+static void test_bytes_do_not_depend_on_threads(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(70001, vec3_make(1, 2, 3), 1);
+    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_FLOAT), alone = {NULL, 0};
+    FILE *file = open_memstream(&alone.data, &alone.length);
+    assert_true(write_alone(file, &s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_FLOAT, NULL));
+    fclose(file);
+    assert_int_equal(b.length, alone.length);
+    assert_memory_equal(b.data, alone.data, b.length);
+    free(alone.data);
+    free(b.data);
+    point_set_free(&s);
+}
+
+static void test_verifying(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
+    for (int format = 0; format < 2; format++)
+        for (int precision = 0; precision < 2; precision++) {
+            error e = {0};
+            FILE *file = tmpfile();
+            assert_true(write_alone(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
+            assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(ply_verify(file, &s.points, (ply_format)!format, (ply_precision)precision, NULL, &e));
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)!precision, NULL, &e));
+            double kept = s.scalar[6][4999];
+            s.scalar[6][4999] *= 1 + 1e-6;
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_non_null(strstr(e.message, "the spacing_local of point 4999"));
+            s.scalar[6][4999] = kept;
+            fputc(' ', file);
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            s.points.count--;
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            s.points.count++;
+            fclose(file);
+        }
+    point_set_free(&s);
+}
+
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -216,7 +269,7 @@ static void test_full_disk(void **state)
     point_set s = point_set_sphere(5000, vec3_make(0, 0, 0), 1);
     FILE *file = fopen("/dev/full", "wb");
     if (file) {
-        assert_false(ply_write(file, &s.points, PLY_ASCII, PLY_FLOAT, &e));
+        assert_false(write_alone(file, &s.points, PLY_ASCII, PLY_FLOAT, &e));
         assert_int_equal(e.code, ERROR_INTERNAL);
         fclose(file);
     }
@@ -231,6 +284,8 @@ int main(void)
         cmocka_unit_test(test_every_truncation_is_refused),
         cmocka_unit_test(test_hostile_headers),
         cmocka_unit_test(test_values_that_cannot_be_written),
+        cmocka_unit_test(test_bytes_do_not_depend_on_threads),
+        cmocka_unit_test(test_verifying),
         cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests_name("ply", tests, NULL, NULL);

@@ -17,13 +17,20 @@
 #include "formats/preview_png.h"
 #include "point_set.h"
 
-static image *render(const points *set, int width, int height, preview_color which)
+static image *render_with(const points *set, int width, int height, preview_color which, int workers)
 {
     error e = {0};
     image *m = NULL;
     preview_options options = {width, height, which};
-    if (!preview_render(set, &options, &m, &e)) fail_msg("%s", e.message);
+    threads *pool = threads_new(workers, NULL, &e);
+    if (!pool || !preview_render(set, &options, pool, &m, &e)) fail_msg("%s", e.message);
+    threads_free(pool);
     return m;
+}
+
+static image *render(const points *set, int width, int height, preview_color which)
+{
+    return render_with(set, width, height, which, 1);
 }
 
 static void refuse(const points *set, int width, int height, const char *words)
@@ -31,7 +38,9 @@ static void refuse(const points *set, int width, int height, const char *words)
     error e = {0};
     image *m = NULL;
     preview_options options = {width, height, PREVIEW_CURVATURE};
-    assert_false(preview_render(set, &options, &m, &e));
+    threads *pool = threads_new(1, NULL, &e);
+    assert_false(preview_render(set, &options, pool, &m, &e));
+    threads_free(pool);
     assert_null(m);
     if (!strstr(e.message, words)) fail_msg("'%s' does not say '%s'", e.message, words);
 }
@@ -276,7 +285,7 @@ static void test_determinism(void **state)
     char *data[4];
     size_t length[4];
     for (int k = 0; k < 2; k++) {
-        image *m = render(&s.points, 300, 300, PREVIEW_CURVATURE);
+        image *m = render_with(&s.points, 300, 300, PREVIEW_CURVATURE, 1 + 2 * k);
         t[k] = temporary_make();
         t[k + 2] = temporary_make();
         FILE *file = fopen(t[k].path, "wb");

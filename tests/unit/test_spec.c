@@ -524,7 +524,7 @@ static void test_preview_switch(void **state)
         char *text = mem_printf(SPHERE ",\"output\":{\"preview\":%s}}", values[i]);
         spec *s = good(text);
         assert_int_equal(s->has_preview, i < 2);
-        if (i < 2) assert_int_equal(s->preview_width, 1024);
+        if (i < 2) assert_int_equal(s->preview_width, 512);
         spec_free(s);
         free(text);
     }
@@ -567,7 +567,7 @@ static void test_normalised_is_idempotent(void **state)
               "\"minimiser\":"
               "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
-              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[1024,1024],"
+              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
               "\"color\":"
               "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
               "attempts\":0},"

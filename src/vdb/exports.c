@@ -1,0 +1,4 @@
+#include "vdb/exports.h"
+
+__attribute__((visibility("default")))
+const vdb_exports hexad_vdb_exports = {vdb_list_grids, vdb_load_grid, vdb_write_grids};

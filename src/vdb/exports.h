@@ -1,0 +1,20 @@
+/* exports: what a program that loads the shim as a module calls, vdb.h as a table. */
+#ifndef HEXAD_VDB_EXPORTS_H
+#define HEXAD_VDB_EXPORTS_H
+
+#include "vdb/vdb.h"
+
+#define VDB_MODULE "hexad-vdb.so"
+#define VDB_EXPORTS "hexad_vdb_exports"
+
+typedef struct vdb_exports {
+    bool (*list_grids)(int fd, vdb_listing *out, error *e);
+    vdb_grid *(*load_grid)(int fd, size_t index, size_t memory_limit, error *e);
+    bool (*write_grids)(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
+                        error *e);
+} vdb_exports;
+
+/* The one symbol of the module. */
+extern const vdb_exports hexad_vdb_exports;
+
+#endif

@@ -1,0 +1,56 @@
+/* memory: arrays of every size are zeroed and aligned, also where freed memory comes back. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/memory.h"
+
+static void check(size_t count)
+{
+    unsigned char *block[3];
+    for (int k = 0; k < 3; k++) {
+        block[k] = mem_array(count, 1, "a test", NULL);
+        assert_non_null(block[k]);
+        assert_int_equal((uintptr_t)block[k] % 64, 0);
+        for (size_t i = 0; i < count; i++)
+            if (block[k][i] != 0) fail_msg("byte %zu of %zu is %d", i, count, block[k][i]);
+        memset(block[k], 0xA5, count);
+    }
+    for (size_t i = 0; i < count; i++) /* no array reaches into another */
+        if (block[0][i] != 0xA5 || block[1][i] != 0xA5) fail_msg("byte %zu of %zu was lost", i, count);
+    for (int k = 0; k < 3; k++) free(block[k]);
+}
+
+static void test_arrays_are_zeroed(void **state)
+{
+    (void)state;
+    static const size_t sizes[] = {0,      1,      4095,   100000, 200000,  262079,
+                                   262080, 262144, 262145, 300001, 1 << 20, 5000003};
+    for (int round = 0; round < 3; round++)
+        for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) check(sizes[k]);
+    for (size_t k = sizeof sizes / sizeof sizes[0]; k-- > 0;) check(sizes[k]);
+}
+
+static void test_what_cannot_be_had(void **state)
+{
+    (void)state;
+    error e = {0};
+    assert_null(mem_array(SIZE_MAX / 2, 3, "a test", &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    assert_non_null(strstr(e.message, "a test"));
+    assert_null(mem_array(SIZE_MAX / 64, 63, "a test", NULL));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_arrays_are_zeroed),
+        cmocka_unit_test(test_what_cannot_be_had),
+    };
+    return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
+}
