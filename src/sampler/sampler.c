@@ -366,10 +366,7 @@ static bool relax_step(sampler *s, error *e)
     s->list_age++;
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
-    s->skin =
-        fmin(s->level > 0 && getenv("HX_SK") ? atof(getenv("HX_SK")) : SAMPLER_SKIN_WIDE,
-             fmax(SKIN_NARROW, (getenv("HX_SS") ? atof(getenv("HX_SS")) : SKIN_STEPS) * sums.rms_step)) *
-        s->spacing;
+    s->skin = fmin(SAMPLER_SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
     if (is_at_rest(s, &sums) && sizes_are_settled(s) && !sampler_control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
         s->outcome = SAMPLER_OUT_OF_SWEEPS;
