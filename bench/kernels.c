@@ -118,7 +118,8 @@ static void sweep(const char *name, const field *f, isa which, particles *p, dou
                   double sample, double bytes, double peak)
 {
     error e = {0};
-    const relax_params params = {.field = f, .sigma = sqrt(3) * h, .spacing = h, .omega = 1.2, .gain = 1e-8};
+    const relax_params params = {
+        .field = f, .sigma = sqrt(3) * h, .spacing = h, .omega = 1.2, .glide = INFINITY, .gain = 1e-8};
     double update[RUNS], list[RUNS], entries;
     relax_sums sums;
     relax *r = relax_new(COUNT, &energy_cotangent, kernel_for(which), SIZE_MAX, pool, &e);

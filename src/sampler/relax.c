@@ -10,12 +10,9 @@
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
- * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
+/* Where all normals agree to within 72 degrees the weights are 1, and are taken to stay so while the lists
+ * are valid; it would take a turn of 48 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
-/* Where they agree to within 37 degrees, and no rim is near, the energy needs no watching: with 60 degrees a scanned
- * bunny at 2500 points never comes to rest. */
-static const double SMOOTH_COSINE = 0.8;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
@@ -55,7 +52,7 @@ struct relax {
     kernel forces; /* NULL: all with care */
     neighbours *near;
     bool *flat;   /* all of a particle's neighbours face its way, clearly */
-    bool *smooth; /* likewise, and so nearly that the energy needs no watching */
+    bool *smooth; /* likewise, and no rim is near: its energy needs no watching */
     float *moved; /* length of a particle's way since the lists were built */
     part *parts;  /* of the sweep, a block each */
     size_t part_capacity;
@@ -146,7 +143,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
         for (uint32_t k = 0; k < near->list_count[i]; k++)
             least = fmin(least, vec3_dot(p->normal[i], p->normal[list[k]]));
         job->r->flat[i] = least > FLAT_COSINE;
-        job->r->smooth[i] = least > SMOOTH_COSINE && !p->rim[i];
+        job->r->smooth[i] = least > FLAT_COSINE && !p->rim[i];
         job->r->moved[i] = 0;
     }
 }
@@ -384,12 +381,16 @@ static bool glide(const sweep_job *job, size_t i, part *sums)
     if (limit2 > room * room) limit2 = room * room;
     damped_step(&f, 0, &s1, &s2);
     double scale = params->omega * unit, length2 = scale * scale * (s1 * s1 + s2 * s2);
-    double bound2 = BOUND_SHARE * BOUND_SHARE * limit2;
-    if (length2 > bound2) scale *= sqrt(bound2 / length2);
+    double bound2 = BOUND_SHARE * BOUND_SHARE * limit2, h = params->spacing * p->size[i];
+    if (length2 > bound2) {
+        scale *= sqrt(bound2 / length2);
+        length2 = bound2;
+    }
+    if (length2 > params->glide * params->glide * h * h) return false;
     vec3 q = vec3_axpy(scale * s1, axis1, vec3_axpy(scale * s2, axis2, x));
     field_sample s;
     if (!field_sample_at(params->field, q, FIELD_GRADIENT, &s)) return false;
-    double g2 = vec3_norm2(s.gradient), farthest = GLIDE_FARTHEST * params->spacing * p->size[i];
+    double g2 = vec3_norm2(s.gradient), farthest = GLIDE_FARTHEST * h;
     if (!(s.value * s.value < farthest * farthest * g2)) return false;
     double over = 1 / sqrt(g2);
     q = vec3_axpy(-s.value * over * over, s.gradient, q);

@@ -34,6 +34,7 @@ typedef struct relax_params {
     double sigma;   /* support of the potential, of particles of size 1 */
     double spacing; /* h, times size the scale of tolerances */
     double omega;   /* over-relaxation of the step: 1 is the paper's */
+    double glide;   /* longest step that nothing watches, over h size */
     double gain;    /* least relative decrease of a particle's energy that counts */
 } relax_params;
 

@@ -49,10 +49,12 @@ static const int LEVEL_SWEEPS = 30;
 /* Sweeps in single precision are so many that a level takes this many updates, but within these bounds: coarse
  * levels cost little, and what is out of order on them stays so. Measured at 10 000 points: five times fewer cost 0.005
  * of hex_fraction on the gyroid, and edge_cv is 0.051 instead of 0.045 on the sphere. */
-static const double LEVEL_UPDATES = 1e6, LEVEL_SWEEPS_LEAST = 6, LEVEL_SWEEPS_MOST = 200;
+static const double LEVEL_UPDATES = 1e6, LEVEL_SWEEPS_LEAST = 6, LEVEL_SWEEPS_MOST = 120;
 static const int STAGE_SWEEPS_MOST = 400;
+static const int STAGE_SHAKEN = 15;
+static const double GLIDE_LONGEST = 0.05;
 /* With 3.0 and more a refined level loses its order. */
-static const double OMEGA_SHAKE = 2.7, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2, OMEGA_PATIENCE = 4;
+static const double OMEGA_SHAKE = 2.7, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2, OMEGA_PATIENCE = 1;
 
 double sampler_amplitude(const sampler *s, double kappa)
 {
@@ -277,6 +279,15 @@ static double glide_omega(const sampler *s)
     return t < OMEGA_PATIENCE ? OMEGA_SETTLE : fmax(OMEGA_SETTLE * OMEGA_PATIENCE / t, OMEGA_LEAST);
 }
 
+/* Over h: round edges and through sheets single particles would leap to and fro for ever, but once the level has been
+ * shaken, long steps are watched, and with time all are. */
+static double glide_longest(const sampler *s)
+{
+    bool first_stages = s->level == 0 && s->stage < SAMPLER_STAGES - 1;
+    double t = s->sweeps_in_round / (double)(first_stages ? STAGE_SHAKEN : level_sweeps(s));
+    return t < 1 ? INFINITY : GLIDE_LONGEST / (t * t);
+}
+
 /* A level has its sweeps; the coarsest, which sets the order of all, comes to rest stage by stage, and the last to
  * what was asked for. */
 static bool glides_are_at_rest(const sampler *s, const relax_sums *sums)
@@ -345,6 +356,7 @@ static bool relax_step(sampler *s, error *e)
                            .sigma = s->sigma,
                            .spacing = s->spacing,
                            .omega = s->forces ? glide_omega(s) : OMEGA,
+                           .glide = glide_longest(s),
                            .gain = s->gain};
     relax_sums sums;
     relax_sweep(s->relax, s->p, &params, &sums);

@@ -42,8 +42,12 @@ static void set_up(bench *b, int shape, kernel forces, uint64_t stream)
         b->p->position[i++] = x;
     }
     double h = sqrt(2 * b->scan->area / (sqrt(3) * COUNT));
-    b->params =
-        (relax_params){.field = &b->a->base, .sigma = sqrt(3) * h, .spacing = h, .omega = 2.6, .gain = 1e-9};
+    b->params = (relax_params){.field = &b->a->base,
+                               .sigma = sqrt(3) * h,
+                               .spacing = h,
+                               .omega = 2.6,
+                               .glide = INFINITY,
+                               .gain = 1e-9};
 }
 
 static void tear_down(bench *b)
