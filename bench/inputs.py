@@ -35,6 +35,16 @@ SURFACES = {
 }
 
 
+def describe(name):
+    """A surface in words."""
+    case = SURFACES[name]
+    shape = dict(case.get("shape", {}))
+    what = f"`{case['mesh']}`" if "mesh" in case else f"{shape.pop('shape')}, " + ", ".join(
+        f"{key.replace('_', ' ')} {value}" for key, value in shape.items())
+    how = f"a level set of {case['voxels']} voxels along its longest side" if "voxels" in case else "by its formula"
+    return f"{what}; {how}" + ("; spacing 1 / kappa, asked of those that know spacings that vary." if case.get("graded") else ".")
+
+
 class Absent(Exception):
     """What is needed is not there; the text says what."""
 

@@ -1,4 +1,5 @@
 """VTK's Poisson-disk sampler, on ten times as many random points as are asked for."""
+import numpy
 import vtk
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
@@ -10,10 +11,13 @@ CANDIDATES, RADIUS = 10, 0.70
 
 def main():
     prefix, count, spacing, seed, output = volume.arguments()
+    candidates = volume.random_points(prefix, CANDIDATES * count, seed)
     points, cloud = vtk.vtkPoints(), vtk.vtkPolyData()
     points.SetDataTypeToDouble()
-    points.SetData(numpy_to_vtk(volume.random_points(prefix, CANDIDATES * count, seed), deep=True))
+    points.SetData(numpy_to_vtk(candidates, deep=True))
     cloud.SetPoints(points)
+    # the filter of VTK 9.1 reads normals without asking whether there are any
+    cloud.GetPointData().SetNormals(numpy_to_vtk(numpy.zeros(candidates.shape, numpy.float32), deep=True))
     poisson = vtk.vtkPoissonDiskSampler()
     poisson.SetRadius(RADIUS * spacing)
     poisson.SetInputData(cloud)
