@@ -18,19 +18,18 @@ AT_ORIGIN = {"center": [0.0, 0.0, 0.0]}
 RATIO = 10
 # name: shape and its half extents, or mesh; voxels along the longest side; whether graded. `ours`: only for a claim
 # about this sampler, which no other is held against.
+TORUS = {"shape": {"shape": "torus", "major_radius": 1.0, "minor_radius": 0.4}}
+ELLIPSOID = {"shape": {"shape": "ellipsoid", "radii": [1.0, 0.6, 0.325]}, "half": [1.0, 0.6, 0.325], "voxels": 128}
 SURFACES = {
     "sphere": {"shape": {"shape": "sphere", "radius": 1.0}, "half": [1.0, 1.0, 1.0], "voxels": 128},
-    "torus": {"shape": {"shape": "torus", "major_radius": 1.0, "minor_radius": 0.4}, "half": [1.4, 1.4, 0.4],
-              "voxels": 128},
+    "torus": {**TORUS, "half": [1.4, 1.4, 0.4], "voxels": 128},
     "rounded-box": {"shape": {"shape": "box", "half_size": [1.0, 0.75, 0.5], "rounding": 0.25},
                     "half": [1.0, 0.75, 0.5], "voxels": 128},
     "bunny-128": {"mesh": "meshes/bunny_pmp.off", "voxels": 128},
     "bunny-256": {"mesh": "meshes/bunny_pmp.off", "voxels": 256},
-    "ellipsoid": {"shape": {"shape": "ellipsoid", "radii": [1.0, 0.6, 0.325]}, "half": [1.0, 0.6, 0.325],
-                  "voxels": 128, "graded": True},
-    "ellipsoid-even": {"shape": {"shape": "ellipsoid", "radii": [1.0, 0.6, 0.325]}, "half": [1.0, 0.6, 0.325],
-                       "voxels": 128, "ours": True},
-    "torus-formula": {"shape": {"shape": "torus", "major_radius": 1.0, "minor_radius": 0.4}, "ours": True},
+    "ellipsoid": {**ELLIPSOID, "graded": True},
+    "ellipsoid-even": {**ELLIPSOID, "ours": True},
+    "torus-formula": {**TORUS, "ours": True},
     "quartic-formula": {"shape": {"shape": "quartic", "r": 0.13}, "ours": True},
 }
 
@@ -42,7 +41,8 @@ def describe(name):
     what = f"`{case['mesh']}`" if "mesh" in case else f"{shape.pop('shape')}, " + ", ".join(
         f"{key.replace('_', ' ')} {value}" for key, value in shape.items())
     how = f"a level set of {case['voxels']} voxels along its longest side" if "voxels" in case else "by its formula"
-    return f"{what}; {how}" + ("; spacing 1 / kappa, asked of those that know spacings that vary." if case.get("graded") else ".")
+    graded = f"; spacing 1 / kappa within {RATIO}:1, asked of those that can vary theirs" if case.get("graded") else ""
+    return f"{what}; {how}{graded}."
 
 
 class Absent(Exception):

@@ -88,7 +88,7 @@ class Peer:
         missing = [p for p in self.programs if not shutil.which(p)]
         missing += [m for m in self.modules if not importlib.util.find_spec(m)]
         if missing or not shutil.which(str(self.command(built)[0])):
-            raise Absent(f"absent: Debian's {self.package} is not installed")
+            raise Absent(f"absent: {self.package} is not installed, or the driver not built")
         done = subprocess.run(["dpkg-query", "-W", "-f", "${Version}", self.package.split()[0]], capture_output=True,
                               text=True)
         return done.stdout or "unknown"

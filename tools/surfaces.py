@@ -8,8 +8,9 @@ from scipy import ndimage
 
 # Around the active voxels: what is beyond is background, and the spline forgets its ends with 0.27 a voxel.
 MARGIN = 12
-# Newton's steps to the foot on an ellipsoid: from far away each halves the distance to the root.
-FOOT_STEPS = 40
+# The last step of Newton's towards the foot on an ellipsoid, of the way from the nearest pole: the next would be the
+# square of it.
+FOOT_STEP = 1e-8
 # Of the least radius: far below what a float of a level set tells.
 OFF_PLANES = 1e-9
 # Of a voxel or of the domain: the error of central differences is then below 1e-7 of the gradient.
@@ -109,16 +110,18 @@ class Ellipsoid(Surface):
     def foot(self, x):
         """The nearest place on the surface.
 
-        Newton from below: the function of t is convex and falls, so that no step passes the root. Off the planes of
-        symmetry, where an inner point has two feet and the function none of its terms."""
-        d, r2 = x - self.center, self.radii ** 2
+        By Newton from below: the function of t is convex and falls, so that no step passes the root; s is t from the
+        nearest pole on. Off the planes of symmetry, where an inner point has two feet and the function none of its
+        terms."""
+        d, above = x - self.center, self.radii ** 2 - self.length ** 2
         d = numpy.where(d < 0, -1, 1) * numpy.maximum(numpy.abs(d), OFF_PLANES * self.length)
-        t = (self.radii * numpy.abs(d) - r2).max(axis=1)
-        for _ in range(FOOT_STEPS):
-            ratio = self.radii * d / (t[:, None] + r2)
-            slope = (ratio ** 2 / (t[:, None] + r2)).sum(axis=1)
-            t = t + ((ratio ** 2).sum(axis=1) - 1) / (2 * slope)
-        return self.center + r2 * d / (t[:, None] + r2)
+        s = (self.radii * numpy.abs(d) - above).max(axis=1)
+        step = s
+        while (step > FOOT_STEP * s).any():
+            ratio = self.radii * d / (s[:, None] + above)
+            step = ((ratio ** 2).sum(axis=1) - 1) / (2 * (ratio ** 2 / (s[:, None] + above)).sum(axis=1))
+            s = s + step
+        return self.center + self.radii ** 2 * d / (s[:, None] + above)
 
     def value(self, x):
         d = x - self.center
