@@ -6,8 +6,9 @@
 
 One run on one machine. What is not given is everything; a peer whose package is not installed is left out, and the
 page says so. --budget: what all runs of one case may take; one run that is expected to take more, by the count before
-it, is left out, and fewer than --runs are made where more do not fit. --continue: the rows of the same build on the same
-machine that are there stay, and those that were asked for are added. HEXAD_SHARED: directory of the data from outside.
+it, is left out, and fewer than --runs are made where more do not fit. --continue: the rows of the same build on the
+same machine that are there stay, and those that were asked for are added. HEXAD_SHARED: directory of the data from
+outside.
 """
 import argparse
 import datetime
@@ -83,22 +84,22 @@ def cases_of(surface_name, options, tools):
 
 
 def run_surface(surface, options, tools, results, where):
-    before = {}
+    before, failed = {}, {}
     for sampler, count in cases_of(surface.name, options, tools):
         if not sampler.accepts(surface, count):
             continue
-        threads = getattr(sampler, "threads", 1)
-        key = {"tool": sampler.name, "surface": surface.name, "asked": count, "threads": threads}
+        who = sampler.name, sampler.threads
         # what took long at one count takes at least so much longer at the next
-        last_count, last_s = before.get((sampler.name, threads), (count, 0.0))
+        last_count, last_s = before.get(who, (count, 0.0))
         try:
+            if who in failed:
+                raise Failed(f"left out, after {failed[who]}")
             row = run_case(sampler, surface, count, last_s * count / last_count, options, where)
-            before[sampler.name, threads] = count, row["wall_s"]
+            before[who] = count, row["wall_s"]
         except Failed as why:
             row = {"missing": str(why)}
-            if last_s == 0.0:
-                before[sampler.name, threads] = count, PATIENCE * options.budget
-        results.add({**key, **row})
+            failed.setdefault(who, f"{count} points: {why}")
+        results.add({"tool": sampler.name, "surface": surface.name, "asked": count, "threads": sampler.threads, **row})
         print(page.console_line(results.rows[-1]), flush=True)
 
 
@@ -119,6 +120,11 @@ class Results:
     def add(self, row):
         same = ("tool", "surface", "asked", "threads")
         self.rows = [r for r in self.rows if any(r[k] != row[k] for k in same)] + [{"run": self.run["id"], **row}]
+        ours = {(r["surface"], r["asked"]): r["cpu_s"] for r in self.rows
+                if r["tool"] == "hexad" and r["threads"] == 1 and "cpu_s" in r}
+        for r in self.rows:
+            if "cpu_s" in r and (r["surface"], r["asked"]) in ours:
+                r["cpu_to_ours"] = r["cpu_s"] / ours[r["surface"], r["asked"]]
         self.write()
 
     def write(self):
@@ -147,8 +153,7 @@ def chosen_tools(names, built, results):
         else:
             if not names or any(sampler.name.startswith(n) for n in names):
                 found.append(sampler)
-        results.peers[sampler.name] = {"title": sampler.title, "package": sampler.package, "version": version,
-                                       "kind": sampler.kind}
+        results.peers[sampler.name] = {"title": sampler.title, "package": sampler.package, "version": version}
     return found
 
 

@@ -9,13 +9,14 @@ from inputs import measure
 
 # Points beyond which windows are measured, how many windows, and how many points one has.
 MOST, WINDOWS, IN_WINDOW = 2_000_000, 10, 40_000
-# Of the points, as many are asked for their distance from the surface.
+# So many points are asked for their normals at a time, and for their distance from the surface at all.
 ASKED = 100_000
 MEASURES = ("hex_fraction", "edge_cv", "energy_excess", "min_spacing_ratio", "grading_cv")
 
 
 def normals(surface, places):
-    return numpy.concatenate([surface.truth.normal(part) for part in numpy.array_split(places, 1 + len(places) // 10 ** 5)])
+    parts = numpy.array_split(places, 1 + len(places) // ASKED)
+    return numpy.concatenate([surface.truth.normal(part) for part in parts])
 
 
 def point_set(surface, places, count, spacing=None):

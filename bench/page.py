@@ -4,25 +4,27 @@ from claims import CLAIMS
 
 HEAD = """# Performance, measured
 
-Written by `make bench`; do not edit. One run on one machine: {cpu}, {cores} cores, {id}. Ratios are what counts: seconds
-of another machine are others, and a machine that is busy with something else stretches all of them.
+Written by `make bench`; do not edit. One run on one machine: {cpu}, {cores} cores, {id}. Ratios are what counts:
+another machine has other seconds, and one that is busy with something else stretches all of them.
 
-- A row is one tool at one count, median over `runs` (seeds 1, 2, ...). CPU and wall seconds and the peak of memory are those of the
-  whole process, from its start to its end, as the kernel tells them; every tool has one thread. `to ours` is its CPU by ours.
-- `hexad` is the whole job, from a level set in a VDB file to a `points.ply` that was read again and verified. Teem and CGAL's
-  Surface_mesher are given a dense volume of true distances of the same voxels; the others triangles of it whose corners lie
-  on the surface, which are made for them beforehand and cost them nothing.
+- A row is one tool at one count, median over `runs` (seeds 1, 2, ...). CPU and wall seconds and the peak of memory are
+  those of the whole process, from its start to its end, as the kernel tells them. Every tool has one thread where
+  nothing else is said. `to ours` is its CPU by ours.
+- `hexad` is the whole job, from a level set in a VDB file to a `points.ply` that was read again and verified. Teem and
+  CGAL's Surface_mesher are given a dense volume of true distances of the same voxels, the others triangles of it
+  whose corners lie on the surface, which are made for them beforehand and cost them nothing.
 - The measures come from the points alone, by [bench/packing.py](../bench/packing.py) on
-  [tools/measure.py](../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact surface's normals.
-  Lengths are relative to the spacing that was asked for: even, or 1 / kappa within {ratio}:1. `residual` is the largest distance from
-  the surface, in spacings. Beyond {most:.0e} points windows are measured.
+  [tools/measure.py](../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact
+  surface's normals. Lengths are relative to the spacing that was asked for: even, or 1 / kappa within {ratio}:1.
+  `residual` is the largest distance from the surface, in spacings. Beyond {most:.0e} points windows are measured.
 - Poisson-disk samplers throw darts: they are no packings, and are here for their cost.
 
 """
 COLUMNS = (("got", "got", "{:d}"), ("cpu_s", "CPU s", "{:.3g}"), ("wall_s", "wall s", "{:.3g}"),
-           ("peak_mb", "peak MB", "{:.0f}"), ("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{:.4f}"),
+           ("peak_mb", "peak MB", "{:.0f}"), ("hex_fraction", "hex_fraction", "{:.4f}"),
+           ("edge_cv", "edge_cv", "{:.4f}"),
            ("energy_excess", "energy_excess %", "{:.3f}"), ("grading_cv", "grading CV", "{:.4f}"),
-           ("residual", "residual", "{:.0e}"), ("runs", "runs", "{:d}"))
+           ("residual", "residual", "{:.0e}"), ("runs", "runs", "{:d}"), ("cpu_to_ours", "to ours", "{:.3g}"))
 
 
 def cells(row):
@@ -42,7 +44,8 @@ def console_line(row):
 
 
 def console_head():
-    return f"{'surface':<15} {'asked':>8} {'tool':<17}" + "".join(f" {title:>{max(len(title), 8)}}" for _, title, _ in COLUMNS)
+    titles = "".join(f" {title:>{max(len(title), 8)}}" for _, title, _ in COLUMNS)
+    return f"{'surface':<15} {'asked':>8} {'tool':<17}{titles}"
 
 
 def markdown(names, lines):
@@ -55,15 +58,11 @@ def peers_table(told):
 
 
 def surface_table(rows):
-    ours = {r["asked"]: r["cpu_s"] for r in rows if r["tool"] == "hexad" and r["threads"] == 1 and "cpu_s" in r}
     lines = []
     for row in sorted(rows, key=lambda r: r["asked"]):
-        if "missing" in row:
-            lines.append([str(row["asked"]), tool_name(row), *[""] * len(COLUMNS), row["missing"]])
-            continue
-        ratio = row["cpu_s"] / ours[row["asked"]] if row["asked"] in ours else None
-        lines.append([str(row["asked"]), tool_name(row), *cells(row), f"{ratio:.3g}" if ratio else ""])
-    return markdown(["asked", "tool", *(title for _, title, _ in COLUMNS), "to ours"], lines)
+        figures = [*[""] * (len(COLUMNS) - 1), row["missing"]] if "missing" in row else cells(row)
+        lines.append([str(row["asked"]), tool_name(row), *figures])
+    return markdown(["asked", "tool", *(title for _, title, _ in COLUMNS)], lines)
 
 
 def claims_table(rows):

@@ -69,11 +69,11 @@ def read_ply_positions(path):
 
 class Peer:
     """A sampler from a Debian package. `needs`: programs, or modules of Python, or a driver that was compiled."""
+    threads = 1
 
-    def __init__(self, name, title, package, driver, read=read_doubles, programs=(), modules=(), graded=False,
-                 kind="even"):
+    def __init__(self, name, title, package, driver, read=read_doubles, programs=(), modules=(), graded=False):
         self.name, self.title, self.package, self.driver, self.read = name, title, package, driver, read
-        self.programs, self.modules, self.graded, self.kind = programs, modules, graded, kind
+        self.programs, self.modules, self.graded = programs, modules, graded
 
     def command(self, built):
         path = PEERS / self.driver
@@ -108,7 +108,7 @@ class Peer:
 
 class Hexad:
     """This sampler: the whole job, from the file to a points.ply that was re-read and verified."""
-    name, title, package, kind = "hexad", "hexad", "", "relaxation"
+    name, title, package = "hexad", "the whole job", ""
 
     def __init__(self, threads=1):
         self.threads = threads
@@ -140,13 +140,12 @@ class Hexad:
 
 
 PEERS_OF_DEBIAN = (
-    Peer("teem", "Teem pull", "teem-apps", "teem_puller.sh", read_nrrd, programs=["teem-puller"], kind="relaxation"),
-    Peer("vtk-smoothing", "VTK point smoothing", "python3-vtk9", "vtk_smoothing.py", modules=["vtk"],
-         kind="relaxation"),
-    Peer("cgal-remesh", "CGAL isotropic remeshing", "libcgal-dev", "cgal_remesh.cc", kind="mesher"),
-    Peer("cgal-surface", "CGAL Surface_mesher", "libcgal-dev", "cgal_surface.cc", graded=True, kind="mesher"),
-    Peer("vtk-poisson", "VTK Poisson disk", "python3-vtk9", "vtk_poisson.py", modules=["vtk"], kind="poisson"),
-    Peer("open3d", "Open3D Poisson disk", "python3-open3d", "open3d_poisson.py", modules=["open3d"], kind="poisson"),
+    Peer("teem", "Teem pull", "teem-apps", "teem_puller.sh", read_nrrd, programs=["teem-puller"]),
+    Peer("vtk-smoothing", "VTK point smoothing", "python3-vtk9", "vtk_smoothing.py", modules=["vtk"]),
+    Peer("cgal-remesh", "CGAL isotropic remeshing", "libcgal-dev", "cgal_remesh.cc"),
+    Peer("cgal-surface", "CGAL Surface_mesher", "libcgal-dev", "cgal_surface.cc", graded=True),
+    Peer("vtk-poisson", "VTK Poisson disk", "python3-vtk9", "vtk_poisson.py", modules=["vtk"]),
+    Peer("open3d", "Open3D Poisson disk", "python3-open3d", "open3d_poisson.py", modules=["open3d"]),
     Peer("meshlab", "MeshLab Poisson disk", "meshlab (with xvfb, xauth)", "meshlab_poisson.sh", read_ply_positions,
-         programs=["meshlabserver", "xvfb-run", "xauth"], kind="poisson"),
+         programs=["meshlabserver", "xvfb-run", "xauth"]),
 )

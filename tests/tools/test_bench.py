@@ -88,26 +88,27 @@ def test_area_of_an_ellipsoid():
     assert surfaces.Ellipsoid([a, a, c]).area == pytest.approx(area, rel=1e-9)
 
 
-def test_files_of_an_input(tmp_path):
+def test_files_of_an_input(tmp_path, monkeypatch):
     """Triangles and spacings: closed, on the surface, and as many ideal cells as were asked for."""
+    monkeypatch.setitem(inputs.SURFACES["ellipsoid"], "voxels", 48)
     given = inputs.Input("ellipsoid", None, tmp_path)
     vertices = given.triangles.vertices
     assert numpy.abs(given.truth.value(vertices)).max() < 1e-9
-    assert given.triangles.area == pytest.approx(given.area, rel=2e-3)
+    assert given.triangles.area == pytest.approx(given.area, rel=1e-2)
     middle = vertices[given.triangles.triangles].mean(axis=1)
     asked = given.requested(middle, 10000)
     assert (given.triangles.areas / asked ** 2).sum() * 2 / math.sqrt(3) == pytest.approx(10000, rel=1e-6)
-    assert asked.max() / asked.min() == pytest.approx(inputs.RATIO, rel=0.02)
+    assert asked.max() / asked.min() == pytest.approx(inputs.RATIO, rel=0.05)
     size = [int(n) for n in given.path("nhdr").read_text().split("sizes: ")[1].splitlines()[0].split()]
     assert given.path("raw").stat().st_size == given.path("spacing").stat().st_size == 4 * math.prod(size)
 
 
 def test_windows_tell_what_the_whole_tells(build, tmp_path, monkeypatch):
     given = inputs.Input("torus-formula", None, tmp_path)
-    places, _ = samplers.Hexad().run(given, 10000, 1, 60, build, tmp_path)
+    places, _ = samplers.Hexad().run(given, 5000, 1, 600, build, tmp_path)
     whole = packing.of(given, places)
-    monkeypatch.setattr(packing, "MOST", 5000)
-    monkeypatch.setattr(packing, "IN_WINDOW", 2000)
+    monkeypatch.setattr(packing, "MOST", 4000)
+    monkeypatch.setattr(packing, "IN_WINDOW", 1500)
     windows = packing.of(given, places)
     assert windows["windows"] and not whole["windows"]
     assert windows["hex_fraction"] == pytest.approx(whole["hex_fraction"], abs=0.02)
@@ -159,7 +160,7 @@ def test_bytes_are_the_same_only_if_all_are():
 
 
 def test_a_case_without_figures_is_told_in_words():
-    rows = [row("hexad", 2.0, got=10 ** 5), {"run": "r", "tool": "teem", "surface": "torus", "asked": 10 ** 5, "threads": 1,
-                                            "missing": "left out: some 400 s foretold"}]
+    teem = {"run": "r", "tool": "teem", "surface": "torus", "asked": 10 ** 5, "threads": 1}
+    rows = [row("hexad", 2.0, got=10 ** 5), {**teem, "missing": "left out: some 400 s foretold"}]
     assert "some 400 s foretold" in page.surface_table(rows)
     assert claims.against_relaxations(rows) is None
