@@ -4,6 +4,7 @@ import math
 import pathlib
 import subprocess
 import sys
+import types
 
 import numpy
 import pytest
@@ -11,6 +12,7 @@ import pytest
 BENCH = pathlib.Path(__file__).resolve().parents[2] / "bench"
 sys.path.insert(0, str(BENCH))
 
+import bench  # noqa: E402
 import claims  # noqa: E402
 import inputs  # noqa: E402
 import packing  # noqa: E402
@@ -164,3 +166,35 @@ def test_a_case_without_figures_is_told_in_words():
     rows = [row("hexad", 2.0, got=10 ** 5), {**teem, "missing": "left out: some 400 s foretold"}]
     assert "some 400 s foretold" in page.surface_table(rows)
     assert claims.against_relaxations(rows) is None
+
+
+class Slow:
+    """A sampler that says how long it takes, and cannot do a thousand."""
+    name, threads = "slow", 1
+
+    def accepts(self, surface, count):
+        return True
+
+    def run(self, surface, count, seed, *_):
+        if count == 1000:
+            raise samplers.Failed("failed with 1: no")
+        return [None] * count, {"cpu_s": float(seed), "wall_s": 10.0, "peak_mb": 1.0}
+
+
+@pytest.mark.parametrize("budget,runs", [(25.0, 2), (1000.0, 5)])
+def test_as_many_runs_as_the_budget_allows(monkeypatch, budget, runs):
+    monkeypatch.setattr(packing, "of", lambda *_: {})
+    options = types.SimpleNamespace(runs=5, budget=budget, built=None)
+    row = bench.run_case(Slow(), None, 10, 0.0, options, None)
+    assert row["runs"] == runs and row["cpu_s"] == (1 + runs) / 2
+
+
+def test_what_takes_too_long_or_fails_is_left_out_and_said():
+    options = types.SimpleNamespace(runs=1, budget=50.0, built=None, counts=[1000, 10000])
+    with pytest.raises(samplers.Failed, match="100 s foretold"):
+        bench.run_case(Slow(), None, 10, 100.0, options, None)
+    told = types.SimpleNamespace(rows=[])
+    told.add = told.rows.append
+    bench.run_surface(types.SimpleNamespace(name="sphere"), options, [Slow()], told, None)
+    assert [r["missing"] for r in told.rows] == [
+        "failed with 1: no", "left out, after 1000 points: failed with 1: no"]
