@@ -28,6 +28,7 @@ from inputs import Absent
 from samplers import Failed
 
 HERE = pathlib.Path(__file__).resolve().parent
+ALL = (samplers.Hexad(), *samplers.PEERS_OF_DEBIAN)
 COUNTS = [10 ** 3, 10 ** 4, 10 ** 5, 10 ** 6, 10 ** 7]
 # Cases that only claims about this sampler need: counts of surfaces that are not held against others, and threads.
 OURS = {"ellipsoid-even": [10 ** 5], "torus-formula": [10 ** 6], "quartic-formula": [10 ** 3]}
@@ -142,16 +143,20 @@ def cpu_model():
         return next((line.split(":")[1].strip() for line in file if line.startswith("model name")), "unknown")
 
 
+def is_among(sampler, names):
+    return not names or any(sampler.name.startswith(n) for n in names)
+
+
 def chosen_tools(names, built, results):
     """The samplers that are there; of the others `results` tells why not."""
     found = []
-    for sampler in (samplers.Hexad(), *samplers.PEERS_OF_DEBIAN):
+    for sampler in ALL:
         try:
             version = sampler.version(built)
         except Absent as why:
             version = str(why)
         else:
-            if not names or any(sampler.name.startswith(n) for n in names):
+            if is_among(sampler, names):
                 found.append(sampler)
         results.peers[sampler.name] = {"title": sampler.title, "package": sampler.package, "version": version}
     return found
@@ -174,6 +179,9 @@ def arguments():
         parser.error(f"there is no surface {name}, only {', '.join(inputs.SURFACES)}")
     for count in set(options.counts) - set(COUNTS):
         parser.error(f"there is no count {count}, only {', '.join(map(str, COUNTS))}")
+    for name in options.tools:
+        if not any(is_among(sampler, [name]) for sampler in ALL):
+            parser.error(f"there is no tool {name}, only {', '.join(s.name for s in ALL)}")
     shared = os.environ.get("HEXAD_SHARED")
     options.shared = pathlib.Path(shared) if shared else HERE.parent.parent / "shared" / "data"
     return options

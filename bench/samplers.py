@@ -114,8 +114,7 @@ class Hexad:
         self.threads = threads
 
     def version(self, built):
-        if not (built / "hexad-worker").exists():
-            raise Absent("absent: not built")
+        del built
         return "this build"
 
     def accepts(self, surface, count):

@@ -51,7 +51,7 @@ def test_continued_run_keeps_its_rows(smoke, source, build, tmp_path):
     results = tmp_path / "results.json"
     results.write_text((smoke / "results.json").read_text())
     command = [sys.executable, source / "bench" / "bench.py", "--built", build, "--page", tmp_path / "page.md",
-               "--results", results, "--tools", "none", "--surfaces", "torus", "--counts", "1e3", "--continue"]
+               "--results", results, "--surfaces", "quartic-formula", "--counts", "1e4", "--continue"]
     subprocess.run(command, check=True)
     assert len(json.loads(results.read_text())["rows"]) == 2
     told = json.loads(results.read_text())
