@@ -35,6 +35,8 @@ OURS = {"ellipsoid-even": [10 ** 5], "torus-formula": [10 ** 6], "quartic-formul
 THREADS = {("torus", 10 ** 6): [2, 3, 8]}
 # Points up to which each run is measured; beyond, the first.
 MEASURED = 10 ** 5
+# Seconds of a run that do not grow with the count, as far as foretelling goes: modules and volumes are loaded.
+START_UP_S = 2.0
 # A run longer than foretold is stopped at this many times the budget.
 PATIENCE = 1.5
 
@@ -64,7 +66,7 @@ def one_run(sampler, surface, count, seed, limit, options, where):
 def run_case(sampler, surface, count, foretold, options, where):
     """The row of one case; raises Failed where it has none."""
     if foretold > options.budget:
-        raise Failed(f"left out: some {foretold:.0f} s foretold")
+        raise Failed(f"left out: foretold to take {foretold:.0f} s")
     runs, spent = [], 0.0
     while len(runs) < options.runs and (not runs or spent + runs[-1]["wall_s"] <= options.budget):
         runs.append(one_run(sampler, surface, count, 1 + len(runs), PATIENCE * options.budget, options, where))
@@ -94,12 +96,13 @@ def run_surface(surface, options, tools, results, where):
         last_count, last_s = before.get(who, (count, 0.0))
         try:
             if who in failed:
-                raise Failed(f"left out, after {failed[who]}")
-            row = run_case(sampler, surface, count, last_s * count / last_count, options, where)
+                raise Failed(f"left out, as {failed[who]} points are")
+            foretold = max(last_s - START_UP_S, 0) * count / last_count
+            row = run_case(sampler, surface, count, foretold, options, where)
             before[who] = count, row["wall_s"]
         except Failed as why:
             row = {"missing": str(why)}
-            failed.setdefault(who, f"{count} points: {why}")
+            failed.setdefault(who, count)
         results.add({"tool": sampler.name, "surface": surface.name, "asked": count, "threads": sampler.threads, **row})
         print(page.console_line(results.rows[-1]), flush=True)
 
