@@ -19,6 +19,8 @@ PEERS = HERE / "peers"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "VTK_SMP_MAX_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
               "PYTHONDONTWRITEBYTECODE": "1"}
 MOST_OF_PEERS = 10 ** 6
+# What a job may have: more than any machine's, since what it takes is to be seen and not to be bounded.
+MEMORY_MB = 65536
 
 
 class Failed(Exception):
@@ -123,7 +125,8 @@ class Hexad:
 
     def run(self, surface, count, seed, limit, built, where):
         spec = {"version": 1, "surface": surface.spec, "sampling": surface.sampling(count),
-                "solver": {"seed": seed, "threads": self.threads}, "output": {"preview": False}}
+                "solver": {"seed": seed, "threads": self.threads}, "output": {"preview": False},
+                "limits": {"memory_mb": MEMORY_MB}}
         (where / "spec.json").write_text(json.dumps(spec), encoding="utf-8")
         job = where / "job"
         shutil.rmtree(job, ignore_errors=True)
