@@ -19,20 +19,24 @@ def write_mesh(mesh_path, voxels, path):
     pyopenvdb.write(str(path), grids=[grid])
 
 
-def write_torus(major, minor, voxel, path):
-    """Distances from the torus about the origin and z."""
+def write_array(distance, corner, voxel, path):
+    """Distances in world units at the voxels from index `corner` on; what is beyond the band is cut off."""
     import pyopenvdb
-    reach = numpy.ceil((numpy.array([major + minor, major + minor, minor]) / voxel) + BAND + 1).astype(int)
-    x, y, z = (numpy.arange(-k, k + 1) * voxel for k in reach)
-    out = numpy.hypot(x[:, None, None], y[None, :, None]) - major
-    distance = numpy.hypot(out, z[None, None, :]) - minor
     grid = pyopenvdb.FloatGrid(BAND * voxel)
     grid.copyFromArray(numpy.clip(distance, -BAND * voxel, BAND * voxel).astype(numpy.float32),
-                       ijk=tuple(int(-k) for k in reach))
+                       ijk=tuple(int(k) for k in corner))
     grid.transform = pyopenvdb.createLinearTransform(voxelSize=voxel)
     grid.gridClass = pyopenvdb.GridClass.LEVEL_SET
     grid.name = "surface"
     pyopenvdb.write(str(path), grids=[grid])
+
+
+def write_torus(major, minor, voxel, path):
+    """Distances from the torus about the origin and z."""
+    reach = numpy.ceil((numpy.array([major + minor, major + minor, minor]) / voxel) + BAND + 1).astype(int)
+    x, y, z = (numpy.arange(-k, k + 1) * voxel for k in reach)
+    out = numpy.hypot(x[:, None, None], y[None, :, None]) - major
+    write_array(numpy.hypot(out, z[None, None, :]) - minor, -reach, voxel, path)
 
 
 def write(description, shared, path):

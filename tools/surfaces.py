@@ -8,6 +8,11 @@ from scipy import ndimage
 
 # Around the active voxels: what is beyond is background, and the spline forgets its ends with 0.27 a voxel.
 MARGIN = 12
+# The last step of Newton's towards the foot on an ellipsoid, of the way from the nearest pole: the next would be the
+# square of it.
+FOOT_STEP = 1e-8
+# Of the least radius: far below what a float of a level set tells.
+OFF_PLANES = 1e-9
 # Of a voxel or of the domain: the error of central differences is then below 1e-7 of the gradient.
 STEP = 1e-4
 
@@ -92,6 +97,52 @@ class Box(Surface):
         q = numpy.abs(x - self.center) - self.core
         outside = numpy.linalg.norm(numpy.maximum(q, 0), axis=1)
         return outside + numpy.minimum(q.max(axis=1), 0) - self.rounding
+
+
+class Ellipsoid(Surface):
+    """Distances are true ones: the foot of x is r^2 x / (t + r^2), at the largest root t of |r x / (t + r^2)| = 1."""
+    euler = 2
+
+    def __init__(self, radii, center=(0.5, 0.5, 0.5)):
+        self.radii, self.center, self.length = numpy.array(radii, float), numpy.array(center), min(radii)
+        self.area = self._integral(400)
+
+    def foot(self, x):
+        """The nearest place on the surface.
+
+        By Newton from below: the function of t is convex and falls, so that no step passes the root; s is t from the
+        nearest pole on. Off the planes of symmetry, where an inner point has two feet and the function none of its
+        terms."""
+        d, above = x - self.center, self.radii ** 2 - self.length ** 2
+        d = numpy.where(d < 0, -1, 1) * numpy.maximum(numpy.abs(d), OFF_PLANES * self.length)
+        s = (self.radii * numpy.abs(d) - above).max(axis=1)
+        step = s
+        while (step > FOOT_STEP * s).any():
+            ratio = self.radii * d / (s[:, None] + above)
+            step = ((ratio ** 2).sum(axis=1) - 1) / (2 * (ratio ** 2 / (s[:, None] + above)).sum(axis=1))
+            s = s + step
+        return self.center + self.radii ** 2 * d / (s[:, None] + above)
+
+    def value(self, x):
+        d = x - self.center
+        side = numpy.sign(((d / self.radii) ** 2).sum(axis=1) - 1)
+        return side * numpy.linalg.norm(x - self.foot(x), axis=1)
+
+    def normal(self, x):
+        g = (self.foot(x) - self.center) / self.radii ** 2
+        return g / numpy.linalg.norm(g, axis=1)[:, None]
+
+    gradient = normal
+
+    def _integral(self, n):
+        """dA = r0 r1 r2 |u / r| dOmega over the unit sphere."""
+        height, weight = numpy.polynomial.legendre.leggauss(n)
+        around = 2 * numpy.pi * (numpy.arange(2 * n) + 0.5) / (2 * n)
+        z, phi = (a.ravel() for a in numpy.meshgrid(height, around, indexing="ij"))
+        flat = numpy.sqrt(1 - z * z)
+        u = numpy.stack([flat * numpy.cos(phi), flat * numpy.sin(phi), z], axis=1)
+        stretch = self.radii.prod() * numpy.linalg.norm(u / self.radii, axis=1)
+        return float((stretch * numpy.repeat(weight, 2 * n)).sum() * numpy.pi / n)
 
 
 class Quartic(Surface):
@@ -230,7 +281,7 @@ def area_by_rays(surface, origin, cell, count, cells=None):
     return total
 
 
-SHAPES = {"sphere": Sphere, "torus": Torus, "box": Box, "quartic": Quartic, "gyroid": Gyroid}
+SHAPES = {"sphere": Sphere, "torus": Torus, "box": Box, "ellipsoid": Ellipsoid, "quartic": Quartic, "gyroid": Gyroid}
 
 
 def surface_of(spec_surface):
