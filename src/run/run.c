@@ -21,7 +21,7 @@
 
 /* What a particle takes at the peak, from particles, neighbour lists, measures and the verification's second
  * copy: measured at 0.9 kB from a start on the surface, 1.5 kB from a random one, whose lists are longer. */
-static const double BYTES_PER_PARTICLE = 1600;
+static const double BYTES_PER_PARTICLE = 450;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;

@@ -29,7 +29,7 @@ static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE 
 /* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
  * after so many sweeps. */
 static const double CRAMPED_SHARE = 0.01;
-static const int CRAMPED_WAIT = 4;
+static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_GLIDING = 12;
 /* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a
  * few sweeps of their steps are less. */
 static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
@@ -377,7 +377,7 @@ static bool relax_step(sampler *s, error *e)
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
     s->list_age++;
     s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
-                     (sums.cramped > 0 && s->list_age >= CRAMPED_WAIT);
+                     (sums.cramped > 0 && s->list_age >= (s->forces ? CRAMPED_WAIT_GLIDING : CRAMPED_WAIT));
     s->skin = fmin(SAMPLER_SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
     if (is_at_rest(s, &sums) && sizes_are_settled(s) && !sampler_control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)
