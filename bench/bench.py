@@ -17,6 +17,7 @@ import json
 import os
 import pathlib
 import statistics
+import subprocess
 import sys
 import tempfile
 
@@ -120,8 +121,17 @@ class Results:
             if any(told["run"][k] != self.run[k] for k in ("cpu", "cores", "worker")):
                 raise SystemExit(f"{self.path} is of another build or machine: it cannot be continued")
             self.run, self.rows, self.surfaces = told["run"], told["rows"], told["surfaces"]
+        if "kernels" not in self.run:
+            self.run["kernels"] = kernels(options.built)
+
+    def kernel_ns(self, surface):
+        """What an update costs in this run by the kernel benchmark, at its fastest: on formulas or on volumes."""
+        field = "formula" if surface.endswith("-formula") else "tricubic"
+        return min((k["ns"] for k in self.run["kernels"] if k["field"].startswith(field)), default=None)
 
     def add(self, row):
+        if row["tool"] == "hexad" and self.run["kernels"]:
+            row = {**row, "kernel_ns": self.kernel_ns(row["surface"])}
         same = ("tool", "surface", "asked", "threads")
         self.rows = [r for r in self.rows if any(r[k] != row[k] for k in same)] + [{"run": self.run["id"], **row}]
         ours = {(r["surface"], r["asked"]): r["cpu_s"] for r in self.rows
@@ -135,6 +145,17 @@ class Results:
         text = json.dumps({"run": self.run, "peers": self.peers, "surfaces": self.surfaces,
                            "rows": [{k: rounded(v) for k, v in r.items()} for r in self.rows]}, indent=1)
         self.path.write_text(text + "\n", encoding="utf-8")
+
+
+def kernels(built):
+    """The rows of bench/kernels (make bench-kernels); none where it was not built."""
+    program = built / "bench" / "kernels"
+    if not program.exists():
+        return []
+    printed = subprocess.run([program], stdout=subprocess.PIPE, text=True, check=True).stdout
+    rows = [line.strip("| \n").split(" | ") for line in printed.splitlines()[2:]]
+    names = ("field", "isa", "ns", "list_ns", "neighbours", "operations", "bytes", "floor_ns")
+    return [{n: v if n in names[:2] else float(v) for n, v in zip(names, row)} for row in rows]
 
 
 def rounded(value):

@@ -74,10 +74,22 @@ def claims_table(rows):
     return markdown(["claim", "wanted", "found", ""], lines)
 
 
+def kernels_section(kernels):
+    if not kernels:
+        return ""
+    head = ["field", "instruction set", "ns per update", "ns per particle listed", "neighbours", "operations", "bytes",
+            "floor, ns"]
+    numbers = ("ns", "list_ns", "neighbours", "operations", "bytes", "floor_ns")
+    table = markdown(head, [[k["field"], k["isa"]] + [f"{k[n]:g}" for n in numbers] for k in kernels])
+    return ("\n## Kernels\n\nOne update of one of 100 000 particles at rest by one thread, from `bench/kernels`; the "
+            "floor is its operations\nat the rate of multiplications and additions that the same run measured.\n\n"
+            + table)
+
+
 def whole(told, most):
     """The page of the results `told`; `most`: points up to which all are measured."""
     parts = [HEAD.format(**told["run"], ratio=inputs.RATIO, most=most), "## Tools\n\n", peers_table(told),
-             "\n## Claims\n\n", claims_table(told["rows"])]
+             "\n## Claims\n\n", claims_table(told["rows"]), kernels_section(told["run"].get("kernels"))]
     for name, surface in told["surfaces"].items():
         rows = [r for r in told["rows"] if r["surface"] == name]
         if rows:
