@@ -253,7 +253,7 @@ def _roots(surface, low, high, axis):
 # are where the ray grazes the surface and weigh next to nothing.
 RAYS, PIECES, OFF_NODES = 4, 3, 0.29
 # Where the mean of the normals in a cell is shorter than this the surface bends within it, and gets more rays.
-BENT, RAYS_BENT = 0.98, 16
+BENT, RAYS_BENT = 0.98, 24
 
 
 def _cast(surface, origin, cell, cells, rays):

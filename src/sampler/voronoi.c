@@ -318,8 +318,8 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
-/* Beside a corner a bisector may be cut by a point that is joined to one of its ends alone. The triangles at an
- * edge are those with the points that both its ends are joined to, where these are two: then all triangles
+/* Beside a corner a bisector may be cut by a point that is joined to one of its ends alone. The triangles at
+ * an edge are those with the points that both its ends are joined to, where these are two: then all triangles
  * around a point make up its cell. */
 static void measure_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {

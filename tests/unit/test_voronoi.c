@@ -52,8 +52,8 @@ static double cotangent_at(const voronoi_sites *sites, uint32_t p, uint32_t a, u
 }
 
 /* Of an edge of a star that is not clear: that of its two triangles, where it has two, or its pair's. */
-static double length_by_triangles(const voronoi_sites *sites, uint32_t a, uint32_t b, const voronoi_star *star,
-                                  double length)
+static double length_by_triangles(const voronoi_sites *sites, uint32_t a, uint32_t b,
+                                  const voronoi_star *star, double length)
 {
     double sum = 0, other;
     int triangles = 0;
@@ -66,7 +66,7 @@ static double length_by_triangles(const voronoi_sites *sites, uint32_t a, uint32
     return triangles == 2 && star->count <= 32 ? fmax(0.5 * vec3_norm(r) * sum, 0) : length;
 }
 
-/* Every listed point is in the star exactly if its pair has an edge, of the same length if the star is clear. */
+/* Every listed point is in the star exactly if its pair has an edge, in a clear star of the same length. */
 static void compare_star(const voronoi_sites *sites, uint32_t a, const voronoi_star *star, bool clear)
 {
     const uint32_t *list = neighbours_list(sites->near, a);
