@@ -310,7 +310,8 @@ COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{
            ("lost", "lost", "{:.0f}"), ("euler", "euler", "{:.4g}"))
 MORE = (("grading_cv", "grading CV {:.4f}"), ("grading_exponent", "exponent {:.4f}"),
         ("spacing_ratio", "requested spacing {:.1f}:1"), ("spacing_error", "from its formula {:.2g}"),
-        ("unresolved_count", "without a cell {:.0f}"), ("outside", "outside {:.0f}"), ("rim_gap", "rim gap {:.2f} h"), ("other_side", "on the other side {:.0f}"),
+        ("unresolved_count", "without a cell {:.0f}"),
+        ("outside", "outside {:.0f}"), ("rim_gap", "rim gap {:.2f} h"), ("other_side", "on the other side {:.0f}"),
         ("crease_gap", "crease gap {:.2f} local spacings"), ("parts", "parts {:.0f}"),
         ("empty_parts", "empty {:.0f}"), ("share_error", "share error {:.2f} of the allowed"))
 
