@@ -15,6 +15,10 @@ from scipy.spatial import Delaunay, cKDTree
 E_IDEAL = 6 * (1 / numpy.tan(numpy.pi / 2 / numpy.sqrt(3)) + numpy.pi / 2 / numpy.sqrt(3) - numpy.pi / 2)
 # Normals that part by more than this belong to another sheet; those of the two sides of a sharp edge do not.
 OTHER_SIDE = -0.6
+# Two sheets closer than SHEET_GAP spacings, twice the circumradius of an ideal triangle, are not told apart by their
+# points; there are such where a point within SHEET_REACH (beyond a hole of 1.2 spacings) has a normal that parts by
+# more than SHEET_FACING from one's own (beside an edge of right angle a spline's part by -0.38).
+SHEET_GAP, SHEET_REACH, SHEET_FACING = 1.2, 1.7, -0.4
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
 NEIGHBOURS = (16, 48, 144)
 # Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
@@ -163,7 +167,7 @@ def voronoi_areas(points, triangles):
 
 
 def close_pairs(points, support):
-    """Pairs i < j on one sheet and nearer than the larger of their supports, and their distances."""
+    """Pairs i < j nearer than the larger of their supports, and their distances."""
     tree = cKDTree(points.position)
     n, todo, found = points.count, numpy.arange(points.count), []
     for most in NEIGHBOURS:
@@ -179,8 +183,30 @@ def close_pairs(points, support):
     key, first = numpy.unique(numpy.concatenate([k for k, _ in found]), return_index=True)
     distance = numpy.concatenate([d for _, d in found])[first]
     i, j = numpy.divmod(key, n)
-    same = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
-    return i[same], j[same], distance[same]
+    return i, j, distance
+
+
+def facing(points, i, j):
+    return numpy.einsum("nc,nc->n", points.normal[i], points.normal[j])
+
+
+def unresolved(points):
+    """Which points are nearer to another sheet than the points can tell apart."""
+    i, j, distance = close_pairs(points, SHEET_REACH * points.spacing)
+    spacing = 0.5 * (points.spacing[i] + points.spacing[j])
+    way = points.position[j] - points.position[i]
+    gap = numpy.minimum(*(numpy.abs(numpy.einsum("nc,nc->n", way, points.normal[k])) for k in (i, j)))
+    close = (distance < SHEET_REACH * spacing) & (gap < SHEET_GAP * spacing) & (facing(points, i, j) < SHEET_FACING)
+    return numpy.isin(numpy.arange(points.count), numpy.concatenate([i[close], j[close]]))
+
+
+def without_cell(points, triangles, edges):
+    """Points that are unresolved, or joined to such, or whose triangles are not one ring around them."""
+    lost = unresolved(points)
+    joined = edges[lost[edges].any(axis=1)]
+    rings = numpy.bincount(triangles.ravel(), minlength=points.count)
+    lost[joined.ravel()] = True
+    return lost | (rings != numpy.bincount(edges.ravel(), minlength=points.count))
 
 
 # ---- measures
@@ -199,6 +225,8 @@ def _energies(points, h, graded):
     n = points.count
     support = numpy.sqrt(3) * (points.spacing if graded else numpy.full(n, h))
     i, j, distance = close_pairs(points, support)
+    same = facing(points, i, j) > OTHER_SIDE
+    i, j, distance = i[same], j[same], distance[same]
     between = 0.5 * (support[i] + support[j])
     phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / between)
     return (numpy.bincount(i, phi * (between / support[i]) ** 2, n) +
@@ -209,6 +237,7 @@ def measure(points, area, domain=None):
     """The quality measures by their names in report.json, from the points and the surface's true area.
 
     domain: (low, high) corners of the box whose faces cut the surface; points within two spacings of it are left out.
+    Those that have no cell are left out of all but energy_excess and min_spacing_ratio.
     Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
     part), `edges` and `rim`, for further questions."""
     n, h = points.count, ideal_spacing(area, points.count)
@@ -224,24 +253,27 @@ def measure(points, area, domain=None):
     length = numpy.linalg.norm(points.position[i] - points.position[j], axis=1)
     relative = length / (0.5 * (points.spacing[i] + points.spacing[j]))
     # what joins two sheets that the points do not tell apart is no edge between neighbours
-    facing = numpy.einsum("nc,nc->n", points.normal[i], points.normal[j]) > OTHER_SIDE
+    same = facing(points, i, j) > OTHER_SIDE
     degree = numpy.bincount(edges.ravel(), minlength=n)
     cell = voronoi_areas(points, triangles)
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
-    sized = inner & (local > 0)
+    whole = inner & ~without_cell(points, triangles, edges)
+    ends = numpy.concatenate([relative[whole[i] & inner[j] & same], relative[whole[j] & inner[i] & same]])
+    sized = whole & (local > 0)
     uneven = is_uneven(points.spacing[inner])
     energy = _energies(points, h, uneven and not is_uneven(points.alpha))
     slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if uneven else 1
     return {
         "count": n, "h": float(h), "rim_count": int(rim.sum()),
-        "hex_fraction": float((degree[inner] == 6).mean()),
-        "edge_cv": _variation(relative[inner[i] & inner[j] & facing]),
-        "area_cv": _variation((cell / points.spacing ** 2)[inner]),
+        "unresolved_count": int((inner & ~whole).sum()),
+        "hex_fraction": float((degree[whole] == 6).mean()) if whole.any() else float("nan"),
+        "edge_cv": _variation(ends),
+        "area_cv": _variation((cell / points.spacing ** 2)[whole]),
         "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
-        "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & facing].min()),
+        "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),
-        "grading_cv": _variation((local / points.spacing)[inner]),
+        "grading_cv": _variation((local / points.spacing)[whole]),
         "grading_exponent": float(slope),
         "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "rim": rim,
         "component": csgraph.connected_components(

@@ -310,6 +310,7 @@ COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{
            ("lost", "lost", "{:.0f}"), ("euler", "euler", "{:.4g}"))
 MORE = (("grading_cv", "grading CV {:.4f}"), ("grading_exponent", "exponent {:.4f}"),
         ("spacing_ratio", "requested spacing {:.1f}:1"), ("spacing_error", "from its formula {:.2g}"),
+        ("unresolved_count", "without a cell {:.0f}"),
         ("outside", "outside {:.0f}"), ("rim_gap", "rim gap {:.2f} h"), ("other_side", "on the other side {:.0f}"),
         ("crease_gap", "crease gap {:.2f} local spacings"), ("parts", "parts {:.0f}"),
         ("empty_parts", "empty {:.0f}"), ("share_error", "share error {:.2f} of the allowed"))
@@ -329,13 +330,16 @@ def table_line(case, rows, wrong):
     middle = medians(rows)
     largest, _ = parting(rows)
     told = ", ".join(f"{100 * v:.2f}" for v in largest.values() if v == v)
-    more = [text.format(middle[name][0]) for name, text in MORE if name in middle and interesting(case, name)]
+    more = [text.format(middle[name][0]) for name, text in MORE
+            if name in middle and interesting(case, name, middle)]
     cells = [case["name"], f"{rows[0]['count']}", *(cell(middle, name, form) for name, _, form in COLUMNS),
              f"{middle['area_error'][0]:+.0e}", told + " %", "; ".join(more), "; ".join(wrong) or FINE]
     return "| " + " | ".join(cells) + " |"
 
 
-def interesting(case, name):
+def interesting(case, name, middle):
+    if name == "unresolved_count":
+        return middle[name][0] > 0
     graded = "curvature" in case["sampling"]
     return graded if name in ("grading_cv", "grading_exponent", "spacing_ratio", "spacing_error") else True
 

@@ -52,6 +52,7 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_integer(object, "lost", (int64_t)sampler_result_points(facts->sampler)->lost);
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
     json_put_integer(object, "rim_count", (int64_t)q->rim_count);
+    json_put_integer(object, "unresolved_count", (int64_t)q->unresolved_count);
     json_put_number(object, "euler", q->euler);
     json *graded = json_put_object(object, "grading");
     json_put_number(graded, "cv", q->grading_cv);

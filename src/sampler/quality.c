@@ -12,6 +12,9 @@ static const double EVEN_REQUEST = 1.05;
 /* Two points never come closer than this fraction of the support as far as the energy is concerned. */
 static const double CLOSEST = 1e-6;
 
+/* Sheets that points do not tell apart: see the header. */
+static const double SHEET_FACING = -0.4, SHEET_REACH = 1.7, SHEET_GAP = 1.2;
+
 /* Points in a chunk of work, and in a partial sum. */
 #define CHUNK 256
 
@@ -23,7 +26,7 @@ typedef struct moments {
 /* What a chunk of points adds to the measures; all but `degrees` and `rims` without the points near rims. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double rims, hex, alpha, energy, nearest;
+    double rims, unresolved, hex, alpha, energy, nearest;
     moments edge, area, ratio;
     double finest, coarsest;
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
@@ -43,6 +46,7 @@ typedef struct slab {
     vec3 *position, *normal;
     double *spacing, *alpha;
     uint32_t *index; /* of each, among all */
+    bool *unresolved;
     neighbours *near;
     tally *tally; /* per chunk */
     bool graded;  /* spacings differ enough for a slope */
@@ -127,12 +131,41 @@ static double area_of(const voronoi_star *star)
     return area;
 }
 
-/* Edges belong to their end of lower index. */
+static bool is_unresolved(const measure_job *job, uint32_t i)
+{
+    const quality_input *in = job->in;
+    const uint32_t *list = neighbours_list(job->sites.near, i);
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
+        uint32_t j = list[k];
+        if (vec3_dot(in->normal[i], in->normal[j]) >= SHEET_FACING) continue;
+        vec3 r = vec3_sub(in->position[j], in->position[i]);
+        double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = SHEET_REACH * mean;
+        double gap = fmin(fabs(vec3_dot(in->normal[i], r)), fabs(vec3_dot(in->normal[j], r)));
+        if (gap < SHEET_GAP * mean && vec3_norm2(r) < reach * reach) return true;
+    }
+    return false;
+}
+
+static void mark_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const measure_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) job->slab->unresolved[i] = is_unresolved(job, (uint32_t)i);
+}
+
+static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
+{
+    bool has = !job->slab->unresolved[i];
+    for (uint32_t k = 0; k < voronoi_star_held(star); k++) has &= !job->slab->unresolved[star->point[k]];
+    return has;
+}
+
+/* Those of a point that has a cell: an edge counts from either end. */
 static void tally_edges(const quality_input *in, uint32_t i, const voronoi_star *star, tally *t)
 {
     for (uint32_t k = 0; k < voronoi_star_held(star); k++) {
         uint32_t j = star->point[k];
-        if (i < j && !is_on_rim(in, j))
+        if (!is_on_rim(in, j))
             count_value(&t->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
     }
 }
@@ -165,9 +198,13 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     t->energy += energy_of(job, i, &nearest2);
     t->nearest = fmin(t->nearest, nearest2);
     t->alpha += alpha_of(in, i);
-    t->hex += star.count == 6;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
+    if (!has_cell(job, i, &star)) {
+        t->unresolved++;
+        return;
+    }
+    t->hex += star.count == 6;
     tally_edges(in, i, &star, t);
     count_value(&t->area, area / (spacing * spacing));
     count_value(&t->ratio, local / spacing);
@@ -202,6 +239,7 @@ static void add_tally(tally *t, const tally *other)
 {
     t->degrees += other->degrees;
     t->rims += other->rims;
+    t->unresolved += other->unresolved;
     t->hex += other->hex;
     t->alpha += other->alpha;
     t->energy += other->energy;
@@ -228,17 +266,19 @@ static double variation(const moments *m)
 
 static quality conclude(const tally *t)
 {
-    quality q = {
-        .rim_count = (size_t)t->rims, .euler = t->degrees / 6, .min_spacing_ratio = sqrt(t->nearest)};
+    quality q = {.rim_count = (size_t)t->rims,
+                 .unresolved_count = (size_t)t->unresolved,
+                 .euler = t->degrees / 6,
+                 .min_spacing_ratio = sqrt(t->nearest)};
     q.grading_exponent = 1;
-    if (t->area.n < 1) { /* nothing but rims: there is nothing to say */
-        q.hex_fraction = q.edge_cv = q.area_cv = q.energy_excess = q.grading_cv = q.grading_exponent = NAN;
+    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1; /* NAN of nothing but rims */
+    if (t->area.n < 1) { /* no cells: there is nothing to say of them */
+        q.hex_fraction = q.edge_cv = q.area_cv = q.grading_cv = q.grading_exponent = NAN;
         return q;
     }
     q.hex_fraction = t->hex / t->area.n;
     q.edge_cv = variation(&t->edge);
     q.area_cv = variation(&t->area);
-    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1;
     q.grading_cv = variation(&t->ratio);
     if (t->coarsest > EVEN_REQUEST * t->finest)
         q.grading_exponent = (t->sxy - t->sx * t->sy / t->sized) / (t->sxx - t->sx * t->sx / t->sized);
@@ -288,6 +328,7 @@ static void free_slab(slab *s)
     free(s->spacing);
     free(s->alpha);
     free(s->index);
+    free(s->unresolved);
     free(s->tally);
     neighbours_free(s->near);
 }
@@ -303,9 +344,11 @@ static bool fill_slab(const quality_input *in, const extent *x, threads *pool, s
     s->spacing = mem_array(n, sizeof *s->spacing, what, e);
     s->alpha = mem_array(n, sizeof *s->alpha, what, e);
     s->index = mem_array(n, sizeof *s->index, what, e);
+    s->unresolved = mem_array(n, sizeof *s->unresolved, what, e);
     s->tally = mem_array(n / CHUNK + 1, sizeof *s->tally, what, e);
     s->near = neighbours_new(n, SIZE_MAX, e);
-    if (!s->position || !s->normal || !s->spacing || !s->alpha || !s->index || !s->tally || !s->near)
+    if (!s->position || !s->normal || !s->spacing || !s->alpha || !s->index || !s->unresolved || !s->tally ||
+        !s->near)
         return false;
     gather_slab(in, s, halo, s);
     s->in = *in;
@@ -353,6 +396,7 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
         slab s = {.axis = axis, .low = low, .high = end[k], .graded = x.coarsest > EVEN_REQUEST * x.finest};
         ok = fill_slab(in, &x, pool, &s, e);
         measure_job job = {&s, &s.in, {s.position, s.normal, s.spacing, s.near}, spacing_local, degree};
+        if (ok) threads_run(pool, s.in.count, CHUNK, mark_chunk, &job);
         if (ok) threads_run(pool, s.in.count, CHUNK, tally_chunk, &job);
         for (size_t c = 0; ok && c < (s.in.count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &s.tally[c]);
         free_slab(&s);

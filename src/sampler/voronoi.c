@@ -138,6 +138,11 @@ bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *lengt
     return is_diagonal(in->position, a, b, s.low_by, s.high_by);
 }
 
+static bool is_joined(const voronoi_sites *in, uint32_t a, uint32_t b, double *edge)
+{
+    return vec3_dot(in->normal[a], in->normal[b]) > VORONOI_OTHER_SIDE && voronoi_edge(in, a, b, edge);
+}
+
 /* The clear star: a point's cell in its tangent plane. Distances there are those in space, so that on a
  * sphere the cell's edges are the very bisectors of voronoi_edge; elsewhere these lie off the plane by terms of
  * second order in how far the surface bends within the lists, which FLAT_FACING and FLAT_HEIGHT bound. A
@@ -313,6 +318,27 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
+/* Beside a corner a bisector may be cut by a point that is joined to one of its ends alone. The triangles at
+ * an edge are those with the points that both its ends are joined to, where these are two: then all triangles
+ * around a point make up its cell. */
+static void measure_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
+{
+    bool joined[RING_MAX][RING_MAX] = {{false}};
+    uint32_t count = out->count;
+    if (count > RING_MAX) return; /* a crowd has no such order */
+    for (uint32_t k = 0; k < count; k++)
+        for (uint32_t l = 0; l < k; l++)
+            joined[k][l] = joined[l][k] = is_joined(in, out->point[k], out->point[l], &(double){0});
+    for (uint32_t k = 0; k < count; k++) {
+        uint32_t third[RING_MAX], thirds = 0;
+        for (uint32_t l = 0; l < count; l++)
+            if (joined[k][l]) third[thirds++] = out->point[l];
+        if (thirds == 2)
+            out->edge[k] = dual_length(in->position[a], in->position[out->point[k]], in->position[third[0]],
+                                       in->position[third[1]]);
+    }
+}
+
 void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
     if (voronoi_star_clear(in, a, out)) return;
@@ -321,8 +347,7 @@ void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     for (uint32_t k = 0; k < in->near->list_count[a]; k++) {
         uint32_t b = list[k];
         double edge;
-        if (vec3_dot(in->normal[a], in->normal[b]) <= VORONOI_OTHER_SIDE || !voronoi_edge(in, a, b, &edge))
-            continue;
+        if (!is_joined(in, a, b, &edge)) continue;
         if (out->count < VORONOI_STAR_MAX) {
             out->point[out->count] = b;
             out->place[out->count] = k;
@@ -331,4 +356,5 @@ void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
         }
         out->count++;
     }
+    measure_triangles(in, a, out);
 }

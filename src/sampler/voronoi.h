@@ -5,7 +5,8 @@
  * triangulation of the surface wherever the points resolve it. Pure functions, safe in any thread.
  *
  * voronoi_edge judges one pair with care; voronoi_star finds all that one point is joined to, from a polygon
- * in its tangent plane where that is sure to say the same.
+ * in its tangent plane where that is sure to say the same. A star's edges have the lengths that its triangles
+ * give.
  */
 #ifndef HEXAD_SAMPLER_VORONOI_H
 #define HEXAD_SAMPLER_VORONOI_H

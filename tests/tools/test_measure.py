@@ -141,8 +141,45 @@ def test_two_sheets_do_not_touch():
     below = points.position - [0.3, 0.2, 0.6]
     plate = point_set(numpy.concatenate([points.position, below]), numpy.concatenate([points.normal, -points.normal]))
     found = measure.measure(plate, area_of(plate), box)
-    assert found["hex_fraction"] == 1 and abs(found["energy_excess"]) < 1e-9
-    assert abs(found["min_spacing_ratio"] - 1) < 1e-9
+    assert found["unresolved_count"] + found["rim_count"] == plate.count
+    assert abs(found["energy_excess"]) < 1e-9 and abs(found["min_spacing_ratio"] - 1) < 1e-9
+    assert math.isnan(found["hex_fraction"]) and math.isnan(found["edge_cv"]) and math.isnan(found["area_cv"])
+
+
+def test_sheets_are_told_apart_from_a_gap_on():
+    points, box = lattice(40, 40)
+    for gap, lost in ((1.19, True), (1.21, False)):
+        below = points.position - [0.3, 0.2, gap]
+        plate = point_set(numpy.concatenate([points.position, below]),
+                          numpy.concatenate([points.normal, -points.normal]))
+        assert (measure.unresolved(plate) == lost).all()
+    found = measure.measure(plate, area_of(plate), box)
+    assert found["unresolved_count"] == 0 and found["hex_fraction"] == 1 and found["area_cv"] < 1e-6
+
+
+def test_neighbours_of_the_unresolved_have_no_cell():
+    points, box = lattice(40, 40)
+    half = points.position[:, 1] < 17
+    plate = point_set(numpy.concatenate([points.position, points.position[half] - [0.3, 0.2, 1.0]]),
+                      numpy.concatenate([points.normal, -points.normal[half]]))
+    inner = (plate.position[:, 0] > 3) & (plate.position[:, 0] < 36) & (plate.position[:, 2] > -0.5)
+    lost = measure.unresolved(plate)
+    edge = plate.position[lost & inner, 1].max()
+    triangles = measure.triangulate(plate, True)
+    gone = measure.without_cell(plate, triangles, measure.edges_of(triangles))
+    assert gone[inner & (plate.position[:, 1] < edge + 0.9)].all()
+    assert not gone[inner & (plate.position[:, 1] > edge + 0.9) & (plate.position[:, 1] < 30)].any()
+
+
+def test_creases_are_resolved():
+    points, _ = lattice(40, 40)
+    beyond = points.position[:, 0] > 20
+    for side in (-1, 1):
+        bent = point_set(points.position.copy(), points.normal.copy())
+        bent.position[beyond, 2] = -side * (points.position[beyond, 0] - 20)
+        bent.position[beyond, 0] = 20
+        bent.normal[beyond] = [side, 0, 0]
+        assert not measure.unresolved(bent).any()
 
 
 def test_grading():

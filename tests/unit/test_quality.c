@@ -302,6 +302,93 @@ static void slabs_fit_together(void **state)
     free(spacing);
 }
 
+/* The lattice and below it another that faces down, of which the first `rows` rows are taken. */
+static size_t measure_plate(double gap, int rows, quality *q)
+{
+    enum { ALL = 2 * LATTICE };
+    sheet *s = make_sheet();
+    vec3 *x = calloc(ALL, sizeof *x), *normal = calloc(ALL, sizeof *normal);
+    double *spacing = calloc(ALL, sizeof *spacing);
+    size_t count = LATTICE + (size_t)(rows * SIDE);
+    for (size_t k = 0; k < ALL; k++) {
+        double side = k < LATTICE ? 1 : -1;
+        x[k] = s->position[k % LATTICE];
+        normal[k] = (vec3){0, 0, side};
+        spacing[k] = 1;
+        if (side < 0) x[k] = vec3_add(x[k], (vec3){0.5, 0.3, -gap});
+    }
+    s->in.count = count;
+    s->in.position = x;
+    s->in.normal = normal;
+    s->in.spacing = spacing;
+    s->in.alpha = NULL;
+    error e = {0};
+    threads *pool = threads_new(2, NULL, &e);
+    assert_true(quality_measure(&s->in, pool, NULL, NULL, q, &e));
+    threads_free(pool);
+    free(x);
+    free(normal);
+    free(spacing);
+    free(s);
+    return count;
+}
+
+/* Two sheets are told apart from a gap of 1.2 on; nearer, no point has a cell, but all have energies. */
+static void sheets_that_are_too_close_are_left_out(void **state)
+{
+    (void)state;
+    quality near, far;
+    size_t count = measure_plate(1.19, SIDE, &near);
+    assert_int_equal(near.unresolved_count + near.rim_count, count);
+    assert_true(isnan(near.hex_fraction) && isnan(near.edge_cv) && isnan(near.area_cv));
+    assert_true(isnan(near.grading_cv) && isnan(near.grading_exponent));
+    assert_close(near.energy_excess, 0, 1e-9);
+    assert_close(near.min_spacing_ratio, 1, 1e-12);
+    measure_plate(1.21, SIDE, &far);
+    assert_int_equal(far.unresolved_count, 0);
+    assert_true(far.hex_fraction == 1);
+    assert_close(far.area_cv, 0, 1e-6);
+}
+
+/* Half of the lattice has another sheet below it: left out is what faces that, and one row more. */
+static void neighbours_of_the_unresolved_are_left_out(void **state)
+{
+    (void)state;
+    enum { ROWS = 20 }; /* the last at 19 sqrt(3) / 2 + 0.3, which sees 1.7^2 - 1 beyond: 1 or 2 rows */
+    quality q, whole;
+    measure_plate(10, ROWS, &whole);
+    measure_plate(1, ROWS, &q);
+    assert_int_equal(whole.unresolved_count, 0);
+    size_t kept = 2 * LATTICE - (size_t)((SIDE - ROWS) * SIDE) - q.rim_count - q.unresolved_count;
+    assert_in_range(kept, (SIDE - ROWS - 6) * (SIDE - 6), (SIDE - ROWS - 3) * (SIDE - 2));
+    assert_true(q.hex_fraction == 1);
+    assert_close(q.area_cv, 0, 1e-6);
+    assert_close(q.edge_cv, 0, 1e-6);
+}
+
+/* Two faces that meet at right angles stay in the measures, on either side of the edge. */
+static void creases_are_resolved(void **state)
+{
+    (void)state;
+    for (int side = -1; side <= 1; side += 2) {
+        sheet *s = make_sheet();
+        quality q;
+        for (int k = 0; k < LATTICE; k++) {
+            double beyond = s->position[k].x - SIDE / 2;
+            if (beyond > 0) {
+                s->position[k] = (vec3){SIDE / 2, s->position[k].y, -side * beyond};
+                s->normal[k] = (vec3){side, 0, 0};
+            } else if (beyond == 0)
+                s->normal[k] = vec3_unit((vec3){side, 0, 1});
+        }
+        s->in.domain.min.z = -SIDE;
+        s->in.domain.max.z = SIDE;
+        measure(s, &q);
+        assert_int_equal(q.unresolved_count, 0);
+        free(s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -314,6 +401,9 @@ int main(void)
         cmocka_unit_test(energies_are_those_of_all_pairs),
         cmocka_unit_test(slabs_do_not_show),
         cmocka_unit_test(slabs_fit_together),
+        cmocka_unit_test(sheets_that_are_too_close_are_left_out),
+        cmocka_unit_test(neighbours_of_the_unresolved_are_left_out),
+        cmocka_unit_test(creases_are_resolved),
     };
     return cmocka_run_group_tests_name("quality", tests, NULL, NULL);
 }
