@@ -258,7 +258,7 @@ static void test_exr(void **state)
         spit(t.path, data, n);
         if (verify_exr(t.path, m, NULL)) fail_msg("accepted %zu of %zu bytes", n, length);
     }
-    for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* among the last bytes are lines alone */
+    for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* lines and no header */
         data[n] ^= 1;
         spit(t.path, data, length);
         if (verify_exr(t.path, m, NULL)) fail_msg("byte %zu is not that of the picture", n);
