@@ -10,7 +10,6 @@
 #include <openexr.h>
 
 #include "base/memory.h"
-#include "formats/deflate.h"
 
 /* In the order of the file, which is that of the names' bytes. */
 enum { A, B, G, N_X, N_Y, N_Z, P_X, P_Y, P_Z, R, Z, ID, KAPPA, SPACING, CHANNELS };
@@ -31,108 +30,87 @@ static const channel channels[CHANNELS] = {
     [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4},
 };
 
-enum { CHUNK_LINES = 16 }; /* of ZIP */
-
 /* The library wants a name even where the callbacks do the work; it goes into messages only. */
 static const char library_name[] = "preview.exr";
 
-/* The lines of one chunk as they stand in a file without compression: line after line, and within a line
- * channel after channel. */
-typedef struct lines {
-    int width;
-    size_t line_bytes, offset[CHANNELS]; /* of a channel within its line */
+/* A line of the picture as the file has it: channel after channel, lowest bytes first. */
+typedef struct line {
+    size_t length, offset[CHANNELS]; /* bytes */
     unsigned char *bytes;
-} lines;
+} line;
 
-static lines lines_make(int width)
+static line line_make(int width)
 {
-    lines l = {.width = width};
+    line l = {0};
     for (int c = 0; c < CHANNELS; c++) {
-        l.offset[c] = l.line_bytes;
-        l.line_bytes += (size_t)width * (size_t)channels[c].bytes;
+        l.offset[c] = l.length;
+        l.length += (size_t)width * (size_t)channels[c].bytes;
     }
-    l.bytes = mem_alloc(l.line_bytes * CHUNK_LINES);
+    l.bytes = mem_alloc(l.length);
     return l;
 }
 
-static void put_float(unsigned char *line, size_t at, double value)
+static void put_whole(unsigned char *bytes, size_t at, uint32_t value)
 {
-    float single = (float)value;
-    memcpy(line + 4 * at, &single, sizeof single);
+    uint32_t little = htole32(value);
+    memcpy(bytes + 4 * at, &little, sizeof little);
 }
 
-static void fill_constants(const lines *l, unsigned char *line, const preview_span *s, int x)
+static void put_float(unsigned char *bytes, size_t at, double value)
+{
+    float single = (float)value;
+    uint32_t bits;
+    memcpy(&bits, &single, sizeof bits);
+    put_whole(bytes, at, bits);
+}
+
+static void put_half(unsigned char *bytes, size_t at, uint16_t value)
+{
+    uint16_t little = htole16(value);
+    memcpy(bytes + 2 * at, &little, sizeof little);
+}
+
+static void fill_constants(const line *l, const preview_span *s, int x)
 {
     for (size_t at = (size_t)x; at < (size_t)s->end; at++) {
-        put_float(line + l->offset[N_X], at, s->normal.x);
-        put_float(line + l->offset[N_Y], at, s->normal.y);
-        put_float(line + l->offset[N_Z], at, s->normal.z);
-        put_float(line + l->offset[KAPPA], at, s->kappa);
-        put_float(line + l->offset[SPACING], at, s->spacing);
-        memcpy(line + l->offset[ID] + 4 * at, &s->id, sizeof s->id);
+        put_float(l->bytes + l->offset[N_X], at, s->normal.x);
+        put_float(l->bytes + l->offset[N_Y], at, s->normal.y);
+        put_float(l->bytes + l->offset[N_Z], at, s->normal.z);
+        put_float(l->bytes + l->offset[KAPPA], at, s->kappa);
+        put_float(l->bytes + l->offset[SPACING], at, s->spacing);
+        put_whole(l->bytes + l->offset[ID], at, s->id);
     }
 }
 
-static void fill_places(const lines *l, unsigned char *line, const image *m, const preview_span *s, int x,
-                        int y)
+static void fill_places(const line *l, const image *m, const preview_span *s, int x, int y)
 {
     for (; x < s->end; x++) {
         size_t at = (size_t)x;
         vec3 p = preview_place(m, s, x, y), world = camera_to_world(&m->camera, p);
-        put_float(line + l->offset[Z], at, p.z);
-        put_float(line + l->offset[P_X], at, world.x);
-        put_float(line + l->offset[P_Y], at, world.y);
-        put_float(line + l->offset[P_Z], at, world.z);
+        put_float(l->bytes + l->offset[Z], at, p.z);
+        put_float(l->bytes + l->offset[P_X], at, world.x);
+        put_float(l->bytes + l->offset[P_Y], at, world.y);
+        put_float(l->bytes + l->offset[P_Z], at, world.z);
     }
 }
 
-static void fill_line(const lines *l, unsigned char *line, const image *m, int y)
+static void fill_line(const line *l, const image *m, int y)
 {
     static const int color_channel[4] = {R, G, B, A};
     const uint16_t *rgba = m->rgba + 4 * (size_t)y * (size_t)m->width;
-    memset(line, 0, l->line_bytes);
+    memset(l->bytes, 0, l->length);
     for (int k = 0; k < 4; k++)
         for (size_t x = 0; x < (size_t)m->width; x++)
-            memcpy(line + l->offset[color_channel[k]] + 2 * x, &rgba[4 * x + (size_t)k], 2);
+            put_half(l->bytes + l->offset[color_channel[k]], x, rgba[4 * x + (size_t)k]);
     for (int x = 0; x < m->width;) {
         preview_span s = preview_span_at(m, x, y);
         if (s.id > 0) {
-            fill_constants(l, line, &s, x);
-            fill_places(l, line, m, &s, x, y);
+            fill_constants(l, &s, x);
+            fill_places(l, m, &s, x, y);
         } else
             for (size_t at = (size_t)x; at < (size_t)s.end; at++)
-                put_float(line + l->offset[Z], at, (double)PREVIEW_FAR);
+                put_float(l->bytes + l->offset[Z], at, (double)PREVIEW_FAR);
         x = s.end;
-    }
-}
-
-/* Returns how many bytes the lines from `top` on take. */
-static size_t fill_lines(const lines *l, const image *m, int top)
-{
-    int count = m->height - top < CHUNK_LINES ? m->height - top : CHUNK_LINES;
-    for (int y = 0; y < count; y++) fill_line(l, l->bytes + (size_t)y * l->line_bytes, m, top + y);
-    return (size_t)count * l->line_bytes;
-}
-
-/* EXR's ZIP: the even bytes before the odd ones, then each less the one before it, with 128 for 0. `count` is
- * even. A block at a time by way of the stack, so that the compiler knows that nothing overlaps. */
-static void spread(const unsigned char *in, size_t count, unsigned char *even, unsigned char *odd)
-{
-    enum { BLOCK = 512 };
-    unsigned char last_even = 128, last_odd = in[count - 2]; /* before the odd bytes come the even ones */
-    for (size_t at = 0; at < count / 2; at += BLOCK) {
-        size_t n = count / 2 - at < BLOCK ? count / 2 - at : BLOCK;
-        uint16_t pair[BLOCK + 1];
-        unsigned char low[BLOCK], high[BLOCK];
-        memcpy(pair + 1, in + 2 * at, 2 * n);
-        for (size_t k = 1; k <= n; k++) pair[k] = le16toh(pair[k]);
-        pair[0] = (uint16_t)(last_even | last_odd << 8);
-        for (size_t k = 0; k < n; k++) low[k] = (unsigned char)(pair[k + 1] - pair[k] + 128);
-        for (size_t k = 0; k < n; k++) high[k] = (unsigned char)((pair[k + 1] >> 8) - (pair[k] >> 8) + 128);
-        memcpy(even + at, low, n);
-        memcpy(odd + at, high, n);
-        last_even = (unsigned char)(pair[n] & 255);
-        last_odd = (unsigned char)(pair[n] >> 8);
     }
 }
 
@@ -232,47 +210,22 @@ static exr_result_t write_head(exr_context_t file, const image *m)
                                (float)c->up.y, (float)c->forward.y, 0, (float)c->right.z, (float)c->up.z,
                                (float)c->forward.z, 0, (float)shift.x, (float)shift.y, (float)shift.z, 1}};
     exr_result_t r = exr_add_part(file, "preview", EXR_STORAGE_SCANLINE, &part);
-    if (!r) r = exr_initialize_required_attr_simple(file, part, m->width, m->height, EXR_COMPRESSION_ZIP);
+    if (!r) r = exr_initialize_required_attr_simple(file, part, m->width, m->height, EXR_COMPRESSION_NONE);
     for (int k = 0; !r && k < CHANNELS; k++)
         r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
     if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &matrix);
     return r ? r : exr_write_header(file);
 }
 
-/* What a chunk goes through. */
-typedef struct packing {
-    lines lines;
-    unsigned char *differences, *packed;
-} packing;
-
-static packing packing_make(int width)
-{
-    packing p = {.lines = lines_make(width)};
-    size_t most = p.lines.line_bytes * CHUNK_LINES;
-    p.differences = mem_alloc(most);
-    p.packed = mem_alloc(deflate_bound(most));
-    return p;
-}
-
-static void packing_free(packing *p)
-{
-    free(p->lines.bytes);
-    free(p->differences);
-    free(p->packed);
-}
-
-/* A chunk that does not shrink is stored as it is, which its size tells. */
-static exr_result_t write_chunks(exr_context_t file, const image *m, packing *p)
+static exr_result_t write_lines(exr_context_t file, const image *m)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
-    for (int y = 0; !r && y < m->height; y += CHUNK_LINES) {
-        size_t count = fill_lines(&p->lines, m, y);
-        spread(p->lines.bytes, count, p->differences, p->differences + count / 2);
-        size_t packed = deflate_pack(p->differences, count, p->packed);
-        bool shrinks = packed < count;
-        r = exr_write_scanline_chunk(file, 0, y, shrinks ? p->packed : p->lines.bytes,
-                                     shrinks ? packed : count);
+    line l = line_make(m->width);
+    for (int y = 0; !r && y < m->height; y++) {
+        fill_line(&l, m, y);
+        r = exr_write_scanline_chunk(file, 0, y, l.bytes, l.length);
     }
+    free(l.bytes);
     return r;
 }
 
@@ -281,15 +234,13 @@ bool preview_exr_write(FILE *file, const image *m, error *e)
     stream s = {.fd = fileno(file)};
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
-    packing p = packing_make(m->width);
     exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
     if (!r) r = write_head(context, m);
-    if (!r) r = write_chunks(context, m, &p);
+    if (!r) r = write_lines(context, m);
     if (context) {
         exr_result_t closed = exr_finish(&context);
         if (!r) r = closed;
     }
-    packing_free(&p);
     return finish(r == EXR_ERR_SUCCESS && s.e.code == ERROR_NONE, r, &s, e);
 }
 
@@ -305,7 +256,7 @@ static bool check_head(exr_context_t file, const image *m, error *e)
         exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &per_chunk))
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
-        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_ZIP || per_chunk != CHUNK_LINES)
+        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_NONE || per_chunk != 1)
         return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
     return true;
 }
@@ -320,50 +271,44 @@ static bool check_channels(exr_context_t file, error *e)
     return same || error_set(e, ERROR_INTERNAL, "EXR file: its channels are not those that were written");
 }
 
-/* Against what the picture's lines come to. */
-static exr_result_t check_chunk(exr_context_t file, const image *m, int y, packing *p, bool *same)
+/* Against what the picture's line comes to. */
+static exr_result_t check_line(exr_context_t file, int y, const line *l, unsigned char *bytes, bool *same)
 {
     exr_chunk_info_t chunk;
-    size_t count = fill_lines(&p->lines, m, y);
     exr_result_t r = exr_read_scanline_chunk_info(file, 0, y, &chunk);
     if (r) return r;
-    *same = chunk.unpacked_size == count && chunk.packed_size <= deflate_bound(count);
+    *same = chunk.packed_size == l->length;
     if (!*same) return r;
-    r = exr_read_chunk(file, 0, &chunk, p->packed);
-    if (r) return r;
-    if (chunk.packed_size == count) {
-        *same = memcmp(p->packed, p->lines.bytes, count) == 0;
-    } else {
-        spread(p->lines.bytes, count, p->differences, p->differences + count / 2);
-        *same = deflate_holds(p->packed, chunk.packed_size, p->differences, count);
-    }
+    r = exr_read_chunk(file, 0, &chunk, bytes);
+    *same = !r && memcmp(bytes, l->bytes, l->length) == 0;
     return r;
 }
 
-static exr_result_t check_chunks(exr_context_t file, const image *m, packing *p, bool *same, error *e)
+static exr_result_t check_lines(exr_context_t file, const image *m, bool *same, error *e)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
+    line l = line_make(m->width);
+    unsigned char *bytes = mem_alloc(l.length);
     *same = true;
-    for (int y = 0; !r && *same && y < m->height; y += CHUNK_LINES) {
-        r = check_chunk(file, m, y, p, same);
-        if (!r && !*same)
-            error_set(e, ERROR_INTERNAL, "EXR file: what it holds from line %d on is not what was written",
-                      y);
+    for (int y = 0; !r && *same && y < m->height; y++) {
+        fill_line(&l, m, y);
+        r = check_line(file, y, &l, bytes, same);
+        if (!r && !*same) error_set(e, ERROR_INTERNAL, "EXR file: line %d is not what was written", y);
     }
+    free(bytes);
+    free(l.bytes);
     return r;
 }
 
 bool preview_exr_verify(FILE *file, const image *m, error *e)
 {
     stream s = {.fd = fileno(file)};
-    packing p = packing_make(m->width);
     bool same = false;
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
     exr_result_t r = exr_start_read(&context, library_name, &init);
     if (!r && check_head(context, m, &s.e) && check_channels(context, &s.e))
-        r = check_chunks(context, m, &p, &same, &s.e);
+        r = check_lines(context, m, &same, &s.e);
     if (context) exr_finish(&context);
-    packing_free(&p);
     return finish(!r && same, r, &s, e);
 }

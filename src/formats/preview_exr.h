@@ -1,5 +1,5 @@
 /* preview_exr: a preview with its data as OpenEXR, through OpenEXR's C core. One part, scanlines,
- * ZIP. The same image gives the same bytes: no date, no path.
+ * not compressed. The same image gives the same bytes: no date, no path.
  *
  *     channels            type   what
  *     R G B A             half   linear light (Rec. 709 primaries), multiplied by coverage, no legend

@@ -104,11 +104,13 @@ void progress_update(progress *p, const progress_numbers *numbers)
     pthread_mutex_unlock(&p->lock);
 }
 
-void progress_tick(progress *p)
+int64_t progress_tick(progress *p)
 {
     pthread_mutex_lock(&p->lock);
     report_if_due(p);
+    int64_t rest = p->written_ms + INTERVAL_MS - clock_monotonic_ms();
     pthread_mutex_unlock(&p->lock);
+    return rest > 0 ? rest : INTERVAL_MS; /* there is nobody to tell, or nothing yet */
 }
 
 void progress_end(progress *p)

@@ -45,8 +45,8 @@ void progress_begin(progress *p, int fd, bool bar);
 void progress_enter(progress *p, progress_phase phase);
 void progress_update(progress *p, const progress_numbers *numbers);
 
-/* Says again what was said last, if that is long enough ago. */
-void progress_tick(progress *p);
+/* Says again what was said last, if that is long enough ago; returns after how many ms it would be, > 0. */
+int64_t progress_tick(progress *p);
 
 void progress_end(progress *p); /* closes the last phase; phase_ms is then complete */
 

@@ -36,13 +36,13 @@ static void *look(void *argument)
 {
     watch *w = argument;
     const watch_params *p = &w->params;
-    int64_t told_ms = -1;
+    int64_t told_ms = -1, due_ms = GLANCE_MS;
     pthread_mutex_lock(&w->lock);
     while (!w->end) {
-        struct timespec until = from_now(GLANCE_MS);
+        struct timespec until = from_now(due_ms < GLANCE_MS ? due_ms : GLANCE_MS);
         pthread_cond_timedwait(&w->ended, &w->lock, &until);
         if (w->end) break;
-        if (p->progress) progress_tick(p->progress);
+        if (p->progress) due_ms = progress_tick(p->progress);
         if (!p->cancel || !*p->cancel || !p->leave) continue;
         if (told_ms < 0) told_ms = clock_monotonic_ms();
         /* under the lock: once watch_end has it, this does not come any more */

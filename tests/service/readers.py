@@ -103,37 +103,19 @@ def _exr_channels(data):
     return channels
 
 
-def _unzip(packed, size):
-    """EXR's ZIP: deflate, then differences, then the even bytes before the odd ones."""
-    if len(packed) == size:
-        return packed
-    d = numpy.frombuffer(zlib.decompress(packed), numpy.uint8).astype(numpy.uint64)
-    assert len(d) == size
-    d[1:] += 128
-    d = (numpy.cumsum(d) & 255).astype(numpy.uint8)
-    out = numpy.empty(size, numpy.uint8)
-    half = (size + 1) // 2
-    out[0::2], out[1::2] = d[:half], d[half:]
-    return out.tobytes()
-
-
 def read_exr(data):
-    """(width, height, {channel: array}) of a scan line file without compression or with ZIP."""
+    """(width, height, {channel: array}) of a scan line file without compression."""
     attributes, at = _exr_header(data)
     x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
     width, height = x1 - x0 + 1, y1 - y0 + 1
-    lines = {0: 1, 2: 1, 3: 16}[attributes["compression"][0]]
+    assert attributes["compression"] == b"\0"
     channels = _exr_channels(attributes["channels"])
     images = {name: numpy.empty((height, width), kind) for name, kind in channels}
-    chunks = -(-height // lines)
-    for offset in struct.unpack(f"<{chunks}Q", data[at:at + 8 * chunks]):
+    for offset in struct.unpack(f"<{height}Q", data[at:at + 8 * height]):
         y, size = struct.unpack("<ii", data[offset:offset + 8])
-        rows = range(y - y0, min(y - y0 + lines, height))
-        row_bytes = width * sum(numpy.dtype(kind).itemsize for _, kind in channels)
-        body = _unzip(data[offset + 8:offset + 8 + size], row_bytes * len(rows))
-        start = 0
-        for row in rows:
-            for name, kind in channels:
-                images[name][row] = numpy.frombuffer(body, kind, width, start)
-                start += width * numpy.dtype(kind).itemsize
+        start = offset + 8
+        for name, kind in channels:
+            images[name][y - y0] = numpy.frombuffer(data, kind, width, start)
+            start += width * numpy.dtype(kind).itemsize
+        assert start == offset + 8 + size
     return width, height, images

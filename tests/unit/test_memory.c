@@ -34,6 +34,7 @@ static void test_arrays_are_zeroed(void **state)
     for (int round = 0; round < 3; round++)
         for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++) check(sizes[k]);
     for (size_t k = sizeof sizes / sizeof sizes[0]; k-- > 0;) check(sizes[k]);
+    check((32 << 20) + 4097); /* in large pages */
 }
 
 static void test_what_cannot_be_had(void **state)

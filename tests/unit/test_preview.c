@@ -247,7 +247,7 @@ static void test_exr(void **state)
     (void)state;
     temporary t = temporary_make();
     point_set s = point_set_sphere(300, vec3_make(5, 6, 7), 1);
-    image *m = render(&s.points, 129, 67, PREVIEW_ALPHA); /* neither is a multiple of the chunk */
+    image *m = render(&s.points, 129, 67, PREVIEW_ALPHA);
     error e = {0};
     if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
     if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
@@ -257,6 +257,12 @@ static void test_exr(void **state)
     for (size_t n = 0; n < length; n += 211) {
         spit(t.path, data, n);
         if (verify_exr(t.path, m, NULL)) fail_msg("accepted %zu of %zu bytes", n, length);
+    }
+    for (size_t n = length - 67 * 129 * 48; n < length; n += 4999) { /* lines and no header */
+        data[n] ^= 1;
+        spit(t.path, data, length);
+        if (verify_exr(t.path, m, NULL)) fail_msg("byte %zu is not that of the picture", n);
+        data[n] ^= 1;
     }
     spit(t.path, data, length);
     assert_true(verify_exr(t.path, m, &e));
