@@ -7,7 +7,7 @@
 
 /* Cells along the longest side of the domain unless the shape has finer features, and across a feature. The
  * scan finds the area of the quartic of (15) to a millionth with these; more cells only take longer. */
-static const double CELLS_COARSE = 24, CELLS_FEATURE = 6;
+static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
 static const double CELLS_SHARP = 160;
 
