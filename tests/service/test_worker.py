@@ -460,12 +460,21 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
         (where / o["name"]).stat().st_size for o in report["outputs"])
     assert {o["name"] for o in report["outputs"]} == set(OUTPUTS) - {"report.json"}
     assert abs(sum(report["timing_s"][p] for p in PHASES) - report["timing_s"]["total"]) < 0.01
-    assert worker(volume(example)).returncode == 0
+    assert worker(volume(example, 2000)).returncode == 0
     of_volume = json.loads((tmp_path / "out" / "report.json").read_text())
     assert_shape(of_volume, REPORT, "")
     assert of_volume["surface"]["voxels"] > 100000
     (entry,) = of_volume["inputs"]
     assert entry["path"] == str(example) and entry["bytes"] == example.stat().st_size
+
+
+def test_points_too_few_to_tell_sheets_apart_have_no_measures_of_cells(example, worker, tmp_path):
+    done = worker(volume(example, 100))
+    assert done.returncode == 0, done.stderr
+    quality = json.loads((tmp_path / "out" / "report.json").read_text())["quality"]
+    assert quality["unresolved_count"] == 100
+    assert quality["hex_fraction"] is None and quality["edge_cv"] is None and quality["area_cv"] is None
+    assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0
 
 
 def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
