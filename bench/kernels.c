@@ -1,10 +1,11 @@
 /* What an update of a particle costs: `make bench-kernels`.
  *
- * A hundred thousand particles at rest are swept again and again by one thread, on a formula and on a tricubic field,
- * with each instruction set that the machine has. Beside the nanoseconds stands what an update has to do: its
- * operations (a multiplication, an addition, a division or a root count as one each, in single precision for the
- * forces and in double for the field), the bytes that it touches, and the floor that follows from the machine's own
- * rate of multiplications and additions, measured in the same run. */
+ * A hundred thousand particles at rest are swept again and again by one thread, on a formula and on a
+ * tricubic field, with each instruction set that the machine has. Beside the nanoseconds stands what an
+ * update has to do: its operations (a multiplication, an addition, a division or a root count as one each,
+ * in single precision for the forces and in double for the field), the bytes that it touches, and the
+ * floor that follows from the machine's own rate of multiplications and additions, measured in the same
+ * run. */
 #include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
@@ -23,7 +24,8 @@
 
 enum { COUNT = 100000, SWEEPS = 10, RUNS = 5, FLOPS = 1 << 22, CHAINS = 16, WIDTH = 16 };
 
-/* Of one neighbour, counted in kernel.c; of one sample with its gradient, counted in spline.c and for the torus. */
+/* Of one neighbour, counted in kernel.c; of one sample with its gradient, counted in spline.c and for the
+ * torus. */
 static const double NEIGHBOUR_OPERATIONS = 64, SPLINE_OPERATIONS = 640, TORUS_OPERATIONS = 60;
 /* Of the frame, the damped step and the projection. */
 static const double STEP_OPERATIONS = 120;

@@ -1,5 +1,5 @@
-/* isa: the instruction sets that the numerical kernels are compiled for, out of one source each. Their results
- * are the same to the last bit, for each sums in the same fixed order; only the time differs. */
+/* isa: the instruction sets that the numerical kernels are compiled for, out of one source each. Their
+ * results are the same to the last bit, for each sums in the same fixed order; only the time differs. */
 #ifndef HEXAD_BASE_ISA_H
 #define HEXAD_BASE_ISA_H
 

@@ -1,7 +1,7 @@
-/* spline_cell: what spline.c compiles once for each instruction set, with VERSION(name) the name that it has there and
- * VERSION_WIDEN(n) that turns four floats into doubles.
- * Not a header for others, and without a guard: it is included again and again. A function that is inlined
- * into one for a wider instruction set would not do: its vectors have been cut into narrow ones by then. */
+/* spline_cell: what spline.c compiles once for each instruction set, with VERSION(name) the name that it
+ * has there and VERSION_WIDEN(n) that turns four floats into doubles. Not a header for others, and without
+ * a guard: it is included again and again. A function that is inlined into one for a wider instruction set
+ * would not do: its vectors have been cut into narrow ones by then. */
 
 /* Vectors go by pointer: passed by value, they have one ABI with AVX and another without. */
 static inline __attribute__((always_inline)) void VERSION(load_rows)(const support *s, int i, lanes rows[4])

@@ -12,8 +12,8 @@
 #include "base/error.h"
 #include "geometry/vec3.h"
 
-/* order[k]: the point that comes k-th, of `count`, which are finite. The cells are finer than points that fill a
- * surface are apart. Error: limit_memory. */
+/* order[k]: the point that comes k-th, of `count`, which are finite. The cells are finer than points that
+ * fill a surface are apart. Error: limit_memory. */
 bool morton_order(const vec3 *x, size_t count, uint32_t *order, error *e);
 
 #endif

@@ -19,8 +19,8 @@
 #include "sampler/surface.h"
 #include "store/file.h"
 
-/* What a particle takes at the peak, from particles and neighbour lists: measured at 300 bytes on smooth surfaces;
- * where they crowd their lists are longer. */
+/* What a particle takes at the peak, from particles and neighbour lists: measured at 300 bytes on smooth
+ * surfaces; where they crowd their lists are longer. */
 static const double BYTES_PER_PARTICLE = 450;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */

@@ -15,7 +15,7 @@ static const int BLOCK_SHIFT =
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 with room to move */
 static const size_t FIRST_STRIDE = 24;
 static const size_t FEWEST_BINS = 64;
-/* Points on a surface share bins, eight to one when bins are as wide as usual; there is always room for more. */
+/* Points on a surface share bins, some six to one; there is always room for more. */
 static const size_t POINTS_PER_BIN = 4;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;

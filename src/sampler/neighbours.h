@@ -6,11 +6,11 @@
  * the cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost
  * memory.
  *
- * Bins of one level are gathered in blocks, and blocks whose coordinates agree in parity have one colour. Two
- * points in different blocks of one colour are farther apart than their cutoff, so neither is in the other's
- * list: the blocks of a colour may be updated at once, the colours one after the other, and the result is that of
- * one thread (Gauss-Seidel). The lists stay valid while no point has moved farther than its size times half of
- * (cutoff - support). */
+ * Bins of one level are gathered in blocks, and blocks whose coordinates agree in parity have one colour.
+ * Two points in different blocks of one colour are farther apart than their cutoff, so neither is in the
+ * other's list: the blocks of a colour may be updated at once, the colours one after the other, and the
+ * result is that of one thread (Gauss-Seidel). The lists stay valid while no point has moved farther than
+ * its size times half of (cutoff - support). */
 #ifndef HEXAD_SAMPLER_NEIGHBOURS_H
 #define HEXAD_SAMPLER_NEIGHBOURS_H
 

@@ -31,7 +31,7 @@ bool particles_grow(particles *p, size_t capacity, error *e);
 /* Particle `to` becomes what `from` is; what the next build of lists or sweep sets anew is left out. */
 void particles_copy(particles *p, size_t to, size_t from);
 
-/* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, the order half changed. */
+/* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, half of it done. */
 bool particles_arrange(particles *p, const uint32_t *order, error *e);
 
 #endif

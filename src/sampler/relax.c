@@ -364,8 +364,8 @@ static void sum_forces(const relax *r, const particles *p, double sigma, size_t 
               (float)(sigma / near->unit), out);
 }
 
-/* The step of the quadratic model, and one Newton step back onto the surface. False, and nothing done, where that
- * does not end well. */
+/* The step of the quadratic model, and one Newton step back onto the surface. False, and nothing done,
+ * where that does not end well. */
 static bool glide(const sweep_job *job, size_t i, part *sums)
 {
     const relax *r = job->r;

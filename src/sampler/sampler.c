@@ -46,8 +46,9 @@ static const double BENT_SHARE = 0.5;
 static const double LEVEL_STEP = 5e-3;
 static const int LEVEL_SWEEPS = 30;
 
-/* Sweeps of a level by its count: coarse levels cost little, and what is out of order on them stays so. Twice as many on
- * all levels bring edge_cv at 100 000 points from .041 to .039 and cost half as much again. */
+/* Sweeps of a level by its count: coarse levels cost little, and what is out of order on them stays so.
+ * Twice as many on all levels bring edge_cv at 100 000 points from .041 to .039 and cost half as much
+ * again. */
 static const double LEVEL_SWEEPS_MANY = 100, LEVEL_MANY = 1e4, LEVEL_MANY_BETWEEN = 5e3, LEVEL_FALL = 1.5;
 static const double LEVEL_SWEEPS_LEAST = 4, LEVEL_SWEEPS_MOST = 120;
 static const int STAGE_SWEEPS_MOST = 400;
@@ -271,8 +272,8 @@ static int level_sweeps(const sampler *s)
     return (int)fmin(fmax(sweeps, LEVEL_SWEEPS_LEAST), LEVEL_SWEEPS_MOST);
 }
 
-/* Over-relaxation of sweeps that nothing watches: long steps shake a level's dislocations together first, shorter
- * ones settle it; where it does not come to rest for long they become shorter still. */
+/* Over-relaxation of sweeps that nothing watches: long steps shake a level's dislocations together first,
+ * shorter ones settle it; where it does not come to rest for long they become shorter still. */
 static double glide_omega(const sampler *s)
 {
     if (s->level == 0 && s->stage < SAMPLER_STAGES - 1) return OMEGA_SETTLE;
@@ -281,8 +282,8 @@ static double glide_omega(const sampler *s)
     return t < OMEGA_PATIENCE ? OMEGA_SETTLE : fmax(OMEGA_SETTLE * OMEGA_PATIENCE / t, OMEGA_LEAST);
 }
 
-/* Over h: round edges and through sheets single particles would leap to and fro for ever, but once the level has been
- * shaken, long steps are watched, and with time all are. */
+/* Over h: round edges and through sheets single particles would leap to and fro for ever, but once the
+ * level has been shaken, long steps are watched, and with time all are. */
 static double glide_longest(const sampler *s)
 {
     bool first_stages = s->level == 0 && s->stage < SAMPLER_STAGES - 1;
@@ -290,8 +291,8 @@ static double glide_longest(const sampler *s)
     return t < 1 ? INFINITY : GLIDE_LONGEST / (t * t);
 }
 
-/* A level has its sweeps; the coarsest, which sets the order of all, comes to rest stage by stage, and the last to
- * what was asked for. */
+/* A level has its sweeps; the coarsest, which sets the order of all, comes to rest stage by stage, and the
+ * last to what was asked for. */
 static bool glides_are_at_rest(const sampler *s, const relax_sums *sums)
 {
     static const double stage_step[SAMPLER_STAGES] = {0.03, 0.01, 0.001};

@@ -36,8 +36,7 @@ struct sampler {
     particles *p;
     size_t capacity; /* of p and relax */
     relax *relax;
-    kernel
-        forces; /* of relax: NULL under potentials and amplitudes that it does not know, and by the paper's method */
+    kernel forces; /* of relax; NULL: all with care, as potentials and amplitudes that it does not know need */
     double spacing; /* h */
     double sigma;
     double skin;
@@ -69,7 +68,8 @@ double sampler_amplitude(const sampler *s, double kappa);
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);
 
-/* Puts the particles into an order in which neighbours are near each other in memory too. Error: limit_memory. */
+/* Puts the particles into an order in which neighbours are near each other in memory too. Error:
+ * limit_memory. */
 bool sampler_arrange(sampler *s, error *e);
 
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */

@@ -28,9 +28,9 @@ static const double ROOT_TOLERANCE = 1e-6;
 /* Steps of a false position that halves the value of an end that stays twice (Illinois): a few do. */
 static const int ROOT_STEPS = 24;
 static const double EXCESS_LIMIT = 0.2;
-/* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large as the cell
- * cut corners: it is measured by so many parts along each axis. The area of a scanned bunny at 128 voxels is 2.4e-4
- * smaller for it. */
+/* Where the normals in a cell part by a smaller cosine the surface bends within it, and triangles as large
+ * as the cell cut corners: it is measured by so many parts along each axis. The area of a scanned bunny at
+ * 128 voxels is 2.4e-4 smaller for it. */
 static const double BENT_FACING = 0.8;
 enum { PARTS = 4, NODES = PARTS + 1 };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of

@@ -144,10 +144,10 @@ static bool is_joined(const voronoi_sites *in, uint32_t a, uint32_t b, double *e
 }
 
 /* The clear star: a point's cell in its tangent plane. Distances there are those in space, so that on a
- * sphere the cell's edges are the very bisectors of voronoi_edge; elsewhere these lie off the plane by terms of
- * second order in how far the surface bends within the lists, which FLAT_FACING and FLAT_HEIGHT bound. A
- * cell whose every edge is CLEAR times as long as what voronoi_edge doubts, and whose other points would have
- * to come as much nearer to have one, has the edges that voronoi_edge finds. */
+ * sphere the cell's edges are the very bisectors of voronoi_edge; elsewhere these lie off the plane by
+ * terms of second order in how far the surface bends within the lists, which FLAT_FACING and FLAT_HEIGHT
+ * bound. A cell whose every edge is CLEAR times as long as what voronoi_edge doubts, and whose other
+ * points would have to come as much nearer to have one, has the edges that voronoi_edge finds. */
 static const double FLAT_FACING = 0.9, FLAT_HEIGHT = 0.22; /* the cosine of an angle, the sine of its half */
 /* Half of FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
 static const double FLAT_OTHER_SIDE = -0.77;

@@ -61,8 +61,8 @@ static void sum(const fixture *f, isa which, kernel_forces *out)
     kernel_for(which)(f->place, f->list, f->count, f->place[MOST], u, v, (float)(sigma / own / unit), out);
 }
 
-/* Two to forty neighbours, in and out of reach: the pair kernel's numbers, to what single precision has. Its terms
- * are of the size of the stiffest pair's. */
+/* Two to forty neighbours, in and out of reach: the pair kernel's numbers, to what single precision has.
+ * Its terms are of the size of the stiffest pair's. */
 static void sums_are_those_in_double(void **state)
 {
     (void)state;
