@@ -29,7 +29,7 @@ static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE 
 /* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
  * after so many sweeps. */
 static const double CRAMPED_SHARE = 0.01;
-static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_GLIDING = 12;
+static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_GLIDING = 12; /* where sweeps cost less than lists */
 /* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a
  * few sweeps of their steps are less. */
 static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
@@ -51,11 +51,13 @@ static const int LEVEL_SWEEPS = 30;
  * again. */
 static const double LEVEL_SWEEPS_MANY = 100, LEVEL_MANY = 1e4, LEVEL_MANY_BETWEEN = 5e3, LEVEL_FALL = 1.5;
 static const double LEVEL_SWEEPS_LEAST = 4, LEVEL_SWEEPS_MOST = 120;
-static const int STAGE_SWEEPS_MOST = 400;
-static const int STAGE_SHAKEN = 15;
+/* A stage of the coarsest level that creeps is left after so many sweeps; its first ones even out a start, for
+ * which so many are enough before steps are watched. */
+static const int STAGE_SWEEPS_MOST = 400, STAGE_SHAKEN = 15;
+/* Ten times the rms step of a shaken level: what is longer belongs to a particle that finds no rest. */
 static const double GLIDE_LONGEST = 0.05;
-/* With 3.0 and more a refined level loses its order. */
-static const double OMEGA_SHAKE = 2.7, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2, OMEGA_PATIENCE = 1;
+/* Over-relaxation, of the first-term Hessian: with 3.0 and more and more a refined level loses its order. */
+static const double OMEGA_SHAKE = 2.7, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2;
 
 double sampler_amplitude(const sampler *s, double kappa)
 {
@@ -279,7 +281,7 @@ static double glide_omega(const sampler *s)
     if (s->level == 0 && s->stage < SAMPLER_STAGES - 1) return OMEGA_SETTLE;
     double t = (double)s->sweeps_in_round / level_sweeps(s);
     if (t < 1) return OMEGA_SHAKE + (OMEGA_SETTLE - OMEGA_SHAKE) * t * t;
-    return t < OMEGA_PATIENCE ? OMEGA_SETTLE : fmax(OMEGA_SETTLE * OMEGA_PATIENCE / t, OMEGA_LEAST);
+    return fmax(OMEGA_SETTLE / t, OMEGA_LEAST);
 }
 
 /* Over h: round edges and through sheets single particles would leap to and fro for ever, but once the
