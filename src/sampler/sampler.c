@@ -56,7 +56,7 @@ static const double LEVEL_SWEEPS_LEAST = 4, LEVEL_SWEEPS_MOST = 120;
 static const int STAGE_SWEEPS_MOST = 400, STAGE_SHAKEN = 15;
 /* Ten times the rms step of a shaken level: what is longer belongs to a particle that finds no rest. */
 static const double GLIDE_LONGEST = 0.05;
-/* Over-relaxation, of the first-term Hessian: with 3.0 and more and more a refined level loses its order. */
+/* Over-relaxation, of the first-term Hessian: with 3.0 and more a refined level loses its order. */
 static const double OMEGA_SHAKE = 2.7, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2;
 
 double sampler_amplitude(const sampler *s, double kappa)
