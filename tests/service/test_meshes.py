@@ -77,7 +77,7 @@ def test_points_are_on_the_mesh(data_service, folder, jobs, diagnose, name):
     far, nearest = truth.nearest(points.position)
     far /= surface["voxel_size"]
     agree = (points.normal * truth.normals[nearest]).sum(axis=1) * numpy.sign(truth.volume)
-    diagnose(f"{name}: {report['outcome']}, lost {quality['lost']}, hex_fraction {quality['hex_fraction']:.3f}, "
+    diagnose(f"{name}: {report['outcome']}, lost {quality['lost']}, hex_fraction {quality['hex_fraction']}, "
              f"min_spacing_ratio {quality['min_spacing_ratio']:.3f}, euler {quality['euler']:.2f}, "
              f"area {surface['area'] / surface['mesh']['area'] - 1:+.4f}, half within "
              f"{numpy.median(far):.4f}, 95 % within {numpy.quantile(far, 0.95):.4f}, all within {far.max():.3f} voxel, "
