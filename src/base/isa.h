@@ -19,6 +19,12 @@ const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 #define ISA_TARGET_AVX2
 #define ISA_TARGET_AVX512
 #endif
+/* A function in versions of which the loader takes the best: for what nobody has to choose. */
+#ifdef __x86_64__
+#define ISA_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define ISA_CLONES
+#endif
 #define ISA_INLINE static inline __attribute__((always_inline))
 
 #endif

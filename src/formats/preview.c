@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "formats/legend.h"
 
@@ -201,8 +202,8 @@ typedef struct run {
     uint32_t code;
 } run;
 
-__attribute__((target_clones("default", "avx2", "avx512f"))) static void
-draw_run(const run *r, double first, double step, int count, float *restrict key, uint32_t *restrict code)
+ISA_CLONES static void draw_run(const run *r, double first, double step, int count, float *restrict key,
+                                uint32_t *restrict code)
 {
     double square = r->square, linear = r->linear, constant = r->constant;
     uint32_t mine = r->code;

@@ -3,11 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#ifdef __x86_64__
-#define DISPATCH __attribute__((target_clones("default", "avx2", "avx512f")))
-#else
-#define DISPATCH
-#endif
+#include "base/isa.h"
 
 const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     0.9999999999999993,      -0.33333333333263604,    -0.02222222223830475,   -0.0021164019721737048,
@@ -16,7 +12,7 @@ const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
     -1.4174855412866178e-11,
 };
 
-DISPATCH double energy_cotangent_sum(const double *u2, const double *weight, size_t count)
+ISA_CLONES double energy_cotangent_sum(const double *u2, const double *weight, size_t count)
 {
     double sum[ENERGY_LANES] = {0};
     for (size_t k = 0; k < count; k += ENERGY_LANES)

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
@@ -20,12 +21,6 @@ static const size_t POINTS_PER_BIN = 4;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
 enum { BATCH = 256, LANES = 16 };
-
-#ifdef __x86_64__
-#define DISPATCH __attribute__((target_clones("default", "avx2", "avx512f")))
-#else
-#define DISPATCH
-#endif
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
@@ -276,7 +271,7 @@ typedef struct search {
 } search;
 
 /* Which of a batch are neighbours of point i; returns how many. */
-DISPATCH static size_t find_in_batch(const search *s, uint32_t i, float cutoff2, uint32_t *found)
+ISA_CLONES static size_t find_in_batch(const search *s, uint32_t i, float cutoff2, uint32_t *found)
 {
     const neighbours_place own = s->n->place[i];
     size_t count = 0;

@@ -1,12 +1,7 @@
 #include "sampler/pair.h"
 
+#include "base/isa.h"
 #include "sampler/energy.h"
-
-#ifdef __x86_64__
-#define DISPATCH __attribute__((target_clones("default", "avx2", "avx512f")))
-#else
-#define DISPATCH
-#endif
 
 /* Two particles never come closer than this fraction of sigma as far as the potential is concerned;
  * it keeps a coincident pair finite (section 7: "a very small value added to all denominators"). */
@@ -57,7 +52,7 @@ static inline __attribute__((always_inline)) void lanes_load(lanes *p, const pai
     }
 }
 
-DISPATCH void pair_weigh(pair_list *list, vec3 n)
+ISA_CLONES void pair_weigh(pair_list *list, vec3 n)
 {
     const double *nx = list->nx, *ny = list->ny, *nz = list->nz, *amplitude = list->amplitude;
     double *restrict weight = list->weight;
@@ -69,7 +64,7 @@ DISPATCH void pair_weigh(pair_list *list, vec3 n)
     }
 }
 
-DISPATCH static double cotangent_energy(const pair_list *list, vec3 x, double sigma)
+ISA_CLONES static double cotangent_energy(const pair_list *list, vec3 x, double sigma)
 {
     double energy[PAIR_LANES] = {0};
     for (size_t b = 0; b < list->blocks; b++) {
@@ -81,7 +76,7 @@ DISPATCH static double cotangent_energy(const pair_list *list, vec3 x, double si
     return lane_sum(energy);
 }
 
-DISPATCH static void cotangent_forces(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
+ISA_CLONES static void cotangent_forces(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
                                       pair_forces *out)
 {
     const double k = M_PI_2 / sigma;
