@@ -10,8 +10,8 @@
 #include "sampler/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
-/* Where all normals agree to within 72 degrees the weights are 1, and are taken to stay so while the lists
- * are valid; it would take a turn of 48 degrees within skin / 2 to make that untrue. */
+/* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
+ * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
@@ -52,7 +52,6 @@ struct relax {
     kernel forces; /* NULL: all with care */
     neighbours *near;
     bool *flat;   /* all of a particle's neighbours face its way, clearly */
-    bool *smooth; /* likewise, and no rim is near: its energy needs no watching */
     float *moved; /* length of a particle's way since the lists were built */
     part *parts;  /* of the sweep, a block each */
     size_t part_capacity;
@@ -71,9 +70,8 @@ relax *relax_new(size_t capacity, const energy_function *energy, kernel forces, 
     r->scratch = mem_alloc((size_t)threads_count(pool) * sizeof *r->scratch);
     r->near = neighbours_new(capacity, list_limit, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
-    r->smooth = mem_array(capacity, sizeof *r->smooth, "neighbour lists", e);
     r->moved = mem_array(capacity, sizeof *r->moved, "neighbour lists", e);
-    if (!r->near || !r->flat || !r->smooth || !r->moved) {
+    if (!r->near || !r->flat || !r->moved) {
         relax_free(r);
         return NULL;
     }
@@ -92,7 +90,6 @@ void relax_free(relax *r)
     free(r->scratch);
     free(r->flat);
     free(r->moved);
-    free(r->smooth);
     free(r->parts);
     neighbours_free(r->near);
     free(r);
@@ -143,7 +140,6 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
         for (uint32_t k = 0; k < near->list_count[i]; k++)
             least = fmin(least, vec3_dot(p->normal[i], p->normal[list[k]]));
         job->r->flat[i] = least > FLAT_COSINE;
-        job->r->smooth[i] = least > FLAT_COSINE && !p->rim[i];
         job->r->moved[i] = 0;
     }
 }
@@ -435,7 +431,7 @@ static void sweep_bin(const sweep_job *job, int worker, uint32_t bin, part *sums
     const neighbours *near = r->near;
     for (uint32_t k = near->bin_begin[bin]; k < near->bin_begin[bin + 1]; k++) {
         uint32_t i = near->bin_item[k];
-        bool smooth = r->forces && r->smooth[i];
+        bool smooth = r->forces && r->flat[i] && !job->p->rim[i];
         if (!smooth || !glide(job, i, sums)) update_particle(job, worker, i, sums);
     }
 }

@@ -155,7 +155,7 @@ static void enter_level(sampler *s, double support)
 }
 
 /* Into an order in which neighbours are near each other in memory too. */
-bool sampler_arrange(sampler *s, error *e)
+static bool arrange(sampler *s, error *e)
 {
     uint32_t *order = mem_array(s->p->count, sizeof *order, "the order of particles", e);
     bool ok =
@@ -173,7 +173,7 @@ static bool begin(sampler *s, double support, error *e)
     size_t removed;
     if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
     s->removed += removed;
-    if (!sampler_arrange(s, e)) return false;
+    if (!arrange(s, e)) return false;
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
     return s->method->begin(s, e);
 }
@@ -258,7 +258,7 @@ bool sampler_refine(sampler *s, error *e)
     double support = s->sigma / s->spacing;
     if (!refine_particles(s->field, s->scan, s->params.grading, s->p, s->level_count[++s->level], s->spacing,
                           s->params.seed, s->pool, e) ||
-        !sampler_arrange(s, e))
+        !arrange(s, e))
         return false;
     enter_level(s, support);
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;

@@ -68,10 +68,6 @@ double sampler_amplitude(const sampler *s, double kappa);
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);
 
-/* Puts the particles into an order in which neighbours are near each other in memory too. Error:
- * limit_memory. */
-bool sampler_arrange(sampler *s, error *e);
-
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
 bool sampler_is_on_target(const sampler *s, double energy);
 
