@@ -99,6 +99,17 @@ class Box(Surface):
         return outside + numpy.minimum(q.max(axis=1), 0) - self.rounding
 
 
+def _directions(n):
+    """Unit vectors and weights that add up to 4 n over the sphere: by Gauss in the height and equal steps
+    around."""
+    height, weight = numpy.polynomial.legendre.leggauss(n)
+    around = 2 * numpy.pi * (numpy.arange(2 * n) + 0.5) / (2 * n)
+    z, phi = (a.ravel() for a in numpy.meshgrid(height, around, indexing="ij"))
+    flat = numpy.sqrt(1 - z * z)
+    u = numpy.stack([flat * numpy.cos(phi), flat * numpy.sin(phi), z], axis=1)
+    return u, numpy.repeat(weight, 2 * n)
+
+
 class Ellipsoid(Surface):
     """Distances are true ones: the foot of x is r^2 x / (t + r^2), at the largest root t of |r x / (t + r^2)| = 1."""
     euler = 2
@@ -136,13 +147,9 @@ class Ellipsoid(Surface):
 
     def _integral(self, n):
         """dA = r0 r1 r2 |u / r| dOmega over the unit sphere."""
-        height, weight = numpy.polynomial.legendre.leggauss(n)
-        around = 2 * numpy.pi * (numpy.arange(2 * n) + 0.5) / (2 * n)
-        z, phi = (a.ravel() for a in numpy.meshgrid(height, around, indexing="ij"))
-        flat = numpy.sqrt(1 - z * z)
-        u = numpy.stack([flat * numpy.cos(phi), flat * numpy.sin(phi), z], axis=1)
+        u, weight = _directions(n)
         stretch = self.radii.prod() * numpy.linalg.norm(u / self.radii, axis=1)
-        return float((stretch * numpy.repeat(weight, 2 * n)).sum() * numpy.pi / n)
+        return float((stretch * weight).sum() * numpy.pi / n)
 
 
 class Quartic(Surface):
@@ -163,14 +170,10 @@ class Quartic(Surface):
 
     def _integral(self, n):
         """dA = t^2 dOmega / (n . u), by Gauss in the height and equal steps around."""
-        height, weight = numpy.polynomial.legendre.leggauss(n)
-        around = 2 * numpy.pi * (numpy.arange(2 * n) + 0.5) / (2 * n)
-        z, phi = (a.ravel() for a in numpy.meshgrid(height, around, indexing="ij"))
-        flat = numpy.sqrt(1 - z * z)
-        u = numpy.stack([flat * numpy.cos(phi), flat * numpy.sin(phi), z], axis=1)
+        u, weight = _directions(n)
         t = numpy.sqrt(self.c / (u ** 4).sum(axis=1))
         facing = (self.normal(self.center + t[:, None] * u) * u).sum(axis=1)
-        return float((t * t / facing * numpy.repeat(weight, 2 * n)).sum() * numpy.pi / n)
+        return float((t * t / facing * weight).sum() * numpy.pi / n)
 
 
 class Gyroid(Surface):
