@@ -127,7 +127,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 static double area_of(const voronoi_star *star)
 {
     double area = 0;
-    for (uint32_t k = 0; k < voronoi_star_held(star); k++) area += 0.25 * star->distance[k] * star->edge[k];
+    for (uint32_t k = 0; k < star->count; k++) area += 0.25 * star->distance[k] * star->edge[k];
     return area;
 }
 
@@ -155,15 +155,15 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 
 static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
 {
-    bool has = !job->slab->unresolved[i];
-    for (uint32_t k = 0; k < voronoi_star_held(star); k++) has &= !job->slab->unresolved[star->point[k]];
+    bool has = !job->slab->unresolved[i] && !star->pinched;
+    for (uint32_t k = 0; k < star->count; k++) has &= !job->slab->unresolved[star->point[k]];
     return has;
 }
 
 /* Those of a point that has a cell: an edge counts from either end. */
 static void tally_edges(const quality_input *in, uint32_t i, const voronoi_star *star, tally *t)
 {
-    for (uint32_t k = 0; k < voronoi_star_held(star); k++) {
+    for (uint32_t k = 0; k < star->count; k++) {
         uint32_t j = star->point[k];
         if (!is_on_rim(in, j))
             count_value(&t->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
@@ -185,7 +185,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     const quality_input *in = job->in;
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
-    double spacing = in->spacing[i], area = area_of(&star), local = sqrt(2 * area / sqrt(3));
+    double spacing = in->spacing[i], area = area_of(&star), local = sqrt(2 * fmax(area, 0) / sqrt(3));
     if (job->local) job->local[job->slab->index[i]] = local;
     if (job->degree)
         job->degree[job->slab->index[i]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);

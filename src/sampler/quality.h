@@ -8,7 +8,8 @@
  * places on the two sheets touch then. A point is unresolved when there is another within 1.7 spacings of it
  * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
  * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
- * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured.
+ * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured, nor
+ * have those whose star is pinched.
  * See SPEC `report.json` for the meaning of each measure.
  */
 #ifndef HEXAD_SAMPLER_QUALITY_H
@@ -42,7 +43,7 @@ typedef struct quality {
     double energy_excess;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
     size_t rim_count;         /* points within two spacings of a rim, left out of the above */
-    size_t unresolved_count;  /* others without a cell: unresolved, or joined to such */
+    size_t unresolved_count;  /* others without a cell */
     double euler;             /* sum of (6 - degree) / 6 over all points */
     double grading_cv;        /* of local over requested spacing */
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */

@@ -61,7 +61,7 @@ static void count_chunk(void *context, int worker, size_t begin, size_t end)
         voronoi_star star;
         voronoi_star_at(&m->sites, i, &star);
         m->places[i] = 0;
-        for (uint32_t k = 0; k < voronoi_star_held(&star); k++) {
+        for (uint32_t k = 0; k < star.count; k++) {
             if (star.point[k] < i) continue;
             m->places[i] |= star.place[k] < 31 ? (uint32_t)1 << star.place[k] : ELSEWHERE;
             found++;
@@ -86,7 +86,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
         if (m->places[i] & ELSEWHERE) {
             voronoi_star star;
             voronoi_star_at(&m->sites, i, &star);
-            for (uint32_t k = 0; k < voronoi_star_held(&star); k++)
+            for (uint32_t k = 0; k < star.count; k++)
                 if (star.point[k] > i) *out++ = edge_between(&m->sites, i, star.point[k]);
         } else
             for (uint32_t left = m->places[i]; left; left &= left - 1)

@@ -1,20 +1,196 @@
 #include "sampler/voronoi.h"
 
-/* A Voronoi edge is cut off this far from its middle, in units of the spacing: nothing bounds it there. */
-static const double EDGE_LIMIT = 1.5;
-/* Voronoi edges shorter than this fraction of that limit belong to four points nearly on a circle, whose
- * two diagonals are judged in slightly different planes: they are settled by one rule for both. */
-static const double EDGE_DOUBT = 0.1;
+/* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
+ * sphere have no unique triangulation, and so they have. */
+static const double JITTER = 1e-5;
+/* Triangles of a larger circumradius, in spacings, span a hole or reach across a rim. An ideal one has 0.58,
+ * those of a vacancy 1. */
+static const double WIDEST = 1.5;
+/* Of three points nearly in a line: the sine of their angle at the first. */
+static const double FLATTEST = 1e-6;
 
-/* A ridge between two points is taken to be no higher than this, of their distance; 0.5 is that of a right
- * angle. */
-static const double RIDGE_HIGHEST = 0.75, RIDGE_STEEPEST = 0.2;
+/* So much of the line of places that are as far from three points, in spacings, is looked at either way at
+ * least. */
+static const double DEEP = 0.5;
 
-/* The angle at p under which a and b are seen. */
-static double angle_at(vec3 p, vec3 a, vec3 b)
+/* A point as its triangles see it. */
+typedef struct site {
+    uint32_t index, place; /* among all; in the list */
+    vec3 at, normal;
+    double spacing;
+} site;
+
+/* A point and those of its list, nearest first. */
+typedef struct surroundings {
+    uint32_t count;
+    site own, near[VORONOI_STAR_MAX];
+} surroundings;
+
+/* Three points, and of the line of places that are as far from each, counted along `across` from their
+ * circumcentre, what others leave from `low` to `high`: an edge of the Voronoi diagram in space. */
+typedef struct triangle {
+    const site *corner[3]; /* by their indices, so that each of them sees the same to the last bit */
+    vec3 centre, across, facing;
+    double radius2;
+    double hidden; /* points whose normals' product with `facing` is no more than this are on another sheet */
+    double low, high;
+    site low_by, high_by; /* of them `at` and `normal`, where `ended` */
+    bool low_ended, high_ended;
+    bool wide; /* the list of one corner may lack what cuts it */
+} triangle;
+
+static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place)
 {
-    vec3 u = vec3_sub(a, p), v = vec3_sub(b, p);
-    return atan2(vec3_norm(vec3_cross(u, v)), vec3_dot(u, v));
+    double unit = (double)(i * 2654435761u) / 4294967296.0 - 0.5; /* Knuth's multiplicative hash */
+    vec3 at = vec3_axpy(2 * JITTER * unit * in->spacing[i], in->normal[i], in->position[i]);
+    return (site){i, place, at, in->normal[i], in->spacing[i]};
+}
+
+/* False when they are too many. */
+static bool gather_sites(const voronoi_sites *in, uint32_t a, surroundings *out)
+{
+    const uint32_t *list = neighbours_list(in->near, a), listed = in->near->list_count[a];
+    double square[VORONOI_STAR_MAX];
+    uint32_t order[VORONOI_STAR_MAX];
+    if (listed > VORONOI_STAR_MAX) return false;
+    for (uint32_t k = 0; k < listed; k++) {
+        double next = vec3_norm2(vec3_sub(in->position[list[k]], in->position[a]));
+        uint32_t to = k;
+        for (; to > 0 && square[to - 1] > next; to--) {
+            square[to] = square[to - 1];
+            order[to] = order[to - 1];
+        }
+        square[to] = next;
+        order[to] = k;
+    }
+    out->own = site_at(in, a, 0);
+    out->count = listed;
+    for (uint32_t k = 0; k < listed; k++) out->near[k] = site_at(in, list[order[k]], order[k]);
+    return true;
+}
+
+static void swap_if_greater(const site **a, const site **b)
+{
+    if ((*a)->index < (*b)->index) return;
+    const site *swap = *a;
+    *a = *b;
+    *b = swap;
+}
+
+static bool are_near(const site *a, const site *b, double square)
+{
+    double reach = VORONOI_REACH * 0.5 * (a->spacing + b->spacing);
+    return square < reach * reach;
+}
+
+/* False when the corners are in a line or farther apart than neighbours are. */
+static bool span_triangle(const site *a, const site *b, const site *c, triangle *out)
+{
+    swap_if_greater(&a, &b);
+    swap_if_greater(&b, &c);
+    swap_if_greater(&a, &b);
+    vec3 u = vec3_sub(b->at, a->at), v = vec3_sub(c->at, a->at), w = vec3_cross(u, v);
+    double u2 = vec3_norm2(u), v2 = vec3_norm2(v), w2 = vec3_norm2(w), uv2 = vec3_norm2(vec3_sub(u, v));
+    double widest = 2 * WIDEST * fmax(a->spacing, fmax(b->spacing, c->spacing));
+    if (!are_near(a, b, u2) || !are_near(a, c, v2) || !are_near(b, c, uv2) ||
+        !(w2 > FLATTEST * FLATTEST * u2 * v2) || !(u2 * v2 * uv2 < widest * widest * w2))
+        return false;
+    vec3 to =
+        vec3_scale(vec3_add(vec3_scale(vec3_cross(w, u), v2), vec3_scale(vec3_cross(v, w), u2)), 0.5 / w2);
+    double least = fmin(a->spacing, fmin(b->spacing, c->spacing)), listed = 0.5 * VORONOI_REACH * least;
+    double deep2 = listed * listed - vec3_norm2(to);
+    out->corner[0] = a;
+    out->corner[1] = b;
+    out->corner[2] = c;
+    out->facing = vec3_add(a->normal, vec3_add(b->normal, c->normal));
+    out->centre = vec3_add(a->at, to);
+    out->across = vec3_scale(w, copysign(1 / sqrt(w2), vec3_dot(w, out->facing)));
+    out->radius2 = vec3_norm2(to);
+    out->hidden = VORONOI_OTHER_SIDE * vec3_norm(out->facing);
+    out->wide = deep2 < DEEP * DEEP * least * least;
+    out->high = out->wide ? INFINITY : sqrt(deep2);
+    out->low = -out->high;
+    out->low_ended = out->high_ended = false;
+    return true;
+}
+
+/* Takes away what is nearer to d. False when nothing is left. */
+static inline bool cut_by(const site *d, triangle *t)
+{
+    if (d->index == t->corner[0]->index || d->index == t->corner[1]->index ||
+        d->index == t->corner[2]->index || vec3_dot(d->normal, t->facing) <= t->hidden)
+        return true;
+    vec3 q = vec3_sub(d->at, t->centre);
+    double along = 2 * vec3_dot(t->across, q), rest = vec3_norm2(q) - t->radius2;
+    /* places at t across the circumcentre are nearer to d where t along > rest */
+    if (along > 0 && rest < along * t->high) {
+        t->high = rest / along;
+        t->high_by = *d;
+        t->high_ended = true;
+    } else if (along < 0 && rest < along * t->low) {
+        t->low = rest / along;
+        t->low_by = *d;
+        t->low_ended = true;
+    } else if (along == 0 && rest < 0)
+        return false; /* d lies within */
+    return t->low < t->high;
+}
+
+static bool cut_by_list(const voronoi_sites *in, uint32_t of, triangle *t)
+{
+    const uint32_t *list = neighbours_list(in->near, of);
+    for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
+        site d = site_at(in, list[k], k);
+        if (!cut_by(&d, t)) return false;
+    }
+    return true;
+}
+
+/* Whether the place as far from four points is inside, by the most of their normals. */
+static bool is_end_inside(const triangle *t, double end, const site *by)
+{
+    vec3 x = vec3_axpy(end, t->across, t->centre);
+    int outside = 0;
+    for (int k = 0; k < 4; k++) {
+        const site *s = k < 3 ? t->corner[k] : by;
+        double height = vec3_dot(vec3_sub(x, s->at), s->normal);
+        outside += (height > 0) - (height < 0);
+    }
+    return outside < 0;
+}
+
+static bool is_across_surface(const triangle *t)
+{
+    bool low_inside = !t->low_ended || is_end_inside(t, t->low, &t->low_by);
+    bool high_inside = t->high_ended && is_end_inside(t, t->high, &t->high_by);
+    return low_inside != high_inside;
+}
+
+/* The same when all have their say that are near enough: what is not in the list of one corner is in
+ * another's, or in the lists of those listed. */
+static bool is_across_surface_wide(const voronoi_sites *in, triangle *t)
+{
+    for (int corner = 0; corner < 3; corner++)
+        if (!cut_by_list(in, t->corner[corner]->index, t)) return false;
+    if (!is_across_surface(t)) return false;
+    for (int corner = 0; corner < 3; corner++) {
+        uint32_t i = t->corner[corner]->index;
+        const uint32_t *list = neighbours_list(in->near, i);
+        for (uint32_t k = 0; k < in->near->list_count[i]; k++)
+            if (!cut_by_list(in, list[k], t)) return false;
+    }
+    return is_across_surface(t);
+}
+
+/* Whether the point at hand and two of those around are a triangle of the surface: of the Delaunay
+ * triangulation in space, between a tetrahedron whose circumcentre is inside and one whose is not. */
+static bool is_on_surface(const voronoi_sites *in, const surroundings *s, const site *b, const site *c)
+{
+    triangle t;
+    if (!span_triangle(&s->own, b, c, &t)) return false;
+    for (uint32_t k = 0; k < s->count; k++)
+        if (!cut_by(&s->near[k], &t)) return false;
+    return t.wide ? is_across_surface_wide(in, &t) : is_across_surface(&t);
 }
 
 /* The cotangent of the angle at p under which a and b are seen. */
@@ -24,123 +200,9 @@ static double cotangent_at(vec3 p, vec3 a, vec3 b)
     return vec3_dot(u, v) / vec3_norm(vec3_cross(u, v));
 }
 
-/* Between the circumcentres of the triangles a b c and a b d, unfolded about their edge. */
-static double dual_length(vec3 a, vec3 b, vec3 c, vec3 d)
+static bool is_other_side(const site *a, const site *b)
 {
-    double length = 0.5 * vec3_norm(vec3_sub(b, a)) * (cotangent_at(c, a, b) + cotangent_at(d, a, b));
-    return isfinite(length) ? fmax(length, 0) : 0;
-}
-
-/* Of a quadrilateral a c b d that nearly lies on a circle: is ab its Delaunay diagonal, rather than cd?
- * The same answer for either diagonal. */
-static bool is_diagonal(const vec3 *x, uint32_t a, uint32_t b, uint32_t c, uint32_t d)
-{
-    double opposite = angle_at(x[c], x[a], x[b]) + angle_at(x[d], x[a], x[b]);
-    double own = angle_at(x[a], x[c], x[d]) + angle_at(x[b], x[c], x[d]);
-    if (opposite != own) return opposite < own;
-    return (a < b ? a : b) < (c < d ? c : d);
-}
-
-/* How far above the middle of r the tangent planes of its ends meet: on a crease that is where the surface
- * is, and its points there have the say whether the two are neighbours. */
-static double ridge_rise(vec3 r, vec3 normal_a, vec3 normal_b, vec3 up)
-{
-    double a = -vec3_dot(normal_a, r), b = vec3_dot(normal_b, r);
-    double rise = 0.25 * (a / fmax(vec3_dot(normal_a, up), RIDGE_STEEPEST) +
-                          b / fmax(vec3_dot(normal_b, up), RIDGE_STEEPEST));
-    double most = RIDGE_HIGHEST * vec3_norm(r);
-    return fmin(fmax(rise, -most), most);
-}
-
-/* The bisector of two points, m + t d for t from low to high: what others have left of it. */
-typedef struct bisector {
-    uint32_t a, b; /* a < b */
-    vec3 m, d;
-    double quarter; /* squared distance from m to either end */
-    vec3 n;         /* sum of their normals */
-    double hidden;  /* points whose normals' product with n is no more than this are on another sheet */
-    double low, high, doubt;
-    uint32_t low_by, high_by; /* a: nobody */
-} bisector;
-
-static bisector bisector_of(const voronoi_sites *in, uint32_t a, uint32_t b, vec3 r)
-{
-    vec3 n = vec3_add(in->normal[a], in->normal[b]);
-    vec3 d = vec3_unit(vec3_cross(n, r));
-    vec3 up = vec3_unit(vec3_cross(r, d));
-    double rise = ridge_rise(r, in->normal[a], in->normal[b], up);
-    double limit = EDGE_LIMIT * fmax(in->spacing[a], in->spacing[b]);
-    return (bisector){.a = a,
-                      .b = b,
-                      .m = vec3_axpy(rise, up, vec3_axpy(0.5, r, in->position[a])),
-                      .d = d,
-                      .quarter = 0.25 * vec3_norm2(r) + rise * rise,
-                      .n = n,
-                      .hidden = VORONOI_OTHER_SIDE * vec3_norm(n),
-                      .low = -limit,
-                      .high = limit,
-                      .doubt = EDGE_DOUBT * limit,
-                      .low_by = a,
-                      .high_by = a};
-}
-
-/* Takes away what is nearer to the points of the list of `of`. False when nothing is left for sure. */
-static bool cut_by_list(const voronoi_sites *in, uint32_t of, bisector *s)
-{
-    const uint32_t *list = neighbours_list(in->near, of);
-    for (uint32_t k = 0; k < in->near->list_count[of]; k++) {
-        uint32_t c = list[k];
-        if (c == s->a || c == s->b || vec3_dot(in->normal[c], s->n) <= s->hidden) continue;
-        vec3 q = vec3_sub(in->position[c], s->m);
-        double along = 2 * vec3_dot(s->d, q), rest = vec3_norm2(q) - s->quarter;
-        /* points m + t d of the bisector are nearer to c where 2 t d.q > |q|^2 - |r|^2 / 4 */
-        if (along > 0 && rest < along * s->high) {
-            s->high = rest / along;
-            s->high_by = c;
-        } else if (along < 0 && rest < along * s->low) {
-            s->low = rest / along;
-            s->low_by = c;
-        } else if (along == 0 && rest < 0)
-            return false; /* c lies between the two */
-        if (s->high - s->low < -s->doubt) return false;
-    }
-    return true;
-}
-
-/* An edge reaching into a hole may be cut from beyond the lists: by points in the lists of those listed. */
-static bool cut_across_hole(const voronoi_sites *in, bisector *s)
-{
-    double listed = 0.5 * VORONOI_REACH * in->spacing[s->a], end = fmax(s->high, -s->low);
-    if (end * end + s->quarter < listed * listed) return true;
-    const uint32_t *list = neighbours_list(in->near, s->a);
-    for (uint32_t k = 0; k < in->near->list_count[s->a]; k++)
-        if (!cut_by_list(in, list[k], s)) return false;
-    return true;
-}
-
-bool voronoi_edge(const voronoi_sites *in, uint32_t a, uint32_t b, double *length)
-{
-    if (a > b) { /* one view of each pair */
-        uint32_t swap = a;
-        a = b;
-        b = swap;
-    }
-    vec3 r = vec3_sub(in->position[b], in->position[a]);
-    double farthest = VORONOI_REACH * 0.5 * (in->spacing[a] + in->spacing[b]);
-    if (vec3_norm2(r) > farthest * farthest) return false;
-    bisector s = bisector_of(in, a, b, r);
-    if (!cut_by_list(in, a, &s) || !cut_across_hole(in, &s)) return false;
-    bool open = s.low_by == a || s.high_by == a;
-    *length =
-        open ? fmax(s.high - s.low, 0)
-             : dual_length(in->position[a], in->position[b], in->position[s.low_by], in->position[s.high_by]);
-    if (open || s.high - s.low > s.doubt) return s.high > s.low;
-    return is_diagonal(in->position, a, b, s.low_by, s.high_by);
-}
-
-static bool is_joined(const voronoi_sites *in, uint32_t a, uint32_t b, double *edge)
-{
-    return vec3_dot(in->normal[a], in->normal[b]) > VORONOI_OTHER_SIDE && voronoi_edge(in, a, b, edge);
+    return vec3_dot(a->normal, b->normal) <= VORONOI_OTHER_SIDE;
 }
 
 /* The clear star: a point's cell in its tangent plane. Distances there are those in space, so that on a
@@ -152,7 +214,7 @@ static const double FLAT_FACING = 0.9, FLAT_HEIGHT = 0.22; /* the cosine of an a
 /* Half of FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
 static const double FLAT_OTHER_SIDE = -0.77;
 /* On the tests' sets stars differ from pairs at 0.1, and no more at 0.5. */
-static const double CLEAR = 1.5;
+static const double CLEAR = 0.225;
 /* Points that are looked at first, as far away as this in spacings: mostly the cell's neighbours alone. */
 static const double RING_FIRST = 1.45;
 
@@ -284,11 +346,13 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
                          voronoi_star *out)
 {
     out->count = (uint32_t)count;
+    out->pinched = false;
     for (int k = 0; k < count; k++) {
         out->place[k] = g->place[hull[k]];
         out->point[k] = list[out->place[k]];
         out->distance[k] = sqrt(g->square[hull[k]]);
         out->edge[k] = 0;
+        out->triangles[k] = 2;
     }
     for (int k = 0; k < count; k++) {
         int q = hull[k], r = hull[k + 1], next = k + 1 < count ? k + 1 : 0;
@@ -297,7 +361,6 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
         out->edge[k] += half * out->distance[k] * (g->square[r] - dot);
         out->edge[next] += half * out->distance[next] * (g->square[q] - dot);
     }
-    for (int k = 0; k < count; k++) out->edge[k] = fmax(out->edge[k], 0);
 }
 
 bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
@@ -309,7 +372,7 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
         if (!gather_ring(in, a, reach[k] * reach[k], &g)) return false;
         if (g.count < 3) continue;
         order_ring(&g, order);
-        double clear = CLEAR * EDGE_DOUBT * EDGE_LIMIT * g.widest;
+        double clear = CLEAR * g.widest;
         int count = scan_hull(&g, order, clear, hull);
         if (count == 0 || !is_closed(&g, count, hull, clear)) continue;
         measure_star(&g, neighbours_list(in->near, a), count, hull, out);
@@ -318,43 +381,69 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
-/* Beside a corner a bisector may be cut by a point that is joined to one of its ends alone. The triangles at
- * an edge are those with the points that both its ends are joined to, where these are two: then all triangles
- * around a point make up its cell. */
-static void measure_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
+/* Adds the triangle of a, b and c to the star of a, as seen along the edge between a and b. */
+static bool join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voronoi_star *out)
 {
-    bool joined[RING_MAX][RING_MAX] = {{false}};
-    uint32_t count = out->count;
-    if (count > RING_MAX) return; /* a crowd has no such order */
-    for (uint32_t k = 0; k < count; k++)
-        for (uint32_t l = 0; l < k; l++)
-            joined[k][l] = joined[l][k] = is_joined(in, out->point[k], out->point[l], &(double){0});
-    for (uint32_t k = 0; k < count; k++) {
-        uint32_t third[RING_MAX], thirds = 0;
-        for (uint32_t l = 0; l < count; l++)
-            if (joined[k][l]) third[thirds++] = out->point[l];
-        if (thirds == 2)
-            out->edge[k] = dual_length(in->position[a], in->position[out->point[k]], in->position[third[0]],
-                                       in->position[third[1]]);
+    uint32_t k = 0;
+    while (k < out->count && out->point[k] != b->index) k++;
+    bool first = k == out->count;
+    if (first) {
+        out->count++;
+        out->point[k] = b->index;
+        out->place[k] = b->place;
+        out->distance[k] = vec3_norm(vec3_sub(x[b->index], x[a]));
+        out->edge[k] = 0;
+        out->triangles[k] = 0;
+    }
+    out->edge[k] += 0.5 * out->distance[k] * cotangent_at(x[c], x[a], x[b->index]);
+    out->pinched |= ++out->triangles[k] > 2;
+    return first;
+}
+
+static bool is_closed_star(const voronoi_star *s)
+{
+    for (uint32_t k = 0; k < s->count; k++)
+        if (s->triangles[k] < 2) return false;
+    return s->count > 0;
+}
+
+/* Whom one has met on the way around a point: places in its surroundings. */
+typedef struct tour {
+    uint32_t count, met[VORONOI_STAR_MAX];
+    bool done[VORONOI_STAR_MAX]; /* all triangles with it are in the star */
+} tour;
+
+static void join_triangles(const voronoi_sites *in, const surroundings *s, uint32_t at, tour *t,
+                           voronoi_star *out)
+{
+    const site *a = &s->own, *b = &s->near[at];
+    t->done[at] = true;
+    if (is_other_side(a, b)) return;
+    for (uint32_t k = 0; k < s->count; k++) {
+        const site *c = &s->near[k];
+        if (t->done[k] || is_other_side(a, c) || is_other_side(b, c) || !is_on_surface(in, s, b, c)) continue;
+        join_edge(in->position, a->index, b, c->index, out);
+        if (join_edge(in->position, a->index, c, b->index, out)) t->met[t->count++] = k;
+    }
+}
+
+/* Goes around the point, from one neighbour over the triangles that the two are in to the next; and again
+ * from another, where that does not lead around. */
+void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *out)
+{
+    surroundings s;
+    tour t = {.count = 0};
+    out->count = 0;
+    out->pinched = !gather_sites(in, a, &s);
+    if (out->pinched) return;
+    for (uint32_t first = 0, next = 0; first < s.count && !is_closed_star(out); first++) {
+        if (!t.done[first]) join_triangles(in, &s, first, &t, out);
+        for (; next < t.count; next++)
+            if (!t.done[t.met[next]]) join_triangles(in, &s, t.met[next], &t, out);
     }
 }
 
 void voronoi_star_at(const voronoi_sites *in, uint32_t a, voronoi_star *out)
 {
-    if (voronoi_star_clear(in, a, out)) return;
-    const uint32_t *list = neighbours_list(in->near, a);
-    out->count = 0;
-    for (uint32_t k = 0; k < in->near->list_count[a]; k++) {
-        uint32_t b = list[k];
-        double edge;
-        if (!is_joined(in, a, b, &edge)) continue;
-        if (out->count < VORONOI_STAR_MAX) {
-            out->point[out->count] = b;
-            out->place[out->count] = k;
-            out->distance[out->count] = vec3_norm(vec3_sub(in->position[b], in->position[a]));
-            out->edge[out->count] = edge;
-        }
-        out->count++;
-    }
-    measure_triangles(in, a, out);
+    if (!voronoi_star_clear(in, a, out)) voronoi_star_triangles(in, a, out);
 }

@@ -1,12 +1,10 @@
-/* voronoi: the Voronoi diagram of points, restricted to their surface.
+/* voronoi: the Voronoi diagram of points, restricted to their surface, by its dual triangulation.
  *
- * Two points are joined when their bisector, in the plane through their midpoint with their mean normal,
- * is not cut away by a third. Seen from both ends the same, so that the edges are those of one
- * triangulation of the surface wherever the points resolve it. Pure functions, safe in any thread.
- *
- * voronoi_edge judges one pair with care; voronoi_star finds all that one point is joined to, from a polygon
- * in its tangent plane where that is sure to say the same. A star's edges have the lengths that its triangles
- * give.
+ * Three points are a triangle of the surface when it is one of the Delaunay triangulation in space that has the
+ * inside on one side and the outside on the other (Edelsbrunner and Shah 1997): of two tetrahedra that share
+ * it, the circumcentre of one is inside and that of the other is not, as the normals of the corners say. So
+ * the triangles are the same seen from all corners, at creases and corners of the surface too. Points on
+ * another sheet are not seen. Pure functions, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_VORONOI_H
 #define HEXAD_SAMPLER_VORONOI_H
@@ -29,31 +27,27 @@ typedef struct voronoi_sites {
 /* Points whose normals' cosine is below this are on another sheet; those beside a sharp edge are not. */
 #define VORONOI_OTHER_SIDE -0.6
 
-/* Whether the two points are joined, and the length of the Voronoi edge between them (0 or more). */
-bool voronoi_edge(const voronoi_sites *sites, uint32_t a, uint32_t b, double *length);
+/* Points with longer lists have none: they lie in a heap. */
+#define VORONOI_STAR_MAX 256
 
-#define VORONOI_STAR_MAX 255
-
+/* A point's neighbours, in no particular order. */
 typedef struct voronoi_star {
-    uint32_t count; /* may be more than the arrays hold, of a point that is joined to a crowd */
+    uint32_t count;
     uint32_t point[VORONOI_STAR_MAX];
-    uint32_t place[VORONOI_STAR_MAX];  /* of each in the list */
-    double distance[VORONOI_STAR_MAX]; /* to each */
-    double edge[VORONOI_STAR_MAX];     /* length of the Voronoi edge between */
+    uint32_t place[VORONOI_STAR_MAX];    /* of each in the list */
+    double distance[VORONOI_STAR_MAX];   /* to each */
+    double edge[VORONOI_STAR_MAX];       /* length of the Voronoi edge between; may be negative at corners */
+    uint8_t triangles[VORONOI_STAR_MAX]; /* that it is in: 2, but beside rims and holes */
+    bool pinched; /* one is in more than 2, or there are too many: the triangles do not bound one cell */
 } voronoi_star;
 
-/* How many of the star's points are in its arrays. */
-static inline uint32_t voronoi_star_held(const voronoi_star *s)
-{
-    return s->count < VORONOI_STAR_MAX ? s->count : VORONOI_STAR_MAX;
-}
-
-/* All points of the list of `a` that it is joined to, those on another sheet left out: b is in the star of a
- * where a is in that of b. In no particular order. */
+/* b is in the star of a where a is in that of b. */
 void voronoi_star_at(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
-/* The same from the polygon that the bisectors bound in the tangent plane of `a`. False, where the surface
- * bends too much for it or the polygon comes near to one with other edges: `out` is undefined then. */
+/* Its two ways. Triangles are always right. The polygon that the bisectors bound in the tangent plane of `a`
+ * takes a twentieth of the time; false, where the surface bends too much for it or another polygon would be
+ * nearly as good: `out` is undefined then. */
+void voronoi_star_triangles(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 bool voronoi_star_clear(const voronoi_sites *sites, uint32_t a, voronoi_star *out);
 
 #endif

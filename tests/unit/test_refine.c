@@ -87,12 +87,12 @@ static size_t find_spans(const ball *b, span *out)
     if (!near || !neighbours_build(near, b->p->count, b->p->position, spacing, VORONOI_REACH, b->pool, &e))
         fail_msg("%s", e.message);
     const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near};
-    for (uint32_t i = 0; i < b->p->count; i++)
-        for (uint32_t j = i + 1; j < b->p->count; j++) {
-            double length = vec3_norm(vec3_sub(b->p->position[i], b->p->position[j])), across;
-            if (length < VORONOI_REACH * b->spacing && voronoi_edge(&sites, i, j, &across))
-                out[found++] = (span){i, j, length};
-        }
+    for (uint32_t i = 0; i < b->p->count; i++) {
+        voronoi_star star;
+        voronoi_star_triangles(&sites, i, &star);
+        for (uint32_t k = 0; k < star.count; k++)
+            if (star.point[k] > i) out[found++] = (span){i, star.point[k], star.distance[k]};
+    }
     neighbours_free(near);
     qsort(out, found, sizeof *out, compare_spans);
     return found;
