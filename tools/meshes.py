@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 
 # Triangles whose centres are the nearest, that the nearest place is looked for on.
 CANDIDATES = 16
+# Places that are asked whether another part hides them, and how many at a time.
+PLACES, PLACES_AT_ONCE = 100000, 2000
 
 
 class Mesh:
@@ -36,6 +38,44 @@ class Mesh:
         n = len(self.vertices)
         part = csgraph.connected_components(coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1]
         return numpy.unique(part[self.triangles[:, 0]], return_inverse=True)[1]
+
+    def seen(self):
+        """Of every triangle the area that lies inside no other part, and what is one component of the surface that is
+        seen: of every triangle, from 0; parts that run into each other are one."""
+        part = self.parts()
+        corner = self.vertices[self.triangles]
+        place, owner, weight = self._places()
+        hidden = numpy.zeros(len(place), bool)
+        meet = [numpy.zeros((0, 2), int)]
+        for other in range(part.max() + 1):
+            low, high = corner[part == other].min(axis=(0, 1)), corner[part == other].max(axis=(0, 1))
+            asked = numpy.flatnonzero((part[owner] != other) & ((place > low) & (place < high)).all(axis=1))
+            for some in numpy.array_split(asked, 1 + len(asked) // PLACES_AT_ONCE):
+                inside = some[numpy.abs(solid_angles(place[some], corner[part == other])) > 2 * numpy.pi]
+                hidden[inside] = True
+                meet.append(numpy.stack([part[owner[inside]], numpy.full(len(inside), other)], axis=1))
+        i, j = numpy.concatenate(meet).T
+        n = part.max() + 1
+        component = csgraph.connected_components(coo_matrix((numpy.ones(len(i)), (i, j)), (n, n)), directed=False)[1]
+        return numpy.bincount(owner[~hidden], weight[~hidden], len(self.areas)), component[part]
+
+    def _places(self):
+        """Places spread evenly over the triangles, whose each is on, and the area that each stands for."""
+        corner = self.vertices[self.triangles]
+        steps = numpy.maximum(1, numpy.ceil(numpy.sqrt(PLACES * self.areas / self.area))).astype(int)
+        places, owners = [], []
+        for m in numpy.unique(steps):
+            i, j = (g.ravel() for g in numpy.meshgrid(numpy.arange(m), numpy.arange(m)))
+            up, down = i + j < m, i + j < m - 1  # the small triangles that stand upright, and those between
+            u = numpy.concatenate([i[up] + 1 / 3, i[down] + 2 / 3]) / m
+            v = numpy.concatenate([j[up] + 1 / 3, j[down] + 2 / 3]) / m
+            some = numpy.flatnonzero(steps == m)
+            c = corner[some][:, None]
+            places.append((c[:, :, 0] + u[:, None] * (c[:, :, 1] - c[:, :, 0]) +
+                           v[:, None] * (c[:, :, 2] - c[:, :, 0])).reshape(-1, 3))
+            owners.append(numpy.repeat(some, len(u)))
+        owner = numpy.concatenate(owners)
+        return numpy.concatenate(places), owner, (self.areas / steps ** 2)[owner]
 
     def creases(self, cosine, step):
         """Points at most `step` apart on the edges where the normals' cosine is below `cosine`."""
@@ -81,6 +121,16 @@ class Mesh:
                            v[:, None] * (c[:, :, 2] - c[:, :, 0])).reshape(-1, 3))
             owners.append(numpy.repeat(some, len(u)))
         return numpy.concatenate(places), numpy.concatenate(owners)
+
+
+def solid_angles(points, corners):
+    """Under which every point sees the triangles (n, 3, 3), summed with their signs: 4 pi inside a closed mesh (Van
+    Oosterom and Strackee 1983)."""
+    a, b, c = (corners[None, :, k] - points[:, None] for k in range(3))
+    p, q, r = (numpy.linalg.norm(v, axis=2) for v in (a, b, c))
+    volume = (a * numpy.cross(b, c)).sum(axis=2)
+    other = p * q * r + (a * b).sum(axis=2) * r + (b * c).sum(axis=2) * p + (c * a).sum(axis=2) * q
+    return 2 * numpy.arctan2(volume, other).sum(axis=1)
 
 
 def distance_to_triangles(points, corners):

@@ -116,15 +116,15 @@ class MeshTruth:
 
     def __init__(self, members):
         self.mesh = meshes.read(members["path"])
-        self.area = self.mesh.area
+        self.seen, self.component = self.mesh.seen()
+        self.area = float(self.seen.sum())
         self.voxel = float(numpy.ptp(self.mesh.vertices, axis=0).max() / members["resolution"])
 
     def questions(self, points, found):
         far, which = self.mesh.nearest(points.position)
         facing = (points.normal * self.mesh.normals[which]).sum(axis=1)
-        part = self.mesh.parts()
-        share = numpy.bincount(part, self.mesh.areas) / self.area * points.count
-        count = numpy.bincount(part[which], minlength=len(share))
+        share = numpy.bincount(self.component, self.seen) / self.area * points.count
+        count = numpy.bincount(self.component[which], minlength=len(share))
         sized = share > 1  # larger than one ideal cell
         error = numpy.abs(count - share)[sized] / numpy.maximum(0.05 * share[sized], 1)
         crease = self.mesh.creases(CREASE_COSINE, 0.25 * found["h"])

@@ -259,6 +259,20 @@ def test_meshes():
 
 # ---- the page
 
+def test_what_other_parts_hide():
+    """Of two unit cubes that share a half the box that they make is seen, of area 8; of a third beside them all."""
+    corners = numpy.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    cube = numpy.array([(a, b, c) for q in quads for a, b, c in ((q[0], q[1], q[2]), (q[0], q[2], q[3]))])
+    moved = [corners, corners + [0.5, 1e-3, 1e-3], corners + [5, 0, 0]]
+    three = meshes.Mesh(numpy.concatenate(moved), numpy.concatenate([cube, cube + 8, cube + 16]))
+    seen, component = three.seen()
+    assert len(set(component)) == 2 and len(set(three.parts())) == 3
+    first, second = (seen[component == k].sum() for k in (component[0], component[-1]))
+    assert abs(first - 8) < 0.05 and abs(second - 6) < 1e-9
+    assert (seen <= three.areas + 1e-12).all()
+
+
 def test_graded_field():
     """Along a line a peak of small spacing spreads as steeply as it may."""
     wanted = numpy.array([1, 1, 0.1, 1, 1.0])
