@@ -22,6 +22,10 @@ static const char *const property_names[PLY_PROPERTIES] = {
     "kappa1", "kappa2", "alpha", "energy", "spacing", "spacing_local"};
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
+static const char face_property[] = "property list uchar int vertex_indices";
+
+/* A triangle in binary: how many corners, and each. */
+enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8 };
 
 /* ---- writing ---- */
 
@@ -96,12 +100,14 @@ static bool write_failed(error *e)
     return error_set(e, ERROR_INTERNAL, "cannot write the PLY file: %s", strerror(errno));
 }
 
-static bool write_header(FILE *file, size_t count, ply_format format, ply_precision precision, error *e)
+static bool write_header(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
 {
     bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
-                        count) > 0;
+                        set->count) > 0;
     for (int c = 0; c < PLY_PROPERTIES; c++)
         good = good && fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
+    if (set->triangle_count > 0)
+        good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
     good = good && fputs("end_header\n", file) >= 0;
     return good || write_failed(e);
 }
@@ -158,12 +164,29 @@ static bool write_blocks(FILE *file, const batch *job, size_t count, error *e)
     return true;
 }
 
+static bool write_triangles(FILE *file, const points *set, ply_format format, error *e)
+{
+    bool good = true;
+    for (size_t k = 0; good && k < set->triangle_count; k++) {
+        const uint32_t *corner = set->triangle[k];
+        unsigned char packed[FACE_BYTES] = {3};
+        for (int c = 0; c < 3; c++) {
+            uint32_t little = htole32(corner[c]);
+            memcpy(packed + 1 + 4 * c, &little, sizeof little);
+        }
+        good = format == PLY_ASCII
+                   ? fprintf(file, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1], corner[2]) > 0
+                   : fwrite_unlocked(packed, 1, FACE_BYTES, file) == FACE_BYTES;
+    }
+    return good || write_failed(e);
+}
+
 bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
                error *e)
 {
     static const size_t all = (size_t)BATCH_BLOCKS * BLOCK_POINTS;
     batch job = {set, format, precision, 0, {{0}}};
-    bool ok = write_header(file, set->count, format, precision, e);
+    bool ok = write_header(file, set, format, precision, e);
     for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
         job.block[k].text =
             mem_array(BLOCK_POINTS, PLY_PROPERTIES * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
@@ -177,7 +200,7 @@ bool ply_write(FILE *file, const points *set, ply_format format, ply_precision p
         ok = ok && write_blocks(file, &job, blocks, e);
     }
     for (int k = 0; k < BATCH_BLOCKS; k++) free(job.block[k].text);
-    return ok && (fflush(file) == 0 || write_failed(e));
+    return ok && write_triangles(file, set, format, e) && (fflush(file) == 0 || write_failed(e));
 }
 
 /* ---- reading ---- */
@@ -209,19 +232,19 @@ static bool expect_line(FILE *file, const char *expected, error *e)
                      line);
 }
 
-static bool read_count(FILE *file, size_t *count, error *e)
+/* Of a line "element NAME COUNT". */
+static bool parse_count(const char *line, const char *name, size_t *count, error *e)
 {
-    static const char start[] = "element vertex ";
-    char line[LINE_MAX_BYTES];
-    if (!read_line(file, line, e)) return false;
-    const char *digits = line + sizeof start - 1;
-    if (strncmp(line, start, sizeof start - 1) != 0 || !*digits ||
+    char start[32];
+    int length = snprintf(start, sizeof start, "element %s ", name);
+    const char *digits = line + length;
+    if (strncmp(line, start, (size_t)length) != 0 || !*digits ||
         strspn(digits, "0123456789") != strlen(digits) || (digits[0] == '0' && digits[1]))
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element vertex COUNT', found '%.60s'",
+        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'element %s COUNT', found '%.60s'", name,
                          line);
     errno = 0;
     uintmax_t value = strtoumax(digits, NULL, 10);
-    if (errno || value > SIZE_MAX) return damaged(e, "its count of points is too large");
+    if (errno || value > SIZE_MAX) return damaged(e, "a count in its header is too large");
     *count = (size_t)value;
     return true;
 }
@@ -236,7 +259,9 @@ static bool read_header(FILE *file, ply_file *f, error *e)
         f->format = PLY_BINARY_LITTLE_ENDIAN;
     else
         return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected its format, found '%.60s'", line);
-    if (!read_count(file, &f->points.count, e) || !read_line(file, line, e)) return false;
+    if (!read_line(file, line, e) || !parse_count(line, "vertex", &f->points.count, e) ||
+        !read_line(file, line, e))
+        return false;
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
     if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
         return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
@@ -245,7 +270,10 @@ static bool read_header(FILE *file, ply_file *f, error *e)
                  property_names[c]);
         if (!expect_line(file, expected, e)) return false;
     }
-    return expect_line(file, "end_header", e);
+    if (!read_line(file, line, e)) return false;
+    if (strcmp(line, "end_header") == 0) return true;
+    return parse_count(line, "face", &f->points.triangle_count, e) && expect_line(file, face_property, e) &&
+           expect_line(file, "end_header", e);
 }
 
 /* The bytes from here to the end must be able to hold the points: a count is never trusted alone.
@@ -258,14 +286,15 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     long end = ftell(file);
     if (end < at || fseek(file, at, SEEK_SET) != 0)
         return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
-    size_t left = (size_t)(end - at), value = f->precision == PLY_FLOAT ? 4 : 8;
-    size_t point =
-        PLY_PROPERTIES * (f->format == PLY_ASCII ? 2 : value); /* ASCII: a digit and a space at least */
-    size_t holds = left / point;
-    if (f->points.count > holds || (f->format == PLY_BINARY_LITTLE_ENDIAN && f->points.count * point != left))
+    size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
+    bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
+    size_t point = PLY_PROPERTIES * (size_t)(text ? 2 : f->precision == PLY_FLOAT ? 4 : 8);
+    size_t face = text ? FACE_TEXT_LEAST : FACE_BYTES;
+    if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
+        (!text && vertices * point + faces * face != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "PLY file: %zu bytes of data cannot be the %zu points of its header", left,
-                         f->points.count);
+                         "PLY file: %zu bytes of data cannot be the %zu points%s of its header", left, vertices,
+                         faces > 0 ? " and faces" : "");
     return true;
 }
 
@@ -348,9 +377,41 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double row[PLY_PRO
     return true;
 }
 
+static bool unpack_face(FILE *file, uint32_t corner[3], error *e)
+{
+    unsigned char packed[FACE_BYTES];
+    if (fread_unlocked(packed, 1, FACE_BYTES, file) != FACE_BYTES) return damaged(e, "it ends too early");
+    if (packed[0] != 3) return damaged(e, "a face is not a triangle");
+    for (int c = 0; c < 3; c++) {
+        memcpy(&corner[c], packed + 1 + 4 * c, sizeof corner[c]);
+        corner[c] = le32toh(corner[c]);
+    }
+    return true;
+}
+
+static bool parse_face(FILE *file, uint32_t corner[3], error *e)
+{
+    char line[LINE_MAX_BYTES], again[LINE_MAX_BYTES];
+    if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
+    int read = sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32, &corner[0], &corner[1], &corner[2]);
+    if (read == 3)
+        snprintf(again, sizeof again, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1], corner[2]);
+    return (read == 3 && strcmp(line, again) == 0) || damaged(e, "a face is not a triangle");
+}
+
+static bool read_face(FILE *file, const ply_file *f, size_t k, uint32_t corner[3], error *e)
+{
+    if (!(f->format == PLY_ASCII ? parse_face(file, corner, e) : unpack_face(file, corner, e))) return false;
+    for (int c = 0; c < 3; c++)
+        if (corner[c] >= f->points.count)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu has the corner %" PRIu32 " of %zu points",
+                             k, corner[c], f->points.count);
+    return true;
+}
+
 static bool read_end(FILE *file, error *e)
 {
-    return fgetc(file) == EOF || damaged(e, "there are bytes after its last point");
+    return fgetc(file) == EOF || damaged(e, "there are bytes after its last point or face");
 }
 
 static bool read_start(FILE *file, ply_file *f, error *e)
@@ -366,12 +427,15 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     double row[PLY_PROPERTIES];
     if (!read_start(file, &f, e)) return false;
     f.storage = mem_array(f.points.count, PLY_PROPERTIES * sizeof(double), "the points of a PLY file", e);
-    bool ok = f.storage != NULL;
+    f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
+    f.points.triangle = (const uint32_t(*)[3])f.triangles;
+    bool ok = f.storage && f.triangles;
     if (ok) lay_out(&f);
     for (size_t i = 0; ok && i < f.points.count; i++) {
         ok = read_row(file, &f, i, row, e);
         if (ok) store_row(&f.points, i, row);
     }
+    for (size_t k = 0; ok && k < f.points.triangle_count; k++) ok = read_face(file, &f, k, f.triangles[k], e);
     if (ok && read_end(file, e)) {
         *out = f;
         return true;
@@ -393,7 +457,8 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
     ply_file f = {0};
     double row[PLY_PROPERTIES], meant[PLY_PROPERTIES];
     if (!read_start(file, &f, e)) return false;
-    if (f.points.count != set->count || f.format != format || f.precision != precision)
+    if (f.points.count != set->count || f.points.triangle_count != set->triangle_count || f.format != format ||
+        f.precision != precision)
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -405,6 +470,12 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
                                  "PLY file: the %s of point %zu is not what was written", property_names[c],
                                  i);
     }
+    for (size_t k = 0; k < set->triangle_count; k++) {
+        uint32_t corner[3];
+        if (!read_face(file, &f, k, corner, e)) return false;
+        if (memcmp(corner, set->triangle[k], sizeof corner) != 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu is not what was written", k);
+    }
     return read_end(file, e);
 }
 
@@ -412,5 +483,6 @@ void ply_file_free(ply_file *file)
 {
     if (!file) return;
     free(file->storage);
+    free(file->triangles);
     *file = (ply_file){0};
 }

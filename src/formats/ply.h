@@ -1,6 +1,7 @@
-/* ply: points.ply, written and, for verification, read back.
+/* ply: points.ply and mesh.ply, written and, for verification, read back.
  *
- * One element `vertex` with the 13 properties of PLY_PROPERTIES, all of one type. The header holds
+ * One element `vertex` with the 13 properties of PLY_PROPERTIES, all of one type; for a set with triangles a
+ * second, `face`, with the list `vertex_indices` of three. The header holds
  * neither a date nor a path: the same points give the same bytes. ASCII numbers are the shortest
  * text that reads back to the same value of the property's type; the bytes are the same for any pool. Nothing
  * here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
@@ -38,7 +39,8 @@ typedef struct ply_file {
     points points; /* arrays owned by this struct */
     ply_format format;
     ply_precision precision;
-    void *storage; /* private */
+    void *storage; /* private, as triangles */
+    uint32_t (*triangles)[3];
 } ply_file;
 
 /* Reads a seekable file from its start to its end, strictly: only what ply_write writes (comments

@@ -5,6 +5,7 @@
 #define HEXAD_FORMATS_POINTS_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "geometry/vec3.h"
 
@@ -19,6 +20,8 @@ typedef struct points {
     const double *energy;        /* E_i, the particle's full sum */
     const double *spacing;       /* requested spacing at the point */
     const double *spacing_local; /* achieved spacing, sqrt(2 a / sqrt 3) */
+    size_t triangle_count;       /* of a mesh whose vertices they are; 0: there is none */
+    const uint32_t (*triangle)[3];
 } points;
 
 #endif

@@ -19,6 +19,24 @@ static void put_vec3(json *object, const char *key, vec3 v)
     json_append_number(array, v.z);
 }
 
+static void put_mesh(json *report, json *warnings, const report_facts *facts)
+{
+    if (!facts->results->has_mesh) return;
+    const triangulation_facts *m = &facts->results->mesh;
+    json *object = json_put_object(report, "mesh");
+    json_put_integer(object, "triangles", (int64_t)m->triangles);
+    json_put_integer(object, "euler", m->euler);
+    json_put_integer(object, "boundary_edges", (int64_t)m->boundary_edges);
+    json_put_integer(object, "rim_edges", (int64_t)m->rim_edges);
+    json_put_integer(object, "nonmanifold_edges", (int64_t)m->nonmanifold_edges);
+    json_put_integer(object, "nonmanifold_vertices", (int64_t)m->nonmanifold_vertices);
+    json_put_bool(object, "closed", triangulation_is_closed(m));
+    json_put_number(object, "radius_ratio", m->radius_ratio);
+    if (!triangulation_is_whole(m))
+        json_append_string(warnings, "mesh.ply is not a whole surface: where the spacing does not resolve it, "
+                                     "triangles are missing or too many meet (see mesh); ask for more points");
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -37,6 +55,7 @@ static void put_surface(json *report, const report_facts *facts)
         (!facts->source->field->open && fabs(euler - round(euler)) > EULER_DOUBT))
         json_append_string(warnings, "the spacing does not resolve the whole surface: where it does not, "
                                      "hex_fraction, euler and the like say little");
+    put_mesh(report, warnings, facts);
 }
 
 static void put_quality(json *report, const report_facts *facts)

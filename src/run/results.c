@@ -71,19 +71,34 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
-static bool write_ply(const char *directory, const spec *s, const points *set, bool as_float, threads *pool,
-                      json *outputs, error *e)
+static bool write_ply(const char *directory, const char *name, const spec *s, const points *set, bool as_float,
+                      threads *pool, json *outputs, error *e)
 {
     ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     ply_precision precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
-    char *path = mem_printf("%s/points.ply", directory);
+    char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && ply_write(file.stream, set, format, precision, pool, e);
     if (ok && !ply_verify(file.stream, set, format, precision, pool, e))
-        ok = error_prefix(e, "points.ply does not read back as it was written");
-    if (ok) ok = commit_output(&file, "points.ply", outputs, e);
+        ok = error_prefix(e, "%s does not read back as it was written", name);
+    if (ok) ok = commit_output(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
+    return ok;
+}
+
+static bool write_mesh(const char *directory, const spec *s, const field *f, const points *set, bool as_float,
+                       threads *pool, json *outputs, triangulation_facts *out, error *e)
+{
+    const triangulation_input in = {set->count, set->position, set->normal, set->spacing, f->open, f->rims};
+    triangulation made;
+    points vertices = *set;
+    bool ok = triangulation_make(&in, pool, &made, e);
+    vertices.triangle_count = made.facts.triangles;
+    vertices.triangle = (const uint32_t(*)[3])made.corner;
+    ok = ok && write_ply(directory, "mesh.ply", s, &vertices, as_float, pool, outputs, e);
+    if (ok) *out = made.facts;
+    triangulation_free(&made);
     return ok;
 }
 
@@ -126,12 +141,14 @@ bool results_write(const char *directory, const spec *s, const field *f, const p
                    threads *pool, json *outputs, results_facts *out, error *e)
 {
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {largest_residual(f, set, as_float, h, pool), false};
+    results_facts facts = {.max_residual = largest_residual(f, set, as_float, h, pool), .has_mesh = s->has_mesh};
     if (as_float && !(facts.max_residual <= RESULTS_RESIDUAL)) {
         as_float = false;
-        facts = (results_facts){largest_residual(f, set, false, h, pool), true};
+        facts.max_residual = largest_residual(f, set, false, h, pool);
+        facts.widened = true;
     }
-    if (!write_ply(directory, s, set, as_float, pool, outputs, e)) return false;
+    if (!write_ply(directory, "points.ply", s, set, as_float, pool, outputs, e)) return false;
+    if (s->has_mesh && !write_mesh(directory, s, f, set, as_float, pool, outputs, &facts.mesh, e)) return false;
     if (s->has_preview && !write_preview(directory, s, set, pool, outputs, e)) return false;
     *out = facts;
     return true;

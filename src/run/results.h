@@ -8,6 +8,7 @@
 #include "field/field.h"
 #include "formats/points.h"
 #include "json/json.h"
+#include "sampler/triangulation.h"
 #include "spec/spec.h"
 
 /* Above this fraction of h the rounding of single precision would show: such points are written in double. */
@@ -16,10 +17,13 @@
 typedef struct results_facts {
     double max_residual; /* largest |F| / |grad F| of the positions as they stand in points.ply, over h */
     bool widened;        /* float was asked for, and double was written */
+    bool has_mesh;
+    triangulation_facts mesh;
 } results_facts;
 
 /* Writes what s->output asks for into `directory` and appends {name, bytes, sha256} of each file to
- * `outputs`. Errors: internal (the disk, or a file that does not read back as written). */
+ * `outputs`. Errors: internal (the disk, or a file that does not read back as written), limit_memory,
+ * cancelled. */
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
                    threads *pool, json *outputs, results_facts *out, error *e);
 

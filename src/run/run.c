@@ -25,6 +25,8 @@ static const double BYTES_PER_PARTICLE = 450;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
+/* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they grow. */
+static const double BYTES_PER_VERTEX = 120;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
@@ -92,7 +94,8 @@ static double particle_memory(const job *j)
 
 static double bytes_per_particle(const job *j)
 {
-    return j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE;
+    double vertex = j->spec->has_mesh ? BYTES_PER_VERTEX : 0;
+    return vertex + (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
 
 static bool fits_memory(const job *j, double count, error *e)
@@ -288,8 +291,16 @@ static bool write_points(job *j, error *e)
 {
     const solution *s = &j->solution;
     const sampler_points *p = sampler_result_points(s->sampler);
-    const points set = {p->count,  p->position, p->normal, p->kappa,   p->kappa1,
-                        p->kappa2, p->alpha,    p->energy, p->spacing, s->spacing_local};
+    const points set = {.count = p->count,
+                        .position = p->position,
+                        .normal = p->normal,
+                        .kappa = p->kappa,
+                        .kappa1 = p->kappa1,
+                        .kappa2 = p->kappa2,
+                        .alpha = p->alpha,
+                        .energy = p->energy,
+                        .spacing = p->spacing,
+                        .spacing_local = s->spacing_local};
     json_free(j->report);
     j->report = json_new_object();
     return may_go_on(j, e) &&
@@ -387,7 +398,7 @@ static bool write_report(job *j, run_summary *out, error *e)
     return true;
 }
 
-static const char *const output_names[] = {"report.json", "points.ply", "preview.png", "preview.exr"};
+static const char *const output_names[] = {"report.json", "points.ply", "mesh.ply", "preview.png", "preview.exr"};
 enum { OUTPUT_NAMES = sizeof output_names / sizeof output_names[0] };
 
 /* Files of an earlier run in the same directory must not stand beside this one's report. */

@@ -4,7 +4,7 @@
 
 #include "base/memory.h"
 #include "sampler/energy.h"
-#include "sampler/neighbours.h"
+#include "sampler/slabs.h"
 #include "sampler/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
@@ -32,29 +32,19 @@ typedef struct tally {
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
 } tally;
 
-/* Points are measured slab by slab along the longest side of their box, so that the lists of neighbours are
- * those of a slab at a time. About as many points as this are in one, but for the largest sets. */
-static const size_t SLAB_POINTS = 100000, SLABS_MOST = 16;
-enum { BINS = 4096 }; /* of the histogram that slabs are cut by */
-/* A star takes the lists of those listed by those listed. */
-static const double HALO_REACHES = 3;
-
-typedef struct slab {
-    int axis;
-    double low, high; /* of its own points */
-    quality_input in; /* of them and those around, in their order */
-    vec3 *position, *normal;
-    double *spacing, *alpha;
-    uint32_t *index; /* of each, among all */
+/* What is measured at a time: a slab of the points and those around. */
+typedef struct part {
+    slab slab;
+    quality_input in; /* of the slab's points, in their order */
+    double *alpha;
     bool *unresolved;
-    neighbours *near;
     tally *tally; /* per chunk */
     bool graded;  /* spacings differ enough for a slope */
-} slab;
+} part;
 
 typedef struct measure_job {
-    const slab *slab;
-    const quality_input *in; /* the slab's */
+    const part *part;
+    const quality_input *in; /* the part's */
     voronoi_sites sites;
     double *local; /* of all points, as degree; either may be NULL */
     uint8_t *degree;
@@ -150,13 +140,13 @@ static void mark_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const measure_job *job = context;
     (void)worker;
-    for (size_t i = begin; i < end; i++) job->slab->unresolved[i] = is_unresolved(job, (uint32_t)i);
+    for (size_t i = begin; i < end; i++) job->part->unresolved[i] = is_unresolved(job, (uint32_t)i);
 }
 
 static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
 {
-    bool has = !job->slab->unresolved[i] && !star->pinched;
-    for (uint32_t k = 0; k < star->count; k++) has &= !job->slab->unresolved[star->point[k]];
+    bool has = !job->part->unresolved[i] && !star->pinched;
+    for (uint32_t k = 0; k < star->count; k++) has &= !job->part->unresolved[star->point[k]];
     return has;
 }
 
@@ -186,9 +176,9 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = sqrt(2 * fmax(area, 0) / sqrt(3));
-    if (job->local) job->local[job->slab->index[i]] = local;
+    if (job->local) job->local[job->part->slab.index[i]] = local;
     if (job->degree)
-        job->degree[job->slab->index[i]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
+        job->degree[job->part->slab.index[i]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
     t->degrees += 6.0 - star.count;
     if (is_on_rim(in, i)) {
         t->rims++;
@@ -208,7 +198,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     tally_edges(in, i, &star, t);
     count_value(&t->area, area / (spacing * spacing));
     count_value(&t->ratio, local / spacing);
-    if (job->slab->graded && local > 0) tally_logarithms(spacing, local, t);
+    if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
 
 static tally tally_empty(void)
@@ -221,11 +211,9 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     const measure_job *job = context;
     (void)worker;
     tally t = tally_empty();
-    for (size_t i = begin; i < end; i++) {
-        double at = vec3_get(job->in->position[i], job->slab->axis);
-        if (at >= job->slab->low && at < job->slab->high) tally_point(job, (uint32_t)i, &t);
-    }
-    job->slab->tally[begin / CHUNK] = t;
+    for (size_t i = begin; i < end; i++)
+        if (slab_owns(&job->part->slab, i)) tally_point(job, (uint32_t)i, &t);
+    job->part->tally[begin / CHUNK] = t;
 }
 
 static void add_moments(moments *m, const moments *other)
@@ -302,106 +290,54 @@ static extent extent_of(const quality_input *in)
     return x;
 }
 
-/* The points in a slab and within `halo` of it; to `out`, if that is given, which has room for them. */
-static size_t gather_slab(const quality_input *in, const slab *s, double halo, const slab *out)
+static void free_part(part *p)
 {
-    size_t found = 0;
-    for (size_t i = 0; i < in->count; i++) {
-        double at = vec3_get(in->position[i], s->axis);
-        if (!(at >= s->low - halo && at < s->high + halo)) continue;
-        if (out) {
-            out->position[found] = in->position[i];
-            out->normal[found] = in->normal[i];
-            out->spacing[found] = in->spacing[i];
-            out->alpha[found] = alpha_of(in, i);
-            out->index[found] = (uint32_t)i;
-        }
-        found++;
-    }
-    return found;
+    slab_free(&p->slab);
+    free(p->alpha);
+    free(p->unresolved);
+    free(p->tally);
 }
 
-static void free_slab(slab *s)
+static bool fill_part(const quality_input *in, const slabs_input *cut, const slabs *all, size_t k,
+                      threads *pool, part *out, error *e)
 {
-    free(s->position);
-    free(s->normal);
-    free(s->spacing);
-    free(s->alpha);
-    free(s->index);
-    free(s->unresolved);
-    free(s->tally);
-    neighbours_free(s->near);
-}
-
-/* The points and the lists of a slab of which axis, low and high are set. */
-static bool fill_slab(const quality_input *in, const extent *x, threads *pool, slab *s, error *e)
-{
-    double halo = HALO_REACHES * x->reach * x->coarsest;
     const char *what = "the quality measures";
-    size_t n = gather_slab(in, s, halo, NULL);
-    s->position = mem_array(n, sizeof *s->position, what, e);
-    s->normal = mem_array(n, sizeof *s->normal, what, e);
-    s->spacing = mem_array(n, sizeof *s->spacing, what, e);
-    s->alpha = mem_array(n, sizeof *s->alpha, what, e);
-    s->index = mem_array(n, sizeof *s->index, what, e);
-    s->unresolved = mem_array(n, sizeof *s->unresolved, what, e);
-    s->tally = mem_array(n / CHUNK + 1, sizeof *s->tally, what, e);
-    s->near = neighbours_new(n, SIZE_MAX, e);
-    if (!s->position || !s->normal || !s->spacing || !s->alpha || !s->index || !s->unresolved || !s->tally ||
-        !s->near)
-        return false;
-    gather_slab(in, s, halo, s);
-    s->in = *in;
-    s->in.count = n;
-    s->in.position = s->position;
-    s->in.normal = s->normal;
-    s->in.spacing = s->spacing;
-    s->in.alpha = s->alpha;
-    return neighbours_build(s->near, n, s->position, s->spacing, x->reach, pool, e);
-}
-
-/* Where slabs end that have about the same number of points; returns the axis they are across. */
-static int cut_slabs(const quality_input *in, size_t slabs, double *end)
-{
-    bbox box = bbox_empty();
-    for (size_t i = 0; i < in->count; i++) box = bbox_include(box, in->position[i]);
-    vec3 size = vec3_sub(box.max, box.min);
-    int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    double low = vec3_get(box.min, axis), width = vec3_get(size, axis) / BINS;
-    size_t bin[BINS] = {0}, k = 0, seen = 0;
-    for (size_t i = 0; slabs > 1 && width > 0 && i < in->count; i++) {
-        double at = (vec3_get(in->position[i], axis) - low) / width;
-        bin[at < BINS ? (size_t)at : BINS - 1]++;
-    }
-    for (size_t b = 0; b < BINS; b++) {
-        seen += bin[b];
-        while (k + 1 < slabs && seen * slabs >= (k + 1) * in->count) end[k++] = low + (double)(b + 1) * width;
-    }
-    while (k < slabs) end[k++] = INFINITY;
-    return axis;
+    const slab *s = &out->slab;
+    if (!slab_fill(cut, all, k, pool, &out->slab, e)) return false;
+    out->alpha = mem_array(s->count, sizeof *out->alpha, what, e);
+    out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
+    out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
+    if (!out->alpha || !out->unresolved || !out->tally) return false;
+    for (size_t i = 0; i < s->count; i++) out->alpha[i] = alpha_of(in, s->index[i]);
+    out->in = *in;
+    out->in.count = s->count;
+    out->in.position = s->position;
+    out->in.normal = s->normal;
+    out->in.spacing = s->spacing;
+    out->in.alpha = out->alpha;
+    return true;
 }
 
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
                      quality *out, error *e)
 {
-    size_t slabs = in->count / SLAB_POINTS < SLABS_MOST ? in->count / SLAB_POINTS + 1 : SLABS_MOST;
-    double *end = mem_array(slabs, sizeof *end, "the quality measures", e), low = -INFINITY;
-    if (!end) return false;
-    bool ok = true;
     const extent x = extent_of(in);
-    int axis = cut_slabs(in, slabs, end);
+    const slabs_input cut = {in->count, in->position, in->normal, in->spacing, x.reach};
+    slabs all;
+    bool ok = slabs_cut(&cut, &all, e);
     tally whole = tally_empty();
-    for (size_t k = 0; k < slabs && ok; low = end[k++]) {
-        if (!(low < end[k])) continue; /* so many points in one bin that it is the last of two slabs */
-        slab s = {.axis = axis, .low = low, .high = end[k], .graded = x.coarsest > EVEN_REQUEST * x.finest};
-        ok = fill_slab(in, &x, pool, &s, e);
-        measure_job job = {&s, &s.in, {s.position, s.normal, s.spacing, s.near}, spacing_local, degree};
-        if (ok) threads_run(pool, s.in.count, CHUNK, mark_chunk, &job);
-        if (ok) threads_run(pool, s.in.count, CHUNK, tally_chunk, &job);
-        for (size_t c = 0; ok && c < (s.in.count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &s.tally[c]);
-        free_slab(&s);
+    for (size_t k = 0; k < all.count && ok; k++) {
+        part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+        ok = fill_part(in, &cut, &all, k, pool, &p, e);
+        const slab *s = &p.slab;
+        measure_job job = {
+            &p, &p.in, {s->position, s->normal, s->spacing, s->near, s->index}, spacing_local, degree};
+        if (ok) threads_run(pool, s->count, CHUNK, mark_chunk, &job);
+        if (ok) threads_run(pool, s->count, CHUNK, tally_chunk, &job);
+        for (size_t c = 0; ok && c < (s->count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &p.tally[c]);
+        free_part(&p);
     }
-    free(end);
+    slabs_free(&all);
     if (ok) *out = conclude(&whole);
     return ok;
 }

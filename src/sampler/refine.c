@@ -117,7 +117,7 @@ static bool mesh_particles(const particles *p, double spacing, threads *pool, me
     for (size_t i = 0; i < p->count; i++) out->spacing[i] = spacing * p->size[i];
     if (!neighbours_build(out->near, p->count, p->position, out->spacing, VORONOI_REACH, pool, e))
         return false;
-    out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near};
+    out->sites = (voronoi_sites){p->position, p->normal, out->spacing, out->near, NULL};
     threads_run(pool, p->count, CHUNK, count_chunk, out);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     for (size_t k = 0; k < chunks; k++) out->first[k + 1] += out->first[k];

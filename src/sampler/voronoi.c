@@ -41,7 +41,8 @@ typedef struct triangle {
 
 static site site_at(const voronoi_sites *in, uint32_t i, uint32_t place)
 {
-    double unit = (double)(i * 2654435761u) / 4294967296.0 - 0.5; /* Knuth's multiplicative hash */
+    uint32_t name = in->index ? in->index[i] : i;
+    double unit = (double)(name * 2654435761u) / 4294967296.0 - 0.5; /* Knuth's multiplicative hash */
     vec3 at = vec3_axpy(2 * JITTER * unit * in->spacing[i], in->normal[i], in->position[i]);
     return (site){i, place, at, in->normal[i], in->spacing[i]};
 }
@@ -345,7 +346,7 @@ static bool is_closed(const ring *g, int count, const int hull[RING_MAX + 1], do
 static void measure_star(const ring *g, const uint32_t *list, int count, const int hull[RING_MAX + 1],
                          voronoi_star *out)
 {
-    out->count = (uint32_t)count;
+    out->count = out->triangle_count = (uint32_t)count;
     out->pinched = false;
     for (int k = 0; k < count; k++) {
         out->place[k] = g->place[hull[k]];
@@ -360,6 +361,8 @@ static void measure_star(const ring *g, const uint32_t *list, int count, const i
         double half = 0.5 / sqrt(g->square[q] * g->square[r] - dot * dot);
         out->edge[k] += half * out->distance[k] * (g->square[r] - dot);
         out->edge[next] += half * out->distance[next] * (g->square[q] - dot);
+        out->corner[k][0] = (uint8_t)k;
+        out->corner[k][1] = (uint8_t)next;
     }
 }
 
@@ -381,13 +384,13 @@ bool voronoi_star_clear(const voronoi_sites *in, uint32_t a, voronoi_star *out)
     return false;
 }
 
-/* Adds the triangle of a, b and c to the star of a, as seen along the edge between a and b. */
-static bool join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voronoi_star *out)
+/* Adds the triangle of a, b and c to the star of a, as seen along the edge between a and b. Returns the place
+ * of b. */
+static uint32_t join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voronoi_star *out)
 {
     uint32_t k = 0;
     while (k < out->count && out->point[k] != b->index) k++;
-    bool first = k == out->count;
-    if (first) {
+    if (k == out->count) {
         out->count++;
         out->point[k] = b->index;
         out->place[k] = b->place;
@@ -397,7 +400,7 @@ static bool join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, voro
     }
     out->edge[k] += 0.5 * out->distance[k] * cotangent_at(x[c], x[a], x[b->index]);
     out->pinched |= ++out->triangles[k] > 2;
-    return first;
+    return k;
 }
 
 static bool is_closed_star(const voronoi_star *s)
@@ -422,8 +425,13 @@ static void join_triangles(const voronoi_sites *in, const surroundings *s, uint3
     for (uint32_t k = 0; k < s->count; k++) {
         const site *c = &s->near[k];
         if (t->done[k] || is_other_side(a, c) || is_other_side(b, c) || !is_on_surface(in, s, b, c)) continue;
-        join_edge(in->position, a->index, b, c->index, out);
-        if (join_edge(in->position, a->index, c, b->index, out)) t->met[t->count++] = k;
+        uint32_t at_b = join_edge(in->position, a->index, b, c->index, out), met = out->count;
+        uint32_t at_c = join_edge(in->position, a->index, c, b->index, out);
+        if (out->count > met) t->met[t->count++] = k;
+        out->pinched |= out->triangle_count == VORONOI_STAR_MAX;
+        if (out->triangle_count == VORONOI_STAR_MAX) continue;
+        out->corner[out->triangle_count][0] = (uint8_t)at_b;
+        out->corner[out->triangle_count++][1] = (uint8_t)at_c;
     }
 }
 
@@ -433,7 +441,7 @@ void voronoi_star_triangles(const voronoi_sites *in, uint32_t a, voronoi_star *o
 {
     surroundings s;
     tour t = {.count = 0};
-    out->count = 0;
+    out->count = out->triangle_count = 0;
     out->pinched = !gather_sites(in, a, &s);
     if (out->pinched) return;
     for (uint32_t first = 0, next = 0; first < s.count && !is_closed_star(out); first++) {

@@ -19,6 +19,7 @@ typedef struct voronoi_sites {
     const vec3 *position, *normal;
     const double *spacing;  /* of an ideal packing at each point */
     const neighbours *near; /* lists within VORONOI_REACH times the mean spacing of a pair, or more */
+    const uint32_t *index;  /* of each among all, ascending, where these are a part; NULL: they are all */
 } voronoi_sites;
 
 /* Two points farther apart than this, in spacings, have others between them, even beside a vacancy: where
@@ -39,6 +40,8 @@ typedef struct voronoi_star {
     double edge[VORONOI_STAR_MAX];       /* length of the Voronoi edge between; may be negative at corners */
     uint8_t triangles[VORONOI_STAR_MAX]; /* that it is in: 2, but beside rims and holes */
     bool pinched; /* one is in more than 2, or there are too many: the triangles do not bound one cell */
+    uint32_t triangle_count;
+    uint8_t corner[VORONOI_STAR_MAX][2]; /* of each triangle the two others, by their places in `point` */
 } voronoi_star;
 
 /* b is in the star of a where a is in that of b. */

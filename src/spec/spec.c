@@ -13,6 +13,9 @@ _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
 enum { LABEL_LENGTH_MAX = 100 }; /* characters */
 
+/* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
+static const double UPRIGHT_LEAST = 1e-6;
+
 typedef struct reading {
     spec *s;
     spec_faults faults;
@@ -242,6 +245,19 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
               strchr(allowed, ',') ? "one of " : "", allowed, given);
 }
 
+static void read_bool(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_BOOL) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be true or false (given %s)", given);
+        return;
+    }
+    bool value = json_bool(*at, false);
+    memcpy(target(r, row->offset), &value, sizeof value);
+    json_put_bool(normal, spec_row_key(row), value);
+}
+
 static size_t characters(const char *text)
 {
     size_t n = 0;
@@ -302,6 +318,9 @@ static void read_value(reading *r, const json_at *at, const spec_row *row, json 
     case SPEC_TYPE_INTEGER:
     case SPEC_TYPE_LARGE:
         read_number(r, at, row, normal);
+        break;
+    case SPEC_TYPE_BOOL:
+        read_bool(r, at, row, normal);
         break;
     case SPEC_TYPE_WORD:
         read_word(r, at, row, normal);
@@ -593,6 +612,18 @@ static void check_solver(reading *r, const json_at *at)
                   "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
 }
 
+static void check_camera(reading *r, const json_at *at)
+{
+    const spec_camera *c = &r->s->camera;
+    json_at target = json_member(at, "target"), up = json_member(at, "up");
+    vec3 sight = vec3_sub(c->target, c->position);
+    if (!(vec3_norm2(sight) > 0))
+        add_fault(r, &target, ERROR_SPEC_INVALID, "must be another place than position");
+    else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
+        add_fault(r, up.node ? &up : at, ERROR_SPEC_INVALID,
+                  "up must not be zero, nor point along the line from position to target");
+}
+
 /* Reads the members of a group; a place without a node stands for an object without members. */
 static void read_group(reading *r, const json_at *at, const char *group, json *normal)
 {
@@ -622,6 +653,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         check_box(r, at, &r->s->bspline.domain);
     if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
+    if (strcmp(group, "/output/preview/camera") == 0 && r->total == before) check_camera(r, at);
 }
 
 /* ---- the whole ---- */

@@ -121,7 +121,19 @@ typedef enum spec_isa { SPEC_ISA_AUTO, SPEC_ISA_PORTABLE, SPEC_ISA_AVX2, SPEC_IS
 typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
 typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
 typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
-typedef enum spec_color { SPEC_COLOR_ALPHA, SPEC_COLOR_CURVATURE } spec_color;
+typedef enum spec_color {
+    SPEC_COLOR_ALPHA,
+    SPEC_COLOR_CURVATURE,
+    SPEC_COLOR_ENERGY,
+    SPEC_COLOR_SPACING,
+    SPEC_COLOR_DEGREE
+} spec_color;
+
+typedef struct spec_camera {
+    vec3 position, target, up; /* up is no multiple of target - position, which is not zero */
+    double fov;                /* along the picture's longer side, radians; 0: see orthographic */
+    double orthographic;       /* world units along it; 0: see fov. Both 0: the automatic camera's fov */
+} spec_camera;
 
 typedef struct spec {
     char *name; /* NULL: none */
@@ -167,6 +179,10 @@ typedef struct spec {
     bool has_preview; /* true by default */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
+    bool has_camera;                   /* else one that sees all of it */
+    spec_camera camera;
+    int turntable;                     /* frames; 0: none */
+    bool has_convergence, has_points_vdb, has_mesh;
 
     int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
     double timeout_s, stall_s;

@@ -753,15 +753,85 @@ const spec_row spec_rows[] = {
      .prose = "Side of a square picture, or [width, height]."},
     {.pointer = "/output/preview/color",
      .type = SPEC_TYPE_WORD,
-     .words = "alpha|curvature",
+     .words = "alpha|curvature|energy|spacing|degree",
      AT(preview_color),
-     .prose =
-         "What the colours show. Default: alpha where sampling.alpha is given, else curvature."},
-    LATER("/output/preview/camera", SPEC_CHOICE_NONE, "Where the picture is taken from."),
-    LATER("/output/preview/turntable", SPEC_CHOICE_NONE,
-          "A sequence of pictures around the surface."),
-    LATER("/output/points_vdb", SPEC_CHOICE_NONE, "The points as a VDB points grid."),
-    LATER("/output/mesh", SPEC_CHOICE_NONE, "A triangle mesh of the points."),
+     .prose = "What the colours show: the amplitude alpha, kappa, a particle's energy, the achieved spacing, or how "
+              "many neighbours a point has. Default: alpha where sampling.alpha is given, else curvature."},
+    {.pointer = "/output/preview/camera",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_camera),
+     .prose = "Where the pictures are taken from. Without it from the right, in front and above, with z up, as near "
+              "as all of it can be seen."},
+    {.pointer = "/output/preview/camera/position",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT(camera.position),
+     .unit = "world",
+     .prose = "The eye. What lies behind it is not seen, in orthographic pictures either."},
+    {.pointer = "/output/preview/camera/target",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT(camera.target),
+     .unit = "world",
+     .prose = "A place in the middle of the picture."},
+    {.pointer = "/output/preview/camera/up",
+     .type = SPEC_TYPE_VECTOR,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     .otherwise = "[0,0,1]",
+     AT(camera.up),
+     .prose = "A direction that points up in the picture, but not along the line of sight; and the axis of a "
+              "turntable."},
+    {.pointer = "/output/preview/camera/fov",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .choice = SPEC_CHOICE_LENS,
+     .low = 0,
+     .high = 3,
+     AT(camera.fov),
+     .unit = "radians",
+     .prose = "The angle of view along the picture's longer side. Without it, and without orthographic, 0.452."},
+    {.pointer = "/output/preview/camera/orthographic",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .choice = SPEC_CHOICE_LENS,
+     .low = 0,
+     .high = WORLD_MAX,
+     AT(camera.orthographic),
+     .unit = "world",
+     .prose = "A parallel projection, in which the picture's longer side spans so much."},
+    {.pointer = "/output/preview/turntable",
+     .type = SPEC_TYPE_INTEGER,
+     .low = 0,
+     .high = 360,
+     .otherwise = "0",
+     AT(turntable),
+     .unit = "frames",
+     .prose = "So many pictures on one turn around the surface, preview.0001.png and so on; 0: none. The axis is the "
+              "camera's up through its target; without a camera, z through the middle of the points."},
+    {.pointer = "/output/convergence",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_convergence),
+     .prose = "convergence.png: energy, lambda, step and count against the sweeps."},
+    {.pointer = "/output/points_vdb",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_points_vdb),
+     .prose = "points.vdb: the points as an OpenVDB points grid with N, pscale (half the achieved spacing) and id (the "
+              "point's place in points.ply, from 0)."},
+    {.pointer = "/output/mesh",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_mesh),
+     .prose = "mesh.ply: triangles whose vertices are the points, in the order and with the properties of points.ply. "
+              "The report's mesh says whether they close the surface."},
     LATER("/output/directory", SPEC_CHOICE_NONE, "A copy of the results below an output root."),
 
     GROUP("/limits", 0, "What the job may use; 0: the default of whoever runs it."),
@@ -857,17 +927,16 @@ bool spec_word(const char *list, size_t index, char *out, size_t size)
 static void print_values(FILE *file, const spec_row *row)
 {
     static const char *const types[] = {
-        "object",        "number", "integer",      "integer",
-        "word",          "string", "[number x 3]", "[integer x 3]",
-        "[number, ...]", "integer or [integer, integer]",
-        "[string, ...]", ""};
+        "object", "number",       "integer",       "integer",       "boolean",                       "word",
+        "string", "[number x 3]", "[integer x 3]", "[number, ...]", "integer or [integer, integer]", "[string, ...]",
+        ""};
     fprintf(file, " (%s", types[row->type]);
     if (row->words) {
         fprintf(file, ":");
         char word[64];
         for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++)
             fprintf(file, " \"%s\"", word);
-    } else if (row->type != SPEC_TYPE_GROUP) {
+    } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_BOOL) {
         const char *of = row->type == SPEC_TYPE_STRING   ? " characters"
                          : row->type == SPEC_TYPE_LABELS ? " labels"
                                                          : "";

@@ -17,6 +17,7 @@ typedef enum spec_type {
     SPEC_TYPE_NUMBER,  /* double */
     SPEC_TYPE_INTEGER, /* int */
     SPEC_TYPE_LARGE,   /* integer to 2^53: int64_t or uint64_t */
+    SPEC_TYPE_BOOL,    /* bool */
     SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
     SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
     SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
@@ -36,6 +37,7 @@ typedef enum spec_choice {
     SPEC_CHOICE_CURVATURE,
     SPEC_CHOICE_GRADING, /* none may be given, either, from here on */
     SPEC_CHOICE_VOXELS,
+    SPEC_CHOICE_LENS,
     SPEC_CHOICE_COUNT
 } spec_choice;
 

@@ -21,8 +21,16 @@ static inline point_set point_set_new(size_t count)
     s.position = mem_alloc(count * sizeof *s.position);
     s.normal = mem_alloc(count * sizeof *s.normal);
     for (int k = 0; k < 7; k++) s.scalar[k] = mem_alloc(count * sizeof(double));
-    s.points = (points){count,       s.position,  s.normal,    s.scalar[0], s.scalar[1],
-                        s.scalar[2], s.scalar[3], s.scalar[4], s.scalar[5], s.scalar[6]};
+    s.points = (points){.count = count,
+                        .position = s.position,
+                        .normal = s.normal,
+                        .kappa = s.scalar[0],
+                        .kappa1 = s.scalar[1],
+                        .kappa2 = s.scalar[2],
+                        .alpha = s.scalar[3],
+                        .energy = s.scalar[4],
+                        .spacing = s.scalar[5],
+                        .spacing_local = s.scalar[6]};
     return s;
 }
 

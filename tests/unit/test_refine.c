@@ -86,7 +86,7 @@ static size_t find_spans(const ball *b, span *out)
     neighbours *near = neighbours_new(POINTS, SIZE_MAX, &e);
     if (!near || !neighbours_build(near, b->p->count, b->p->position, spacing, VORONOI_REACH, b->pool, &e))
         fail_msg("%s", e.message);
-    const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near};
+    const voronoi_sites sites = {b->p->position, b->p->normal, spacing, near, NULL};
     for (uint32_t i = 0; i < b->p->count; i++) {
         voronoi_star star;
         voronoi_star_triangles(&sites, i, &star);

@@ -724,7 +724,7 @@ static void test_invalid_fault_behind_others(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults = bad(SPHERE ",\"output\":{\"points_vdb\":1},\"queue\":{\"frames\":1,\"coherent\":1,"
+    spec_faults faults = bad(SPHERE ",\"output\":{\"directory\":1},\"queue\":{\"frames\":1,\"coherent\":1,"
                                     "\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
                              &e);
     assert_true(faults.count > 1);
