@@ -276,9 +276,56 @@ static void test_full_disk(void **state)
     point_set_free(&s);
 }
 
+/* A mesh: three corners of a set of four, and what is wrong with others. */
+static void test_triangles(void **state)
+{
+    (void)state;
+    static const uint32_t corner[2][3] = {{0, 1, 2}, {0, 2, 3}};
+    for (int format = 0; format <= 1; format++) {
+        point_set s = point_set_sphere(4, vec3_make(0, 0, 0), 1);
+        s.points.triangle_count = 2;
+        s.points.triangle = corner;
+        bytes b = write_set(&s.points, (ply_format)format, PLY_FLOAT);
+        error e = {0};
+        ply_file f = {0};
+        if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
+        check_equal(&s.points, &f.points, true);
+        assert_int_equal(f.points.triangle_count, 2);
+        assert_memory_equal(f.points.triangle, corner, sizeof corner);
+        FILE *file = fmemopen(b.data, b.length, "rb");
+        assert_true(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        static const uint32_t other[2][3] = {{0, 1, 2}, {0, 3, 2}};
+        s.points.triangle = other;
+        assert_false(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        assert_non_null(strstr(e.message, "face 1"));
+        s.points.triangle_count = 1;
+        assert_false(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        fclose(file);
+        for (size_t n = 0; n < b.length; n++)
+            if (read_bytes(b.data, n, &f, NULL) && n != b.length) fail_msg("accepted %zu of %zu bytes", n, b.length);
+        refuse_with(&b, "face 2", "face 3", format == PLY_ASCII ? "ends too early" : "and faces");
+        refuse_with(&b, "face 2", "face 18446744073709551615", "cannot be the 4 points and faces");
+        refuse_with(&b, "uchar int", "uchar uint", "expected the line");
+        if (format == PLY_ASCII) {
+            refuse_with(&b, "3 0 2 3", "3 0 2 4", "face 1 has the corner 4 of 4 points");
+            refuse_with(&b, "3 0 2 3", "4 0 2 3", "not a triangle");
+            refuse_with(&b, "3 0 2 3", "3 0 2  3", "not a triangle");
+        } else {
+            b.data[b.length - 4] = 4;
+            refuse(b.data, b.length, "face 1 has the corner 4 of 4 points");
+            b.data[b.length - 13] = 4;
+            refuse(b.data, b.length, "not a triangle");
+        }
+        free(b.data);
+        ply_file_free(&f);
+        point_set_free(&s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_triangles),
         cmocka_unit_test(test_round_trips),
         cmocka_unit_test(test_header),
         cmocka_unit_test(test_every_truncation_is_refused),

@@ -94,6 +94,8 @@ static json *document_for(const spec_row *row)
     static const struct {
         const char *begins, *text;
     } documents[] = {
+        {"/output/preview/camera",
+         SPHERE ",\"output\":{\"preview\":{\"camera\":{\"position\":[0,3,0],\"target\":[0,0,1]}}}}"},
         {"/surface/vdb",
          "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/bspline/coefficients",
@@ -249,7 +251,8 @@ static void test_types_of_every_row(void **state)
         for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
             bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) ||
                         (row->type == SPEC_TYPE_STRING && k == 5) ||
-                        (row->type == SPEC_TYPE_GROUP && k == 2) || (row->flags & SPEC_SWITCH && k == 3) ||
+                        (row->type == SPEC_TYPE_GROUP && k == 2) ||
+                        ((row->flags & SPEC_SWITCH || row->type == SPEC_TYPE_BOOL) && k == 3) ||
                         is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
             if (fits)
                 json_free(wrong[k]);
@@ -564,13 +567,12 @@ static void test_normalised_is_idempotent(void **state)
         text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
               "\"radius\":0.4}},"
               "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
-              "\"minimiser\":"
-              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
+              "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-              "\"color\":"
-              "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
-              "attempts\":0},"
+              "\"color\":\"curvature\",\"turntable\":0},\"convergence\":false,\"points_vdb\":false,"
+              "\"mesh\":false},"
+              "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
               "\"queue\":{\"priority\":0,\"labels\":[]}}");
     free(text);
     spec_free(s);

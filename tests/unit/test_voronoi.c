@@ -46,6 +46,7 @@ static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_
     if (clear->count != star->count)
         fail_msg("point %u: %u neighbours by its polygon, %u by triangles", a, clear->count, star->count);
     assert_false(clear->pinched || star->pinched);
+    assert_int_equal(clear->triangle_count, star->triangle_count);
     for (uint32_t k = 0; k < star->count; k++) {
         int at = find_in_star(clear, star->point[k]);
         if (at < 0) fail_msg("point %u is no neighbour of %u by its polygon", star->point[k], a);
@@ -53,6 +54,26 @@ static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_
         assert_int_equal(clear->triangles[at], star->triangles[k]);
         assert_close(clear->edge[at], star->edge[k], 1e-9 * sites->spacing[a]);
         assert_close(clear->distance[at], star->distance[k], 1e-12 * sites->spacing[a]);
+    }
+}
+
+/* A star's triangles, as many as its neighbours' counts say, are those around the point: each is seen from its
+ * other corners too. */
+static void compare_corners(uint32_t a, const voronoi_star *stars)
+{
+    const voronoi_star *star = &stars[a];
+    uint32_t sides = 0;
+    for (uint32_t k = 0; k < star->count; k++) sides += star->triangles[k];
+    if (!star->pinched) assert_int_equal(sides, 2 * star->triangle_count);
+    for (uint32_t t = 0; t < star->triangle_count; t++) {
+        uint32_t b = star->point[star->corner[t][0]], c = star->point[star->corner[t][1]];
+        const voronoi_star *other = &stars[b];
+        bool seen = other->pinched || star->pinched;
+        for (uint32_t k = 0; k < other->triangle_count; k++) {
+            uint32_t p = other->point[other->corner[k][0]], q = other->point[other->corner[k][1]];
+            seen |= (p == a && q == c) || (p == c && q == a);
+        }
+        if (!seen) fail_msg("the triangle %u %u %u is not seen from %u", a, b, c, b);
     }
 }
 
@@ -84,6 +105,7 @@ static size_t compare_stars(const set *s)
     for (uint32_t a = 0; a < s->count; a++) voronoi_star_triangles(&sites, a, &stars[a]);
     for (uint32_t a = 0; a < s->count; a++) {
         compare_ends(&sites, a, stars);
+        compare_corners(a, stars);
         if (!voronoi_star_clear(&sites, a, &polygon)) continue;
         compare_clear(&sites, a, &polygon, &stars[a]);
         clear++;

@@ -1,0 +1,100 @@
+/* spec: what is written, and where the pictures are taken from. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "base/memory.h"
+#include "spec/spec.h"
+
+#define CAMERA(members) "\"preview\":{\"camera\":{" members "}}"
+#define PLACED(members) CAMERA("\"position\":[0,-5,1],\"target\":[0,0,1]" members)
+
+static spec *parse(const char *output, spec_faults *faults, error *e)
+{
+    char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
+                            "\"sampling\":{\"count\":100},\"output\":{%s}}",
+                            output);
+    json *document = json_parse(text, strlen(text), e);
+    if (!document) fail_msg("%s", e->message);
+    spec *s = spec_parse(document, faults, e);
+    json_free(document);
+    free(text);
+    return s;
+}
+
+static spec *accept(const char *output)
+{
+    error e = {0};
+    spec *s = parse(output, NULL, &e);
+    if (!s) fail_msg("%s: %s", output, e.message);
+    return s;
+}
+
+static void refuse(const char *output, const char *pointer, const char *words)
+{
+    error e = {0};
+    spec_faults faults;
+    if (parse(output, &faults, &e)) fail_msg("accepted: %s", output);
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    assert_string_equal(faults.item[0].pointer, pointer);
+    if (!strstr(faults.item[0].detail, words)) fail_msg("'%s' does not say '%s'", faults.item[0].detail, words);
+}
+
+static void cameras_are_read(void **state)
+{
+    (void)state;
+    spec *s = accept(PLACED(""));
+    assert_true(s->has_camera && s->camera.fov == 0 && s->camera.orthographic == 0);
+    assert_true(s->camera.position.y == -5 && s->camera.target.z == 1 && s->camera.up.z == 1);
+    spec_free(s);
+    s = accept(PLACED(",\"up\":[1,0,0],\"orthographic\":2.5"));
+    assert_true(s->camera.orthographic == 2.5 && s->camera.up.x == 1);
+    spec_free(s);
+    s = accept(PLACED(",\"fov\":0.8"));
+    assert_true(s->camera.fov == 0.8);
+    spec_free(s);
+    s = accept("");
+    assert_false(s->has_camera);
+    spec_free(s);
+}
+
+static void cameras_that_see_nothing_are_refused(void **state)
+{
+    (void)state;
+    static const char at[] = "/output/preview/camera";
+    refuse(CAMERA("\"position\":[1,2,3]"), "/output/preview/camera/target", "is required");
+    refuse(CAMERA("\"position\":[1,2,3],\"target\":[1,2,3]"), "/output/preview/camera/target", "another place");
+    refuse(PLACED(",\"up\":[0,-3,0]"), "/output/preview/camera/up", "line from position to target");
+    refuse(PLACED(",\"up\":[0,0,0]"), "/output/preview/camera/up", "must not be zero");
+    refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up must not"); /* the default */
+    refuse(PLACED(",\"fov\":1,\"orthographic\":1"), at, "at most one of fov, orthographic");
+}
+
+static void outputs_are_asked_for(void **state)
+{
+    (void)state;
+    spec *s = accept("");
+    assert_false(s->has_mesh || s->has_points_vdb || s->has_convergence);
+    assert_int_equal(s->turntable, 0);
+    spec_free(s);
+    s = accept("\"mesh\":true,\"points_vdb\":true,\"convergence\":true,\"preview\":{\"turntable\":24,\"color\":\"degree\"}");
+    assert_true(s->has_mesh && s->has_points_vdb && s->has_convergence);
+    assert_int_equal(s->turntable, 24);
+    assert_int_equal(s->preview_color, SPEC_COLOR_DEGREE);
+    spec_free(s);
+    refuse("\"mesh\":1", "/output/mesh", "must be true or false (given 1)");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(cameras_are_read),
+        cmocka_unit_test(cameras_that_see_nothing_are_refused),
+        cmocka_unit_test(outputs_are_asked_for),
+    };
+    return cmocka_run_group_tests_name("spec_output", tests, NULL, NULL);
+}
