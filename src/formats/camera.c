@@ -13,34 +13,101 @@ static vec3 rotate(const camera *c, vec3 v)
     return (vec3){vec3_dot(c->right, v), vec3_dot(c->up, v), vec3_dot(c->forward, v)};
 }
 
-/* For each pair of opposite frustum planes u = +-s w the set touches, from inside, one line each;
- * the nearest eye between both is where they meet. Exact, in one pass. */
-camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame)
+/* A pinhole in the middle of a frame that looks away from `towards_it`, with z up; without a place yet. */
+static camera aim(vec3 towards_it, camera_frame frame)
 {
-    camera c = {.forward = vec3_unit(vec3_scale(towards_eye, -1))};
+    camera c = {.forward = vec3_unit(vec3_scale(towards_it, -1))};
     c.right = vec3_unit(vec3_cross(c.forward, vec3_make(0, 0, 1)));
     c.up = vec3_cross(c.right, c.forward);
     c.focal = 0.5 * fmax(frame.width, frame.height) / half_slope;
     c.center_x = frame.left + 0.5 * frame.width;
     c.center_y = frame.top + 0.5 * frame.height;
-    double sx = 0.5 * frame.width / c.focal, sy = 0.5 * frame.height / c.focal;
-    double east = -INFINITY, west = -INFINITY, north = -INFINITY, south = -INFINITY,
-           nearest = INFINITY;
-    c.origin = position[0];
+    return c;
+}
+
+/* What a frustum must hold: of opposite planes u = +-s w each touches the set, from inside, at one of these. */
+typedef struct touch {
+    double sx, sy; /* slopes of the planes */
+    double east, west, north, south, nearest;
+} touch;
+
+static touch touch_set(const camera *c, const vec3 *position, size_t count, camera_frame frame)
+{
+    touch t = {.sx = 0.5 * frame.width / c->focal, .sy = 0.5 * frame.height / c->focal};
+    t.east = t.west = t.north = t.south = -INFINITY;
+    t.nearest = INFINITY;
     for (size_t i = 0; i < count; i++) {
-        vec3 p = rotate(&c, vec3_sub(position[i], c.origin));
-        east = fmax(east, p.x - sx * p.z);
-        west = fmax(west, -p.x - sx * p.z);
-        north = fmax(north, p.y - sy * p.z);
-        south = fmax(south, -p.y - sy * p.z);
-        nearest = fmin(nearest, p.z);
+        vec3 p = rotate(c, vec3_sub(position[i], c->origin));
+        t.east = fmax(t.east, p.x - t.sx * p.z);
+        t.west = fmax(t.west, -p.x - t.sx * p.z);
+        t.north = fmax(t.north, p.y - t.sy * p.z);
+        t.south = fmax(t.south, -p.y - t.sy * p.z);
+        t.nearest = fmin(t.nearest, p.z);
     }
-    double rx = radius * sqrt(1 + sx * sx), ry = radius * sqrt(1 + sy * sy);
-    double x = 0.5 * (east - west), y = 0.5 * (north - south);
-    double back = fmax((0.5 * (east + west) + rx) / sx, (0.5 * (north + south) + ry) / sy);
-    double z = fmin(-back, nearest - 2 * radius); /* no ball may reach the eye */
+    return t;
+}
+
+/* The nearest eye between both pairs of planes is where they meet. Exact, in one pass. */
+camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame)
+{
+    camera c = aim(towards_eye, frame);
+    c.origin = position[0];
+    touch t = touch_set(&c, position, count, frame);
+    double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
+    double x = 0.5 * (t.east - t.west), y = 0.5 * (t.north - t.south);
+    double back = fmax((0.5 * (t.east + t.west) + rx) / t.sx, (0.5 * (t.north + t.south) + ry) / t.sy);
+    double z = fmin(-back, t.nearest - 2 * radius); /* no ball may reach the eye */
     c.shift = vec3_make(x, y, z);
     return c;
+}
+
+static vec3 turn_about(vec3 v, vec3 axis, double angle)
+{
+    vec3 along = vec3_scale(axis, vec3_dot(v, axis)), across = vec3_sub(v, along);
+    return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
+}
+
+void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames, camera *out)
+{
+    vec3 low = position[0], high = low;
+    double z = 0;
+    for (size_t i = 0; i < count; i++) {
+        vec3 p = position[i];
+        low = (vec3){fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z)};
+        high = (vec3){fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z)};
+    }
+    for (int k = 0; k < frames; k++) {
+        camera c = aim(turn_about(towards_eye, vec3_make(0, 0, 1), 2 * M_PI * k / frames), frame);
+        c.origin = vec3_scale(vec3_add(low, high), 0.5);
+        touch t = touch_set(&c, position, count, frame);
+        double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
+        double back = fmax((fmax(t.east, t.west) + rx) / t.sx, (fmax(t.north, t.south) + ry) / t.sy);
+        z = fmin(z, fmin(-back, t.nearest - 2 * radius));
+        out[k] = c;
+    }
+    for (int k = 0; k < frames; k++) out[k].shift = vec3_make(0, 0, z);
+}
+
+camera camera_look(const camera_place *place, int width, int height)
+{
+    camera c = {.origin = place->target, .parallel = place->span > 0};
+    double longer = fmax(width, height), slope = place->fov > 0 ? tan(0.5 * place->fov) : half_slope;
+    c.forward = vec3_unit(vec3_sub(place->target, place->position));
+    c.right = vec3_unit(vec3_cross(c.forward, place->up));
+    c.up = vec3_cross(c.right, c.forward);
+    c.shift = rotate(&c, vec3_sub(place->position, place->target));
+    c.focal = c.parallel ? longer / place->span : 0.5 * longer / slope;
+    c.center_x = 0.5 * width;
+    c.center_y = 0.5 * height;
+    return c;
+}
+
+camera_place camera_turn(const camera_place *place, double angle)
+{
+    camera_place turned = *place;
+    vec3 away = vec3_sub(place->position, place->target);
+    turned.position = vec3_add(place->target, turn_about(away, vec3_unit(place->up), angle));
+    return turned;
 }
 
 vec3 camera_point(const camera *c, vec3 world)

@@ -20,6 +20,7 @@ typedef struct points {
     const double *energy;        /* E_i, the particle's full sum */
     const double *spacing;       /* requested spacing at the point */
     const double *spacing_local; /* achieved spacing, sqrt(2 a / sqrt 3) */
+    const double *degree;        /* how many neighbours each has; or NULL */
     size_t triangle_count;       /* of a mesh whose vertices they are; 0: there is none */
     const uint32_t (*triangle)[3];
 } points;

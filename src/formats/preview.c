@@ -7,6 +7,7 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
+#include "formats/half.h"
 #include "formats/legend.h"
 
 /* An odd number, so that the middle sample is the pixel's centre. */
@@ -43,6 +44,15 @@ static const double cone_share = 0.1;
  * the latter may take away, since curvature may be noise. */
 static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75;
 
+/* A body may come this much nearer than its point, in radii: half of that for its sinking. */
+static const double reach_share = 1.5;
+
+/* What is more of a disc than the surface's bend hides is drawn less, in proportion, where it is seen from the side
+ * by less than this cosine: on edge it would stand out beyond the silhouette, as a thin arc. */
+static const double edge_cosine = 0.35;
+
+static const double line_pixels = 0.5; /* half as wide */
+
 /* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
  */
 static const double radius_max_share = 0.35;
@@ -75,12 +85,29 @@ static double size_of(const points *set, size_t i)
     return fmax(size, 0);
 }
 
+/* The cosine of the angle between a disc's normal and the way back to the eye. */
+static double facing_of(const camera *c, const disc *d)
+{
+    vec3 sight = camera_sight(c, d->center);
+    return -vec3_dot(sight, d->normal) / vec3_norm(sight);
+}
+
+/* The radius that is drawn of one whose centre and normal are set. A disc sinks by half its square over the radius of
+ * curvature, if it may sink so far. */
+static double trim_edge(const image *m, size_t i, const disc *d, double radius)
+{
+    double hidden = 2 * sink_max_share, kappa = m->points.kappa[i];
+    if (!(radius * kappa > hidden)) return radius;
+    double share = fmin(fabs(facing_of(&m->camera, d)) / edge_cosine, 1);
+    return hidden / kappa + share * (radius - hidden / kappa);
+}
+
 static disc body_of(const image *m, size_t i)
 {
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    d.radius = fmin(body_share * size_of(&m->points, i), m->radius_max);
+    d.radius = trim_edge(m, i, &d, fmin(body_share * size_of(&m->points, i), m->radius_max));
     double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
     double sink = fmin(bend + sink_share * d.radius, sink_max_share * d.radius);
     d.center = vec3_axpy(-sink, d.normal, d.center);
@@ -95,30 +122,34 @@ static disc face_of(const image *m, size_t i)
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    double pixels = disc_share * size_of(&m->points, i) * m->camera.focal / d.center.z;
+    double pixels = disc_share * size_of(&m->points, i) * camera_scale(&m->camera, d.center.z);
     double t = fmin(fmax((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
     double share = body_share + t * (disc_share - body_share);
-    d.radius = fmin(share * size_of(&m->points, i), m->radius_max);
+    d.radius = trim_edge(m, i, &d, fmin(share * size_of(&m->points, i), m->radius_max));
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1);
     d.ring = pixels > ring_from_pixels;
     return d;
 }
 
-static bool faces_away(const disc *d)
+/* Whether it is so thin a line that only some samples along it would meet it. */
+static bool is_line(const image *m, const disc *d)
 {
-    return vec3_dot(d->center, d->normal) >= 0;
+    double pixels = d->radius * camera_scale(&m->camera, d->center.z);
+    return pixels > single_pixels && pixels * fabs(facing_of(&m->camera, d)) < line_pixels;
 }
 
-/* What is drawn of a point, one or two discs. Seen from behind it is its body alone; from the front its face,
- * and its body where that shows beyond the face. */
+/* What is drawn of a point, up to two discs. Seen from behind it is its body alone; from the front its face,
+ * and its body where that shows beyond the face. Neither what reaches the eye nor what is a line. */
 static int discs_of(const image *m, size_t i, disc out[2])
 {
     out[0] = face_of(m, i);
-    if (faces_away(&out[0])) {
+    if (!(out[0].center.z > reach_share * m->radius_max)) return 0;
+    if (facing_of(&m->camera, &out[0]) <= 0) {
         out[0] = body_of(m, i);
-        return 1;
+        return !is_line(m, &out[0]);
     }
+    if (is_line(m, &out[0])) return 0;
     out[1] = body_of(m, i);
     return out[1].radius > out[0].radius ? 2 : 1;
 }
@@ -144,8 +175,8 @@ static bool sample_range(const camera *c, const disc *d, const band *b, int rang
 {
     vec3 n = d->normal, p = d->center;
     double rx = d->radius * sqrt(fmax(1 - n.x * n.x, 0)), ry = d->radius * sqrt(fmax(1 - n.y * n.y, 0));
-    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0)), near = c->focal / (p.z - rz),
-           far = c->focal / (p.z + rz);
+    double rz = d->radius * sqrt(fmax(1 - n.z * n.z, 0));
+    double near = camera_scale(c, p.z - rz), far = camera_scale(c, p.z + rz);
     double left = c->center_x + fmin((p.x - rx) * near, (p.x - rx) * far);
     double right = c->center_x + fmax((p.x + rx) * near, (p.x + rx) * far);
     double top = c->center_y - fmax((p.y + ry) * near, (p.y + ry) * far);
@@ -162,14 +193,22 @@ static double sample_place(int sample)
     return (sample + 0.5) / SAMPLES;
 }
 
-/* A disc along one row of samples. A ray (x, y, 1) meets its plane at 1/z = w / offset with w = ray . normal,
+/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w = ray . normal,
  * at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and what lies within a
  * distance is an interval between the roots of a quadratic. Abscissae are taken from the centre's, where
- * v is small. */
+ * v is small. A parallel ray meets the plane at v / w with w = normal . forward, and at a depth that is linear. */
 typedef struct section {
     double square, linear, constant; /* |v|^2 by powers of the abscissa */
     double slope, level;             /* w likewise */
 } section;
+
+static section section_at_parallel(const disc *d, double ray_y)
+{
+    vec3 n = d->normal, turn = {n.z, 0, -n.x};
+    double y = ray_y - d->center.y;
+    vec3 start = {0, n.z * y, -n.y * y};
+    return (section){vec3_norm2(turn), 2 * vec3_dot(turn, start), vec3_norm2(start), 0, n.z};
+}
 
 static section section_at(const disc *d, double offset, double ray_y)
 {
@@ -195,7 +234,7 @@ static bool section_within(const section *s, double limit, double out[2])
     return true;
 }
 
-/* Inverse depths as a polynomial of the sample, and what to note where they are the greatest so far. Without
+/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what to note where they are the greatest so far. Without
  * a branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
 typedef struct run {
     double square, linear, constant;
@@ -247,34 +286,49 @@ static void draw_section(const abscissae *a, const section *s, const run *r, dou
                      key + ends[k], code + ends[k]);
 }
 
-/* Exact but for the cone, which takes the disc as it would look from afar: it only breaks ties. */
-static void draw_disc(const camera *c, const disc *d, const band *b)
+/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it only breaks
+ * ties. */
+static run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y, double far)
 {
+    double limit = d->radius * d->radius, inverse = 1 / offset, cone = d->cone / limit * inverse * inverse;
+    run r = {-cone * s->square, -cone * s->linear, -cone * s->constant, d->code};
+    if (c->parallel) {
+        r.linear += d->normal.x * inverse;
+        r.constant += far - d->center.z + d->normal.y * (ray_y - d->center.y) * inverse;
+    } else {
+        r.linear += s->slope * inverse;
+        r.constant += s->level * inverse;
+    }
+    return r;
+}
+
+static void draw_disc(const image *m, const disc *d, const band *b)
+{
+    const camera *c = &m->camera;
     int range[4];
-    double offset = vec3_dot(d->center, d->normal), limit = d->radius * d->radius;
-    if (!sample_range(c, d, b, range) || !(fabs(offset) > 0)) return;
-    double ring_limit = d->ring ? limit * ring_share * ring_share : limit, inverse = 1 / offset;
-    double cone = d->cone / limit * inverse * inverse;
-    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - d->center.x / d->center.z,
-                         1 / (SAMPLES * c->focal), b->width};
+    double offset = vec3_dot(camera_sight(c, d->center), d->normal), limit = d->radius * d->radius;
+    if (!sample_range(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
+    double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
+    double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
+    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (SAMPLES * c->focal), b->width};
     for (int y = range[2]; y <= range[3]; y++) {
         size_t line = (size_t)(y - b->top) * (size_t)b->width;
-        section s = section_at(d, offset, camera_ray(c, 0, sample_place(y)).y);
-        const run r = {-cone * s.square, s.slope * inverse - cone * s.linear,
-                       s.level * inverse - cone * s.constant, d->code};
+        double ray_y = camera_ray(c, 0, sample_place(y)).y;
+        section s = c->parallel ? section_at_parallel(d, ray_y) : section_at(d, offset, ray_y);
+        const run r = run_along(c, d, &s, offset, ray_y, m->far);
         draw_section(&a, &s, &r, limit, ring_limit, b->key + line, b->code + line);
     }
 }
 
 /* A disc without a pixel's extent may fall between the samples: a point of at least one sample. */
-static void draw_dot(const camera *c, const disc *d, const band *b)
+static void draw_dot(const image *m, const disc *d, const band *b)
 {
-    int x = whole(floor((c->center_x + d->center.x * c->focal / d->center.z) * SAMPLES), -1, b->width);
-    int y =
-        whole(floor((c->center_y - d->center.y * c->focal / d->center.z) * SAMPLES) - b->top, -1, b->rows);
+    double at_x, at_y;
+    camera_project(&m->camera, d->center, &at_x, &at_y);
+    int x = whole(floor(at_x * SAMPLES), -1, b->width), y = whole(floor(at_y * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
-    float here = (float)(1 / d->center.z);
+    float here = (float)(m->camera.parallel ? m->far - d->center.z : 1 / d->center.z);
     if (here <= b->key[at]) return;
     b->key[at] = here;
     b->code[at] = d->code;
@@ -284,7 +338,7 @@ static void draw_dot(const camera *c, const disc *d, const band *b)
 typedef struct bins {
     int rows; /* of samples in a band */
     size_t bands;
-    uint16_t (*reach)[2]; /* of each point: its first and last band */
+    uint16_t (*reach)[2]; /* of each point: its first and last band; of what is not drawn 1 and 0 */
     size_t *begin;        /* bands + 1: of a band's points in `point` */
     uint32_t *point;
 } bins;
@@ -319,9 +373,12 @@ static void reach_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         disc all_of[2];
         int count = discs_of(m, i, all_of);
-        double dot =
-            (m->camera.center_y - all_of[0].center.y * m->camera.focal / all_of[0].center.z) * SAMPLES;
-        int low = whole(floor(dot), 0, all.rows - 1), high = low;
+        job->bins.reach[i][0] = 1;
+        job->bins.reach[i][1] = 0;
+        if (count == 0) continue;
+        double dot_x, dot_y;
+        camera_project(&m->camera, all_of[0].center, &dot_x, &dot_y);
+        int low = whole(floor(dot_y * SAMPLES), 0, all.rows - 1), high = low;
         for (int k = 0; k < count; k++) {
             int range[4];
             if (!sample_range(&m->camera, &all_of[k], &all, range)) continue;
@@ -363,9 +420,9 @@ static void draw_band(const image *m, const bins *sorted, size_t which, const ba
     for (size_t k = sorted->begin[which]; k < sorted->begin[which + 1]; k++) {
         disc all[2];
         int count = discs_of(m, sorted->point[k], all);
-        for (int d = 0; d < count; d++) draw_disc(&m->camera, &all[d], b);
-        if (!(all[0].code & CODE_BODY) && all[0].radius * m->camera.focal < all[0].center.z)
-            draw_dot(&m->camera, &all[0], b);
+        for (int d = 0; d < count; d++) draw_disc(m, &all[d], b);
+        if (!(all[0].code & CODE_BODY) && all[0].radius * camera_scale(&m->camera, all[0].center.z) < 1)
+            draw_dot(m, &all[0], b);
     }
 }
 
@@ -378,11 +435,6 @@ static double shade(vec3 n, vec3 up)
     static const vec3 key = {-0.40, 0.55, -0.73}, fill = {0.75, 0.05, -0.66};
     return 0.20 + 0.18 * (0.5 + 0.5 * vec3_dot(n, up)) + 0.62 * fmax(vec3_dot(n, key), 0) +
            0.26 * fmax(vec3_dot(n, fill), 0);
-}
-
-static const double *quantity(const image *m, preview_color which)
-{
-    return which == PREVIEW_ALPHA ? m->points.alpha : m->points.kappa;
 }
 
 /* Places of the colour scale, in linear light: more than a byte can tell apart. */
@@ -399,16 +451,17 @@ static void fill_scale(color *scale)
 }
 
 /* The colour of every point's disc, in linear light. */
-static color *shade_points(const image *m, preview_color which, error *e)
+static color *shade_points(const image *m, quantity which, error *e)
 {
     color *colors = mem_array(m->points.count, sizeof *colors, "the preview's colours", e);
     if (!colors) return NULL;
     color *scale = mem_alloc(SCALE_COLORS * sizeof *scale);
     fill_scale(scale);
     vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
+    const double *values = quantity_values(&m->points, which);
     for (size_t i = 0; i < m->points.count; i++) {
         float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), up);
-        int place = (int)(colormap_scale_place(&m->scale, quantity(m, which)[i]) * SCALE_COLORS);
+        int place = (int)(colormap_scale_place(&m->scale, values[i]) * SCALE_COLORS);
         color c = scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
         colors[i] = (color){light * c.r, light * c.g, light * c.b};
     }
@@ -425,7 +478,7 @@ static color sample_color(const image *m, const color *colors, uint32_t code, ve
     float dark = code & CODE_BODY ? body_dark : code & CODE_RING ? ring_dark : 1;
     if (code & CODE_BODY) {
         vec3 n = camera_direction(&m->camera, m->points.normal[i]);
-        if (vec3_dot(camera_point(&m->camera, m->points.position[i]), n) >= 0)
+        if (vec3_dot(camera_sight(&m->camera, camera_point(&m->camera, m->points.position[i])), n) >= 0)
             dark = back_dark * (float)(shade(vec3_scale(n, -1), up) / shade(n, up));
     }
     return (color){dark * colors[i].r, dark * colors[i].g, dark * colors[i].b};
@@ -479,7 +532,7 @@ static void put_pixel(const resolver *r, size_t pixel, color c, float coverage, 
 {
     const float rgba[4] = {c.r, c.g, c.b, coverage};
     float behind = (1 - coverage) * ground;
-    for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = preview_half(rgba[k]);
+    for (int k = 0; k < 4; k++) r->image->rgba[4 * pixel + (size_t)k] = half_from_float(rgba[k]);
     for (int k = 0; k < 3; k++) r->image->rgb[3 * pixel + (size_t)k] = to_byte(r->table, rgba[k] + behind);
 }
 
@@ -555,7 +608,7 @@ static bool make_bands(drawing *job, error *e)
     return true;
 }
 
-static bool draw(image *m, preview_color which, threads *pool, error *e)
+static bool draw(image *m, quantity which, threads *pool, error *e)
 {
     unsigned char *table = mem_alloc(TABLE_SIZE);
     color *colors = shade_points(m, which, e);
@@ -589,7 +642,7 @@ static bool check_points(const points *set, error *e)
         double world =
             fabs(p->x) + fabs(p->y) + fabs(p->z) + fabs(set->spacing[i]) + fabs(set->spacing_local[i]);
         double rest = fabs(n->x) + fabs(n->y) + fabs(n->z) + fabs(set->kappa[i]) + fabs(set->kappa1[i]) +
-                      fabs(set->kappa2[i]) + fabs(set->alpha[i]);
+                      fabs(set->kappa2[i]) + fabs(set->alpha[i]) + fabs(set->energy[i]);
         if (!(world < world_max) || !(rest < (double)FLT_MAX))
             return error_set(e, ERROR_INTERNAL,
                              "point %zu has a value that is not finite or too large for a preview", i);
@@ -597,10 +650,13 @@ static bool check_points(const points *set, error *e)
     return true;
 }
 
-/* Discs are bounded by the extent of the set, where it has one; radius_max ends above 0 always. */
-static void place_camera(image *m)
+/* How large discs may be: bounded by the extent of the set, where it has one; ends above 0 always. */
+typedef struct bounds {
+    double radius_max, extent;
+} bounds;
+
+static bounds bound_set(const points *set)
 {
-    const points *set = &m->points;
     vec3 low = set->position[0], high = low;
     double largest = 0;
     for (size_t i = 0; i < set->count; i++) {
@@ -610,13 +666,32 @@ static void place_camera(image *m)
         largest = fmax(largest, body_share * size_of(set, i));
     }
     double half_diagonal = 0.5 * vec3_norm(vec3_sub(high, low));
-    m->radius_max = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
-    if (!(m->radius_max > 0))
-        m->radius_max = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
-    m->extent = fmax(half_diagonal, m->radius_max);
-    double legend = legend_height(m->width, m->height), margin = margin_share * fmin(m->width, m->height);
-    camera_frame frame = {margin, margin, m->width - 2 * margin, m->height - legend - 2 * margin};
-    m->camera = camera_fit(set->position, set->count, m->radius_max, frame);
+    double most = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
+    if (!(most > 0)) most = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
+    return (bounds){most, fmax(half_diagonal, most)};
+}
+
+/* The part of a picture that is free for the set. */
+static camera_frame frame_of(const preview_options *o)
+{
+    double legend = legend_height(o->width, o->height), margin = margin_share * fmin(o->width, o->height);
+    return (camera_frame){margin, margin, o->width - 2 * margin, o->height - legend - 2 * margin};
+}
+
+void preview_orbit(const points *set, const preview_options *o, int frames, camera *out)
+{
+    if (!o->camera) camera_orbit(set->position, set->count, bound_set(set).radius_max, frame_of(o), frames, out);
+    for (int k = 0; o->camera && k < frames; k++) {
+        camera_place turned = camera_turn(o->camera, 2 * M_PI * k / frames);
+        out[k] = camera_look(&turned, o->width, o->height);
+    }
+}
+
+static double depth_beyond(const points *set, const camera *c, double radius)
+{
+    double far = 0;
+    for (size_t i = 0; i < set->count; i++) far = fmax(far, camera_point(c, set->position[i]).z);
+    return far + 2 * radius;
 }
 
 static image *new_image(const points *set, const preview_options *options, error *e)
@@ -634,30 +709,36 @@ static image *new_image(const points *set, const preview_options *options, error
     return NULL;
 }
 
-bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e)
+bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
+                         image **out, error *e)
 {
-    if (options->width < PREVIEW_SIZE_MIN || options->width > PREVIEW_SIZE_MAX ||
-        options->height < PREVIEW_SIZE_MIN || options->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", options->width,
-                         options->height);
-    if (!check_points(set, e)) return false;
     image *m = new_image(set, options, e);
     if (!m) return false;
-    bool curvature = options->color == PREVIEW_CURVATURE;
+    const bounds b = bound_set(set);
     char note[48];
-    place_camera(m);
-    /* A curvature of a hundredth per half diagonal is flat to the eye, a thousandth of alpha even.
-     */
-    double least = curvature ? 0.01 / m->extent : 0.001;
-    if (!colormap_scale_of(quantity(m, options->color), set->count, curvature, least, &m->scale, e) ||
-        !draw(m, options->color, pool, e)) {
+    m->camera = *from;
+    m->radius_max = b.radius_max;
+    m->extent = b.extent;
+    m->far = from->parallel ? depth_beyond(set, from, b.radius_max) : 0;
+    if (!quantity_scale(set, options->color, m->extent, &m->scale, e) || !draw(m, options->color, pool, e)) {
         preview_free(m);
         return false;
     }
     snprintf(note, sizeof note, "%zu points", set->count);
-    legend_draw(m->rgb, m->width, m->height, &m->scale, curvature ? "curvature" : "alpha", note);
+    legend_draw(m->rgb, m->width, m->height, &m->scale, quantity_title(options->color), note);
     *out = m;
     return true;
+}
+
+bool preview_render(const points *set, const preview_options *o, threads *pool, image **out, error *e)
+{
+    if (o->width < PREVIEW_SIZE_MIN || o->width > PREVIEW_SIZE_MAX || o->height < PREVIEW_SIZE_MIN ||
+        o->height > PREVIEW_SIZE_MAX)
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width, o->height);
+    if (!check_points(set, e)) return false;
+    camera c = o->camera ? camera_look(o->camera, o->width, o->height)
+                         : camera_fit(set->position, set->count, bound_set(set).radius_max, frame_of(o));
+    return preview_render_from(set, o, &c, pool, out, e);
 }
 
 void preview_free(image *m)
@@ -690,8 +771,11 @@ preview_span preview_span_at(const image *m, int x, int y)
 
 vec3 preview_place(const image *m, const preview_span *s, int x, int y)
 {
-    vec3 ray = camera_ray(&m->camera, x + 0.5, y + 0.5);
-    vec3 p = vec3_scale(ray, vec3_dot(s->center, s->plane) / vec3_dot(ray, s->plane));
+    vec3 p = camera_ray(&m->camera, x + 0.5, y + 0.5), n = s->plane;
+    if (m->camera.parallel)
+        p.z = s->center.z - (n.x * (p.x - s->center.x) + n.y * (p.y - s->center.y)) / n.z;
+    else
+        p = vec3_scale(p, vec3_dot(s->center, n) / vec3_dot(p, n));
     /* A dot stands for a disc that its ray misses: its own place then. */
     return vec3_norm2(vec3_sub(p, s->center)) <= s->radius * s->radius ? p : s->center;
 }
@@ -702,31 +786,4 @@ preview_sample preview_at(const image *m, int x, int y)
     if (s.id == 0) return (preview_sample){.depth = PREVIEW_FAR};
     vec3 p = preview_place(m, &s, x, y);
     return (preview_sample){s.id, (float)p.z, camera_to_world(&m->camera, p), s.normal, s.kappa, s.spacing};
-}
-
-uint16_t preview_half(float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    uint32_t sign = bits >> 16 & 0x8000, magnitude = bits & 0x7FFFFFFF;
-    if (magnitude > 0x7F800000) return (uint16_t)(sign | 0x7E00);  /* NaN */
-    if (magnitude >= 0x477FF000) return (uint16_t)(sign | 0x7C00); /* rounds to infinity */
-    if (magnitude < 0x38800000) { /* below 2^-14: a multiple of 2^-24, rounded by the addition's own rule */
-        float denormal;
-        memcpy(&denormal, &magnitude, sizeof denormal);
-        denormal += 0.5f; /* the spacing of floats from 0.5 on is 2^-24 */
-        memcpy(&magnitude, &denormal, sizeof magnitude);
-        return (uint16_t)(sign | (magnitude - 0x3F000000));
-    }
-    magnitude += 0xFFF + (magnitude >> 13 & 1);
-    return (uint16_t)(sign | ((magnitude - 0x38000000) >> 13));
-}
-
-float preview_float(uint16_t half)
-{
-    int exponent = half >> 10 & 0x1F, mantissa = half & 0x3FF;
-    float value = exponent == 0    ? ldexpf((float)mantissa, -24)
-                  : exponent == 31 ? (mantissa ? NAN : INFINITY)
-                                   : ldexpf((float)(mantissa + 1024), exponent - 25);
-    return half & 0x8000 ? -value : value;
 }

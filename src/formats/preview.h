@@ -20,6 +20,7 @@
 #include "formats/camera.h"
 #include "formats/colormap.h"
 #include "formats/points.h"
+#include "formats/quantity.h"
 
 enum { PREVIEW_SIZE_MIN = 64, PREVIEW_SIZE_MAX = 8192 };
 
@@ -27,11 +28,10 @@ enum { PREVIEW_SIZE_MIN = 64, PREVIEW_SIZE_MAX = 8192 };
  * put it behind, yet finite, so that its filters make no NaN of it. */
 #define PREVIEW_FAR 1e30f
 
-typedef enum preview_color { PREVIEW_ALPHA, PREVIEW_CURVATURE } preview_color;
-
 typedef struct preview_options {
     int width, height; /* pixels, PREVIEW_SIZE_MIN .. PREVIEW_SIZE_MAX */
-    preview_color color;
+    quantity color;
+    const camera_place *camera; /* NULL: one that sees all of the set */
 } preview_options;
 
 typedef struct image {
@@ -43,6 +43,7 @@ typedef struct image {
     camera camera;
     double radius_max;    /* no disc is larger, world units */
     double extent;        /* half diagonal of the set's box, > 0 */
+    double far;           /* parallel cameras: no disc is as deep */
     colormap_scale scale; /* of the colours */
 } image;
 
@@ -59,6 +60,13 @@ typedef struct preview_sample {
  * lengths beyond 1e25 are errors (internal: the solver never delivers such); cancelled when the pool was
  * told to stop. */
 bool preview_render(const points *set, const preview_options *options, threads *pool, image **out, error *e);
+
+/* The cameras of a turn around the set, for preview_render_from: `frames` of them. The set is one that
+ * preview_render draws. */
+void preview_orbit(const points *set, const preview_options *options, int frames, camera *out);
+bool preview_render_from(const points *set, const preview_options *options, const camera *from, threads *pool,
+                         image **out, error *e);
+
 void preview_free(image *picture); /* accepts NULL */
 
 /* The centre sample of pixel (x, y), counted from the top left. */
@@ -79,9 +87,5 @@ preview_span preview_span_at(const image *picture, int x, int y);
 
 /* The place in camera space, whose third coordinate is the depth, that pixel (x, y) of the span shows. */
 vec3 preview_place(const image *picture, const preview_span *span, int x, int y);
-
-/* A float as a half (IEEE 754 binary16), rounded to nearest even, and back. */
-uint16_t preview_half(float value);
-float preview_float(uint16_t half);
 
 #endif

@@ -1,6 +1,8 @@
 #include "run/results.h"
 
+#include <dirent.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +11,13 @@
 #include "formats/preview_exr.h"
 #include "formats/preview_png.h"
 #include "store/file.h"
+
+/* The frames of a turntable are numbered from 1. */
+#define FRAME_NAME "preview.%04d.png"
+
+static const char *const names[] = {"report.json", "points.ply",  "points.vdb", "mesh.ply",
+                                    "preview.png", "preview.exr", "convergence.png"};
+enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Hashes the verified file, names it in the list, and puts it in place. */
 static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
@@ -102,12 +111,12 @@ static bool write_mesh(const char *directory, const spec *s, const field *f, con
     return ok;
 }
 
-static bool write_png(const char *directory, const image *picture, json *outputs, error *e)
+static bool write_png(const char *directory, const char *name, const image *picture, json *outputs, error *e)
 {
-    char *path = mem_printf("%s/preview.png", directory);
+    char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && preview_png_write(file.stream, picture, e) &&
-              preview_png_verify(file.stream, picture, e) && commit_output(&file, "preview.png", outputs, e);
+              preview_png_verify(file.stream, picture, e) && commit_output(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -124,17 +133,42 @@ static bool write_exr(const char *directory, const image *picture, json *outputs
     return ok;
 }
 
+static bool write_turntable(const char *directory, int frames, const points *set, const preview_options *options,
+                            threads *pool, json *outputs, error *e)
+{
+    camera *from = mem_alloc((size_t)frames * sizeof *from);
+    bool ok = true;
+    preview_orbit(set, options, frames, from);
+    for (int k = 0; ok && k < frames; k++) {
+        char *name = mem_printf(FRAME_NAME, k + 1);
+        image *picture = NULL;
+        ok = preview_render_from(set, options, &from[k], pool, &picture, e) &&
+             write_png(directory, name, picture, outputs, e);
+        preview_free(picture);
+        free(name);
+    }
+    free(from);
+    return ok;
+}
+
 static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool,
                           json *outputs, error *e)
 {
-    const preview_options options = {s->preview_width, s->preview_height,
-                                     s->preview_color == SPEC_COLOR_ALPHA ? PREVIEW_ALPHA
-                                                                          : PREVIEW_CURVATURE};
+    static const quantity shown[] = {[SPEC_COLOR_ALPHA] = QUANTITY_ALPHA,
+                                     [SPEC_COLOR_CURVATURE] = QUANTITY_CURVATURE,
+                                     [SPEC_COLOR_ENERGY] = QUANTITY_ENERGY,
+                                     [SPEC_COLOR_SPACING] = QUANTITY_SPACING,
+                                     [SPEC_COLOR_DEGREE] = QUANTITY_DEGREE};
+    const spec_camera *c = &s->camera;
+    const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
+    const preview_options options = {s->preview_width, s->preview_height, shown[s->preview_color],
+                                     s->has_camera ? &place : NULL};
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
-    bool ok = write_png(directory, picture, outputs, e) && write_exr(directory, picture, outputs, e);
+    bool ok = write_png(directory, "preview.png", picture, outputs, e) &&
+              write_exr(directory, picture, outputs, e);
     preview_free(picture);
-    return ok;
+    return ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
 }
 
 bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
@@ -174,4 +208,48 @@ bool results_write_report(const char *directory, const json *report, error *e)
     free(text);
     free(path);
     return ok;
+}
+
+/* How much of a name is that of a turntable's frame, 0: nothing. */
+static int frame_name_length(const char *name)
+{
+    int frame = 0, length = 0;
+    return sscanf(name, "preview.%4d.png%n", &frame, &length) == 1 ? length : 0;
+}
+
+/* Calls for each name that results have, or begin with while they are written, in the directory. */
+static bool for_each_result(const char *directory, bool (*act)(const char *path, error *e), error *e)
+{
+    bool ok = true;
+    for (size_t k = 0; ok && k < NAMES; k++) {
+        char *path = mem_printf("%s/%s", directory, names[k]);
+        ok = act(path, e);
+        free(path);
+    }
+    DIR *listing = opendir(directory);
+    for (struct dirent *entry; listing && ok && (entry = readdir(listing));) {
+        int length = frame_name_length(entry->d_name);
+        char *path = mem_printf("%s/%.*s", directory, length, entry->d_name);
+        if (length > 0) ok = act(path, e);
+        free(path);
+    }
+    if (listing) closedir(listing);
+    return ok;
+}
+
+bool results_remove(const char *directory, error *e)
+{
+    return for_each_result(directory, store_remove, e);
+}
+
+static bool clear_unfinished(const char *path, error *e)
+{
+    (void)e;
+    store_file_clear(path);
+    return true;
+}
+
+void results_clear(const char *directory)
+{
+    for_each_result(directory, clear_unfinished, NULL);
 }

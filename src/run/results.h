@@ -30,4 +30,9 @@ bool results_write(const char *directory, const spec *s, const field *f, const p
 /* The same for the report itself, which comes last and makes the directory a result. */
 bool results_write_report(const char *directory, const json *report, error *e);
 
+/* Removes what an earlier run has left in the directory under the names of results; and what one that is over
+ * has begun there. */
+bool results_remove(const char *directory, error *e);
+void results_clear(const char *directory);
+
 #endif

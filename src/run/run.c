@@ -47,6 +47,7 @@ typedef struct solution {
     grading *grading; /* NULL: even, or by alpha */
     sampler *sampler;
     double *spacing_local;
+    double *degree; /* NULL: no picture shows it */
     quality quality;
 } solution;
 
@@ -71,6 +72,7 @@ static void free_solution(solution *s)
     sampler_free(s->sampler);
     grading_free(s->grading);
     free(s->spacing_local);
+    free(s->degree);
     *s = (solution){0};
 }
 
@@ -275,6 +277,10 @@ static bool measure(job *j, solution *s, error *e)
     const sampler_points *p = sampler_result_points(s->sampler);
     s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
     if (!s->spacing_local) return false;
+    if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE) {
+        s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
+        if (!s->degree) return false;
+    }
     const quality_input in = {p->count,
                               p->position,
                               p->normal,
@@ -284,7 +290,7 @@ static bool measure(job *j, solution *s, error *e)
                               s->grading != NULL,
                               j->source.field->open,
                               j->source.field->rims};
-    return quality_measure(&in, j->pool, s->spacing_local, NULL, &s->quality, e);
+    return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e);
 }
 
 static bool write_points(job *j, error *e)
@@ -300,7 +306,8 @@ static bool write_points(job *j, error *e)
                         .alpha = p->alpha,
                         .energy = p->energy,
                         .spacing = p->spacing,
-                        .spacing_local = s->spacing_local};
+                        .spacing_local = s->spacing_local,
+                        .degree = s->degree};
     json_free(j->report);
     j->report = json_new_object();
     return may_go_on(j, e) &&
@@ -398,19 +405,10 @@ static bool write_report(job *j, run_summary *out, error *e)
     return true;
 }
 
-static const char *const output_names[] = {"report.json", "points.ply", "mesh.ply", "preview.png", "preview.exr"};
-enum { OUTPUT_NAMES = sizeof output_names / sizeof output_names[0] };
-
 /* Files of an earlier run in the same directory must not stand beside this one's report. */
 static bool prepare_output(const char *directory, error *e)
 {
-    bool ok = store_directory_create(directory, e);
-    for (size_t k = 0; ok && k < OUTPUT_NAMES; k++) {
-        char *path = mem_printf("%s/%s", directory, output_names[k]);
-        ok = store_remove(path, e);
-        free(path);
-    }
-    return ok;
+    return store_directory_create(directory, e) && results_remove(directory, e);
 }
 
 /* The job is still busy; what it holds goes with the process. */
@@ -419,11 +417,7 @@ static void leave_job(void *context)
     const job *j = context;
     error e = {0};
     may_go_on(j, &e);
-    for (size_t k = 0; k < OUTPUT_NAMES; k++) {
-        char *path = mem_printf("%s/%s", j->options->output, output_names[k]);
-        store_file_clear(path);
-        free(path);
-    }
+    results_clear(j->options->output);
     j->options->leave(&e);
 }
 

@@ -46,8 +46,7 @@ typedef struct measure_job {
     const part *part;
     const quality_input *in; /* the part's */
     voronoi_sites sites;
-    double *local; /* of all points, as degree; either may be NULL */
-    uint8_t *degree;
+    double *local, *degree; /* of all points; either may be NULL */
 } measure_job;
 
 static double alpha_of(const quality_input *in, size_t i)
@@ -177,8 +176,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = sqrt(2 * fmax(area, 0) / sqrt(3));
     if (job->local) job->local[job->part->slab.index[i]] = local;
-    if (job->degree)
-        job->degree[job->part->slab.index[i]] = (uint8_t)(star.count < UINT8_MAX ? star.count : UINT8_MAX);
+    if (job->degree) job->degree[job->part->slab.index[i]] = star.count;
     t->degrees += 6.0 - star.count;
     if (is_on_rim(in, i)) {
         t->rims++;
@@ -318,7 +316,7 @@ static bool fill_part(const quality_input *in, const slabs_input *cut, const sla
     return true;
 }
 
-bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
                      quality *out, error *e)
 {
     const extent x = extent_of(in);

@@ -51,7 +51,7 @@ typedef struct quality {
 
 /* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), `degree` (or NULL) the number of
  * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */
-bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, uint8_t *degree,
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
                      quality *out, error *e);
 
 #endif

@@ -11,24 +11,25 @@
 
 #include <cmocka.h>
 
+#include "formats/half.h"
 #include "formats/legend.h"
 #include "formats/preview.h"
 #include "formats/preview_exr.h"
 #include "formats/preview_png.h"
 #include "point_set.h"
 
-static image *render_with(const points *set, int width, int height, preview_color which, int workers)
+static image *render_with(const points *set, int width, int height, quantity which, int workers)
 {
     error e = {0};
     image *m = NULL;
-    preview_options options = {width, height, which};
+    preview_options options = {width, height, which, NULL};
     threads *pool = threads_new(workers, NULL, &e);
     if (!pool || !preview_render(set, &options, pool, &m, &e)) fail_msg("%s", e.message);
     threads_free(pool);
     return m;
 }
 
-static image *render(const points *set, int width, int height, preview_color which)
+static image *render(const points *set, int width, int height, quantity which)
 {
     return render_with(set, width, height, which, 1);
 }
@@ -37,7 +38,7 @@ static void refuse(const points *set, int width, int height, const char *words)
 {
     error e = {0};
     image *m = NULL;
-    preview_options options = {width, height, PREVIEW_CURVATURE};
+    preview_options options = {width, height, QUANTITY_CURVATURE, NULL};
     threads *pool = threads_new(1, NULL, &e);
     assert_false(preview_render(set, &options, pool, &m, &e));
     threads_free(pool);
@@ -62,7 +63,7 @@ static void test_pixels_are_the_discs(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(400, vec3_make(10, -20, 30), 2);
-    image *m = render(&s.points, 640, 480, PREVIEW_CURVATURE);
+    image *m = render(&s.points, 640, 480, QUANTITY_CURVATURE);
     vec3 eye = eye_of(&m->camera);
     int checked = 0;
     for (size_t i = 0; i < s.points.count; i++) {
@@ -100,7 +101,7 @@ static void test_far_side_does_not_show_through(void **state)
     static const size_t counts[] = {100, 3000, 60000};
     for (int k = 0; k < 3; k++) {
         point_set s = point_set_sphere(counts[k], vec3_make(0, 0, 0), 1);
-        image *m = render(&s.points, 256, 256, PREVIEW_CURVATURE);
+        image *m = render(&s.points, 256, 256, QUANTITY_CURVATURE);
         vec3 eye = eye_of(&m->camera), axis = camera_point(&m->camera, vec3_make(0, 0, 0));
         double cx = m->camera.center_x + m->camera.focal * axis.x / axis.z;
         double cy = m->camera.center_y - m->camera.focal * axis.y / axis.z;
@@ -214,7 +215,7 @@ static void test_png(void **state)
     (void)state;
     temporary t = temporary_make();
     point_set s = point_set_sphere(100, vec3_make(0, 0, 0), 1);
-    image *m = render(&s.points, 200, 77, PREVIEW_ALPHA);
+    image *m = render(&s.points, 200, 77, QUANTITY_ALPHA);
     error e = {0};
     FILE *file = fopen(t.path, "wb");
     assert_true(preview_png_write(file, m, &e));
@@ -247,7 +248,7 @@ static void test_exr(void **state)
     (void)state;
     temporary t = temporary_make();
     point_set s = point_set_sphere(300, vec3_make(5, 6, 7), 1);
-    image *m = render(&s.points, 129, 67, PREVIEW_ALPHA);
+    image *m = render(&s.points, 129, 67, QUANTITY_ALPHA);
     error e = {0};
     if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
     if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
@@ -269,7 +270,7 @@ static void test_exr(void **state)
     for (size_t i = 0; i < 300; i++) s.scalar[6][i] *= 1 + 1e-6; /* through the borrowed arrays */
     assert_false(verify_exr(t.path, m, &e));
     assert_non_null(strstr(e.message, "is not what was written"));
-    image *other = render(&s.points, 128, 67, PREVIEW_ALPHA);
+    image *other = render(&s.points, 128, 67, QUANTITY_ALPHA);
     assert_false(verify_exr(t.path, other, &e));
     if (access("/dev/full", W_OK) == 0) {
         assert_false(write_exr("/dev/full", m, &e));
@@ -291,7 +292,7 @@ static void test_determinism(void **state)
     char *data[4];
     size_t length[4];
     for (int k = 0; k < 2; k++) {
-        image *m = render_with(&s.points, 300, 300, PREVIEW_CURVATURE, 1 + 2 * k);
+        image *m = render_with(&s.points, 300, 300, QUANTITY_CURVATURE, 1 + 2 * k);
         t[k] = temporary_make();
         t[k + 2] = temporary_make();
         FILE *file = fopen(t[k].path, "wb");
@@ -379,7 +380,7 @@ static void test_legend(void **state)
     assert_int_equal(legend_height(199, 500), 0);
     assert_int_equal(legend_height(1024, 1024), 2 * legend_height(512, 512));
     point_set s = point_set_sphere(50, vec3_make(0, 0, 0), 1);
-    image *m = render(&s.points, 512, 512, PREVIEW_CURVATURE);
+    image *m = render(&s.points, 512, 512, QUANTITY_CURVATURE);
     double first[3], last[3];
     colormap_color(0, first);
     colormap_color(1, last);
@@ -403,21 +404,21 @@ static void test_halves(void **state)
 {
     (void)state;
     for (uint32_t h = 0; h < 65536; h++) {
-        float value = preview_float((uint16_t)h);
+        float value = half_to_float((uint16_t)h);
         if (isnan(value))
-            assert_true(isnan(preview_float(preview_half(value))));
+            assert_true(isnan(half_to_float(half_from_float(value))));
         else
-            assert_int_equal(preview_half(value), h);
+            assert_int_equal(half_from_float(value), h);
     }
     for (uint32_t h = 0; h < 0x7BFF; h++) { /* half way between neighbours: to the even one */
-        double a = preview_float((uint16_t)h), b = preview_float((uint16_t)(h + 1));
+        double a = half_to_float((uint16_t)h), b = half_to_float((uint16_t)(h + 1));
         float middle = (float)(0.5 * (a + b));
-        assert_int_equal(preview_half(middle), h + (h & 1));
-        assert_int_equal(preview_half(nextafterf(middle, INFINITY)), h + 1);
-        assert_int_equal(preview_half(nextafterf(middle, 0)), h);
+        assert_int_equal(half_from_float(middle), h + (h & 1));
+        assert_int_equal(half_from_float(nextafterf(middle, INFINITY)), h + 1);
+        assert_int_equal(half_from_float(nextafterf(middle, 0)), h);
     }
-    assert_int_equal(preview_half(65520), 0x7C00);
-    assert_int_equal(preview_half(nextafterf(65520, 0)), 0x7BFF);
+    assert_int_equal(half_from_float(65520), 0x7C00);
+    assert_int_equal(half_from_float(nextafterf(65520, 0)), 0x7BFF);
 }
 
 /* ---- degenerate sets ---- */
@@ -455,7 +456,7 @@ static void test_degenerate_sets(void **state)
             if (what == 7)
                 s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20; /* no plane, vast cells */
         }
-        image *m = render(&s.points, 128, 96, PREVIEW_CURVATURE);
+        image *m = render(&s.points, 128, 96, QUANTITY_CURVATURE);
         size_t covered = count_covered(m);
         if (covered == 0 && what != 7 && what != 0) fail_msg("set %d: nothing to be seen", what);
         preview_free(m);
@@ -471,13 +472,13 @@ static void test_one_point(void **state)
     s.normal[0] = vec3_unit(vec3_make(0.52, -0.74, 0.43));
     s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] =
         0; /* flat: the body lies just a little below */
-    image *m = render(&s.points, 100, 100, PREVIEW_ALPHA);
+    image *m = render(&s.points, 100, 100, QUANTITY_ALPHA);
     preview_sample p = preview_at(m, 50, 50);
     assert_int_equal(p.id, 1);
     assert_true(vec3_norm(vec3_sub(p.position, s.position[0])) < 0.1 * s.points.spacing_local[0]);
     double area = 0, pixel = (double)p.depth / m->camera.focal,
            radius = 0.70 * s.points.spacing_local[0];
-    for (int i = 0; i < 100 * 100; i++) area += (double)preview_float(m->rgba[4 * i + 3]);
+    for (int i = 0; i < 100 * 100; i++) area += (double)half_to_float(m->rgba[4 * i + 3]);
     assert_true(fabs(area * pixel * pixel / (M_PI * radius * radius) - 1) < 0.1);
     preview_free(m);
     point_set_free(&s);

@@ -19,7 +19,7 @@ enum { SIDE = 40, LATTICE = SIDE * SIDE };
 typedef struct sheet {
     vec3 position[LATTICE], normal[LATTICE];
     double spacing[LATTICE], alpha[LATTICE], local[LATTICE];
-    uint8_t degree[LATTICE];
+    double degree[LATTICE];
     quality_input in;
 } sheet;
 
@@ -249,7 +249,7 @@ static void slabs_do_not_show(void **state)
     error e = {0};
     vec3 *position = calloc(ALL, sizeof *position), *normal = calloc(ALL, sizeof *normal);
     double *spacing = calloc(ALL, sizeof *spacing), *local = calloc(2 * ALL, sizeof *local);
-    uint8_t *degree = calloc(2 * ALL, 1);
+    double *degree = calloc(2 * ALL, sizeof *degree);
     threads *pool = threads_new(2, NULL, &e);
     for (int k = 0; k < ALL; k++) { /* column after column along y */
         int i = k / WIDE, j = k % WIDE;

@@ -1,0 +1,52 @@
+#include "formats/quantity.h"
+
+/* Whether the scale is of roots, and the least range that means anything. */
+typedef struct shown {
+    const char *title;
+    bool root;
+    double least;
+    enum { PLAIN, LENGTH, PER_LENGTH } unit; /* in extents */
+} shown;
+
+static const shown shown_of[] = {
+    [QUANTITY_ALPHA] = {"alpha", false, 0.001, PLAIN},
+    [QUANTITY_CURVATURE] = {"curvature", true, 0.01, PER_LENGTH}, /* less is flat to the eye */
+    [QUANTITY_ENERGY] = {"energy", false, 0.001, PLAIN},
+    [QUANTITY_SPACING] = {"spacing", false, 1e-6, LENGTH},
+    [QUANTITY_DEGREE] = {"degree", false, 0, PLAIN},
+};
+
+/* Six in the middle, and the defects that there are in any packing to either side. */
+static const colormap_scale degree_scale = {4, 8, false};
+
+const double *quantity_values(const points *set, quantity which)
+{
+    switch (which) {
+    case QUANTITY_ALPHA:
+        return set->alpha;
+    case QUANTITY_ENERGY:
+        return set->energy;
+    case QUANTITY_SPACING:
+        return set->spacing_local;
+    case QUANTITY_DEGREE:
+        return set->degree;
+    default:
+        return set->kappa;
+    }
+}
+
+const char *quantity_title(quantity which)
+{
+    return shown_of[which].title;
+}
+
+bool quantity_scale(const points *set, quantity which, double extent, colormap_scale *out, error *e)
+{
+    const shown *s = &shown_of[which];
+    double unit = s->unit == LENGTH ? extent : s->unit == PER_LENGTH ? 1 / extent : 1;
+    if (which == QUANTITY_DEGREE) {
+        *out = degree_scale;
+        return true;
+    }
+    return colormap_scale_of(quantity_values(set, which), set->count, s->root, s->least * unit, out, e);
+}
