@@ -30,6 +30,12 @@ static const channel channels[CHANNELS] = {
     [KAPPA] = {"kappa", EXR_PIXEL_FLOAT, 4}, [SPACING] = {"spacing", EXR_PIXEL_FLOAT, 4},
 };
 
+static const exr_compression_t compressions[] = {
+    [PREVIEW_EXR_NONE] = EXR_COMPRESSION_NONE,
+    [PREVIEW_EXR_RLE] = EXR_COMPRESSION_RLE,
+    [PREVIEW_EXR_ZIPS] = EXR_COMPRESSION_ZIPS,
+};
+
 /* The library wants a name even where the callbacks do the work; it goes into messages only. */
 static const char library_name[] = "preview.exr";
 
@@ -201,41 +207,106 @@ static bool finish(bool good, exr_result_t result, stream *s, error *e)
 
 /* ---- writing ---- */
 
-static exr_result_t write_head(exr_context_t file, const image *m)
+/* As OpenEXR's standard attributes have it: row vectors times matrix; the camera's space is left-handed. */
+static exr_attr_m44f_t world_to_camera(const camera *c)
+{
+    vec3 shift = camera_point(c, vec3_make(0, 0, 0));
+    return (exr_attr_m44f_t){{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0,       //
+                              (float)c->right.y, (float)c->up.y, (float)c->forward.y, 0,       //
+                              (float)c->right.z, (float)c->up.z, (float)c->forward.z, 0,       //
+                              (float)shift.x, (float)shift.y, (float)shift.z, 1}};
+}
+
+/* What the camera's right, up and forward add to a column of worldToNDC, and what is there at the eye. */
+static void put_column(const camera *c, vec3 of, double at_eye, int column, float *out)
+{
+    vec3 shift = camera_point(c, vec3_make(0, 0, 0));
+    vec3 world = vec3_axpy(of.x, c->right, vec3_axpy(of.y, c->up, vec3_scale(c->forward, of.z)));
+    out[column] = (float)world.x;
+    out[4 + column] = (float)world.y;
+    out[8 + column] = (float)world.z;
+    out[12 + column] = (float)(vec3_dot(of, shift) + at_eye);
+}
+
+/* To (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the fourth
+ * coordinate. The third, which readers are told to discard, grows with the depth. */
+static exr_attr_m44f_t world_to_ndc(const image *m)
+{
+    const camera *c = &m->camera;
+    double x = c->focal / m->width, y = -c->focal / m->height;
+    double middle_x = c->center_x / m->width, middle_y = c->center_y / m->height;
+    exr_attr_m44f_t out;
+    put_column(c, (vec3){x, 0, c->parallel ? 0 : middle_x}, c->parallel ? middle_x : 0, 0, out.m);
+    put_column(c, (vec3){0, y, c->parallel ? 0 : middle_y}, c->parallel ? middle_y : 0, 1, out.m);
+    put_column(c, (vec3){0, 0, 1}, c->parallel ? 0 : -1, 2, out.m);
+    put_column(c, (vec3){0, 0, c->parallel ? 0 : 1}, c->parallel ? 1 : 0, 3, out.m);
+    return out;
+}
+
+/* The screen window is what the picture spans at depth 1. */
+static exr_result_t write_required(exr_context_t file, int part, const image *m, preview_exr_packing packing)
+{
+    const camera *c = &m->camera;
+    const exr_attr_box2i_t window = {.max = {.x = m->width - 1, .y = m->height - 1}};
+    const exr_attr_v2f_t middle = {.x = (float)((0.5 * m->width - c->center_x) / c->focal),
+                                   .y = (float)((c->center_y - 0.5 * m->height) / c->focal)};
+    return exr_initialize_required_attr(file, part, &window, &window, 1, &middle, (float)(m->width / c->focal),
+                                        EXR_LINEORDER_INCREASING_Y, compressions[packing]);
+}
+
+static exr_result_t write_head(exr_context_t file, const image *m, preview_exr_packing packing)
 {
     int part = 0;
-    const camera *c = &m->camera;
-    vec3 shift = camera_point(c, vec3_make(0, 0, 0));
-    exr_attr_m44f_t matrix = {{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0, (float)c->right.y,
-                               (float)c->up.y, (float)c->forward.y, 0, (float)c->right.z, (float)c->up.z,
-                               (float)c->forward.z, 0, (float)shift.x, (float)shift.y, (float)shift.z, 1}};
+    exr_attr_m44f_t to_camera = world_to_camera(&m->camera), to_ndc = world_to_ndc(m);
     exr_result_t r = exr_add_part(file, "preview", EXR_STORAGE_SCANLINE, &part);
-    if (!r) r = exr_initialize_required_attr_simple(file, part, m->width, m->height, EXR_COMPRESSION_NONE);
+    if (!r) r = write_required(file, part, m, packing);
     for (int k = 0; !r && k < CHANNELS; k++)
         r = exr_add_channel(file, part, channels[k].name, channels[k].type, EXR_PERCEPTUALLY_LINEAR, 1, 1);
-    if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &matrix);
+    if (!r) r = exr_attr_set_m44f(file, part, "worldToCamera", &to_camera);
+    if (!r) r = exr_attr_set_m44f(file, part, "worldToNDC", &to_ndc);
     return r ? r : exr_write_header(file);
+}
+
+static exr_result_t write_line(exr_context_t file, int y, const line *l, exr_encode_pipeline_t *encoder)
+{
+    exr_chunk_info_t chunk;
+    bool first = y == 0;
+    exr_result_t r = exr_write_scanline_chunk_info(file, 0, y, &chunk);
+    if (!r && first) r = exr_encoding_initialize(file, 0, &chunk, encoder);
+    if (!r && !first) r = exr_encoding_update(file, 0, &chunk, encoder);
+    for (int c = 0; !r && c < encoder->channel_count; c++) {
+        exr_coding_channel_info_t *to = &encoder->channels[c];
+        to->encode_from_ptr = l->bytes + l->offset[c];
+        to->user_pixel_stride = channels[c].bytes;
+        to->user_line_stride = (int32_t)l->length;
+        to->user_bytes_per_element = (int16_t)channels[c].bytes;
+        to->user_data_type = (uint16_t)channels[c].type;
+    }
+    if (!r && first) r = exr_encoding_choose_default_routines(file, 0, encoder);
+    return r ? r : exr_encoding_run(file, 0, encoder);
 }
 
 static exr_result_t write_lines(exr_context_t file, const image *m)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
+    exr_encode_pipeline_t encoder = {0};
     line l = line_make(m->width);
     for (int y = 0; !r && y < m->height; y++) {
         fill_line(&l, m, y);
-        r = exr_write_scanline_chunk(file, 0, y, l.bytes, l.length);
+        r = write_line(file, y, &l, &encoder);
     }
+    exr_encoding_destroy(file, &encoder);
     free(l.bytes);
     return r;
 }
 
-bool preview_exr_write(FILE *file, const image *m, error *e)
+bool preview_exr_write(FILE *file, const image *m, preview_exr_packing packing, error *e)
 {
     stream s = {.fd = fileno(file)};
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
     exr_result_t r = exr_start_write(&context, library_name, EXR_WRITE_FILE_DIRECTLY, &init);
-    if (!r) r = write_head(context, m);
+    if (!r) r = write_head(context, m, packing);
     if (!r) r = write_lines(context, m);
     if (context) {
         exr_result_t closed = exr_finish(&context);
@@ -246,7 +317,7 @@ bool preview_exr_write(FILE *file, const image *m, error *e)
 
 /* ---- reading back ---- */
 
-static bool check_head(exr_context_t file, const image *m, error *e)
+static bool check_head(exr_context_t file, const image *m, preview_exr_packing packing, error *e)
 {
     int parts = 0;
     int32_t per_chunk = 0;
@@ -256,7 +327,7 @@ static bool check_head(exr_context_t file, const image *m, error *e)
         exr_get_compression(file, 0, &compression) || exr_get_scanlines_per_chunk(file, 0, &per_chunk))
         return error_set(e, ERROR_INTERNAL, "EXR file: its header cannot be read");
     if (window.min.x != 0 || window.min.y != 0 || window.max.x != m->width - 1 ||
-        window.max.y != m->height - 1 || compression != EXR_COMPRESSION_NONE || per_chunk != 1)
+        window.max.y != m->height - 1 || compression != compressions[packing] || per_chunk != 1)
         return error_set(e, ERROR_INTERNAL, "EXR file: it does not have the picture's size and compression");
     return true;
 }
@@ -272,42 +343,44 @@ static bool check_channels(exr_context_t file, error *e)
 }
 
 /* Against what the picture's line comes to. */
-static exr_result_t check_line(exr_context_t file, int y, const line *l, unsigned char *bytes, bool *same)
+static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_decode_pipeline_t *decoder, bool *same)
 {
     exr_chunk_info_t chunk;
+    bool first = y == 0;
     exr_result_t r = exr_read_scanline_chunk_info(file, 0, y, &chunk);
-    if (r) return r;
-    *same = chunk.packed_size == l->length;
-    if (!*same) return r;
-    r = exr_read_chunk(file, 0, &chunk, bytes);
-    *same = !r && memcmp(bytes, l->bytes, l->length) == 0;
+    if (!r && first) r = exr_decoding_initialize(file, 0, &chunk, decoder);
+    if (!r && !first) r = exr_decoding_update(file, 0, &chunk, decoder);
+    if (!r && first) r = exr_decoding_choose_default_routines(file, 0, decoder);
+    decoder->unpack_and_convert_fn = NULL; /* it is looked at as it is packed */
+    if (!r) r = exr_decoding_run(file, 0, decoder);
+    *same = !r && chunk.unpacked_size == l->length && memcmp(decoder->unpacked_buffer, l->bytes, l->length) == 0;
     return r;
 }
 
 static exr_result_t check_lines(exr_context_t file, const image *m, bool *same, error *e)
 {
     exr_result_t r = EXR_ERR_SUCCESS;
+    exr_decode_pipeline_t decoder = {0};
     line l = line_make(m->width);
-    unsigned char *bytes = mem_alloc(l.length);
     *same = true;
     for (int y = 0; !r && *same && y < m->height; y++) {
         fill_line(&l, m, y);
-        r = check_line(file, y, &l, bytes, same);
+        r = check_line(file, y, &l, &decoder, same);
         if (!r && !*same) error_set(e, ERROR_INTERNAL, "EXR file: line %d is not what was written", y);
     }
-    free(bytes);
+    exr_decoding_destroy(file, &decoder);
     free(l.bytes);
     return r;
 }
 
-bool preview_exr_verify(FILE *file, const image *m, error *e)
+bool preview_exr_verify(FILE *file, const image *m, preview_exr_packing packing, error *e)
 {
     stream s = {.fd = fileno(file)};
     bool same = false;
     exr_context_t context = NULL;
     exr_context_initializer_t init = initializer(&s);
     exr_result_t r = exr_start_read(&context, library_name, &init);
-    if (!r && check_head(context, m, &s.e) && check_channels(context, &s.e))
+    if (!r && check_head(context, m, packing, &s.e) && check_channels(context, &s.e))
         r = check_lines(context, m, &same, &s.e);
     if (context) exr_finish(&context);
     return finish(!r && same, r, &s, e);

@@ -1,5 +1,5 @@
-/* preview_exr: a preview with its data as OpenEXR, through OpenEXR's C core. One part, scanlines,
- * not compressed. The same image gives the same bytes: no date, no path.
+/* preview_exr: a preview with its data as OpenEXR, through OpenEXR's C core. One part, scanlines.
+ * The same image gives the same bytes: no date, no path.
  *
  *     channels            type   what
  *     R G B A             half   linear light (Rec. 709 primaries), multiplied by coverage, no legend
@@ -9,9 +9,10 @@
  *     Z                   float  depth along the camera's axis; PREVIEW_FAR where nothing is
  *     id                  uint   index of the point in points.ply plus one; 0 where nothing is
  *
- * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). The
- * attribute worldToCamera is the matrix from world to camera space (right, up, forward), row
- * vectors.
+ * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). Of
+ * OpenEXR's standard attributes worldToCamera is the matrix from world to camera space (right, up, forward: left-
+ * handed), worldToNDC that to the picture, (0, 0) at its upper left and (1, 1) at its lower right corner; both for
+ * row vectors. The screen window is that at depth 1 (of parallel cameras in world units).
  */
 #ifndef HEXAD_FORMATS_PREVIEW_EXR_H
 #define HEXAD_FORMATS_PREVIEW_EXR_H
@@ -20,12 +21,15 @@
 
 #include "formats/preview.h"
 
+/* Each line by itself, by OpenEXR's names. */
+typedef enum preview_exr_packing { PREVIEW_EXR_NONE, PREVIEW_EXR_RLE, PREVIEW_EXR_ZIPS } preview_exr_packing;
+
 /* Writes an empty file that is open for writing, from its start, through its descriptor (the
  * stream's own position is not moved); the caller made the file and syncs and renames it. */
-bool preview_exr_write(FILE *file, const image *picture, error *e);
+bool preview_exr_write(FILE *file, const image *picture, preview_exr_packing packing, error *e);
 
 /* Reads the file back through its descriptor and says (internal) when it does not hold exactly the
  * image. */
-bool preview_exr_verify(FILE *file, const image *picture, error *e);
+bool preview_exr_verify(FILE *file, const image *picture, preview_exr_packing packing, error *e);
 
 #endif

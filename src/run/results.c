@@ -122,12 +122,16 @@ static bool write_png(const char *directory, const char *name, const image *pict
     return ok;
 }
 
-static bool write_exr(const char *directory, const image *picture, json *outputs, error *e)
+static bool write_exr(const char *directory, const spec *s, const image *picture, json *outputs, error *e)
 {
+    static const preview_exr_packing packings[] = {[SPEC_COMPRESSION_NONE] = PREVIEW_EXR_NONE,
+                                                   [SPEC_COMPRESSION_RLE] = PREVIEW_EXR_RLE,
+                                                   [SPEC_COMPRESSION_ZIPS] = PREVIEW_EXR_ZIPS};
+    preview_exr_packing packing = packings[s->preview_compression];
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, e) &&
-              preview_exr_verify(file.stream, picture, e) && commit_output(&file, "preview.exr", outputs, e);
+    bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, packing, e) &&
+              preview_exr_verify(file.stream, picture, packing, e) && commit_output(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -166,7 +170,7 @@ static bool write_preview(const char *directory, const spec *s, const points *se
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
     bool ok = write_png(directory, "preview.png", picture, outputs, e) &&
-              write_exr(directory, picture, outputs, e);
+              write_exr(directory, s, picture, outputs, e);
     preview_free(picture);
     return ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
 }

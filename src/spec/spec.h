@@ -129,6 +129,12 @@ typedef enum spec_color {
     SPEC_COLOR_DEGREE
 } spec_color;
 
+typedef enum spec_compression {
+    SPEC_COMPRESSION_NONE,
+    SPEC_COMPRESSION_RLE,
+    SPEC_COMPRESSION_ZIPS
+} spec_compression;
+
 typedef struct spec_camera {
     vec3 position, target, up; /* up is no multiple of target - position, which is not zero */
     double fov;                /* along the picture's longer side, radians; 0: see orthographic */
@@ -181,6 +187,7 @@ typedef struct spec {
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
     bool has_camera;                   /* else one that sees all of it */
     spec_camera camera;
+    spec_compression preview_compression; /* of preview.exr */
     int turntable;                     /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_mesh;
 

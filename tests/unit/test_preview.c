@@ -18,15 +18,20 @@
 #include "formats/preview_png.h"
 #include "point_set.h"
 
-static image *render_with(const points *set, int width, int height, quantity which, int workers)
+static image *render_options(const points *set, const preview_options *options, int workers)
 {
     error e = {0};
     image *m = NULL;
-    preview_options options = {width, height, which, NULL};
     threads *pool = threads_new(workers, NULL, &e);
-    if (!pool || !preview_render(set, &options, pool, &m, &e)) fail_msg("%s", e.message);
+    if (!pool || !preview_render(set, options, pool, &m, &e)) fail_msg("%s", e.message);
     threads_free(pool);
     return m;
+}
+
+static image *render_with(const points *set, int width, int height, quantity which, int workers)
+{
+    const preview_options options = {width, height, which, NULL};
+    return render_options(set, &options, workers);
 }
 
 static image *render(const points *set, int width, int height, quantity which)
@@ -59,38 +64,137 @@ static size_t count_covered(const image *m)
     return n;
 }
 
+/* Where the middles of discs are in the picture, they are seen; places, depths and all. Returns how many. */
+static int check_discs(const point_set *s, const image *m)
+{
+    vec3 eye = eye_of(&m->camera);
+    int checked = 0;
+    for (size_t i = 0; i < s->points.count; i++) {
+        vec3 q = camera_point(&m->camera, s->position[i]), towards = vec3_unit(vec3_sub(eye, s->position[i]));
+        if (m->camera.parallel) towards = vec3_scale(m->camera.forward, -1);
+        double at_x, at_y;
+        camera_project(&m->camera, q, &at_x, &at_y);
+        bool within = at_x >= 0 && at_x < m->width && at_y >= 0 && at_y < m->height;
+        if (vec3_dot(towards, s->normal[i]) < 0.3 || !within || q.z < 2 * m->radius_max) continue;
+        int x = (int)floor(at_x), y = (int)floor(at_y);
+        preview_sample p = preview_at(m, x, y);
+        assert_int_equal(p.id, i + 1);
+        vec3 from_center = vec3_sub(p.position, s->position[i]), ray = vec3_sub(p.position, eye);
+        assert_true(fabs(vec3_dot(from_center, s->normal[i])) < 1e-9);
+        assert_true(vec3_norm(from_center) < 0.5 * s->points.spacing_local[i]);
+        assert_true(vec3_norm(vec3_sub(p.normal, s->normal[i])) == 0);
+        assert_true(fabs((double)p.depth - vec3_dot(ray, m->camera.forward)) < 1e-5);
+        camera_project(&m->camera, camera_point(&m->camera, p.position), &at_x, &at_y);
+        assert_true(fabs(at_x - x - 0.5) < 1e-6 && fabs(at_y - y - 0.5) < 1e-6);
+        assert_true(p.kappa == s->points.kappa[i] && p.spacing == s->points.spacing_local[i]);
+        checked++;
+    }
+    return checked;
+}
+
 static void test_pixels_are_the_discs(void **state)
 {
     (void)state;
+    static const camera_place places[] = {
+        {.position = {17, -25, 32}, .target = {10, -20, 30}, .up = {0, 0, 1}, .fov = 0.7},
+        {.position = {17, -25, 32}, .target = {10, -20, 30}, .up = {0, 1, 1}, .span = 4.5},
+        {.position = {11.5, -20, 30}, .target = {10, -20.5, 30}, .up = {0, 0, 1}, .fov = 2}, /* inside */
+        {.position = {10, -20, 30}, .target = {10, -20.5, 40}, .up = {0, 1, 0}, .span = 1},
+    };
     point_set s = point_set_sphere(400, vec3_make(10, -20, 30), 2);
-    image *m = render(&s.points, 640, 480, QUANTITY_CURVATURE);
-    vec3 eye = eye_of(&m->camera);
-    int checked = 0;
-    for (size_t i = 0; i < s.points.count; i++) {
-        vec3 towards = vec3_unit(vec3_sub(eye, s.position[i])),
-             q = camera_point(&m->camera, s.position[i]);
-        if (vec3_dot(towards, s.normal[i]) < 0.3) continue;
-        int x = (int)floor(m->camera.center_x + m->camera.focal * q.x / q.z);
-        int y = (int)floor(m->camera.center_y - m->camera.focal * q.y / q.z);
-        preview_sample p = preview_at(m, x, y);
-        assert_int_equal(p.id, i + 1);
-        vec3 from_center = vec3_sub(p.position, s.position[i]), ray = vec3_sub(p.position, eye);
-        assert_true(fabs(vec3_dot(from_center, s.normal[i])) < 1e-9);
-        assert_true(vec3_norm(from_center) < 0.5 * s.points.spacing_local[i]);
-        assert_true(vec3_norm(vec3_sub(p.normal, s.normal[i])) == 0);
-        assert_true(fabs((double)p.depth - vec3_dot(ray, m->camera.forward)) < 1e-5);
-        vec3 wanted = camera_ray(&m->camera, x + 0.5, y + 0.5),
-             is = camera_direction(&m->camera, ray);
-        assert_true(vec3_norm(vec3_cross(vec3_unit(wanted), vec3_unit(is))) < 1e-9);
-        assert_true(p.kappa == s.points.kappa[i] && p.spacing == s.points.spacing_local[i]);
-        checked++;
+    for (int k = -1; k < 4; k++) {
+        if (k == 2) /* the inside of the sphere is its outside */
+            for (size_t i = 0; i < s.points.count; i++) s.normal[i] = vec3_scale(s.normal[i], -1);
+        const preview_options options = {640, 480, QUANTITY_CURVATURE, k < 0 ? NULL : &places[k]};
+        image *m = render_options(&s.points, &options, 1);
+        int checked = check_discs(&s, m);
+        if (checked < (k < 2 ? 100 : 4)) fail_msg("camera %d sees %d discs", k, checked);
+        if (k < 2) {
+            preview_sample none = preview_at(m, 0, 0);
+            assert_true(none.id == 0 && none.depth == PREVIEW_FAR && none.kappa == 0 &&
+                        vec3_norm(none.position) == 0);
+        }
+        preview_free(m);
     }
-    assert_true(checked > 100);
-    preview_sample none = preview_at(m, 0, 0);
-    assert_true(none.id == 0 && none.depth == PREVIEW_FAR && none.kappa == 0 &&
-                vec3_norm(none.position) == 0);
-    preview_free(m);
     preview_free(NULL);
+    point_set_free(&s);
+}
+
+/* A camera that looks away sees nothing. */
+static void test_what_is_behind_is_not_seen(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
+    for (int k = 0; k < 2; k++) {
+        const camera_place away = {{0, -3, 0}, {0, -4, 0}, {0, 0, 1}, 0, k};
+        const preview_options options = {100, 100, QUANTITY_ENERGY, &away};
+        image *m = render_options(&s.points, &options, 1);
+        assert_int_equal(count_covered(m), 0);
+        preview_free(m);
+    }
+    point_set_free(&s);
+}
+
+/* A turn around a set that is long and off the origin: all of it stays in the frame, the eye at one distance from
+ * the middle, the first where the still camera looks from; with a camera that is given, around its target. */
+static void test_turntables(void **state)
+{
+    (void)state;
+    enum { FRAMES = 7 };
+    static const camera_place place = {{5, 1, 2}, {1, 1, 1}, {0, 1, 0}, 0.8, 0};
+    point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
+    for (size_t i = 0; i < s.points.count; i++) s.position[i].x = 100 + 4 * (s.position[i].x - 100);
+    preview_options options = {300, 200, QUANTITY_SPACING, NULL};
+    camera still = camera_fit(s.position, s.points.count, 0.1, (camera_frame){0, 0, 300, 200}), from[FRAMES];
+    preview_orbit(&s.points, &options, FRAMES, from);
+    assert_true(vec3_norm(vec3_sub(from[0].forward, still.forward)) < 1e-12);
+    for (int k = 0; k < FRAMES; k++) {
+        vec3 middle = camera_point(&from[k], vec3_make(100, 5, -7)), before = from[k > 0 ? k - 1 : FRAMES - 1].forward;
+        assert_true(fabs(middle.x) < 0.05 && fabs(middle.y) < 0.05);
+        assert_true(fabs(middle.z - camera_point(&from[0], vec3_make(100, 5, -7)).z) < 0.05);
+        double turned = atan2(from[k].forward.y, from[k].forward.x) - atan2(before.y, before.x);
+        assert_true(fabs(sin(0.5 * (turned - 2 * M_PI / FRAMES))) < 1e-9);
+        for (size_t i = 0; i < s.points.count; i++) {
+            double x, y;
+            camera_project(&from[k], camera_point(&from[k], s.position[i]), &x, &y);
+            assert_true(x > 0 && x < 300 && y > 0 && y < 200);
+        }
+    }
+    options.camera = &place;
+    preview_orbit(&s.points, &options, FRAMES, from);
+    for (int k = 0; k < FRAMES; k++) {
+        vec3 eye = eye_of(&from[k]), target = camera_point(&from[k], place.target);
+        assert_true(fabs(eye.y - 1) < 1e-12 && fabs(hypot(eye.x - 1, eye.z - 1) - hypot(4, 1)) < 1e-12);
+        assert_true(fabs(target.x) < 1e-12 && fabs(target.y) < 1e-12);
+    }
+    point_set_free(&s);
+}
+
+/* The colours of points are those of what is asked for: from the first of the scale to the last. */
+static void test_every_quantity_is_shown(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(300, vec3_make(0, 0, 0), 1);
+    double degree[300];
+    s.points.degree = degree;
+    for (quantity which = QUANTITY_ALPHA; which <= QUANTITY_DEGREE; which++) {
+        for (size_t i = 0; i < 300; i++) degree[i] = 6;
+        double *values = (double *)quantity_values(&s.points, which), even = values[0];
+        for (size_t i = 0; i < 300; i++) values[i] = s.position[i].x > 0 ? 7 : 5;
+        for (size_t i = 0; which == QUANTITY_SPACING && i < 300; i++) values[i] = s.position[i].x > 0 ? 0.15 : 0.12;
+        image *m = render(&s.points, 256, 256, which);
+        double light[2] = {0};
+        for (int y = 0; y < 200; y++)
+            for (int x = 0; x < 256; x++) {
+                preview_sample p = preview_at(m, x, y);
+                const unsigned char *c = m->rgb + 3 * (y * 256 + x);
+                if (p.id > 0) light[s.position[p.id - 1].x > 0] += c[1] - c[2]; /* from blue to green or yellow */
+            }
+        assert_true(light[1] > 0 && light[0] < light[1]);
+        assert_true(m->scale.low < m->scale.high);
+        for (size_t i = 0; i < 300; i++) values[i] = even;
+        preview_free(m);
+    }
     point_set_free(&s);
 }
 
@@ -192,11 +296,13 @@ static bool verify_png(const char *path, const image *m, error *e)
     return good;
 }
 
+static preview_exr_packing packing;
+
 static bool write_exr(const char *path, const image *m, error *e)
 {
     FILE *file = fopen(path, "wb");
     assert_non_null(file);
-    bool good = preview_exr_write(file, m, e);
+    bool good = preview_exr_write(file, m, packing, e);
     fclose(file);
     return good;
 }
@@ -205,7 +311,7 @@ static bool verify_exr(const char *path, const image *m, error *e)
 {
     FILE *file = fopen(path, "rb");
     assert_non_null(file);
-    bool good = preview_exr_verify(file, m, e);
+    bool good = preview_exr_verify(file, m, packing, e);
     fclose(file);
     return good;
 }
@@ -280,6 +386,32 @@ static void test_exr(void **state)
     unlink(t.path);
     free(data);
     preview_free(other);
+    preview_free(m);
+    point_set_free(&s);
+}
+
+static void test_exr_compressed(void **state)
+{
+    (void)state;
+    temporary t = temporary_make();
+    point_set s = point_set_sphere(300, vec3_make(5, 6, 7), 1);
+    image *m = render(&s.points, 129, 67, QUANTITY_ALPHA);
+    size_t length[3];
+    error e = {0};
+    for (packing = PREVIEW_EXR_NONE; packing <= PREVIEW_EXR_ZIPS; packing++) {
+        if (!write_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        if (!verify_exr(t.path, m, &e)) fail_msg("%s", e.message);
+        char *data = slurp(t.path, &length[packing]);
+        spit(t.path, data, length[packing] - 1);
+        assert_false(verify_exr(t.path, m, NULL));
+        free(data);
+    }
+    packing = PREVIEW_EXR_NONE;
+    assert_false(verify_exr(t.path, m, &e));
+    assert_non_null(strstr(e.message, "size and compression"));
+    assert_true(length[PREVIEW_EXR_RLE] < 0.7 * (double)length[PREVIEW_EXR_NONE]);
+    assert_true(length[PREVIEW_EXR_ZIPS] < length[PREVIEW_EXR_RLE]);
+    unlink(t.path);
     preview_free(m);
     point_set_free(&s);
 }
@@ -488,6 +620,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pixels_are_the_discs),
+        cmocka_unit_test(test_what_is_behind_is_not_seen),
+        cmocka_unit_test(test_turntables),
+        cmocka_unit_test(test_every_quantity_is_shown),
+        cmocka_unit_test(test_exr_compressed),
         cmocka_unit_test(test_far_side_does_not_show_through),
         cmocka_unit_test(test_camera_fits_tightly),
         cmocka_unit_test(test_png),
