@@ -36,6 +36,30 @@ class Points:
             setattr(self, name, table[:, k])
 
 
+def read_mesh(data):
+    """(names of the vertices' properties, vertices, triangles) of a mesh.ply."""
+    head, mark, body = data.partition(b"end_header\n")
+    assert mark, "a PLY header without an end"
+    words = [line.split() for line in head.decode("ascii").splitlines() if not line.startswith("comment")]
+    assert words[0] == ["ply"] and words[2][:2] == ["element", "vertex"] and words[-2][:2] == ["element", "face"]
+    assert words[-1] == ["property", "list", "uchar", "int", "vertex_indices"]
+    count, faces = int(words[2][2]), int(words[-2][2])
+    names = [w[2] for w in words[3:-2]]
+    if words[1][1] == "ascii":
+        lines = body.decode("ascii").splitlines()
+        assert len(lines) == count + faces
+        vertices = numpy.array([[float(v) for v in line.split()] for line in lines[:count]])
+        corners = numpy.array([[int(v) for v in line.split()] for line in lines[count:]])
+    else:
+        kind = {"float": "<f4", "double": "<f8"}[words[3][1]]
+        vertices = numpy.frombuffer(body, kind, count * len(names)).reshape(count, len(names)).astype(float)
+        packed = numpy.frombuffer(body, [("n", "u1"), ("corner", "<i4", 3)], offset=count * len(names) * int(kind[2]))
+        assert len(packed) == faces
+        corners = numpy.c_[packed["n"], packed["corner"]]
+    assert (corners[:, 0] == 3).all()
+    return names, vertices, corners[:, 1:]
+
+
 def read_png(data):
     """Rows of bytes (height, width * channels), every checksum verified, filters undone."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
@@ -77,6 +101,11 @@ def _unfilter(kind, line, above, pixel):
             guess = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
         line[x] = (line[x] + guess) & 255
     return line
+
+
+def exr_attributes(data):
+    """The bytes of a file's attributes by name."""
+    return _exr_header(data)[0]
 
 
 def _exr_header(data):

@@ -1,0 +1,142 @@
+"""What a job writes on request: meshes, pictures from a given camera, turntables, and the report's word on them."""
+import json
+import struct
+
+import numpy
+import pytest
+from scipy.spatial import ConvexHull
+
+from readers import Points, exr_attributes, read_exr, read_mesh, read_png
+from service import sphere
+
+ELLIPSOID = {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 1, 0.02]}
+
+
+@pytest.fixture
+def run(worker, tmp_path):
+    """Runs a job that must succeed; its directory and report."""
+    def call(spec, output="out"):
+        done = worker(spec, output=output)
+        assert done.returncode in (0, 10), done.stderr
+        return tmp_path / output, json.loads((tmp_path / output / "report.json").read_text())
+    return call
+
+
+def output(**asked):
+    return {"preview": False, **asked}
+
+
+# ---- mesh.ply
+
+def directed_edges(faces):
+    return numpy.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+@pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
+def test_the_mesh_of_a_sphere(run, form):
+    """On a sphere the restricted Delaunay triangulation is the convex hull."""
+    where, report = run(sphere(400, output=output(mesh=True, ply={"format": form, "precision": "double"})))
+    points = Points((where / "points.ply").read_bytes())
+    names, vertices, faces = read_mesh((where / "mesh.ply").read_bytes())
+    assert names[:6] == ["x", "y", "z", "nx", "ny", "nz"] and len(names) == 13
+    assert (vertices[:, :3] == points.position).all() and (vertices[:, 3:6] == points.normal).all()
+    hull = ConvexHull(points.position)
+    assert {tuple(sorted(f)) for f in faces} == {tuple(sorted(f)) for f in hull.simplices}
+    edges = {tuple(e) for e in directed_edges(faces)}
+    assert len(edges) == 3 * len(faces) and all((b, a) in edges for a, b in edges)  # closed, all facing one way
+    a, b, c = (points.position[faces[:, k]] for k in range(3))
+    assert abs((a * numpy.cross(b, c)).sum() / 6 / hull.volume - 1) < 1e-12  # which is outwards
+    told = report["mesh"]
+    assert told.pop("radius_ratio") > 0.95
+    assert told == {"triangles": len(faces), "euler": 2, "boundary_edges": 0, "rim_edges": 0, "nonmanifold_edges": 0,
+                    "nonmanifold_vertices": 0, "closed": True}
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "mesh.ply"]
+    assert report["surface"]["warnings"] == []
+
+
+def test_a_mesh_of_10_000_points_is_of_good_triangles(run):
+    _, report = run(sphere(10000, output=output(mesh=True), surface={"analytic": {"shape": "quartic"}}))
+    assert report["mesh"]["closed"] and report["mesh"]["euler"] == 2 and report["mesh"]["radius_ratio"] >= 0.97
+
+
+def test_a_mesh_ends_at_rims_alone(run):
+    half = {"min": [-2, -2, 0], "max": [2, 2, 2]}
+    where, report = run(sphere(500, output=output(mesh=True), region=half))
+    _, vertices, faces = read_mesh((where / "mesh.ply").read_bytes())
+    edges = {tuple(e) for e in directed_edges(faces)}
+    ends = {i for a, b in edges if (b, a) not in edges for i in (a, b)}
+    assert len(ends) == report["mesh"]["boundary_edges"] == report["mesh"]["rim_edges"] > 20
+    assert vertices[list(ends), 2].max() < 0.5 * report["spacing"]
+    assert report["mesh"]["euler"] == 1 and not report["mesh"]["closed"]
+    assert not any("mesh.ply" in w for w in report["surface"]["warnings"])
+
+
+def test_sheets_that_are_not_told_apart_are_told(run):
+    _, report = run(sphere(100, output=output(mesh=True), surface={"analytic": ELLIPSOID}))
+    assert not report["mesh"]["closed"]
+    assert any("mesh.ply is not a whole surface" in w for w in report["surface"]["warnings"])
+
+
+# ---- pictures
+
+def projected(matrix, places):
+    """Row vectors times a 4 x 4, divided by the last."""
+    moved = numpy.c_[places, numpy.ones(len(places))] @ matrix
+    return moved[:, :3] / moved[:, 3:]
+
+
+CAMERAS = [
+    {},
+    {"camera": {"position": [3, -2, 1], "target": [0.1, 0, 0], "fov": 0.9}},
+    {"camera": {"position": [3, -2, 1], "target": [0.1, 0, 0], "up": [0, 1, 0], "orthographic": 3}},
+]
+
+
+@pytest.mark.parametrize("preview", CAMERAS)
+def test_matrices_of_a_picture(run, preview):
+    """As OpenEXR's standard attributes are defined."""
+    where, report = run(sphere(300, output={"preview": {"size": [160, 120], **preview}}))
+    data = (where / "preview.exr").read_bytes()
+    width, height, image = read_exr(data)
+    attributes = exr_attributes(data)
+    to_camera, to_ndc = (numpy.array(struct.unpack("<16f", attributes[name])).reshape(4, 4)
+                         for name in ("worldToCamera", "worldToNDC"))
+    shown = image["id"] > 0
+    rows, columns = numpy.nonzero(shown)
+    places = numpy.stack([image[f"P.{axis}"][shown] for axis in "XYZ"], axis=1)
+    assert len(places) > 1000
+    ndc = projected(to_ndc, places)
+    dots = numpy.abs(ndc[:, :2] - numpy.c_[(columns + 0.5) / width, (rows + 0.5) / height]) * [width, height]
+    assert numpy.median(dots) < 1e-3 and numpy.quantile(dots, 0.99) < 1e-2  # at the silhouette a place is a point's
+    seen = projected(to_camera, places)
+    assert numpy.abs(seen[:, 2] - image["Z"][shown]).max() < 1e-5
+    right, up, forward = to_camera[:3, :3].T
+    assert numpy.allclose(numpy.cross(right, up), -forward, atol=1e-6)  # left-handed
+    (wide,), middle = struct.unpack("<f", attributes["screenWindowWidth"]), struct.unpack(
+        "<2f", attributes["screenWindowCenter"])
+    depth = 1 if "orthographic" in preview.get("camera", {}) else seen[:, 2]
+    across = (seen[:, 0] / depth - middle[0]) / wide + 0.5
+    assert numpy.quantile(numpy.abs(across * width - columns - 0.5), 0.99) < 1e-2
+    if preview:
+        eye = projected(numpy.linalg.inv(to_camera), numpy.zeros((1, 3)))[0]
+        assert numpy.allclose(eye, preview["camera"]["position"], atol=1e-5)
+
+
+@pytest.mark.parametrize("colour", ["alpha", "curvature", "energy", "spacing", "degree"])
+def test_colours(run, colour):
+    where, report = run(sphere(200, output={"preview": {"size": 64, "color": colour}}))
+    assert report["spec"]["output"]["preview"]["color"] == colour
+    assert read_png((where / "preview.png").read_bytes())[:2] == (64, 64)
+
+
+def test_a_turntable(run):
+    """Its frames differ, are listed, and go when the next run asks for fewer."""
+    ask = {"size": 64, "turntable": 3}
+    where, report = run(sphere(100, surface={"analytic": {"shape": "gyroid", "period": 1}}, output={"preview": ask}))
+    frames = [f"preview.{k:04d}.png" for k in (1, 2, 3)]
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "preview.png", "preview.exr", *frames]
+    pictures = [read_png((where / name).read_bytes())[2] for name in frames]
+    assert all((pictures[k] != pictures[k - 1]).any() for k in range(3))
+    where, report = run(sphere(100, output={"preview": {**ask, "turntable": 1}}))
+    assert sorted(p.name for p in where.iterdir()) == sorted(
+        ["points.ply", "preview.png", "preview.exr", "report.json", frames[0]])
