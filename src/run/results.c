@@ -7,9 +7,10 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "formats/chart.h"
+#include "formats/picture_png.h"
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
-#include "formats/preview_png.h"
 #include "store/file.h"
 
 /* The frames of a turntable are numbered from 1. */
@@ -18,6 +19,9 @@
 static const char *const names[] = {"report.json", "points.ply",  "points.vdb", "mesh.ply",
                                     "preview.png", "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
+
+/* Of convergence.png, pixels. */
+enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
 /* Hashes the verified file, names it in the list, and puts it in place. */
 static bool commit_output(store_file *file, const char *name, json *outputs, error *e)
@@ -96,27 +100,29 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     return ok;
 }
 
-static bool write_mesh(const char *directory, const spec *s, const field *f, const points *set, bool as_float,
-                       threads *pool, json *outputs, triangulation_facts *out, error *e)
+static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
+                       json *outputs, triangulation_facts *out, error *e)
 {
-    const triangulation_input in = {set->count, set->position, set->normal, set->spacing, f->open, f->rims};
+    const points *set = in->set;
+    const triangulation_input sites = {set->count,   set->position,   set->normal,
+                                       set->spacing, in->field->open, in->field->rims};
     triangulation made;
     points vertices = *set;
-    bool ok = triangulation_make(&in, pool, &made, e);
+    bool ok = triangulation_make(&sites, pool, &made, e);
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
-    ok = ok && write_ply(directory, "mesh.ply", s, &vertices, as_float, pool, outputs, e);
+    ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
     if (ok) *out = made.facts;
     triangulation_free(&made);
     return ok;
 }
 
-static bool write_png(const char *directory, const char *name, const image *picture, json *outputs, error *e)
+static bool write_png(const char *directory, const char *name, const canvas *picture, json *outputs, error *e)
 {
     char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && preview_png_write(file.stream, picture, e) &&
-              preview_png_verify(file.stream, picture, e) && commit_output(&file, name, outputs, e);
+    bool ok = store_file_begin(path, &file, e) && picture_png_write(file.stream, picture, e) &&
+              picture_png_verify(file.stream, picture, e) && commit_output(&file, name, outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
@@ -147,7 +153,7 @@ static bool write_turntable(const char *directory, int frames, const points *set
         char *name = mem_printf(FRAME_NAME, k + 1);
         image *picture = NULL;
         ok = preview_render_from(set, options, &from[k], pool, &picture, e) &&
-             write_png(directory, name, picture, outputs, e);
+             write_png(directory, name, &(canvas){picture->rgb, picture->width, picture->height, 1}, outputs, e);
         preview_free(picture);
         free(name);
     }
@@ -169,25 +175,56 @@ static bool write_preview(const char *directory, const spec *s, const points *se
                                      s->has_camera ? &place : NULL};
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
-    bool ok = write_png(directory, "preview.png", picture, outputs, e) &&
+    const canvas visible = {picture->rgb, picture->width, picture->height, 1};
+    bool ok = write_png(directory, "preview.png", &visible, outputs, e) &&
               write_exr(directory, s, picture, outputs, e);
     preview_free(picture);
     return ok && write_turntable(directory, s->turntable, set, &options, pool, outputs, e);
 }
 
-bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   threads *pool, json *outputs, results_facts *out, error *e)
+/* The sweeps, curve after curve. */
+static bool write_convergence(const char *directory, const results_input *in, json *outputs, error *e)
 {
+    enum { ENERGY, LAMBDA, STEP, COUNT, CURVES };
+    size_t n = in->sweep_count;
+    double *values = mem_array(n, CURVES * sizeof *values, "convergence.png", e);
+    canvas picture = {0};
+    if (!values) return false;
+    for (size_t k = 0; k < n; k++) {
+        const sampler_sweep *sweep = &in->sweeps[k];
+        values[ENERGY * n + k] = sweep->energy;
+        values[LAMBDA * n + k] = sweep->mean_log10_lambda;
+        values[STEP * n + k] = sweep->rms_step;
+        values[COUNT * n + k] = (double)sweep->count;
+    }
+    const chart_curve curves[CURVES] = {{"energy", values + ENERGY * n, false},
+                                        {"mean log10 lambda", values + LAMBDA * n, false},
+                                        {"rms step / h", values + STEP * n, true},
+                                        {"count", values + COUNT * n, false}};
+    const chart what = {"sweep", n, curves, CURVES};
+    bool ok = chart_draw(&what, CHART_WIDTH, CHART_HEIGHT, &picture, e) &&
+              write_png(directory, "convergence.png", &picture, outputs, e);
+    free(picture.rgb);
+    free(values);
+    return ok;
+}
+
+bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
+                   results_facts *out, error *e)
+{
+    const spec *s = in->spec;
     bool as_float = s->ply_precision == SPEC_PRECISION_FLOAT;
-    results_facts facts = {.max_residual = largest_residual(f, set, as_float, h, pool), .has_mesh = s->has_mesh};
+    results_facts facts = {.has_mesh = s->has_mesh};
+    facts.max_residual = largest_residual(in->field, in->set, as_float, in->h, pool);
     if (as_float && !(facts.max_residual <= RESULTS_RESIDUAL)) {
         as_float = false;
-        facts.max_residual = largest_residual(f, set, false, h, pool);
+        facts.max_residual = largest_residual(in->field, in->set, false, in->h, pool);
         facts.widened = true;
     }
-    if (!write_ply(directory, "points.ply", s, set, as_float, pool, outputs, e)) return false;
-    if (s->has_mesh && !write_mesh(directory, s, f, set, as_float, pool, outputs, &facts.mesh, e)) return false;
-    if (s->has_preview && !write_preview(directory, s, set, pool, outputs, e)) return false;
+    if (!write_ply(directory, "points.ply", s, in->set, as_float, pool, outputs, e)) return false;
+    if (s->has_mesh && !write_mesh(directory, in, as_float, pool, outputs, &facts.mesh, e)) return false;
+    if (s->has_preview && !write_preview(directory, s, in->set, pool, outputs, e)) return false;
+    if (s->has_convergence && !write_convergence(directory, in, outputs, e)) return false;
     *out = facts;
     return true;
 }

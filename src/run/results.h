@@ -8,6 +8,7 @@
 #include "field/field.h"
 #include "formats/points.h"
 #include "json/json.h"
+#include "sampler/sampler.h"
 #include "sampler/triangulation.h"
 #include "spec/spec.h"
 
@@ -21,11 +22,21 @@ typedef struct results_facts {
     triangulation_facts mesh;
 } results_facts;
 
-/* Writes what s->output asks for into `directory` and appends {name, bytes, sha256} of each file to
+/* What there is to write. */
+typedef struct results_input {
+    const spec *spec;
+    const field *field;
+    const points *set;
+    double h;                    /* of the ideal packing */
+    const sampler_sweep *sweeps; /* at least one */
+    size_t sweep_count;
+} results_input;
+
+/* Writes what spec->output asks for into `directory` and appends {name, bytes, sha256} of each file to
  * `outputs`. Errors: internal (the disk, or a file that does not read back as written), limit_memory,
  * cancelled. */
-bool results_write(const char *directory, const spec *s, const field *f, const points *set, double h,
-                   threads *pool, json *outputs, results_facts *out, error *e);
+bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
+                   results_facts *out, error *e);
 
 /* The same for the report itself, which comes last and makes the directory a result. */
 bool results_write_report(const char *directory, const json *report, error *e);

@@ -308,11 +308,13 @@ static bool write_points(job *j, error *e)
                         .spacing = p->spacing,
                         .spacing_local = s->spacing_local,
                         .degree = s->degree};
+    results_input in = {
+        .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
+    in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();
-    return may_go_on(j, e) &&
-           results_write(j->options->output, j->spec, j->source.field, &set, sampler_spacing(s->sampler),
-                         j->pool, json_put_array(j->report, "outputs"), &j->results, e);
+    return may_go_on(j, e) && results_write(j->options->output, &in, j->pool,
+                                            json_put_array(j->report, "outputs"), &j->results, e);
 }
 
 /* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:

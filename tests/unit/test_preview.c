@@ -15,7 +15,7 @@
 #include "formats/legend.h"
 #include "formats/preview.h"
 #include "formats/preview_exr.h"
-#include "formats/preview_png.h"
+#include "formats/picture_png.h"
 #include "point_set.h"
 
 static image *render_options(const points *set, const preview_options *options, int workers)
@@ -291,7 +291,7 @@ static bool verify_png(const char *path, const image *m, error *e)
 {
     FILE *file = fopen(path, "rb");
     assert_non_null(file);
-    bool good = preview_png_verify(file, m, e);
+    bool good = picture_png_verify(file, &(canvas){m->rgb, m->width, m->height, 1}, e);
     fclose(file);
     return good;
 }
@@ -324,7 +324,7 @@ static void test_png(void **state)
     image *m = render(&s.points, 200, 77, QUANTITY_ALPHA);
     error e = {0};
     FILE *file = fopen(t.path, "wb");
-    assert_true(preview_png_write(file, m, &e));
+    assert_true(picture_png_write(file, &(canvas){m->rgb, m->width, m->height, 1}, &e));
     fclose(file);
     assert_true(verify_png(t.path, m, &e));
     size_t length;
@@ -340,7 +340,7 @@ static void test_png(void **state)
     assert_non_null(strstr(e.message, "does not hold the picture"));
     FILE *full = fopen("/dev/full", "wb");
     if (full) {
-        assert_false(preview_png_write(full, m, &e));
+        assert_false(picture_png_write(full, &(canvas){m->rgb, m->width, m->height, 1}, &e));
         fclose(full);
     }
     unlink(t.path);
@@ -428,7 +428,7 @@ static void test_determinism(void **state)
         t[k] = temporary_make();
         t[k + 2] = temporary_make();
         FILE *file = fopen(t[k].path, "wb");
-        assert_true(preview_png_write(file, m, NULL));
+        assert_true(picture_png_write(file, &(canvas){m->rgb, m->width, m->height, 1}, NULL));
         fclose(file);
         assert_true(write_exr(t[k + 2].path, m, NULL));
         data[k] = slurp(t[k].path, &length[k]);

@@ -1,4 +1,4 @@
-#include "formats/preview_png.h"
+#include "formats/picture_png.h"
 
 #include <png.h>
 #include <setjmp.h>
@@ -23,7 +23,7 @@ static void on_warning(png_structp png, png_const_charp words)
     (void)words;
 }
 
-static void write_rows(png_structp png, png_infop info, const image *m)
+static void write_rows(png_structp png, png_infop info, const canvas *m)
 {
     png_set_compression_level(png, COMPRESSION_LEVEL);
     png_set_compression_strategy(png, COMPRESSION_STRATEGY);
@@ -36,7 +36,7 @@ static void write_rows(png_structp png, png_infop info, const image *m)
     png_write_end(png, info);
 }
 
-bool preview_png_write(FILE *file, const image *m, error *e)
+bool picture_png_write(FILE *file, const canvas *m, error *e)
 {
     error local = {0}; /* libpng needs a place even when the caller wants none */
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &local, on_error, on_warning);
@@ -57,7 +57,7 @@ bool preview_png_write(FILE *file, const image *m, error *e)
     return done;
 }
 
-static void compare_rows(png_structp png, png_infop info, const image *m, unsigned char *row)
+static void compare_rows(png_structp png, png_infop info, const canvas *m, unsigned char *row)
 {
     png_read_info(png, info);
     if (png_get_image_width(png, info) != (png_uint_32)m->width ||
@@ -73,7 +73,7 @@ static void compare_rows(png_structp png, png_infop info, const image *m, unsign
     png_read_end(png, NULL);
 }
 
-bool preview_png_verify(FILE *file, const image *m, error *e)
+bool picture_png_verify(FILE *file, const canvas *m, error *e)
 {
     error local = {0};
     unsigned char *row = mem_alloc(3 * (size_t)m->width);
