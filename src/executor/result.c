@@ -15,7 +15,7 @@
 
 /* A report has a record per sweep, and a million sweeps is the most that a job may ask for. */
 #define REPORT_LIMIT_BYTES (256u << 20)
-#define MAX_OUTPUTS 64
+#define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
 
 char *result_directory(const char *state_dir, const char *id)
 {

@@ -12,6 +12,7 @@
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
 #include "store/file.h"
+#include "vdb/vdb.h"
 
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
@@ -20,6 +21,8 @@ static const char *const names[] = {"report.json", "points.ply",  "points.vdb", 
                                     "preview.png", "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
 
+/* Voxels of points.vdb, in spacings. */
+static const double POINTS_VOXEL = 3;
 /* Of convergence.png, pixels. */
 enum { CHART_WIDTH = 960, CHART_HEIGHT = 960 };
 
@@ -114,6 +117,23 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
     if (ok) *out = made.facts;
     triangulation_free(&made);
+    return ok;
+}
+
+/* The voxels have some ten points where spacing is even. */
+static bool write_points_vdb(const char *directory, const results_input *in, json *outputs, error *e)
+{
+    const points *set = in->set;
+    const vdb_points grid = {set->count, &set->position[0].x, &set->normal[0].x, set->spacing_local,
+                             POINTS_VOXEL * in->h};
+    char *path = mem_printf("%s/points.vdb", directory);
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
+    if (ok && !vdb_verify_points(fileno(file.stream), &grid, e))
+        ok = error_prefix(e, "points.vdb does not read back as it was written");
+    ok = ok && commit_output(&file, "points.vdb", outputs, e);
+    store_file_abort(&file);
+    free(path);
     return ok;
 }
 
@@ -222,6 +242,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
         facts.widened = true;
     }
     if (!write_ply(directory, "points.ply", s, in->set, as_float, pool, outputs, e)) return false;
+    if (s->has_points_vdb && !write_points_vdb(directory, in, outputs, e)) return false;
     if (s->has_mesh && !write_mesh(directory, in, as_float, pool, outputs, &facts.mesh, e)) return false;
     if (s->has_preview && !write_preview(directory, s, in->set, pool, outputs, e)) return false;
     if (s->has_convergence && !write_convergence(directory, in, outputs, e)) return false;

@@ -27,6 +27,8 @@ static const double BYTES_PER_PARTICLE = 450;
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
 /* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they grow. */
 static const double BYTES_PER_VERTEX = 120;
+/* Of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
+static const double BYTES_PER_GRID_POINT = 200;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
@@ -96,8 +98,9 @@ static double particle_memory(const job *j)
 
 static double bytes_per_particle(const job *j)
 {
-    double vertex = j->spec->has_mesh ? BYTES_PER_VERTEX : 0;
-    return vertex + (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
+    /* one after the other */
+    double more = fmax(j->spec->has_mesh ? BYTES_PER_VERTEX : 0, j->spec->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    return more + (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
 
 static bool fits_memory(const job *j, double count, error *e)

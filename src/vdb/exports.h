@@ -12,6 +12,8 @@ typedef struct vdb_exports {
     vdb_grid *(*load_grid)(int fd, size_t index, size_t memory_limit, error *e);
     bool (*write_grids)(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                         error *e);
+    bool (*write_points)(int fd, const vdb_points *points, error *e);
+    bool (*verify_points)(int fd, const vdb_points *points, error *e);
 } vdb_exports;
 
 /* The one symbol of the module. */

@@ -1,30 +1,15 @@
 /* Writing: small volumes that the project makes itself, for its example and its tests. */
-#include "vdb/shim.h"
+#include "vdb/archive.h"
 
-#include <cerrno>
-#include <cstring>
 #include <sstream>
 
-#include <unistd.h>
-
 #include <openvdb/openvdb.h>
-#include <openvdb/io/Archive.h>
 #include <openvdb/io/Compression.h>
 
 namespace vdb = openvdb;
 using shim::fault;
 
 namespace {
-
-/* Archive's own write is protected; io::File and io::Stream are its two public faces, neither of
- * which writes a seekable file to a stream in memory. */
-class writer : public vdb::io::Archive {
-public:
-    void write_all(std::ostream &out, const vdb::GridCPtrVec &grids, bool seekable) const
-    {
-        Archive::write(out, grids, seekable);
-    }
-};
 
 vdb::GridClass class_for(vdb_class c)
 {
@@ -94,17 +79,6 @@ vdb::GridBase::Ptr build_any(const vdb_draft &draft)
     return grid;
 }
 
-void write_all(int fd, const std::string &bytes)
-{
-    size_t done = 0;
-    while (done < bytes.size()) {
-        ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) throw fault(ERROR_INTERNAL, std::string("cannot be written: ") + std::strerror(errno));
-        done += size_t(n);
-    }
-}
-
 } // namespace
 
 extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
@@ -114,11 +88,11 @@ extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, v
         vdb::initialize();
         vdb::GridCPtrVec grids;
         for (size_t i = 0; i < count; i++) grids.push_back(build_any(drafts[i]));
-        writer archive;
+        shim::archive archive;
         archive.setCompression(compressed ? vdb::io::COMPRESS_ZIP | vdb::io::COMPRESS_ACTIVE_MASK
                                           : vdb::io::COMPRESS_NONE);
         std::ostringstream out(std::ios_base::binary);
         archive.write_all(out, grids, layout == VDB_SEEKABLE);
-        write_all(fd, out.str());
+        shim::write_bytes(fd, out.str());
     });
 }

@@ -1,13 +1,16 @@
 """What a job writes on request: meshes, pictures from a given camera, turntables, and the report's word on them."""
 import json
+import math
+import shutil
 import struct
+import subprocess
 
 import numpy
 import pytest
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 
 from readers import Points, exr_attributes, read_exr, read_mesh, read_png
-from service import sphere
+from service import PATIENCE_S, sphere
 
 ELLIPSOID = {"shape": "ellipsoid", "center": [0, 0, 0], "radii": [1, 1, 0.02]}
 
@@ -140,3 +143,55 @@ def test_a_turntable(run):
     where, report = run(sphere(100, output={"preview": {**ask, "turntable": 1}}))
     assert sorted(p.name for p in where.iterdir()) == sorted(
         ["points.ply", "preview.png", "preview.exr", "report.json", frames[0]])
+
+
+def test_convergence(run):
+    where, report = run(sphere(200, output=output(convergence=True)))
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "convergence.png"]
+    width, height, rows = read_png((where / "convergence.png").read_bytes())
+    pixels = rows.reshape(height, width, 3).astype(int)
+    blue = pixels[:, :, 2] > pixels[:, :, 0] + 50
+    panels = numpy.diff(numpy.flatnonzero(blue.any(axis=1))) > 20
+    assert panels.sum() >= 3 and blue.any(axis=0).sum() > width / 2  # four curves, one above the other, all across
+
+
+# ---- points.vdb, by readers that are not ours
+
+@pytest.fixture
+def grid_file(run):
+    where, report = run(sphere(1000, output=output(points_vdb=True)))
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "points.vdb"]
+    return where / "points.vdb"
+
+
+def tool(name):
+    path = shutil.which(name)
+    if not path:
+        pytest.skip(f"there is no {name} (Debian: libopenvdb-tools)")
+    return path
+
+
+def test_vdb_print_lists_the_points(grid_file):
+    done = subprocess.run([tool("vdb_print"), "-l", grid_file], capture_output=True, text=True, check=True,
+                          timeout=PATIENCE_S)
+    assert "Name: points\n" in done.stdout and "Type: Tree_ptdataidx32_5_4_3\n" in done.stdout
+    (spacing,) = {float(line.split(":")[1]) for line in done.stdout.splitlines() if "voxel size:" in line}
+    assert spacing == pytest.approx(3 * math.sqrt(8 * math.pi / (math.sqrt(3) * 1000)), rel=1e-3)
+
+
+def test_vdb_tool_reads_the_points(grid_file, tmp_path):
+    """OpenVDB's own conversion of a points grid to a PLY file, which has positions alone."""
+    subprocess.run([tool("vdb_tool"), "-read", grid_file, "-vdb2points", "-write", tmp_path / "back.ply"], check=True,
+                   capture_output=True, timeout=PATIENCE_S)
+    head, _, body = (tmp_path / "back.ply").read_bytes().partition(b"end_header\n")
+    assert b"element vertex 1000\n" in head
+    back = numpy.frombuffer(body, "<f4", 3000).reshape(1000, 3)
+    points = Points((grid_file.parent / "points.ply").read_bytes())
+    apart, nearest = cKDTree(points.position).query(back)
+    assert apart.max() < 2e-7 and len(set(nearest)) == 1000
+
+
+def test_the_same_points_give_the_same_grid(run):
+    first, again = (run(sphere(300, output=output(points_vdb=True)), output=name)[1]["outputs"][1]
+                    for name in ("one", "two"))
+    assert first == again

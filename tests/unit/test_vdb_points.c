@@ -1,0 +1,109 @@
+/* vdb: points grids are written, read back, and the same each time. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "point_set.h"
+#include "vdb/vdb.h"
+
+enum { MOST_BYTES = 1 << 22 };
+
+static vdb_points points_of(const point_set *s, double voxel_size)
+{
+    return (vdb_points){s->points.count, &s->position[0].x, &s->normal[0].x, s->points.spacing_local, voxel_size};
+}
+
+static int write_points(const vdb_points *points)
+{
+    error e = {0};
+    char path[] = "test_vdb_points_XXXXXX";
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    unlink(path);
+    if (!vdb_write_points(fd, points, &e)) fail_msg("%s", e.message);
+    return fd;
+}
+
+/* Near the origin and far off, in one voxel and in many. */
+static void points_are_read_back(void **state)
+{
+    (void)state;
+    static const vec3 centers[] = {{0, 0, 0}, {1e6, -3e5, 7}};
+    static const double voxels[] = {10, 0.3, 0.01};
+    for (int c = 0; c < 2; c++)
+        for (int v = 0; v < 3; v++) {
+            error e = {0};
+            point_set s = point_set_sphere(1000, centers[c], 1);
+            const vdb_points points = points_of(&s, voxels[v]);
+            int fd = write_points(&points);
+            if (!vdb_verify_points(fd, &points, &e)) fail_msg("%s", e.message);
+            close(fd);
+            point_set_free(&s);
+        }
+}
+
+static void what_differs_is_told(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(100, vec3_make(0, 0, 0), 1);
+    vdb_points points = points_of(&s, 0.3);
+    int fd = write_points(&points);
+    error e = {0};
+    s.position[7].y += 1e-4;
+    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_non_null(strstr(e.message, "position of point 7"));
+    s.position[7].y -= 1e-4;
+    s.normal[8].x += 1e-3;
+    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_non_null(strstr(e.message, "normal of point 8"));
+    s.normal[8].x -= 1e-3;
+    s.scalar[6][9] *= 1.001;
+    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_non_null(strstr(e.message, "pscale of point 9"));
+    s.scalar[6][9] /= 1.001;
+    points.count = 99;
+    assert_false(vdb_verify_points(fd, &points, &e));
+    points.count = 100;
+    for (off_t end = lseek(fd, 0, SEEK_END) - 1; end > 0; end -= 97) {
+        assert_int_equal(ftruncate(fd, end), 0);
+        if (vdb_verify_points(fd, &points, NULL)) fail_msg("accepted its first %ld bytes", (long)end);
+    }
+    close(fd);
+    point_set_free(&s);
+}
+
+static void the_same_points_give_the_same_bytes(void **state)
+{
+    (void)state;
+    static char bytes[3][MOST_BYTES];
+    ssize_t length[3];
+    point_set s = point_set_sphere(2000, vec3_make(1, 2, 3), 1);
+    for (int k = 0; k < 3; k++) {
+        if (k == 2) s.scalar[6][0] *= 2;
+        const vdb_points points = points_of(&s, 0.1);
+        int fd = write_points(&points);
+        length[k] = pread(fd, bytes[k], MOST_BYTES, 0);
+        assert_in_range(length[k], 1000, MOST_BYTES - 1);
+        close(fd);
+    }
+    assert_int_equal(length[0], length[1]);
+    assert_memory_equal(bytes[0], bytes[1], (size_t)length[0]);
+    assert_memory_not_equal(bytes[0] + 21, bytes[2] + 21, 36); /* the identifier is that of the contents */
+    point_set_free(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(points_are_read_back),
+        cmocka_unit_test(what_differs_is_told),
+        cmocka_unit_test(the_same_points_give_the_same_bytes),
+    };
+    return cmocka_run_group_tests_name("vdb_points", tests, NULL, NULL);
+}
