@@ -25,6 +25,7 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     const triangulation_facts *m = &facts->results->mesh;
     json *object = json_put_object(report, "mesh");
     json_put_integer(object, "triangles", (int64_t)m->triangles);
+    json_put_integer(object, "closing_triangles", (int64_t)m->closing);
     json_put_integer(object, "euler", m->euler);
     json_put_integer(object, "boundary_edges", (int64_t)m->boundary_edges);
     json_put_integer(object, "rim_edges", (int64_t)m->rim_edges);

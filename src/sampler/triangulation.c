@@ -117,6 +117,13 @@ typedef struct survey {
     tally *tally; /* per chunk */
 } survey;
 
+static void free_survey(survey *job)
+{
+    free(job->begin);
+    free(job->wedge);
+    free(job->tally);
+}
+
 static bool list_wedges(survey *job, error *e)
 {
     const triangulation *t = job->made;
@@ -258,9 +265,130 @@ static bool survey_made(const triangulation_input *in, threads *pool, triangulat
         conclude(job.tally, chunks, in->count, &made->facts);
         if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     }
-    free(job.begin);
-    free(job.wedge);
-    free(job.tally);
+    free_survey(&job);
+    return ok;
+}
+
+/* ---- holes ---- */
+
+/* Loops of more edges are left open: they are where sheets are not told apart. */
+enum { HOLE_MOST = 8 };
+
+/* Around a hole, clockwise as seen from outside on the triangles, so counterclockwise for those that close it. */
+typedef struct hole {
+    size_t count;
+    uint32_t point[HOLE_MOST];
+} hole;
+
+static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
+{
+    *out = job->wedge + job->begin[i];
+    return job->begin[i + 1] - job->begin[i];
+}
+
+/* The point that a hole's edge leads to from i; false when none or several holes are at i, or it is at a rim. */
+static bool next_around(const survey *job, uint32_t i, uint32_t *out)
+{
+    const wedge *w;
+    size_t count = wedges_at(job, i, &w), open = 0;
+    for (size_t k = 0; k < count; k++) { /* an edge that ends at i, in one triangle */
+        size_t first, second;
+        count_sides(w, count, w[k].to, &first, &second);
+        if (first > 0 || second != 1) continue;
+        *out = w[k].to;
+        open++;
+    }
+    return open == 1 && !is_at_rim(job->in, i);
+}
+
+/* The hole that is at i, if i is its least point. */
+static bool find_hole(const survey *job, uint32_t i, hole *out)
+{
+    uint32_t at = i;
+    out->count = 0;
+    do {
+        if (out->count == HOLE_MOST || at < i) return false;
+        out->point[out->count++] = at;
+        if (!next_around(job, at, &at)) return false;
+    } while (at != i);
+    return out->count >= 3;
+}
+
+/* Whether it faces as its corners do: a bridge between two sheets does not. */
+static bool faces_right(const triangulation_input *in, const uint32_t corner[3])
+{
+    const vec3 *x = in->position, *n = in->normal;
+    vec3 across = vec3_cross(vec3_sub(x[corner[1]], x[corner[0]]), vec3_sub(x[corner[2]], x[corner[0]]));
+    double least = VORONOI_OTHER_SIDE * vec3_norm(across), sum = 0;
+    for (int c = 0; c < 3; c++) {
+        double facing = vec3_dot(across, n[corner[c]]);
+        if (!(facing > least)) return false;
+        sum += facing;
+    }
+    return sum > 0;
+}
+
+static bool are_joined(const survey *job, uint32_t a, uint32_t b)
+{
+    const wedge *w;
+    size_t count = wedges_at(job, a, &w), first, second;
+    count_sides(w, count, b, &first, &second);
+    return first + second > 0;
+}
+
+/* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces right;
+ * the hole's count if there is none. */
+static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
+{
+    size_t best = h->count;
+    double shortest = INFINITY;
+    for (size_t k = 0; k < h->count; k++) {
+        const uint32_t corner[3] = {h->point[(k + h->count - 1) % h->count], h->point[k], h->point[(k + 1) % h->count]};
+        double square = vec3_norm2(vec3_sub(job->in->position[corner[2]], job->in->position[corner[0]]));
+        if (!(square < shortest) || !faces_right(job->in, corner)) continue;
+        if (h->count > 3 && are_joined(job, corner[0], corner[2])) continue;
+        memcpy(ear, corner, sizeof corner);
+        shortest = square;
+        best = k;
+    }
+    return best;
+}
+
+/* Triangles that close the hole; 0 where it cannot be closed so. */
+static size_t close_hole(const survey *job, hole h, uint32_t out[HOLE_MOST - 2][3])
+{
+    size_t made = 0;
+    for (; h.count >= 3; h.count--) {
+        uint32_t ear[3];
+        size_t k = choose_ear(job, &h, ear);
+        if (k == h.count) return 0;
+        int least = ear[0] < ear[1] ? (ear[0] < ear[2] ? 0 : 2) : ear[1] < ear[2] ? 1 : 2;
+        for (int c = 0; c < 3; c++) out[made][c] = ear[(least + c) % 3];
+        made++;
+        memmove(h.point + k, h.point + k + 1, (h.count - k - 1) * sizeof *h.point);
+    }
+    return made;
+}
+
+/* Closes what small holes the stars have left, and says how many triangles that took. Few points have any. */
+static bool close_holes(const triangulation_input *in, triangulation *made, error *e)
+{
+    survey job = {.in = in, .made = made};
+    found added = {0};
+    bool ok = list_wedges(&job, e);
+    for (uint32_t i = 0; ok && i < in->count; i++) {
+        hole h;
+        uint32_t corner[HOLE_MOST - 2][3];
+        if (!find_hole(&job, i, &h)) continue;
+        size_t more = close_hole(&job, h, corner);
+        added.corner = mem_resize(added.corner, (added.count + more + 1) * sizeof *added.corner);
+        memcpy(added.corner + added.count, corner, more * sizeof *corner);
+        added.count += more;
+    }
+    made->facts.closing = added.count;
+    if (ok && added.count > 0) ok = append_found(&added, 1, made, e);
+    free(added.corner);
+    free_survey(&job);
     return ok;
 }
 
@@ -274,7 +402,7 @@ bool triangulation_make(const triangulation_input *in, threads *pool, triangulat
     bool ok = slabs_cut(&cut, &all, e);
     for (size_t k = 0; ok && k < all.count; k++) ok = search_slab(&cut, &all, k, pool, out, e);
     slabs_free(&all);
-    return ok && survey_made(in, pool, out, e);
+    return ok && close_holes(in, out, e) && survey_made(in, pool, out, e);
 }
 
 void triangulation_free(triangulation *t)

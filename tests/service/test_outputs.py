@@ -51,7 +51,7 @@ def test_the_mesh_of_a_sphere(run, form):
     assert abs((a * numpy.cross(b, c)).sum() / 6 / hull.volume - 1) < 1e-12  # which is outwards
     told = report["mesh"]
     assert told.pop("radius_ratio") > 0.95
-    assert told == {"triangles": len(faces), "euler": 2, "boundary_edges": 0, "rim_edges": 0, "nonmanifold_edges": 0,
+    assert told == {"triangles": len(faces), "closing_triangles": 0, "euler": 2, "boundary_edges": 0, "rim_edges": 0, "nonmanifold_edges": 0,
                     "nonmanifold_vertices": 0, "closed": True}
     assert [o["name"] for o in report["outputs"]] == ["points.ply", "mesh.ply"]
     assert report["surface"]["warnings"] == []
@@ -176,7 +176,7 @@ def test_vdb_print_lists_the_points(grid_file):
                           timeout=PATIENCE_S)
     assert "Name: points\n" in done.stdout and "Type: Tree_ptdataidx32_5_4_3\n" in done.stdout
     (spacing,) = {float(line.split(":")[1]) for line in done.stdout.splitlines() if "voxel size:" in line}
-    assert spacing == pytest.approx(3 * math.sqrt(8 * math.pi / (math.sqrt(3) * 1000)), rel=1e-3)
+    assert spacing == pytest.approx(3 * math.sqrt(8 * math.pi / (math.sqrt(3) * 1000)), rel=2e-3)  # of three digits
 
 
 def test_vdb_tool_reads_the_points(grid_file, tmp_path):

@@ -71,23 +71,65 @@ static void spheres_are_closed(void **state)
     }
 }
 
+enum { SIDE = 20 };
+
+/* A sheet of equilateral triangles with an edge of 1, for points that ask for `spacing`, without those closer than
+ * `hole` to its middle. */
+static point_set make_sheet(double spacing, double hole)
+{
+    point_set s = point_set_new(SIDE * SIDE);
+    vec3 middle = {SIDE / 2 + 0.25 * SIDE, sqrt(0.75) * SIDE / 2, 0};
+    size_t kept = 0;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        int row = i / SIDE;
+        vec3 x = {i % SIDE + 0.5 * row, row * sqrt(0.75), 0};
+        if (vec3_norm(vec3_sub(x, middle)) < hole) continue;
+        s.position[kept] = x;
+        s.normal[kept] = vec3_make(0, 0, 1);
+        point_set_scalars(&s, kept++, 0, 0, 1, spacing);
+    }
+    s.points.count = kept;
+    return s;
+}
+
 /* Equilateral triangles have the ratio 1. */
 static void the_ratio_is_that_of_the_radii(void **state)
 {
     (void)state;
-    enum { SIDE = 20 };
-    point_set s = point_set_new(SIDE * SIDE);
-    for (int i = 0; i < SIDE * SIDE; i++) {
-        int row = i / SIDE;
-        s.position[i] = vec3_make(i % SIDE + 0.5 * row, row * sqrt(0.75), 0);
-        s.normal[i] = vec3_make(0, 0, 1);
-        point_set_scalars(&s, (size_t)i, 0, 0, 1, 1);
-    }
+    point_set s = make_sheet(1, 0);
     triangulation t = triangulate(&s, NULL, 1);
     assert_int_equal(t.facts.triangles, 2 * (SIDE - 1) * (SIDE - 1));
     assert_int_equal(t.facts.euler, 1);
     assert_int_equal(t.facts.boundary_edges, 4 * (SIDE - 1));
     assert_close(t.facts.radius_ratio, 1, 1e-12);
+    triangulation_free(&t);
+    point_set_free(&s);
+}
+
+/* A hole that no star spans, as it is wider than what the points ask for, is closed if it has few edges. */
+static void small_holes_are_closed(void **state)
+{
+    (void)state;
+    point_set s = make_sheet(0.6, 0.5);
+    assert_int_equal(s.points.count, SIDE * SIDE - 1);
+    triangulation t = triangulate(&s, NULL, 1);
+    assert_int_equal(t.facts.closing, 4);
+    assert_int_equal(t.facts.boundary_edges, 4 * (SIDE - 1));
+    assert_int_equal(t.facts.nonmanifold_edges + t.facts.nonmanifold_vertices, 0);
+    assert_int_equal(t.facts.euler, 1);
+    for (size_t k = 0; k < t.facts.triangles; k++) {
+        const uint32_t *c = t.corner[k];
+        vec3 u = vec3_sub(s.position[c[1]], s.position[c[0]]), v = vec3_sub(s.position[c[2]], s.position[c[0]]);
+        assert_true(vec3_cross(u, v).z > 0 && c[0] < c[1] && c[0] < c[2]);
+    }
+    triangulation_free(&t);
+    point_set_free(&s);
+    s = make_sheet(0.6, 1.1);
+    assert_int_equal(s.points.count, SIDE * SIDE - 7);
+    t = triangulate(&s, NULL, 1);
+    assert_int_equal(t.facts.closing, 0);
+    assert_int_equal(t.facts.boundary_edges, 4 * (SIDE - 1) + 12);
+    assert_int_equal(t.facts.euler, 0);
     triangulation_free(&t);
     point_set_free(&s);
 }
@@ -150,6 +192,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(spheres_are_closed),
         cmocka_unit_test(the_ratio_is_that_of_the_radii),
+        cmocka_unit_test(small_holes_are_closed),
         cmocka_unit_test(rims_and_holes_are_told_apart),
         cmocka_unit_test(what_is_no_surface_is_told),
     };
