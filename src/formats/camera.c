@@ -25,7 +25,7 @@ static camera aim(vec3 towards_it, camera_frame frame)
     return c;
 }
 
-/* What a frustum must hold: of opposite planes u = +-s w each touches the set, from inside, at one of these. */
+/* What a frustum must hold: of opposite planes u = +-s w each touches the set, from inside, at one. */
 typedef struct touch {
     double sx, sy; /* slopes of the planes */
     double east, west, north, south, nearest;
@@ -67,7 +67,8 @@ static vec3 turn_about(vec3 v, vec3 axis, double angle)
     return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
 }
 
-void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames, camera *out)
+void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
+                  camera *out)
 {
     vec3 low = position[0], high = low;
     double z = 0;

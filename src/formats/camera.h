@@ -36,14 +36,15 @@ typedef struct camera_frame {
  * radius) lies within the frame. count > 0, radius > 0; everything finite. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame);
 
-/* The same from `frames` eyes around the axis z through the middle of the set, all as far away as the farthest
- * has to be, one turn counterclockwise seen from above; `out` has room for them. */
-void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames, camera *out);
+/* The same from `frames` eyes around the axis z through the middle of the set, all as far away as the
+ * farthest has to be, one turn counterclockwise seen from above; `out` has room for them. */
+void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
+                  camera *out);
 
 /* The camera at a place, its axis in the middle of the picture. */
 camera camera_look(const camera_place *place, int width, int height);
 
-/* The place turned by an angle (radians, counterclockwise seen from above) about its `up` through its target. */
+/* The place turned by an angle (radians, counterclockwise from above) about its `up` through its target. */
 camera_place camera_turn(const camera_place *place, double angle);
 
 /* World to camera space, for a point and for a direction. */
@@ -71,8 +72,8 @@ static inline vec3 camera_sight(const camera *c, vec3 point)
     return c->parallel ? (vec3){0, 0, 1} : point;
 }
 
-/* The ray through a place of the picture, in camera space, with depth 1: from the eye; parallel: what it has for
- * right and up at any depth. */
+/* The ray through a place of the picture, in camera space, with depth 1: from the eye; parallel: what it
+ * has for right and up at any depth. */
 static inline vec3 camera_ray(const camera *c, double x, double y)
 {
     return (vec3){(x - c->center_x) / c->focal, (c->center_y - y) / c->focal, 1};

@@ -1,5 +1,5 @@
-/* canvas: a picture of 8-bit sRGB to fill rectangles of and to write on, in a font of its own: digits, small letters
- * and what numbers need. Pure functions. */
+/* canvas: a picture of 8-bit sRGB to fill rectangles of and to write on, in a font of its own: digits,
+ * small letters and what numbers need. Pure functions. */
 #ifndef HEXAD_FORMATS_CANVAS_H
 #define HEXAD_FORMATS_CANVAS_H
 

@@ -13,7 +13,8 @@ enum { TICKS_ACROSS = 8, TICKS_UP = 5 };
 /* Of a panel's height, free above and below its curve. */
 static const double headroom = 0.06;
 
-static const unsigned char paper[3] = {255, 255, 255}, grid[3] = {222, 222, 222}, curve_color[3] = {33, 97, 140};
+static const unsigned char paper[3] = {255, 255, 255}, grid[3] = {222, 222, 222},
+                           curve_color[3] = {33, 97, 140};
 
 /* Where a curve is drawn, and the values at its lower and upper edge (decades: their logarithms). */
 typedef struct panel {
@@ -45,7 +46,8 @@ static double height_at(const chart_curve *c, size_t count, double at)
     at = fmin(fmax(at, 0), (double)(count - 1));
     size_t before = (size_t)at, after = before + 1 < count ? before + 1 : before;
     double share = at - (double)before;
-    return share > 0 ? (1 - share) * height_of(c, before) + share * height_of(c, after) : height_of(c, before);
+    return share > 0 ? (1 - share) * height_of(c, before) + share * height_of(c, after)
+                     : height_of(c, before);
 }
 
 static void choose_range(const chart_curve *c, size_t count, panel *p)
@@ -56,7 +58,8 @@ static void choose_range(const chart_curve *c, size_t count, panel *p)
         high = fmax(high, height_of(c, k));
     }
     if (!(low <= high)) low = high = 0;
-    double least = c->decades ? 1 : fmax(1e-3 * fabs(high), 1e-12); /* a range that shows more than rounding */
+    double least =
+        c->decades ? 1 : fmax(1e-3 * fabs(high), 1e-12); /* a range that shows more than rounding */
     double room = fmax(headroom * (high - low), 0.5 * (least - (high - low)));
     p->low = low - room;
     p->high = high + room;
@@ -109,8 +112,8 @@ static void draw_frame(const canvas *c, const panel *p)
     canvas_fill(c, p->x + p->width - line, p->y, line, p->height, canvas_ink);
 }
 
-/* Column by column: from the lowest to the highest of the values in it, and of where the curve enters and leaves
- * it. */
+/* Column by column: from the lowest to the highest of the values in it, and of where the curve enters and
+ * leaves it. */
 static void draw_curve(const canvas *c, const panel *p, const chart_curve *curve, size_t count)
 {
     double per_column = count > 1 ? (double)(count - 1) / (p->width - 1) : 0;

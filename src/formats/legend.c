@@ -24,7 +24,8 @@ static int font_scale(int width, int height)
 int legend_height(int width, int height)
 {
     if (shorter(width, height) < LEGEND_MIN_SIDE) return 0;
-    return (MARGIN + CANVAS_TEXT_HEIGHT + TICK + BAR + GAP + CANVAS_TEXT_HEIGHT + GAP) * font_scale(width, height);
+    return (MARGIN + CANVAS_TEXT_HEIGHT + TICK + BAR + GAP + CANVAS_TEXT_HEIGHT + GAP) *
+           font_scale(width, height);
 }
 
 void legend_number(double value, char *out, int size)
@@ -54,8 +55,8 @@ void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale
         int x = left + k * (bar_width - s) / 2;
         legend_number(colormap_scale_value(scale, 0.5 * k), number, sizeof number);
         int w = canvas_text_width(&c, number), from = k == 0   ? left
-                                               : k == 1 ? x - w / 2
-                                                        : left + bar_width - w;
+                                                      : k == 1 ? x - w / 2
+                                                               : left + bar_width - w;
         canvas_fill(&c, x, bar + BAR * s, s, 2 * s, canvas_ink);
         canvas_text(&c, from, numbers, number);
     }

@@ -174,9 +174,9 @@ static bool write_triangles(FILE *file, const points *set, ply_format format, er
             uint32_t little = htole32(corner[c]);
             memcpy(packed + 1 + 4 * c, &little, sizeof little);
         }
-        good = format == PLY_ASCII
-                   ? fprintf(file, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1], corner[2]) > 0
-                   : fwrite_unlocked(packed, 1, FACE_BYTES, file) == FACE_BYTES;
+        good = format == PLY_ASCII ? fprintf(file, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0],
+                                             corner[1], corner[2]) > 0
+                                   : fwrite_unlocked(packed, 1, FACE_BYTES, file) == FACE_BYTES;
     }
     return good || write_failed(e);
 }
@@ -293,8 +293,8 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
         (!text && vertices * point + faces * face != left))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "PLY file: %zu bytes of data cannot be the %zu points%s of its header", left, vertices,
-                         faces > 0 ? " and faces" : "");
+                         "PLY file: %zu bytes of data cannot be the %zu points%s of its header", left,
+                         vertices, faces > 0 ? " and faces" : "");
     return true;
 }
 
@@ -395,7 +395,8 @@ static bool parse_face(FILE *file, uint32_t corner[3], error *e)
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
     int read = sscanf(line, "3 %" SCNu32 " %" SCNu32 " %" SCNu32, &corner[0], &corner[1], &corner[2]);
     if (read == 3)
-        snprintf(again, sizeof again, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1], corner[2]);
+        snprintf(again, sizeof again, "3 %" PRIu32 " %" PRIu32 " %" PRIu32 "\n", corner[0], corner[1],
+                 corner[2]);
     return (read == 3 && strcmp(line, again) == 0) || damaged(e, "a face is not a triangle");
 }
 
@@ -404,8 +405,9 @@ static bool read_face(FILE *file, const ply_file *f, size_t k, uint32_t corner[3
     if (!(f->format == PLY_ASCII ? parse_face(file, corner, e) : unpack_face(file, corner, e))) return false;
     for (int c = 0; c < 3; c++)
         if (corner[c] >= f->points.count)
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: face %zu has the corner %" PRIu32 " of %zu points",
-                             k, corner[c], f->points.count);
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "PLY file: face %zu has the corner %" PRIu32 " of %zu points", k, corner[c],
+                             f->points.count);
     return true;
 }
 
@@ -457,8 +459,8 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
     ply_file f = {0};
     double row[PLY_PROPERTIES], meant[PLY_PROPERTIES];
     if (!read_start(file, &f, e)) return false;
-    if (f.points.count != set->count || f.points.triangle_count != set->triangle_count || f.format != format ||
-        f.precision != precision)
+    if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
+        f.format != format || f.precision != precision)
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");

@@ -47,11 +47,11 @@ static const double stretch_max = 1.5, bend_radii = 1.6, bend_least_share = 0.75
 /* A body may come this much nearer than its point, in radii: half of that for its sinking. */
 static const double reach_share = 1.5;
 
-/* What is more of a disc than the surface's bend hides is drawn less, in proportion, where it is seen from the side
- * by less than this cosine: on edge it would stand out beyond the silhouette, as a thin arc. */
+/* What is more of a disc than the surface's bend hides is drawn less, in proportion, where it is seen from
+ * the side by less than this cosine: on edge it would stand out beyond the silhouette, as a thin arc. */
 static const double edge_cosine = 0.35;
 
-static const double line_pixels = 0.5; /* half as wide */
+static const double line_pixels = 1; /* half as wide */
 
 /* No disc is larger than this share of the set's half diagonal: a lone point may have a vast cell.
  */
@@ -92,8 +92,8 @@ static double facing_of(const camera *c, const disc *d)
     return -vec3_dot(sight, d->normal) / vec3_norm(sight);
 }
 
-/* The radius that is drawn of one whose centre and normal are set. A disc sinks by half its square over the radius of
- * curvature, if it may sink so far. */
+/* The radius that is drawn of one whose centre and normal are set. A disc sinks by half its square over
+ * the radius of curvature, if it may sink so far. */
 static double trim_edge(const image *m, size_t i, const disc *d, double radius)
 {
     double hidden = 2 * sink_max_share, kappa = m->points.kappa[i];
@@ -193,10 +193,11 @@ static double sample_place(int sample)
     return (sample + 0.5) / SAMPLES;
 }
 
-/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w = ray . normal,
- * at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and what lies within a
- * distance is an interval between the roots of a quadratic. Abscissae are taken from the centre's, where
- * v is small. A parallel ray meets the plane at v / w with w = normal . forward, and at a depth that is linear. */
+/* A disc along one row of samples. A ray (x, y, 1) from the eye meets its plane at 1/z = w / offset with w
+ * = ray . normal, at v / w from its centre with v = offset ray - w centre; so v and w are linear in x, and
+ * what lies within a distance is an interval between the roots of a quadratic. Abscissae are taken from
+ * the centre's, where v is small. A parallel ray meets the plane at v / w with w = normal . forward, and
+ * at a depth that is linear. */
 typedef struct section {
     double square, linear, constant; /* |v|^2 by powers of the abscissa */
     double slope, level;             /* w likewise */
@@ -234,8 +235,9 @@ static bool section_within(const section *s, double limit, double out[2])
     return true;
 }
 
-/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what to note where they are the greatest so far. Without
- * a branch, so that samples go through vectors; the sums are the same on every machine, as none is fused. */
+/* Inverse depths (parallel: what is left of them to the farthest) as a polynomial of the sample, and what
+ * to note where they are the greatest so far. Without a branch, so that samples go through vectors; the
+ * sums are the same on every machine, as none is fused. */
 typedef struct run {
     double square, linear, constant;
     uint32_t code;
@@ -286,9 +288,10 @@ static void draw_section(const abscissae *a, const section *s, const run *r, dou
                      key + ends[k], code + ends[k]);
 }
 
-/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it only breaks
- * ties. */
-static run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y, double far)
+/* Of the row through ray_y. Exact but for the cone, which takes the disc as it would look from afar: it
+ * only breaks ties. */
+static run run_along(const camera *c, const disc *d, const section *s, double offset, double ray_y,
+                     double far)
 {
     double limit = d->radius * d->radius, inverse = 1 / offset, cone = d->cone / limit * inverse * inverse;
     run r = {-cone * s->square, -cone * s->linear, -cone * s->constant, d->code};
@@ -310,7 +313,8 @@ static void draw_disc(const image *m, const disc *d, const band *b)
     if (!sample_range(c, d, b, range) || !(fabs(offset) > 0) || !(limit > 0)) return;
     double ring_limit = d->ring ? limit * ring_share * ring_share : limit;
     double middle = c->parallel ? d->center.x : d->center.x / d->center.z;
-    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (SAMPLES * c->focal), b->width};
+    const abscissae a = {(sample_place(0) - c->center_x) / c->focal - middle, 1 / (SAMPLES * c->focal),
+                         b->width};
     for (int y = range[2]; y <= range[3]; y++) {
         size_t line = (size_t)(y - b->top) * (size_t)b->width;
         double ray_y = camera_ray(c, 0, sample_place(y)).y;
@@ -325,7 +329,8 @@ static void draw_dot(const image *m, const disc *d, const band *b)
 {
     double at_x, at_y;
     camera_project(&m->camera, d->center, &at_x, &at_y);
-    int x = whole(floor(at_x * SAMPLES), -1, b->width), y = whole(floor(at_y * SAMPLES) - b->top, -1, b->rows);
+    int x = whole(floor(at_x * SAMPLES), -1, b->width),
+        y = whole(floor(at_y * SAMPLES) - b->top, -1, b->rows);
     if (x < 0 || x >= b->width || y < 0 || y >= b->rows) return;
     size_t at = (size_t)y * (size_t)b->width + (size_t)x;
     float here = (float)(m->camera.parallel ? m->far - d->center.z : 1 / d->center.z);
@@ -680,7 +685,8 @@ static camera_frame frame_of(const preview_options *o)
 
 void preview_orbit(const points *set, const preview_options *o, int frames, camera *out)
 {
-    if (!o->camera) camera_orbit(set->position, set->count, bound_set(set).radius_max, frame_of(o), frames, out);
+    if (!o->camera)
+        camera_orbit(set->position, set->count, bound_set(set).radius_max, frame_of(o), frames, out);
     for (int k = 0; o->camera && k < frames; k++) {
         camera_place turned = camera_turn(o->camera, 2 * M_PI * k / frames);
         out[k] = camera_look(&turned, o->width, o->height);
@@ -734,7 +740,8 @@ bool preview_render(const points *set, const preview_options *o, threads *pool, 
 {
     if (o->width < PREVIEW_SIZE_MIN || o->width > PREVIEW_SIZE_MAX || o->height < PREVIEW_SIZE_MIN ||
         o->height > PREVIEW_SIZE_MAX)
-        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width, o->height);
+        return error_set(e, ERROR_INTERNAL, "a preview of %d x %d pixels is not possible", o->width,
+                         o->height);
     if (!check_points(set, e)) return false;
     camera c = o->camera ? camera_look(o->camera, o->width, o->height)
                          : camera_fit(set->position, set->count, bound_set(set).radius_max, frame_of(o));

@@ -211,9 +211,9 @@ static bool finish(bool good, exr_result_t result, stream *s, error *e)
 static exr_attr_m44f_t world_to_camera(const camera *c)
 {
     vec3 shift = camera_point(c, vec3_make(0, 0, 0));
-    return (exr_attr_m44f_t){{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0,       //
-                              (float)c->right.y, (float)c->up.y, (float)c->forward.y, 0,       //
-                              (float)c->right.z, (float)c->up.z, (float)c->forward.z, 0,       //
+    return (exr_attr_m44f_t){{(float)c->right.x, (float)c->up.x, (float)c->forward.x, 0, //
+                              (float)c->right.y, (float)c->up.y, (float)c->forward.y, 0, //
+                              (float)c->right.z, (float)c->up.z, (float)c->forward.z, 0, //
                               (float)shift.x, (float)shift.y, (float)shift.z, 1}};
 }
 
@@ -228,8 +228,8 @@ static void put_column(const camera *c, vec3 of, double at_eye, int column, floa
     out[12 + column] = (float)(vec3_dot(of, shift) + at_eye);
 }
 
-/* To (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the fourth
- * coordinate. The third, which readers are told to discard, grows with the depth. */
+/* To (0, 0) at the upper left and (1, 1) at the lower right corner of the picture, after division by the
+ * fourth coordinate. The third, which readers are told to discard, grows with the depth. */
 static exr_attr_m44f_t world_to_ndc(const image *m)
 {
     const camera *c = &m->camera;
@@ -250,8 +250,9 @@ static exr_result_t write_required(exr_context_t file, int part, const image *m,
     const exr_attr_box2i_t window = {.max = {.x = m->width - 1, .y = m->height - 1}};
     const exr_attr_v2f_t middle = {.x = (float)((0.5 * m->width - c->center_x) / c->focal),
                                    .y = (float)((c->center_y - 0.5 * m->height) / c->focal)};
-    return exr_initialize_required_attr(file, part, &window, &window, 1, &middle, (float)(m->width / c->focal),
-                                        EXR_LINEORDER_INCREASING_Y, compressions[packing]);
+    return exr_initialize_required_attr(file, part, &window, &window, 1, &middle,
+                                        (float)(m->width / c->focal), EXR_LINEORDER_INCREASING_Y,
+                                        compressions[packing]);
 }
 
 static exr_result_t write_head(exr_context_t file, const image *m, preview_exr_packing packing)
@@ -343,7 +344,8 @@ static bool check_channels(exr_context_t file, error *e)
 }
 
 /* Against what the picture's line comes to. */
-static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_decode_pipeline_t *decoder, bool *same)
+static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_decode_pipeline_t *decoder,
+                               bool *same)
 {
     exr_chunk_info_t chunk;
     bool first = y == 0;
@@ -353,7 +355,8 @@ static exr_result_t check_line(exr_context_t file, int y, const line *l, exr_dec
     if (!r && first) r = exr_decoding_choose_default_routines(file, 0, decoder);
     decoder->unpack_and_convert_fn = NULL; /* it is looked at as it is packed */
     if (!r) r = exr_decoding_run(file, 0, decoder);
-    *same = !r && chunk.unpacked_size == l->length && memcmp(decoder->unpacked_buffer, l->bytes, l->length) == 0;
+    *same =
+        !r && chunk.unpacked_size == l->length && memcmp(decoder->unpacked_buffer, l->bytes, l->length) == 0;
     return r;
 }
 

@@ -9,10 +9,10 @@
  *     Z                   float  depth along the camera's axis; PREVIEW_FAR where nothing is
  *     id                  uint   index of the point in points.ply plus one; 0 where nothing is
  *
- * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). Of
- * OpenEXR's standard attributes worldToCamera is the matrix from world to camera space (right, up, forward: left-
- * handed), worldToNDC that to the picture, (0, 0) at its upper left and (1, 1) at its lower right corner; both for
- * row vectors. The screen window is that at depth 1 (of parallel cameras in world units).
+ * All but RGBA are those of the pixel's centre, never averaged, and 0 where nothing is (but Z). Of OpenEXR's
+ * standard attributes worldToCamera is the matrix from world to camera space (right, up, forward: left-
+ * handed), worldToNDC that to the picture, (0, 0) at its upper left and (1, 1) at its lower right corner;
+ * both for row vectors. The screen window is that at depth 1 (of parallel cameras in world units).
  */
 #ifndef HEXAD_FORMATS_PREVIEW_EXR_H
 #define HEXAD_FORMATS_PREVIEW_EXR_H

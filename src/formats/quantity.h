@@ -20,7 +20,7 @@ const double *quantity_values(const points *set, quantity which);
 /* As the legend calls it. */
 const char *quantity_title(quantity which);
 
-/* `extent`: of the set, to tell what range of a length or a curvature is next to nothing. False: no memory. */
+/* `extent`: of the set, to tell what range of a length or a curvature is nothing. False: no memory. */
 bool quantity_scale(const points *set, quantity which, double extent, colormap_scale *out, error *e);
 
 #endif

@@ -34,8 +34,9 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
     json_put_bool(object, "closed", triangulation_is_closed(m));
     json_put_number(object, "radius_ratio", m->radius_ratio);
     if (!triangulation_is_whole(m))
-        json_append_string(warnings, "mesh.ply is not a whole surface: where the spacing does not resolve it, "
-                                     "triangles are missing or too many meet (see mesh); ask for more points");
+        json_append_string(warnings,
+                           "mesh.ply is not a whole surface: where the spacing does not resolve it, "
+                           "triangles are missing or too many meet (see mesh); ask for more points");
 }
 
 static void put_surface(json *report, const report_facts *facts)

@@ -17,7 +17,7 @@
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
 
-static const char *const names[] = {"report.json", "points.ply",  "points.vdb", "mesh.ply",
+static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
                                     "preview.png", "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
 
@@ -87,8 +87,8 @@ static double largest_residual(const field *f, const points *set, bool as_float,
     return worst;
 }
 
-static bool write_ply(const char *directory, const char *name, const spec *s, const points *set, bool as_float,
-                      threads *pool, json *outputs, error *e)
+static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
+                      bool as_float, threads *pool, json *outputs, error *e)
 {
     ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     ply_precision precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
@@ -157,14 +157,15 @@ static bool write_exr(const char *directory, const spec *s, const image *picture
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && preview_exr_write(file.stream, picture, packing, e) &&
-              preview_exr_verify(file.stream, picture, packing, e) && commit_output(&file, "preview.exr", outputs, e);
+              preview_exr_verify(file.stream, picture, packing, e) &&
+              commit_output(&file, "preview.exr", outputs, e);
     store_file_abort(&file);
     free(path);
     return ok;
 }
 
-static bool write_turntable(const char *directory, int frames, const points *set, const preview_options *options,
-                            threads *pool, json *outputs, error *e)
+static bool write_turntable(const char *directory, int frames, const points *set,
+                            const preview_options *options, threads *pool, json *outputs, error *e)
 {
     camera *from = mem_alloc((size_t)frames * sizeof *from);
     bool ok = true;
@@ -173,7 +174,8 @@ static bool write_turntable(const char *directory, int frames, const points *set
         char *name = mem_printf(FRAME_NAME, k + 1);
         image *picture = NULL;
         ok = preview_render_from(set, options, &from[k], pool, &picture, e) &&
-             write_png(directory, name, &(canvas){picture->rgb, picture->width, picture->height, 1}, outputs, e);
+             write_png(directory, name, &(canvas){picture->rgb, picture->width, picture->height, 1}, outputs,
+                       e);
         preview_free(picture);
         free(name);
     }

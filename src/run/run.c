@@ -25,7 +25,8 @@ static const double BYTES_PER_PARTICLE = 450;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
-/* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they grow. */
+/* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they
+ * grow. */
 static const double BYTES_PER_VERTEX = 120;
 /* Of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
 static const double BYTES_PER_GRID_POINT = 200;
@@ -99,8 +100,10 @@ static double particle_memory(const job *j)
 static double bytes_per_particle(const job *j)
 {
     /* one after the other */
-    double more = fmax(j->spec->has_mesh ? BYTES_PER_VERTEX : 0, j->spec->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
-    return more + (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
+    double more =
+        fmax(j->spec->has_mesh ? BYTES_PER_VERTEX : 0, j->spec->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    return more +
+           (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
 
 static bool fits_memory(const job *j, double count, error *e)

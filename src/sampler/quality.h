@@ -8,9 +8,8 @@
  * places on the two sheets touch then. A point is unresolved when there is another within 1.7 spacings of it
  * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
  * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
- * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured, nor
- * have those whose star is pinched.
- * See SPEC `report.json` for the meaning of each measure.
+ * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
+ * nor have those whose star is pinched. See SPEC `report.json` for the meaning of each measure.
  */
 #ifndef HEXAD_SAMPLER_QUALITY_H
 #define HEXAD_SAMPLER_QUALITY_H

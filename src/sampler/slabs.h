@@ -1,5 +1,5 @@
-/* slabs: a point set part by part along the longest side of its box, so that the lists of who is near whom are
- * those of a part at a time. About a hundred thousand points are in one, but for the largest sets. */
+/* slabs: a point set part by part along the longest side of its box, so that the lists of who is near whom
+ * are those of a part at a time. About a hundred thousand points are in one, but for the largest sets. */
 #ifndef HEXAD_SAMPLER_SLABS_H
 #define HEXAD_SAMPLER_SLABS_H
 
@@ -23,8 +23,8 @@ typedef struct slabs_input {
 typedef struct slabs {
     int axis; /* that they are cut across */
     size_t count;
-    double *end;  /* of each along the axis */
-    double halo;  /* around each, of points that are known beside its own */
+    double *end; /* of each along the axis */
+    double halo; /* around each, of points that are known beside its own */
 } slabs;
 
 /* Release also after failure. Error: limit_memory. */

@@ -256,7 +256,8 @@ static void conclude(const tally *all, size_t chunks, size_t points, triangulati
 static bool survey_made(const triangulation_input *in, threads *pool, triangulation *made, error *e)
 {
     survey job = {.in = in, .made = made};
-    size_t most = made->facts.triangles > in->count ? made->facts.triangles : in->count, chunks = most / CHUNK + 1;
+    size_t most = made->facts.triangles > in->count ? made->facts.triangles : in->count,
+           chunks = most / CHUNK + 1;
     job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
     bool ok = job.tally && list_wedges(&job, e);
     if (ok) {
@@ -274,7 +275,8 @@ static bool survey_made(const triangulation_input *in, threads *pool, triangulat
 /* Loops of more edges are left open: they are where sheets are not told apart. */
 enum { HOLE_MOST = 8 };
 
-/* Around a hole, clockwise as seen from outside on the triangles, so counterclockwise for those that close it. */
+/* Around a hole, clockwise as seen from outside on the triangles, so counterclockwise for those that close
+ * it. */
 typedef struct hole {
     size_t count;
     uint32_t point[HOLE_MOST];
@@ -286,7 +288,7 @@ static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
     return job->begin[i + 1] - job->begin[i];
 }
 
-/* The point that a hole's edge leads to from i; false when none or several holes are at i, or it is at a rim. */
+/* The point that a hole's edge leads to from i; false when none or several holes are there, or a rim. */
 static bool next_around(const survey *job, uint32_t i, uint32_t *out)
 {
     const wedge *w;
@@ -336,14 +338,15 @@ static bool are_joined(const survey *job, uint32_t a, uint32_t b)
     return first + second > 0;
 }
 
-/* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces right;
- * the hole's count if there is none. */
+/* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces
+ * right; the hole's count if there is none. */
 static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
 {
     size_t best = h->count;
     double shortest = INFINITY;
     for (size_t k = 0; k < h->count; k++) {
-        const uint32_t corner[3] = {h->point[(k + h->count - 1) % h->count], h->point[k], h->point[(k + 1) % h->count]};
+        const uint32_t corner[3] = {h->point[(k + h->count - 1) % h->count], h->point[k],
+                                    h->point[(k + 1) % h->count]};
         double square = vec3_norm2(vec3_sub(job->in->position[corner[2]], job->in->position[corner[0]]));
         if (!(square < shortest) || !faces_right(job->in, corner)) continue;
         if (h->count > 3 && are_joined(job, corner[0], corner[2])) continue;

@@ -1,10 +1,10 @@
-/* triangulation: the triangles of the restricted Delaunay triangulation (voronoi.h) of a finished point set, and
- * whether they are a surface.
+/* triangulation: the triangles of the restricted Delaunay triangulation (voronoi.h) of a finished point set,
+ * and whether they are a surface.
  *
- * Where the points resolve the surface the triangles close it, each edge in two of them, or leave off at its rims.
- * Elsewhere, as between sheets closer than the spacing, they may not: the facts say so, all of them counted from
- * the triangles alone. Before that holes of up to eight edges are closed, where triangles that face as their corners
- * do can close them.
+ * Where the points resolve the surface the triangles close it, each edge in two of them, or leave off at its
+ * rims. Elsewhere, as between sheets closer than the spacing, they may not: the facts say so, all of them
+ * counted from the triangles alone. Before that holes of up to eight edges are closed, where triangles that
+ * face as their corners do can close them.
  */
 #ifndef HEXAD_SAMPLER_TRIANGULATION_H
 #define HEXAD_SAMPLER_TRIANGULATION_H
@@ -28,7 +28,7 @@ typedef struct triangulation_input {
 
 typedef struct triangulation_facts {
     size_t triangles, edges;
-    size_t closing; /* of the triangles those that close small holes which the stars have left */
+    size_t closing;              /* of the triangles those that close small holes which the stars have left */
     int64_t euler;               /* points - edges + triangles */
     size_t boundary_edges;       /* in one triangle */
     size_t rim_edges;            /* of them those with both ends within a spacing of a rim */
@@ -38,7 +38,8 @@ typedef struct triangulation_facts {
 } triangulation_facts;
 
 typedef struct triangulation {
-    uint32_t (*corner)[3]; /* of each triangle, counterclockwise seen from outside; the first has the least index */
+    uint32_t (
+        *corner)[3]; /* of each triangle, counterclockwise seen from outside; the first has the least index */
     triangulation_facts facts;
 } triangulation;
 

@@ -1,10 +1,10 @@
 /* voronoi: the Voronoi diagram of points, restricted to their surface, by its dual triangulation.
  *
- * Three points are a triangle of the surface when it is one of the Delaunay triangulation in space that has the
- * inside on one side and the outside on the other (Edelsbrunner and Shah 1997): of two tetrahedra that share
- * it, the circumcentre of one is inside and that of the other is not, as the normals of the corners say. So
- * the triangles are the same seen from all corners, at creases and corners of the surface too. Points on
- * another sheet are not seen. Pure functions, safe in any thread.
+ * Three points are a triangle of the surface when it is one of the Delaunay triangulation in space that has
+ * the inside on one side and the outside on the other (Edelsbrunner and Shah 1997): of two tetrahedra that
+ * share it, the circumcentre of one is inside and that of the other is not, as the normals of the corners
+ * say. So the triangles are the same seen from all corners, at creases and corners of the surface too. Points
+ * on another sheet are not seen. Pure functions, safe in any thread.
  */
 #ifndef HEXAD_SAMPLER_VORONOI_H
 #define HEXAD_SAMPLER_VORONOI_H

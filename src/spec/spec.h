@@ -188,7 +188,7 @@ typedef struct spec {
     bool has_camera;                   /* else one that sees all of it */
     spec_camera camera;
     spec_compression preview_compression; /* of preview.exr */
-    int turntable;                     /* frames; 0: none */
+    int turntable;                        /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_mesh;
 
     int64_t memory_mb; /* limits; 0: the default of whoever runs the job */

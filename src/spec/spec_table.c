@@ -141,8 +141,7 @@ const spec_row spec_rows[] = {
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0.5,0.5,0.5]",
-     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) |
-               SHAPE(GYROID),
+     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID),
      AT(analytic.center),
      .unit = "world",
      .prose = "Every shape: its centre."},
@@ -354,9 +353,10 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_TARGET,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
-     .prose = "Section 6.1: the smallest system that keeps a lower bound on the count and an upper bound on "
-              "sigma at the ideal energy. paper: by insertion and deletion between rounds, from min_count on; "
-              "sized: by solving for the count directly, from sigma = sqrt(3) spacing."},
+     .prose =
+         "Section 6.1: the smallest system that keeps a lower bound on the count and an upper bound on "
+         "sigma at the ideal energy. paper: by insertion and deletion between rounds, from min_count on; "
+         "sized: by solving for the count directly, from sigma = sqrt(3) spacing."},
     {.pointer = "/sampling/control/min_count",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
@@ -380,15 +380,17 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(control.start_count),
      .unit = "points",
-     .prose = "How many points paper begins with, at least min_count; 0: min_count. One near the result saves "
-              "rounds; of one that is too large points are deleted."},
+     .prose =
+         "How many points paper begins with, at least min_count; 0: min_count. One near the result saves "
+         "rounds; of one that is too large points are deleted."},
     {.pointer = "/sampling/control/selection",
      .type = SPEC_TYPE_WORD,
      .words = "biased|random",
      .otherwise = "\"biased\"",
      AT(control.selection),
-     .prose = "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
-              "much to go; random: any. Only paper inserts and deletes."},
+     .prose =
+         "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
+         "much to go; random: any. Only paper inserts and deletes."},
     {.pointer = "/sampling/time_s",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -397,9 +399,10 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      AT(time_s),
      .unit = "s",
-     .prose = "As many points as the whole job can relax, measure and write in this time on the machine that runs "
-              "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
-              "limit_time where not even 200 points fit."},
+     .prose =
+         "As many points as the whole job can relax, measure and write in this time on the machine that runs "
+         "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
+         "limit_time where not even 200 points fit."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -444,7 +447,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_curvature),
-     .prose = "Spacing by curvature: finer where the surface bends. The request is scaled until it asks for as many "
+     .prose = "Spacing by curvature: finer where the surface bends. The request is scaled until it asks for "
+              "as many "
               "points as the target."},
     {.pointer = "/sampling/curvature/chord_error",
      .type = SPEC_TYPE_NUMBER,
@@ -454,7 +458,8 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(curvature.chord_error),
      .unit = "world",
-     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between neighbours is that far off the "
+     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between neighbours is that "
+              "far off the "
               "surface. The report says which error the count reaches."},
     {.pointer = "/sampling/curvature/ratio",
      .type = SPEC_TYPE_NUMBER,
@@ -462,7 +467,8 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(curvature.ratio),
-     .prose = "Spacing proportional to kappa^-exponent, the largest this many times the least; the least is where a "
+     .prose = "Spacing proportional to kappa^-exponent, the largest this many times the least; the least is "
+              "where a "
               "hundredth of the area bends more."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
@@ -478,7 +484,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_grid),
-     .prose = "Spacing from a second scalar grid of the surface's VDB file, a painted map. The request is scaled until "
+     .prose = "Spacing from a second scalar grid of the surface's VDB file, a painted map. The request is "
+              "scaled until "
               "it asks for as many points as the target."},
     {.pointer = "/sampling/grid/name",
      .type = SPEC_TYPE_STRING,
@@ -492,7 +499,8 @@ const spec_row spec_rows[] = {
      .words = "spacing|density",
      .otherwise = "\"spacing\"",
      AT(grid.kind),
-     .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, but for what "
+     .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, "
+              "but for what "
               "the bounds require."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
@@ -525,26 +533,29 @@ const spec_row spec_rows[] = {
      .words = "sized|paper|witkin-heckbert",
      .otherwise = "\"sized\"",
      AT(method),
-     .prose = "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same, from a "
-              "coarse packing to ever finer ones, which leaves fewer defects in less time. The default with "
-              "sampling.alpha is paper, to which it belongs. witkin-heckbert: the method that the paper compares "
-              "itself with, for comparison; it has a Gaussian energy of its own, splits and deletes points at any "
-              "time and does not come to the count that is asked for."},
+     .prose =
+         "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same, from a "
+         "coarse packing to ever finer ones, which leaves fewer defects in less time. The default with "
+         "sampling.alpha is paper, to which it belongs. witkin-heckbert: the method that the paper compares "
+         "itself with, for comparison; it has a Gaussian energy of its own, splits and deletes points at any "
+         "time and does not come to the count that is asked for."},
     {.pointer = "/solver/energy",
      .type = SPEC_TYPE_WORD,
      .words = "cotangent|gaussian|electrostatic",
      .otherwise = "\"cotangent\"",
      .methods = MEYER,
      AT(energy),
-     .prose = "cotangent: equations (6) and (7). gaussian and electrostatic: for comparison, see section 4; the "
-              "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
+     .prose =
+         "cotangent: equations (6) and (7). gaussian and electrostatic: for comparison, see section 4; the "
+         "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
     {.pointer = "/solver/minimiser",
      .type = SPEC_TYPE_WORD,
      .words = "lm|gradient",
      .otherwise = "\"lm\"",
      .methods = MEYER,
      AT(minimiser),
-     .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5. gradient: steepest descent (5) with a "
+     .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5. gradient: steepest descent (5) "
+              "with a "
               "fixed step, as for Table 1."},
     {.pointer = "/solver/step",
      .type = SPEC_TYPE_NUMBER,
@@ -555,7 +566,8 @@ const spec_row spec_rows[] = {
      .methods = MEYER,
      AT(step),
      .unit = "sigma^2",
-     .prose = "Step of the gradient minimiser: times the force, in units of sigma^2. Above about 0.2 the cotangent "
+     .prose = "Step of the gradient minimiser: times the force, in units of sigma^2. Above about 0.2 the "
+              "cotangent "
               "overshoots. Only with gradient."},
     {.pointer = "/solver/sigma",
      .type = SPEC_TYPE_NUMBER,
@@ -570,7 +582,8 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
      UNSTORED,
-     .prose = "The parameters of the method \"witkin-heckbert\", with the symbols and the defaults of its paper (1994). "
+     .prose = "The parameters of the method \"witkin-heckbert\", with the symbols and the defaults of its "
+              "paper (1994). "
               "Its target radius, sigma_hat, comes from the sampling target."},
     {.pointer = "/solver/witkin_heckbert/alpha",
      .type = SPEC_TYPE_NUMBER,
@@ -690,8 +703,9 @@ const spec_row spec_rows[] = {
      .words = "auto|portable|avx2|avx512",
      .otherwise = "\"auto\"",
      AT(isa),
-     .prose = "Instruction set of the numerical kernels; auto: the best that the machine has. The result does not "
-              "depend on it."},
+     .prose =
+         "Instruction set of the numerical kernels; auto: the best that the machine has. The result does not "
+         "depend on it."},
     {.pointer = "/solver/max_sweeps",
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
@@ -708,9 +722,11 @@ const spec_row spec_rows[] = {
      .otherwise = "0.003",
      AT(step_tolerance),
      .unit = "spacings",
-     .prose = "Converged needs an rms step below this (witkin-heckbert: the rms of what a unit of time would bring). "
-              "What still moves at 0.003 are a few defects: a third of that takes twice the sweeps and changes no "
-              "measure of quality by more than seeds do."},
+     .prose =
+         "Converged needs an rms step below this (witkin-heckbert: the rms of what a unit of time would "
+         "bring). "
+         "What still moves at 0.003 are a few defects: a third of that takes twice the sweeps and changes no "
+         "measure of quality by more than seeds do."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -718,10 +734,9 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.05",
      AT(energy_tolerance),
-     .prose =
-         "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed "
-         "surface must have and "
-         "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
+     .prose = "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed "
+              "surface must have and "
+              "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
 
     GROUP("/output", 0, "What is written."),
     GROUP("/output/ply", 0, "points.ply"),
@@ -755,21 +770,24 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_WORD,
      .words = "alpha|curvature|energy|spacing|degree",
      AT(preview_color),
-     .prose = "What the colours show: the amplitude alpha, kappa, a particle's energy, the achieved spacing, or how "
+     .prose = "What the colours show: the amplitude alpha, kappa, a particle's energy, the achieved spacing, "
+              "or how "
               "many neighbours a point has. Default: alpha where sampling.alpha is given, else curvature."},
     {.pointer = "/output/preview/compression",
      .type = SPEC_TYPE_WORD,
      .words = "none|rle|zips",
      .otherwise = "\"none\"",
      AT(preview_compression),
-     .prose = "Of preview.exr. At 512 pixels square none has 12.6 MB; rle about 6 and zips 3, for 20 and 130 ms of "
+     .prose = "Of preview.exr. At 512 pixels square none has 12.6 MB; rle about 6 and zips 3, for 20 and 130 "
+              "ms of "
               "processor time."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_camera),
-     .prose = "Where the pictures are taken from. Without it from the right, in front and above, with z up, as near "
+     .prose = "Where the pictures are taken from. Without it from the right, in front and above, with z up, "
+              "as near "
               "as all of it can be seen."},
     {.pointer = "/output/preview/camera/position",
      .type = SPEC_TYPE_VECTOR,
@@ -803,7 +821,8 @@ const spec_row spec_rows[] = {
      .high = 3,
      AT(camera.fov),
      .unit = "radians",
-     .prose = "The angle of view along the picture's longer side. Without it, and without orthographic, 0.452."},
+     .prose =
+         "The angle of view along the picture's longer side. Without it, and without orthographic, 0.452."},
     {.pointer = "/output/preview/camera/orthographic",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -820,7 +839,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(turntable),
      .unit = "frames",
-     .prose = "So many pictures on one turn around the surface, preview.0001.png and so on; 0: none. The axis is the "
+     .prose = "So many pictures on one turn around the surface, preview.0001.png and so on; 0: none. The "
+              "axis is the "
               "camera's up through its target; without a camera, z through the middle of the points."},
     {.pointer = "/output/convergence",
      .type = SPEC_TYPE_BOOL,
@@ -831,13 +851,15 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_points_vdb),
-     .prose = "points.vdb: the points as an OpenVDB points grid with N, pscale (half the achieved spacing) and id (the "
+     .prose = "points.vdb: the points as an OpenVDB points grid with N, pscale (half the achieved spacing) "
+              "and id (the "
               "point's place in points.ply, from 0)."},
     {.pointer = "/output/mesh",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_mesh),
-     .prose = "mesh.ply: triangles whose vertices are the points, in the order and with the properties of points.ply. "
+     .prose = "mesh.ply: triangles whose vertices are the points, in the order and with the properties of "
+              "points.ply. "
               "The report's mesh says whether they close the surface."},
     LATER("/output/directory", SPEC_CHOICE_NONE, "A copy of the results below an output root."),
 
@@ -933,10 +955,19 @@ bool spec_word(const char *list, size_t index, char *out, size_t size)
 
 static void print_values(FILE *file, const spec_row *row)
 {
-    static const char *const types[] = {
-        "object", "number",       "integer",       "integer",       "boolean",                       "word",
-        "string", "[number x 3]", "[integer x 3]", "[number, ...]", "integer or [integer, integer]", "[string, ...]",
-        ""};
+    static const char *const types[] = {"object",
+                                        "number",
+                                        "integer",
+                                        "integer",
+                                        "boolean",
+                                        "word",
+                                        "string",
+                                        "[number x 3]",
+                                        "[integer x 3]",
+                                        "[number, ...]",
+                                        "integer or [integer, integer]",
+                                        "[string, ...]",
+                                        ""};
     fprintf(file, " (%s", types[row->type]);
     if (row->words) {
         fprintf(file, ":");

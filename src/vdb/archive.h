@@ -13,12 +13,14 @@
 
 #include "vdb/shim.h"
 
-namespace shim {
+namespace shim
+{
 
 /* Archive's own write is protected; io::File and io::Stream are its two public faces, neither of
  * which writes a seekable file to a stream in memory. */
-class archive : public openvdb::io::Archive {
-public:
+class archive : public openvdb::io::Archive
+{
+  public:
     void write_all(std::ostream &out, const openvdb::GridCPtrVec &grids, bool seekable) const
     {
         Archive::write(out, grids, seekable);

@@ -16,7 +16,8 @@
 namespace vdb = openvdb;
 using shim::fault;
 
-namespace {
+namespace
+{
 
 typedef vdb::points::PointDataGrid grid;
 typedef vdb::points::TypedAttributeArray<vdb::Vec3f> normal_array;
@@ -30,17 +31,20 @@ const char grid_name[] = "points";
 const double place_tolerance = 1e-6;
 
 /* What the library's conversion reads points from. */
-template <typename Value> class source {
-public:
+template <typename Value> class source
+{
+  public:
     typedef Value value_type;
     typedef Value PosType;
     typedef Value ValueType;
-    source(const double *values, size_t count, double factor) : values(values), count(count), factor(factor) {}
+    source(const double *values, size_t count, double factor) : values(values), count(count), factor(factor)
+    {
+    }
     size_t size() const { return count; }
     void getPos(size_t i, Value &out) const { get(out, i); }
     template <typename Type> void get(Type &out, size_t i, vdb::Index = 0) const { take(out, i); }
 
-private:
+  private:
     template <typename T> void take(vdb::math::Vec3<T> &out, size_t i) const
     {
         for (int k = 0; k < 3; k++) out[k] = T(factor * values[3 * i + size_t(k)]);
@@ -52,15 +56,16 @@ private:
 };
 
 /* The places 0, 1, 2, ... */
-class places {
-public:
+class places
+{
+  public:
     typedef int64_t value_type;
     typedef int64_t ValueType;
     explicit places(size_t count) : count(count) {}
     size_t size() const { return count; }
     void get(int64_t &out, size_t i, vdb::Index = 0) const { out = int64_t(i); }
 
-private:
+  private:
     size_t count;
 };
 
@@ -79,7 +84,8 @@ grid::Ptr build(const vdb_points &p)
     const source<vdb::Vec3d> positions(p.position, p.count, 1);
     const vdb::math::Transform::Ptr transform = transform_for(p);
     auto index = vdb::tools::createPointIndexGrid<vdb::tools::PointIndexGrid>(positions, *transform);
-    grid::Ptr made = vdb::points::createPointDataGrid<vdb::points::NullCodec, grid>(*index, positions, *transform);
+    grid::Ptr made =
+        vdb::points::createPointDataGrid<vdb::points::NullCodec, grid>(*index, positions, *transform);
     auto &tree = made->tree();
     const auto &order = index->tree();
     vdb::points::appendAttribute(tree, "N", normal_array::attributeType());
@@ -107,8 +113,9 @@ void identify(std::string &bytes, const std::string &random)
     bytes.replace(at, random.size(), random.size(), '0');
     const uint64_t a = hash_of(bytes, 14695981039346656037u), b = hash_of(bytes, a);
     char text[37];
-    std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32), unsigned(a >> 16 & 0xffff),
-                  unsigned(a & 0xffff), unsigned(b >> 48), static_cast<unsigned long long>(b & 0xffffffffffff));
+    std::snprintf(text, sizeof text, "%08x-%04x-%04x-%04x-%012llx", unsigned(a >> 32),
+                  unsigned(a >> 16 & 0xffff), unsigned(a & 0xffff), unsigned(b >> 48),
+                  static_cast<unsigned long long>(b & 0xffffffffffff));
     if (random.size() == sizeof text - 1) bytes.replace(at, random.size(), text);
 }
 
@@ -128,12 +135,13 @@ std::string read_all(int fd)
 
 fault differs(const char *what, size_t i)
 {
-    return fault(ERROR_INTERNAL, std::string("the ") + what + " of point " + std::to_string(i) + " is not what was written");
+    return fault(ERROR_INTERNAL,
+                 std::string("the ") + what + " of point " + std::to_string(i) + " is not what was written");
 }
 
 /* Of a leaf's points; notes those that are seen. */
-void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Transform &transform, const vdb_points &p,
-                 std::vector<bool> &seen)
+void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Transform &transform,
+                 const vdb_points &p, std::vector<bool> &seen)
 {
     vdb::points::AttributeHandle<vdb::Vec3f> offset(leaf.constAttributeArray("P"));
     vdb::points::AttributeHandle<vdb::Vec3f> normal(leaf.constAttributeArray("N"));
@@ -145,7 +153,8 @@ void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Tran
             throw fault(ERROR_INTERNAL, "an id stands twice, or is none that was written");
         const size_t i = size_t(place);
         seen[i] = true;
-        const vdb::Vec3d world = transform.indexToWorld(vdb::Vec3d(offset.get(*point)) + point.getCoord().asVec3d());
+        const vdb::Vec3d world =
+            transform.indexToWorld(vdb::Vec3d(offset.get(*point)) + point.getCoord().asVec3d());
         for (int k = 0; k < 3; k++) {
             const size_t at = 3 * i + size_t(k);
             const double slack = place_tolerance * p.voxel_size + 1e-15 * std::abs(p.position[at]);

@@ -19,10 +19,12 @@ static void ticks_are_round(void **state)
         double range;
         int most;
         double step;
-    } cases[] = {{10, 5, 2}, {10.1, 5, 5}, {1, 10, 0.1}, {0.003, 4, 0.001}, {7e6, 8, 1e6}, {24, 5, 5}, {26, 5, 10}};
+    } cases[] = {{10, 5, 2},    {10.1, 5, 5}, {1, 10, 0.1}, {0.003, 4, 0.001},
+                 {7e6, 8, 1e6}, {24, 5, 5},   {26, 5, 10}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         double step = chart_tick(cases[k].range, cases[k].most);
-        if (fabs(step / cases[k].step - 1) > 1e-9) fail_msg("%g in %d: %g", cases[k].range, cases[k].most, step);
+        if (fabs(step / cases[k].step - 1) > 1e-9)
+            fail_msg("%g in %d: %g", cases[k].range, cases[k].most, step);
     }
 }
 

@@ -302,7 +302,8 @@ static void test_triangles(void **state)
         assert_false(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
         fclose(file);
         for (size_t n = 0; n < b.length; n++)
-            if (read_bytes(b.data, n, &f, NULL) && n != b.length) fail_msg("accepted %zu of %zu bytes", n, b.length);
+            if (read_bytes(b.data, n, &f, NULL) && n != b.length)
+                fail_msg("accepted %zu of %zu bytes", n, b.length);
         refuse_with(&b, "face 2", "face 3", format == PLY_ASCII ? "ends too early" : "and faces");
         refuse_with(&b, "face 2", "face 18446744073709551615", "cannot be the 4 points and faces");
         refuse_with(&b, "uchar int", "uchar uint", "expected the line");

@@ -135,8 +135,9 @@ static void test_what_is_behind_is_not_seen(void **state)
     point_set_free(&s);
 }
 
-/* A turn around a set that is long and off the origin: all of it stays in the frame, the eye at one distance from
- * the middle, the first where the still camera looks from; with a camera that is given, around its target. */
+/* A turn around a set that is long and off the origin: all of it stays in the frame, the eye at one
+ * distance from the middle, the first where the still camera looks from; with a camera that is given,
+ * around its target. */
 static void test_turntables(void **state)
 {
     (void)state;
@@ -149,7 +150,8 @@ static void test_turntables(void **state)
     preview_orbit(&s.points, &options, FRAMES, from);
     assert_true(vec3_norm(vec3_sub(from[0].forward, still.forward)) < 1e-12);
     for (int k = 0; k < FRAMES; k++) {
-        vec3 middle = camera_point(&from[k], vec3_make(100, 5, -7)), before = from[k > 0 ? k - 1 : FRAMES - 1].forward;
+        vec3 middle = camera_point(&from[k], vec3_make(100, 5, -7)),
+             before = from[k > 0 ? k - 1 : FRAMES - 1].forward;
         assert_true(fabs(middle.x) < 0.05 && fabs(middle.y) < 0.05);
         assert_true(fabs(middle.z - camera_point(&from[0], vec3_make(100, 5, -7)).z) < 0.05);
         double turned = atan2(from[k].forward.y, from[k].forward.x) - atan2(before.y, before.x);
@@ -181,14 +183,16 @@ static void test_every_quantity_is_shown(void **state)
         for (size_t i = 0; i < 300; i++) degree[i] = 6;
         double *values = (double *)quantity_values(&s.points, which), even = values[0];
         for (size_t i = 0; i < 300; i++) values[i] = s.position[i].x > 0 ? 7 : 5;
-        for (size_t i = 0; which == QUANTITY_SPACING && i < 300; i++) values[i] = s.position[i].x > 0 ? 0.15 : 0.12;
+        for (size_t i = 0; which == QUANTITY_SPACING && i < 300; i++)
+            values[i] = s.position[i].x > 0 ? 0.15 : 0.12;
         image *m = render(&s.points, 256, 256, which);
         double light[2] = {0};
         for (int y = 0; y < 200; y++)
             for (int x = 0; x < 256; x++) {
                 preview_sample p = preview_at(m, x, y);
                 const unsigned char *c = m->rgb + 3 * (y * 256 + x);
-                if (p.id > 0) light[s.position[p.id - 1].x > 0] += c[1] - c[2]; /* from blue to green or yellow */
+                if (p.id > 0)
+                    light[s.position[p.id - 1].x > 0] += c[1] - c[2]; /* from blue to green or yellow */
             }
         assert_true(light[1] > 0 && light[0] < light[1]);
         assert_true(m->scale.low < m->scale.high);

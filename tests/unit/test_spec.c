@@ -100,9 +100,8 @@ static json *document_for(const spec_row *row)
          "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100}}"},
         {"/surface/bspline/coefficients",
          "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4]}},\"sampling\":{\"count\":100}}"},
-        {"/surface/bspline",
-         "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
-         "\"sampling\":{\"count\":100}}"},
+        {"/surface/bspline", "{\"version\":1,\"surface\":{\"bspline\":{\"dims\":[4,4,4],\"path\":\"a.raw\"}},"
+                             "\"sampling\":{\"count\":100}}"},
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/surface/mesh",
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
@@ -567,10 +566,12 @@ static void test_normalised_is_idempotent(void **state)
         text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
               "\"radius\":0.4}},"
               "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
-              "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
+              "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":"
+              "\"auto\",\"max_sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-              "\"color\":\"curvature\",\"compression\":\"none\",\"turntable\":0},\"convergence\":false,\"points_vdb\":false,"
+              "\"color\":\"curvature\",\"compression\":\"none\",\"turntable\":0},\"convergence\":false,"
+              "\"points_vdb\":false,"
               "\"mesh\":false},"
               "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
               "\"queue\":{\"priority\":0,\"labels\":[]}}");

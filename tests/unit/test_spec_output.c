@@ -41,7 +41,8 @@ static void refuse(const char *output, const char *pointer, const char *words)
     if (parse(output, &faults, &e)) fail_msg("accepted: %s", output);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_string_equal(faults.item[0].pointer, pointer);
-    if (!strstr(faults.item[0].detail, words)) fail_msg("'%s' does not say '%s'", faults.item[0].detail, words);
+    if (!strstr(faults.item[0].detail, words))
+        fail_msg("'%s' does not say '%s'", faults.item[0].detail, words);
 }
 
 static void cameras_are_read(void **state)
@@ -67,7 +68,8 @@ static void cameras_that_see_nothing_are_refused(void **state)
     (void)state;
     static const char at[] = "/output/preview/camera";
     refuse(CAMERA("\"position\":[1,2,3]"), "/output/preview/camera/target", "is required");
-    refuse(CAMERA("\"position\":[1,2,3],\"target\":[1,2,3]"), "/output/preview/camera/target", "another place");
+    refuse(CAMERA("\"position\":[1,2,3],\"target\":[1,2,3]"), "/output/preview/camera/target",
+           "another place");
     refuse(PLACED(",\"up\":[0,-3,0]"), "/output/preview/camera/up", "line from position to target");
     refuse(PLACED(",\"up\":[0,0,0]"), "/output/preview/camera/up", "must not be zero");
     refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up must not"); /* the default */
@@ -81,7 +83,8 @@ static void outputs_are_asked_for(void **state)
     assert_false(s->has_mesh || s->has_points_vdb || s->has_convergence);
     assert_int_equal(s->turntable, 0);
     spec_free(s);
-    s = accept("\"mesh\":true,\"points_vdb\":true,\"convergence\":true,\"preview\":{\"turntable\":24,\"color\":\"degree\"}");
+    s = accept("\"mesh\":true,\"points_vdb\":true,\"convergence\":true,\"preview\":{\"turntable\":24,"
+               "\"color\":\"degree\"}");
     assert_true(s->has_mesh && s->has_points_vdb && s->has_convergence);
     assert_int_equal(s->turntable, 24);
     assert_int_equal(s->preview_color, SPEC_COLOR_DEGREE);

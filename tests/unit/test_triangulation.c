@@ -16,8 +16,8 @@ static triangulation triangulate(const point_set *s, const bbox *domain, int wor
 {
     error e = {0};
     threads *pool = threads_new(workers, NULL, &e);
-    const triangulation_input in = {s->points.count, s->position, s->normal, s->points.spacing, domain != NULL,
-                                    domain ? *domain : bbox_empty()};
+    const triangulation_input in = {s->points.count,   s->position,    s->normal,
+                                    s->points.spacing, domain != NULL, domain ? *domain : bbox_empty()};
     triangulation made;
     if (!pool || !triangulation_make(&in, pool, &made, &e)) fail_msg("%s", e.message);
     threads_free(pool);
@@ -73,8 +73,8 @@ static void spheres_are_closed(void **state)
 
 enum { SIDE = 20 };
 
-/* A sheet of equilateral triangles with an edge of 1, for points that ask for `spacing`, without those closer than
- * `hole` to its middle. */
+/* A sheet of equilateral triangles with an edge of 1, for points that ask for `spacing`, without those
+ * closer than `hole` to its middle. */
 static point_set make_sheet(double spacing, double hole)
 {
     point_set s = point_set_new(SIDE * SIDE);
@@ -119,7 +119,8 @@ static void small_holes_are_closed(void **state)
     assert_int_equal(t.facts.euler, 1);
     for (size_t k = 0; k < t.facts.triangles; k++) {
         const uint32_t *c = t.corner[k];
-        vec3 u = vec3_sub(s.position[c[1]], s.position[c[0]]), v = vec3_sub(s.position[c[2]], s.position[c[0]]);
+        vec3 u = vec3_sub(s.position[c[1]], s.position[c[0]]),
+             v = vec3_sub(s.position[c[2]], s.position[c[0]]);
         assert_true(vec3_cross(u, v).z > 0 && c[0] < c[1] && c[0] < c[2]);
     }
     triangulation_free(&t);
@@ -190,10 +191,8 @@ static void what_is_no_surface_is_told(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(spheres_are_closed),
-        cmocka_unit_test(the_ratio_is_that_of_the_radii),
-        cmocka_unit_test(small_holes_are_closed),
-        cmocka_unit_test(rims_and_holes_are_told_apart),
+        cmocka_unit_test(spheres_are_closed),         cmocka_unit_test(the_ratio_is_that_of_the_radii),
+        cmocka_unit_test(small_holes_are_closed),     cmocka_unit_test(rims_and_holes_are_told_apart),
         cmocka_unit_test(what_is_no_surface_is_told),
     };
     return cmocka_run_group_tests_name("triangulation", tests, NULL, NULL);

@@ -16,7 +16,8 @@ enum { MOST_BYTES = 1 << 22 };
 
 static vdb_points points_of(const point_set *s, double voxel_size)
 {
-    return (vdb_points){s->points.count, &s->position[0].x, &s->normal[0].x, s->points.spacing_local, voxel_size};
+    return (vdb_points){s->points.count, &s->position[0].x, &s->normal[0].x, s->points.spacing_local,
+                        voxel_size};
 }
 
 static int write_points(const vdb_points *points)

@@ -57,8 +57,8 @@ static void compare_clear(const voronoi_sites *sites, uint32_t a, const voronoi_
     }
 }
 
-/* A star's triangles, as many as its neighbours' counts say, are those around the point: each is seen from its
- * other corners too. */
+/* A star's triangles, as many as its neighbours' counts say, are those around the point: each is seen from
+ * its other corners too. */
 static void compare_corners(uint32_t a, const voronoi_star *stars)
 {
     const voronoi_star *star = &stars[a];
