@@ -20,14 +20,14 @@ static vdb_points points_of(const point_set *s, double voxel_size)
                         voxel_size};
 }
 
-static int write_points(const vdb_points *points)
+static int write_points(const vdb_points *grid)
 {
     error e = {0};
     char path[] = "test_vdb_points_XXXXXX";
     int fd = mkstemp(path);
     assert_true(fd >= 0);
     unlink(path);
-    if (!vdb_write_points(fd, points, &e)) fail_msg("%s", e.message);
+    if (!vdb_write_points(fd, grid, &e)) fail_msg("%s", e.message);
     return fd;
 }
 
@@ -41,9 +41,9 @@ static void points_are_read_back(void **state)
         for (int v = 0; v < 3; v++) {
             error e = {0};
             point_set s = point_set_sphere(1000, centers[c], 1);
-            const vdb_points points = points_of(&s, voxels[v]);
-            int fd = write_points(&points);
-            if (!vdb_verify_points(fd, &points, &e)) fail_msg("%s", e.message);
+            const vdb_points grid = points_of(&s, voxels[v]);
+            int fd = write_points(&grid);
+            if (!vdb_verify_points(fd, &grid, &e)) fail_msg("%s", e.message);
             close(fd);
             point_set_free(&s);
         }
@@ -53,27 +53,27 @@ static void what_differs_is_told(void **state)
 {
     (void)state;
     point_set s = point_set_sphere(100, vec3_make(0, 0, 0), 1);
-    vdb_points points = points_of(&s, 0.3);
-    int fd = write_points(&points);
+    vdb_points grid = points_of(&s, 0.3);
+    int fd = write_points(&grid);
     error e = {0};
     s.position[7].y += 1e-4;
-    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_false(vdb_verify_points(fd, &grid, &e));
     assert_non_null(strstr(e.message, "position of point 7"));
     s.position[7].y -= 1e-4;
     s.normal[8].x += 1e-3;
-    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_false(vdb_verify_points(fd, &grid, &e));
     assert_non_null(strstr(e.message, "normal of point 8"));
     s.normal[8].x -= 1e-3;
     s.scalar[6][9] *= 1.001;
-    assert_false(vdb_verify_points(fd, &points, &e));
+    assert_false(vdb_verify_points(fd, &grid, &e));
     assert_non_null(strstr(e.message, "pscale of point 9"));
     s.scalar[6][9] /= 1.001;
-    points.count = 99;
-    assert_false(vdb_verify_points(fd, &points, &e));
-    points.count = 100;
+    grid.count = 99;
+    assert_false(vdb_verify_points(fd, &grid, &e));
+    grid.count = 100;
     for (off_t end = lseek(fd, 0, SEEK_END) - 1; end > 0; end -= 97) {
         assert_int_equal(ftruncate(fd, end), 0);
-        if (vdb_verify_points(fd, &points, NULL)) fail_msg("accepted its first %ld bytes", (long)end);
+        if (vdb_verify_points(fd, &grid, NULL)) fail_msg("accepted its first %ld bytes", (long)end);
     }
     close(fd);
     point_set_free(&s);
@@ -87,8 +87,8 @@ static void the_same_points_give_the_same_bytes(void **state)
     point_set s = point_set_sphere(2000, vec3_make(1, 2, 3), 1);
     for (int k = 0; k < 3; k++) {
         if (k == 2) s.scalar[6][0] *= 2;
-        const vdb_points points = points_of(&s, 0.1);
-        int fd = write_points(&points);
+        const vdb_points grid = points_of(&s, 0.1);
+        int fd = write_points(&grid);
         length[k] = pread(fd, bytes[k], MOST_BYTES, 0);
         assert_in_range(length[k], 1000, MOST_BYTES - 1);
         close(fd);
