@@ -1,5 +1,7 @@
 #include "formats/camera.h"
 
+#include "geometry/bbox.h"
+
 /* Half the field of view over the longer side of the frame, as a slope: about 26 degrees in all, a
  * long lens, so that the discs' sizes can be compared across the picture. */
 static const double half_slope = 0.23;
@@ -70,16 +72,12 @@ static vec3 turn_about(vec3 v, vec3 axis, double angle)
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out)
 {
-    vec3 low = position[0], high = low;
+    bbox box = bbox_empty();
     double z = 0;
-    for (size_t i = 0; i < count; i++) {
-        vec3 p = position[i];
-        low = (vec3){fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z)};
-        high = (vec3){fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z)};
-    }
+    for (size_t i = 0; i < count; i++) box = bbox_include(box, position[i]);
     for (int k = 0; k < frames; k++) {
         camera c = aim(turn_about(towards_eye, vec3_make(0, 0, 1), 2 * M_PI * k / frames), frame);
-        c.origin = vec3_scale(vec3_add(low, high), 0.5);
+        c.origin = vec3_scale(vec3_add(box.min, box.max), 0.5);
         touch t = touch_set(&c, position, count, frame);
         double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
         double back = fmax((fmax(t.east, t.west) + rx) / t.sx, (fmax(t.north, t.south) + ry) / t.sy);

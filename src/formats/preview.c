@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "formats/half.h"
 #include "formats/legend.h"
+#include "geometry/bbox.h"
 
 /* An odd number, so that the middle sample is the pixel's centre. */
 enum { SAMPLES = 3 };
@@ -662,15 +663,13 @@ typedef struct bounds {
 
 static bounds bound_set(const points *set)
 {
-    vec3 low = set->position[0], high = low;
+    bbox box = bbox_empty();
     double largest = 0;
     for (size_t i = 0; i < set->count; i++) {
-        vec3 p = set->position[i];
-        low = (vec3){fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z)};
-        high = (vec3){fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z)};
+        box = bbox_include(box, set->position[i]);
         largest = fmax(largest, body_share * size_of(set, i));
     }
-    double half_diagonal = 0.5 * vec3_norm(vec3_sub(high, low));
+    double half_diagonal = 0.5 * vec3_norm(vec3_sub(box.max, box.min));
     double most = half_diagonal > 0 ? fmin(largest, radius_max_share * half_diagonal) : largest;
     if (!(most > 0)) most = half_diagonal > 0 ? half_diagonal : 1; /* points of no size: dots */
     return (bounds){most, fmax(half_diagonal, most)};
