@@ -65,13 +65,12 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
     neighbours *n = mem_alloc(sizeof *n);
     n->capacity = capacity;
     n->list_limit = list_limit;
-    n->stride = FIRST_STRIDE;
     const char *what = "neighbour lists";
     if (!reserve_bins(n, capacity / POINTS_PER_BIN, e) ||
         !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
         !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
         !(n->bin_of = mem_array(capacity, sizeof *n->bin_of, what, e)) ||
-        !(n->list = mem_array(capacity * n->stride, sizeof *n->list, what, e)) ||
+        !(n->list = mem_array(n->list_room = capacity * FIRST_STRIDE, sizeof *n->list, what, e)) ||
         !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
         neighbours_free(n);
         return NULL;
@@ -408,25 +407,34 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
 }
 
+/* Room for the lists of all points; what the old ones hold is lost. */
+static bool reserve_lists(neighbours *n, size_t longest, error *e)
+{
+    size_t room = n->count * n->stride;
+    if (room <= n->list_room) return true;
+    if ((double)room * sizeof *n->list > (double)n->list_limit)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
+            "left: lower solver.sigma, or raise limits.memory_mb",
+            n->cutoff, longest, (double)room * sizeof *n->list / (1 << 20),
+            (double)n->list_limit / (1 << 20));
+    uint32_t *list = mem_array(room, sizeof *list, "neighbour lists", e);
+    if (!list) return false;
+    free(n->list);
+    n->list = list;
+    n->list_room = room;
+    return true;
+}
+
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
     build_job job = {.n = n};
     threads_run(pool, n->bin_count, GRAIN, list_chunk, &job);
     size_t longest = atomic_load(&job.longest);
     if (longest <= n->stride) return true;
-    size_t stride = (longest + longest / 4 + 7) / 8 * 8;
-    if ((double)n->capacity * (double)stride * sizeof *n->list > (double)n->list_limit)
-        return error_set(
-            e, ERROR_LIMIT_MEMORY,
-            "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
-            "left: lower solver.sigma, or raise limits.memory_mb",
-            n->cutoff, longest, (double)n->capacity * (double)stride * sizeof *n->list / (1 << 20),
-            (double)n->list_limit / (1 << 20));
-    uint32_t *list = mem_array(n->capacity * stride, sizeof *list, "neighbour lists", e);
-    if (!list) return false;
-    free(n->list);
-    n->list = list;
-    n->stride = stride;
+    n->stride = (longest + longest / 4 + 7) / 8 * 8;
+    if (!reserve_lists(n, longest, e)) return false;
     threads_run(pool, n->bin_count, GRAIN, list_chunk, &job);
     return true;
 }
@@ -452,6 +460,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
         least = fmin(least, size[i]);
         largest = fmax(largest, size[i]);
     }
+    if (count != n->count) n->stride = FIRST_STRIDE; /* a level's crowds say nothing about another */
     n->count = count;
     n->cutoff = cutoff;
     n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));

@@ -59,7 +59,8 @@ typedef struct neighbours {
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */
-    size_t stride;        /* room for this many entries per point */
+    size_t stride;        /* room for this many entries per point: as many as the longest list has, or more */
+    size_t list_room;     /* entries there is memory for */
     uint32_t *list;       /* entry k of point i at [i * stride + k] */
     uint32_t *list_count; /* of each point */
 } neighbours;
