@@ -342,9 +342,11 @@ static void estimate_fraction(sampler *s, const relax_sums *sums)
     s->fraction = fmax(s->fraction, low + (high - low) * climb);
 }
 
-/* At rest under sizes of a while ago, most of all: with those of now there may be more to do. */
+/* At rest under sizes of a while ago, most of all: with those of now there may be more to do, unless the next
+ * level does it. */
 static bool sizes_are_settled(sampler *s)
 {
+    if (s->level > 0 && s->level < s->levels - 1) return true;
     if (sampler_resize(s) < SIZE_SETTLED || s->resizes == RESIZES_MAX) return true;
     s->resizes++;
     s->lists_stale = true;
