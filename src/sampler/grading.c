@@ -63,6 +63,7 @@ struct grading {
     node *node;
     uint32_t *table; /* open addressing: node + 1, or 0 */
     size_t table_size;
+    uint32_t *beside;      /* 27 a node: those around it, or NO_NODE */
     double *points_before; /* cells + 1, as area_before */
     grading_facts facts;
 };
@@ -264,9 +265,8 @@ static bool make_nodes(grading *g, const surface *scan, const vec3 *position, co
 typedef struct making {
     grading *g;
     threads *pool;
-    uint32_t *beside; /* 27 a node: those around it, or NO_NODE */
-    uint32_t *heap;   /* nodes whose spacing may force others down, smallest first */
-    uint32_t *at;     /* node k's place in it is at[k] - 1; 0: not in it */
+    uint32_t *heap; /* nodes whose spacing may force others down, smallest first */
+    uint32_t *at;   /* node k's place in it is at[k] - 1; 0: not in it */
     size_t heap_count;
     double *from, *to; /* logarithms of spacings, before and after an average */
     double *change;    /* of each node in the last average */
@@ -274,7 +274,6 @@ typedef struct making {
 
 static void making_free(making *m)
 {
-    free(m->beside);
     free(m->heap);
     free(m->at);
     free(m->from);
@@ -284,23 +283,24 @@ static void making_free(making *m)
 
 static void link_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *m = context;
+    const grading *g = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        for (int i = 0; i < 27; i++) m->beside[27 * k + (size_t)i] = node_beside(m->g, &m->g->node[k], i);
+        for (int i = 0; i < 27; i++) g->beside[27 * k + (size_t)i] = node_beside(g, &g->node[k], i);
 }
 
 static bool making_begin(making *m, grading *g, threads *pool, error *e)
 {
     const char *what = "the grading";
-    *m = (making){.g = g, .pool = pool, .beside = mem_array(27 * g->count, sizeof *m->beside, what, e)};
+    *m = (making){.g = g, .pool = pool};
+    g->beside = mem_array(27 * g->count, sizeof *g->beside, what, e);
     m->heap = mem_array(g->count, sizeof *m->heap, what, e);
     m->at = mem_array(g->count, sizeof *m->at, what, e);
     m->from = mem_array(g->count, sizeof *m->from, what, e);
     m->to = mem_array(g->count, sizeof *m->to, what, e);
     m->change = mem_array(g->count, sizeof *m->change, what, e);
-    if (!m->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
-    threads_run(pool, g->count, GRAIN, link_chunk, m);
+    if (!g->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
+    threads_run(pool, g->count, GRAIN, link_chunk, g);
     return true;
 }
 
@@ -346,7 +346,7 @@ static bool hold_down(making *m, uint32_t k, bool look)
 {
     const node *n = &m->g->node[k];
     for (int i = 0; i < 27; i++) {
-        uint32_t other = m->beside[27 * (size_t)k + (size_t)i];
+        uint32_t other = m->g->beside[27 * (size_t)k + (size_t)i];
         if (other == NO_NODE) continue;
         node *o = &m->g->node[other];
         double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
@@ -439,7 +439,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
         for (int i = 0; i < 27; i++) {
-            uint32_t other = m->beside[27 * k + (size_t)i];
+            uint32_t other = m->g->beside[27 * k + (size_t)i];
             if (other == NO_NODE) continue;
             sum += nodes[other].area * m->from[other];
             weights += nodes[other].area;
@@ -488,7 +488,7 @@ static void model_node(const making *links, size_t index)
     sym3 m = {0};
     vec3 b = {0, 0, 0};
     for (int k = 0; k < 27; k++) {
-        uint32_t other = links->beside[27 * index + (size_t)k];
+        uint32_t other = g->beside[27 * index + (size_t)k];
         if (other == NO_NODE || other == index) continue;
         vec3 d = vec3_sub(g->node[other].position, n->position);
         double weight = g->node[other].area / vec3_norm2(d);
@@ -533,15 +533,18 @@ static const node *nearest_node(const grading *g, vec3 x)
 }
 
 /* Adds a node's model to a blend. */
-static void blend(const node *n, double weight, vec3 x, double *spacing, vec3 *gradient, double *weights)
+static inline void blend(const node *n, double weight, vec3 x, double *spacing, vec3 *gradient,
+                         double *weights)
 {
     double rise = vec3_dot(n->gradient, vec3_sub(x, n->position)), most = MODEL_LIMIT * n->spacing;
-    *spacing += weight * (n->spacing + fmin(fmax(rise, -most), most));
+    rise = rise > most ? most : rise;
+    *spacing += weight * (n->spacing + (rise < -most ? -most : rise));
     *gradient = vec3_axpy(weight, n->gradient, *gradient);
     *weights += weight;
 }
 
-/* The cube whose middle is the lowest of the eight around x; false: outside of all. */
+/* The cube whose middle is the lowest of the eight around x, `t` of the way from there to the highest; false:
+ * outside of all. */
 static bool surrounding_cubes(const grading *g, vec3 x, uint64_t *key, double t[3])
 {
     vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
@@ -549,10 +552,26 @@ static bool surrounding_cubes(const grading *g, vec3 x, uint64_t *key, double t[
     for (int a = 0; a < 3; a++) {
         double v = vec3_get(u, a);
         if (!(v >= 0 && v < (1 << AXIS_BITS) - 2)) return false;
-        *key |= (uint64_t)v << a * AXIS_BITS;
-        t[a] = v - floor(v);
+        uint64_t low = (uint64_t)v;
+        *key |= low << a * AXIS_BITS;
+        t[a] = v - (double)low;
     }
     return true;
+}
+
+/* The nodes of those eight cubes. One is x's own: when it has a node, that knows the others. */
+static void surrounding_nodes(const grading *g, uint64_t key, const double t[3], uint32_t out[8])
+{
+    int high[3], beside = 0;
+    for (int a = 2; a >= 0; a--) {
+        high[a] = t[a] >= 0.5; /* x's own is the higher one */
+        beside = 3 * beside + 1 - high[a];
+    }
+    uint32_t own = node_at(g, key_beside(key, high[0], high[1], high[2]));
+    for (int c = 0; c < 8; c++)
+        out[c] = own == NO_NODE
+                     ? node_at(g, key_beside(key, c & 1, c >> 1 & 1, c >> 2))
+                     : g->beside[27 * (size_t)own + (size_t)(beside + (c & 1) + 3 * (c >> 1 & 1) + 9 * (c >> 2))];
 }
 
 /* The models of the eight cubes whose middles surround x. */
@@ -561,11 +580,14 @@ double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
     double sum = 0, weights = 0, t[3];
     vec3 slope = {0, 0, 0};
     uint64_t key;
-    bool inside = surrounding_cubes(g, x, &key, t);
-    for (int c = 0; inside && c < 8; c++) {
-        uint32_t index = node_at(g, key_beside(key, c & 1, c >> 1 & 1, c >> 2));
-        double weight = (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]);
-        if (index != NO_NODE) blend(&g->node[index], weight, x, &sum, &slope, &weights);
+    uint32_t around[8];
+    if (surrounding_cubes(g, x, &key, t)) {
+        surrounding_nodes(g, key, t, around);
+        for (int c = 0; c < 8; c++) {
+            double weight =
+                (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]);
+            if (around[c] != NO_NODE) blend(&g->node[around[c]], weight, x, &sum, &slope, &weights);
+        }
     }
     if (!(weights > 0)) blend(nearest_node(g, x), 1, x, &sum, &slope, &weights);
     if (gradient) *gradient = vec3_scale(slope, 1 / weights);
@@ -681,6 +703,7 @@ void grading_free(grading *g)
     if (!g) return;
     free(g->node);
     free(g->table);
+    free(g->beside);
     free(g->points_before);
     free(g);
 }
