@@ -3,6 +3,9 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
 
 #include "base/isa.h"
 #include "base/memory.h"
@@ -272,16 +275,13 @@ static void sort_blocks(neighbours *n)
             n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
 }
 
-typedef struct build_job {
-    neighbours *n;
-    const vec3 *x;
-    const double *size;
-    atomic_size_t longest;
-} build_job;
+typedef struct search search;
+typedef size_t (*finder)(const search *s, uint32_t i, float cutoff2, uint32_t *found);
 
 /* Points that may be neighbours of one bin's points, handed on in batches: arrays for the vector unit. */
-typedef struct search {
+struct search {
     neighbours *n;
+    finder find_in_batch;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
     struct {
         uint64_t key;
@@ -293,26 +293,65 @@ typedef struct search {
     int32_t x[BATCH], y[BATCH], z[BATCH];
     float size[BATCH];
     uint32_t item[BATCH];
-} search;
+};
 
-/* Which of a batch are neighbours of point i; returns how many. */
-ISA_CLONES static size_t find_in_batch(const search *s, uint32_t i, float cutoff2, uint32_t *found)
+typedef struct build_job {
+    neighbours *n;
+    const vec3 *x;
+    const double *size;
+    finder find;
+    atomic_size_t longest;
+} build_job;
+
+/* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
+ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t count, uint32_t *found)
 {
-    const neighbours_place own = s->n->place[i];
-    size_t count = 0;
-    for (size_t b = 0; b < s->count; b += LANES) {
-        uint32_t hit[LANES];
-        for (int l = 0; l < LANES; l++) {
-            float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),
-                  z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);
-            hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);
-        }
-        for (int l = 0; l < LANES; l++) {
-            found[count] = s->item[b + l];
-            count += hit[l];
-        }
+    for (int l = 0; l < LANES; l++) {
+        found[count] = item[l];
+        count += hit[l];
     }
     return count;
+}
+
+#ifdef __x86_64__
+/* One instruction, which no compiler makes of the above. */
+ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], const uint32_t *item,
+                                                   size_t count, uint32_t *found)
+{
+    __m512i hits = _mm512_loadu_si512(hit);
+    __mmask16 mask = _mm512_test_epi32_mask(hits, hits);
+    _mm512_storeu_si512(found + count, _mm512_maskz_compress_epi32(mask, _mm512_loadu_si512(item)));
+    return count + (size_t)__builtin_popcount(mask);
+}
+#else
+#define pack_avx512 pack
+#endif
+
+/* Which of a batch are neighbours of point i; returns how many. */
+#define VERSION(name, target, pack)                                                                          \
+    target static size_t name(const search *s, uint32_t i, float cutoff2, uint32_t *found)                   \
+    {                                                                                                        \
+        const neighbours_place own = s->n->place[i];                                                         \
+        size_t count = 0;                                                                                    \
+        for (size_t b = 0; b < s->count; b += LANES) {                                                       \
+            uint32_t hit[LANES];                                                                             \
+            for (int l = 0; l < LANES; l++) {                                                                \
+                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),                    \
+                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);           \
+                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);          \
+            }                                                                                                \
+            count = pack(hit, s->item + b, count, found);                                                    \
+        }                                                                                                    \
+        return count;                                                                                        \
+    }
+VERSION(find_portable, , pack)
+VERSION(find_avx2, ISA_TARGET_AVX2, pack)
+VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512)
+
+static finder best_finder(void)
+{
+    static const finder versions[ISA_COUNT] = {find_portable, find_avx2, find_avx512};
+    return versions[isa_best()];
 }
 
 /* Lists what the batch holds; entries beyond the stride are counted, not stored. */
@@ -328,7 +367,7 @@ static void list_batch(search *s)
     }
     for (uint32_t a = n->bin_begin[s->bin]; a < n->bin_begin[s->bin + 1]; a++) {
         uint32_t i = n->bin_item[a], *list = n->list + i * n->stride;
-        size_t count = n->list_count[i], more = find_in_batch(s, i, (float)(cutoff * cutoff), found);
+        size_t count = n->list_count[i], more = s->find_in_batch(s, i, (float)(cutoff * cutoff), found);
         size_t room = count < n->stride ? n->stride - count : 0;
         memcpy(list + (room ? count : 0), found, (more < room ? more : room) * sizeof *list);
         n->list_count[i] = (uint32_t)(count + more);
@@ -455,13 +494,15 @@ static size_t list_bin(search *s, size_t bin)
 }
 
 /* Those of a block's points: `rank` is its place in the order of colours. */
-static size_t list_block(neighbours *n, size_t rank)
+static size_t list_block(const build_job *job, size_t rank)
 {
+    neighbours *n = job->n;
     uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
     size_t longest = 0;
     if (begin == end) return 0;
     search s;
     s.n = n;
+    s.find_in_batch = job->find;
     for (int l = 0; l < n->levels; l++) s.last[l].key = NO_KEY;
     place own = place_of_block(n->block_key[n->bin_cell[n->block_bin[begin]] / BLOCK_CELLS]);
     for (int k = 0; k < 27; k++) {
@@ -481,7 +522,7 @@ static void list_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     size_t longest = 0;
     for (size_t rank = begin; rank < end; rank++) {
-        size_t l = list_block(job->n, rank);
+        size_t l = list_block(job, rank);
         if (l > longest) longest = l;
     }
     size_t seen = atomic_load(&job->longest);
@@ -510,7 +551,7 @@ static bool reserve_lists(neighbours *n, size_t longest, error *e)
 
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
-    build_job job = {.n = n};
+    build_job job = {.n = n, .find = best_finder()};
     threads_run(pool, n->blocks, 1, list_chunk, &job);
     size_t longest = atomic_load(&job.longest);
     if (longest <= n->stride) return true;
@@ -538,8 +579,8 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     for (size_t i = 0; i < count; i++) {
         box = bbox_include(box, x[i]);
         if (!size) continue;
-        least = fmin(least, size[i]);
-        largest = fmax(largest, size[i]);
+        least = size[i] < least ? size[i] : least;
+        largest = size[i] > largest ? size[i] : largest;
     }
     if (count != n->count) n->stride = FIRST_STRIDE; /* a level's crowds say nothing about another */
     n->count = count;
