@@ -16,14 +16,15 @@
 #define BLOCK_WIDTH (1 << BLOCK_SHIFT)
 #define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
 static const int PLACE_BITS = 30; /* of a place: differences fit into 32 with room to move */
-static const size_t FIRST_STRIDE = 24;
+/* Of a list, on average: an even packing under the widest skin has 19. */
+static const size_t FIRST_ENTRIES = 20;
 static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
 /* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room
  * for more. */
 static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
 /* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
 static const double BIN_HAIR = 1e-6;
-enum { BATCH = 256, LANES = 16 };
+enum { LANES = 16 };
 
 /* Bins with points are no more than points; those above them rarely as many again. */
 static bool reserve_bins(neighbours *n, size_t bins, error *e)
@@ -72,7 +73,8 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
         !reserve_blocks(n, capacity / POINTS_PER_BLOCK, e) ||
         !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
         !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
-        !(n->list = mem_array(n->list_room = capacity * FIRST_STRIDE, sizeof *n->list, what, e)) ||
+        !(n->list = mem_array(n->list_room = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
+        !(n->list_begin = mem_array(capacity, sizeof *n->list_begin, what, e)) ||
         !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
         neighbours_free(n);
         return NULL;
@@ -95,6 +97,7 @@ void neighbours_free(neighbours *n)
     free(n->block_bin);
     free(n->cell);
     free(n->list);
+    free(n->list_begin);
     free(n->list_count);
     free(n);
 }
@@ -278,21 +281,21 @@ static void sort_blocks(neighbours *n)
 typedef struct search search;
 typedef size_t (*finder)(const search *s, uint32_t i, float cutoff2, uint32_t *found);
 
-/* Points that may be neighbours of one bin's points, handed on in batches: arrays for the vector unit. */
+/* What one worker needs to list the neighbours of a block's points. */
 struct search {
     neighbours *n;
-    finder find_in_batch;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
     struct {
         uint64_t key;
         const uint32_t *cells;
     } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
-    size_t bin;
-    place at;
-    size_t count;
-    int32_t x[BATCH], y[BATCH], z[BATCH];
-    float size[BATCH];
-    uint32_t item[BATCH];
+    place at;                  /* of the bin at hand */
+    size_t count, room;        /* points that may be neighbours of its points, and how many have room */
+    int32_t *x, *y, *z;        /* arrays for the vector unit */
+    float *size;
+    uint32_t *item;
+    size_t entries, entry_room; /* the lists, one after the other */
+    uint32_t *entry;
 };
 
 typedef struct build_job {
@@ -300,7 +303,8 @@ typedef struct build_job {
     const vec3 *x;
     const double *size;
     finder find;
-    atomic_size_t longest;
+    search *searches; /* one per worker */
+    atomic_size_t longest, entries;
 } build_job;
 
 /* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
@@ -354,32 +358,19 @@ static finder best_finder(void)
     return versions[isa_best()];
 }
 
-/* Lists what the batch holds; entries beyond the stride are counted, not stored. */
-static void list_batch(search *s)
-{
-    neighbours *n = s->n;
-    const double cutoff = n->cutoff / n->unit;
-    uint32_t found[BATCH + LANES];
-    for (; s->count % LANES; s->count++) { /* nobody's neighbours */
-        s->x[s->count] = s->y[s->count] = s->z[s->count] = 0;
-        s->item[s->count] = NO_BIN;
-        s->size[s->count] = NAN;
-    }
-    for (uint32_t a = n->bin_begin[s->bin]; a < n->bin_begin[s->bin + 1]; a++) {
-        uint32_t i = n->bin_item[a], *list = n->list + i * n->stride;
-        size_t count = n->list_count[i], more = s->find_in_batch(s, i, (float)(cutoff * cutoff), found);
-        size_t room = count < n->stride ? n->stride - count : 0;
-        memcpy(list + (room ? count : 0), found, (more < room ? more : room) * sizeof *list);
-        n->list_count[i] = (uint32_t)(count + more);
-    }
-    s->count = 0;
-}
-
 static void add_near(search *s, uint32_t bin)
 {
     const neighbours *n = s->n;
+    size_t more = n->bin_begin[bin + 1] - n->bin_begin[bin];
+    if (s->count + more + LANES > s->room) {
+        s->room = 2 * (s->count + more + LANES);
+        s->x = mem_resize(s->x, s->room * sizeof *s->x);
+        s->y = mem_resize(s->y, s->room * sizeof *s->y);
+        s->z = mem_resize(s->z, s->room * sizeof *s->z);
+        s->size = mem_resize(s->size, s->room * sizeof *s->size);
+        s->item = mem_resize(s->item, s->room * sizeof *s->item);
+    }
     for (uint32_t b = n->bin_begin[bin]; b < n->bin_begin[bin + 1]; b++) {
-        if (s->count == BATCH) list_batch(s);
         const neighbours_place *p = &n->place[n->bin_item[b]];
         s->x[s->count] = p->x;
         s->y[s->count] = p->y;
@@ -473,92 +464,127 @@ static void search_level(search *s)
             }
 }
 
-/* The lists of one bin's points. */
-static size_t list_bin(search *s, size_t bin)
+/* The lists of one bin's points, which begin where they do among those of the block. What there is no room for
+ * is counted, not kept. */
+static size_t list_bin(search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;
-    s->bin = bin;
+    const double cutoff = n->cutoff / n->unit;
     s->at = place_of_bin(n, bin);
     s->count = 0;
-    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) n->list_count[n->bin_item[a]] = 0;
     search_level(s);
     for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
-    list_batch(s);
+    for (; s->count % LANES; s->count++) { /* nobody's neighbours */
+        s->x[s->count] = s->y[s->count] = s->z[s->count] = 0;
+        s->item[s->count] = NO_BIN;
+        s->size[s->count] = NAN;
+    }
     size_t longest = 0;
     for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
-        uint32_t *count = &n->list_count[n->bin_item[a]];
-        if (*count > longest) longest = *count;
-        if (*count > n->stride) *count = (uint32_t)n->stride;
+        uint32_t i = n->bin_item[a];
+        size_t begin = s->entries <= n->list_room ? s->entries : 0;
+        if (begin + s->count + LANES > s->entry_room) {
+            s->entry_room = 2 * (begin + s->count + LANES);
+            s->entry = mem_resize(s->entry, s->entry_room * sizeof *s->entry);
+        }
+        size_t count = find(s, i, (float)(cutoff * cutoff), s->entry + begin);
+        n->list_begin[i] = (uint32_t)begin;
+        n->list_count[i] = (uint32_t)count;
+        s->entries += count;
+        longest = count > longest ? count : longest;
     }
     return longest;
 }
 
-/* Those of a block's points: `rank` is its place in the order of colours. */
-static size_t list_block(const build_job *job, size_t rank)
+/* Where a block's lists are among all is a matter of chance, what they hold is not. */
+static void keep_lists(build_job *job, const search *s, uint32_t bins, uint32_t end)
 {
     neighbours *n = job->n;
+    size_t begin = atomic_fetch_add(&job->entries, s->entries);
+    if (begin + s->entries > n->list_room) return;
+    memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
+    for (uint32_t k = bins; k < end; k++) {
+        uint32_t bin = n->block_bin[k];
+        for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++)
+            n->list_begin[n->bin_item[a]] += (uint32_t)begin;
+    }
+}
+
+/* The lists of a block's points: `rank` is its place in the order of colours. */
+static size_t list_block(build_job *job, search *s, size_t rank)
+{
+    neighbours *n = s->n = job->n;
     uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
     size_t longest = 0;
     if (begin == end) return 0;
-    search s;
-    s.n = n;
-    s.find_in_batch = job->find;
-    for (int l = 0; l < n->levels; l++) s.last[l].key = NO_KEY;
+    for (int l = 0; l < n->levels; l++) s->last[l].key = NO_KEY;
     place own = place_of_block(n->block_key[n->bin_cell[n->block_bin[begin]] / BLOCK_CELLS]);
     for (int k = 0; k < 27; k++) {
         place p = {own.level, {own.at[0] + k % 3 - 1, own.at[1] + k / 3 % 3 - 1, own.at[2] + k / 9 - 1}};
-        s.around[k] = find_cells(n, key_of(&p));
+        s->around[k] = find_cells(n, key_of(&p));
     }
+    s->entries = 0;
     for (uint32_t k = begin; k < end; k++) {
-        size_t l = list_bin(&s, n->block_bin[k]);
+        size_t l = list_bin(s, job->find, n->block_bin[k]);
         if (l > longest) longest = l;
     }
+    keep_lists(job, s, begin, end);
     return longest;
 }
 
 static void list_chunk(void *context, int worker, size_t begin, size_t end)
 {
     build_job *job = context;
-    (void)worker;
     size_t longest = 0;
     for (size_t rank = begin; rank < end; rank++) {
-        size_t l = list_block(job, rank);
+        size_t l = list_block(job, &job->searches[worker], rank);
         if (l > longest) longest = l;
     }
     size_t seen = atomic_load(&job->longest);
     while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
 }
 
-/* Room for the lists of all points; what the old ones hold is lost. */
-static bool reserve_lists(neighbours *n, size_t longest, error *e)
+/* Room for so many entries; what the lists hold is lost. */
+static bool reserve_lists(neighbours *n, size_t entries, error *e)
 {
-    size_t room = n->count * n->stride;
-    if (room <= n->list_room) return true;
-    if ((double)room * sizeof *n->list > (double)n->list_limit)
+    double bytes = (double)entries * sizeof *n->list;
+    if (bytes > (double)n->list_limit || entries > UINT32_MAX)
         return error_set(
             e, ERROR_LIMIT_MEMORY,
             "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
             "left: lower solver.sigma, or raise limits.memory_mb",
-            n->cutoff, longest, (double)room * sizeof *n->list / (1 << 20),
-            (double)n->list_limit / (1 << 20));
-    uint32_t *list = mem_array(room, sizeof *list, "neighbour lists", e);
+            n->cutoff, n->longest, bytes / (1 << 20), (double)n->list_limit / (1 << 20));
+    uint32_t *list = mem_array(entries, sizeof *list, "neighbour lists", e);
     if (!list) return false;
     free(n->list);
     n->list = list;
-    n->list_room = room;
+    n->list_room = entries;
     return true;
 }
 
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
-    build_job job = {.n = n, .find = best_finder()};
+    size_t workers = (size_t)threads_count(pool);
+    build_job job = {.n = n, .find = best_finder(), .searches = mem_alloc(workers * sizeof *job.searches)};
     threads_run(pool, n->blocks, 1, list_chunk, &job);
-    size_t longest = atomic_load(&job.longest);
-    if (longest <= n->stride) return true;
-    n->stride = (longest + longest / 4 + 7) / 8 * 8;
-    if (!reserve_lists(n, longest, e)) return false;
-    threads_run(pool, n->blocks, 1, list_chunk, &job);
-    return true;
+    n->longest = atomic_load(&job.longest);
+    size_t entries = atomic_load(&job.entries);
+    bool ok = true;
+    if (entries > n->list_room) {
+        ok = reserve_lists(n, entries + entries / 8, e);
+        atomic_store(&job.entries, 0);
+        if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
+    }
+    for (search *s = job.searches; s < job.searches + workers; s++) {
+        free(s->x);
+        free(s->y);
+        free(s->z);
+        free(s->size);
+        free(s->item);
+        free(s->entry);
+    }
+    free(job.searches);
+    return ok;
 }
 
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
@@ -582,7 +608,6 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
         least = size[i] < least ? size[i] : least;
         largest = size[i] > largest ? size[i] : largest;
     }
-    if (count != n->count) n->stride = FIRST_STRIDE; /* a level's crowds say nothing about another */
     n->count = count;
     n->cutoff = cutoff;
     n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));

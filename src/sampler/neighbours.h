@@ -60,10 +60,11 @@ typedef struct neighbours {
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */
-    size_t stride;        /* room for this many entries per point: as many as the longest list has, or more */
     size_t list_room;     /* entries there is memory for */
-    uint32_t *list;       /* entry k of point i at [i * stride + k] */
-    uint32_t *list_count; /* of each point */
+    uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
+    uint32_t *list_begin; /* of each point */
+    uint32_t *list_count;
+    size_t longest; /* count */
 } neighbours;
 
 /* Room for `capacity` points, whose lists may take `list_limit` bytes. Error: limit_memory. */
@@ -78,7 +79,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
 
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {
-    return n->list + i * n->stride;
+    return n->list + n->list_begin[i];
 }
 
 /* Notes where point i has moved to, for those who look at places; bins and lists stay. */

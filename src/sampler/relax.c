@@ -105,7 +105,7 @@ static bool grow(relax *r, error *e)
         r->parts = parts;
         r->part_capacity = 2 * r->near->blocks;
     }
-    size_t length = (r->near->stride + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
+    size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
     for (int k = 0; k < threads_count(r->pool); k++) {
         double *m = mem_array(9 * length, sizeof *m, "a gathered list", e);
