@@ -19,9 +19,9 @@
 #include "sampler/surface.h"
 #include "store/file.h"
 
-/* What a particle takes at the peak, from particles and neighbour lists: measured at 300 bytes on smooth
+/* What a particle takes at the peak, from particles and neighbour lists: measured at 200 bytes on smooth
  * surfaces; where they crowd their lists are longer. */
-static const double BYTES_PER_PARTICLE = 450;
+static const double BYTES_PER_PARTICLE = 300;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
