@@ -28,8 +28,11 @@ typedef struct config {
     char *state_dir; /* never "" after config_parse */
     char *worker;    /* "": config_find_worker looks for it */
     config_list input_roots;
-    int64_t workers; /* 0: one per core */
+    int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts;
+    int64_t user_queued, user_running; /* 0: any number */
+    double retry_s, retry_most_s;
+    double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     double grace_s, drain_s;
     int64_t body_limit_bytes, connection_limit;

@@ -23,6 +23,7 @@ typedef struct engine_request {
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
+    int threads;             /* > 0 */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */

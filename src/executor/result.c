@@ -17,14 +17,16 @@
 #define REPORT_LIMIT_BYTES (256u << 20)
 #define MAX_OUTPUTS 64
 
-char *result_directory(const char *state_dir, const char *id)
+char *result_directory(const char *state_dir, const char *id, int frame)
 {
-    return mem_printf("%s/results/%s", state_dir, id);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/results/%s", state_dir, id)
+                                   : mem_printf("%s/results/%s.%d", state_dir, id, frame);
 }
 
-char *result_attempt_directory(const char *state_dir, const char *id, int attempt)
+char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt)
 {
-    return mem_printf("%s/attempts/%s.%d", state_dir, id, attempt);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/attempts/%s.%d", state_dir, id, attempt)
+                                   : mem_printf("%s/attempts/%s.%d.%d", state_dir, id, frame, attempt);
 }
 
 void result_clear(result *r)

@@ -38,8 +38,9 @@ void result_clear(result *r); /* accepts an empty one */
  * a plain file name that the caller took from the listing (or the report's). */
 int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e);
 
-/* "STATE_DIR/results/ID" and "STATE_DIR/attempts/ID.N"; to be freed. */
-char *result_directory(const char *state_dir, const char *id);
-char *result_attempt_directory(const char *state_dir, const char *id, int attempt);
+/* "STATE_DIR/results/ID" and "STATE_DIR/attempts/ID.N", of a frame "ID.FRAME" in place of ID; to be freed.
+ * `frame` is QUEUE_NO_FRAME where the job is no array. */
+char *result_directory(const char *state_dir, const char *id, int frame);
+char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt);
 
 #endif

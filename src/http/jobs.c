@@ -52,7 +52,7 @@ static json *describe_job(const jobs_context *c, const queue_job *job)
     put_time(o, "created", job->created_ms);
     put_time(o, "started", job->started_ms);
     put_time(o, "finished", job->finished_ms);
-    json_put_integer(o, "attempt", job->attempt);
+    json_put_integer(o, "attempt", job->attempts);
     json_put_integer(o, "max_attempts", job->max_attempts);
     put_stored(o, "progress", queue_state_is_final(job->state) ? NULL : progress);
     if (job->error_code) {
@@ -193,34 +193,34 @@ static char *print_labels(const spec *s)
 
 /* The document of a job that was put in the queue just now. It is made of what was put: the job is
  * accepted, whatever another look at the database would say. */
-static void show_accepted(const jobs_context *c, const char *id, const queue_submission *put,
+static void show_accepted(const jobs_context *c, const queue_receipt *receipt, const queue_submission *put,
                           reply *r)
 {
     queue_job job = {
         .name = (char *)put->name,
         .labels = (char *)put->labels,
-        .state = QUEUE_QUEUED,
+        .state = receipt->state,
         .priority = put->priority,
-        .created_ms = ulid_time_ms(id),
+        .created_ms = ulid_time_ms(receipt->id),
         .max_attempts = put->max_attempts,
     }; /* borrows its texts */
-    memcpy(job.id, id, sizeof job.id);
+    memcpy(job.id, receipt->id, sizeof job.id);
     json *document = describe_job(c, &job);
     put_stored(document, "spec", put->spec);
     json_put_array(document, "attempts");
     reply_set_json(r, 201, document);
 }
 
-static void refuse_for_now(reply *r, const char *why)
+static void refuse_for_now(reply *r, const char *code, const char *why)
 {
-    reply_set_problem(r, "unavailable", NULL, "%s", why);
+    reply_set_problem(r, code, NULL, "%s", why);
     reply_add_header(r, "Retry-After", RETRY_AFTER_S);
 }
 
 void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 {
     if (executor_is_draining(c->x)) {
-        refuse_for_now(r, "the service is about to end and takes no more jobs");
+        refuse_for_now(r, "unavailable", "the service is about to end and takes no more jobs");
         return;
     }
     spec *s = read_spec(request, r);
@@ -230,19 +230,32 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
         return;
     }
     error e = {0};
-    char id[ULID_SIZE];
+    queue_receipt receipt;
     char *labels = print_labels(s), *text = json_print(s->normalised);
-    queue_submission submission = {s->name, labels, text, s->priority,
-                                   s->max_attempts > 0 ? s->max_attempts : c->max_attempts};
-    if (queue_put(c->q, &submission, id, &e)) {
+    queue_submission submission = {
+        .name = s->name,
+        .labels = labels,
+        .spec = text,
+        .priority = s->priority,
+        .max_attempts = s->max_attempts > 0 ? s->max_attempts : c->max_attempts,
+        .threads = s->threads,
+        .memory_mb = s->memory_mb,
+        .retention_s = c->retention_s,
+        .most_waiting = c->most_waiting,
+    };
+    if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!queue_put(c->q, &submission, &receipt, &e)) {
+        refuse_for_now(r, "unavailable", e.message); /* a full disk: the submitter's to wait for, not a fault */
+    } else if (receipt.verdict == QUEUE_TOO_MANY) {
+        refuse_for_now(r, "too_many_jobs", "you have as many unfinished jobs as this service allows (user_queued)");
+    } else {
         executor_wake(c->x);
-        log_write(LOG_LEVEL_INFO, "job accepted job=%s", id);
-        show_accepted(c, id, &submission, r);
-        char *location = mem_printf("/v1/jobs/%s", id);
+        log_write(LOG_LEVEL_INFO, "job accepted job=%s", receipt.id);
+        show_accepted(c, &receipt, &submission, r);
+        char *location = mem_printf("/v1/jobs/%s", receipt.id);
         reply_add_header(r, "Location", location);
         free(location);
-    } else {
-        refuse_for_now(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
     }
     free(labels);
     free(text);
@@ -332,7 +345,7 @@ void jobs_cancel(const jobs_context *c, const jobs_request *request, reply *r)
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;
     const char *id = request->parameter[0];
-    if (ulid_is_valid(id) && !executor_cancel(c->x, id, &found, &changed, &now, &e))
+    if (ulid_is_valid(id) && !executor_tell(c->x, id, QUEUE_CANCEL, &found, &changed, &now, &e))
         reply_set_error(r, &e, NULL);
     else if (!found)
         reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
@@ -370,7 +383,7 @@ static bool find_result(const jobs_context *c, const jobs_request *request, char
     queue_job job = {0};
     if (!find_job(c, request, &job, r)) return false;
     bool ok = false;
-    char *path = result_directory(c->state_dir, job.id);
+    char *path = result_directory(c->state_dir, job.id, QUEUE_NO_FRAME);
     if (!queue_state_is_final(job.state))
         reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
                           queue_state_name(job.state));

@@ -29,6 +29,8 @@ static const problem problems[] = {
     {"not_supported", 422, "The job spec asks for something not built yet"},
     {"input_missing", 422, "The input file is missing"},
     {"input_unsupported", 422, "The input is not of a kind that can be read"},
+    {"limit_memory", 422, "The job needs more memory than there is"},
+    {"too_many_jobs", 429, "The user has too many jobs"},
     {"unavailable", 503, "The service takes no jobs now"},
     {"internal", 500, "The service failed"}, /* the last one: also for a code not listed */
 };

@@ -62,6 +62,8 @@ static const char help_text[] =
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must lie below DIR; may be given several times\n"
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
+    "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
+    "                     (default: no bound, and one per processor)\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -127,7 +129,7 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress;
-    long progress_fd, memory_mb;
+    long progress_fd, memory_mb, threads;
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -147,7 +149,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {NULL, 0, NULL, 0}};
+        {"memory-mb", required_argument, NULL, 'm'},
+        {"threads", required_argument, NULL, 't'},     {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -161,6 +164,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else if (c == 't') {
+            if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -241,7 +246,16 @@ static int run_command(int argc, char **argv)
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
     start_timer(s->timeout_s);
-    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested, leave};
+    run_options options = {
+        .output = a.output,
+        .roots = roots,
+        .memory_mb = a.memory_mb,
+        .threads = (int)a.threads,
+        .progress_fd = (int)a.progress_fd,
+        .progress_bar = a.progress,
+        .cancel = &cancel_requested,
+        .leave = leave,
+    };
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
            summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,

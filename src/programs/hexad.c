@@ -109,10 +109,15 @@ static bool init_executor(service *s, error *e)
         .input_roots = (const char *const *)c->input_roots.item,
         .input_root_count = c->input_roots.count,
         .workers = (int)c->workers,
+        .threads = (int)c->threads,
+        .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
+        .most_of_owner = (int)c->user_running,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
+        .retry_s = c->retry_s,
+        .retry_most_s = c->retry_most_s,
     };
     if (!config_find_worker(&s->settings, e)) return false;
     settings.worker = c->worker;
@@ -139,6 +144,8 @@ static bool init_http(service *s, error *e)
         .roots = s->roots,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
+        .most_waiting = c->user_queued,
+        .retention_s = (int64_t)c->retention_s,
     };
     s->http = server_start(&settings, &s->socket, &s->context, e);
     return s->http != NULL;

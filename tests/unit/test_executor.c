@@ -74,7 +74,9 @@ static void start(place *p, const char *script, int workers)
                                   .worker = p->worker,
                                   .workers = workers,
                                   .memory_mb = 1024,
-                                  .grace_s = 0.2};
+                                  .grace_s = 0.2,
+                                  .retry_s = 0.01,
+                                  .retry_most_s = 0.02};
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
@@ -82,9 +84,11 @@ static void start(place *p, const char *script, int workers)
 
 static void put(place *p, const char *spec, int max_attempts, char id[ULID_SIZE])
 {
-    queue_submission s = {"test", "[]", spec, 0, max_attempts};
+    queue_submission s = {.name = "test", .labels = "[]", .spec = spec, .max_attempts = max_attempts};
+    queue_receipt receipt;
     error e = {0};
-    if (!queue_put(p->q, &s, id, &e)) fail_msg("%s", e.message);
+    if (!queue_put(p->q, &s, &receipt, &e)) fail_msg("%s", e.message);
+    memcpy(id, receipt.id, sizeof receipt.id);
     if (p->x) executor_wake(p->x);
 }
 
@@ -151,7 +155,7 @@ static void test_success_is_delivered(void **state)
     assert_int_equal(job.outcome, QUEUE_CONVERGED);
     assert_null(job.error_code);
     queue_job_clear(&job);
-    char *results = result_directory(p->base, id);
+    char *results = result_directory(p->base, id, QUEUE_NO_FRAME);
     result r = {0};
     error e = {0};
     if (!result_read(results, &r, &e)) fail_msg("%s", e.message);
@@ -254,7 +258,7 @@ static void test_garbage_does_no_harm(void **state)
     queue_job job = get(p, id);
     assert_non_null(strstr(job.error_message, "not JSON"));
     queue_job_clear(&job);
-    char *directory = result_attempt_directory(p->base, id, 1);
+    char *directory = result_attempt_directory(p->base, id, QUEUE_NO_FRAME, 1);
     int64_t bytes;
     int fd = result_open_file(directory, "worker.log", &bytes, NULL);
     assert_true(fd >= 0);
@@ -270,7 +274,7 @@ static void test_success_without_a_report_is_none(void **state)
     start(p, PROLOGUE "exit 0\n", 1);
     put(p, "{}", 1, id);
     expect_end(p, id, QUEUE_FAILED, "internal", "no valid result");
-    char *results = result_directory(p->base, id);
+    char *results = result_directory(p->base, id, QUEUE_NO_FRAME);
     assert_int_equal(access(results, F_OK), -1);
     free(results);
 }
@@ -294,7 +298,7 @@ static void test_a_missing_worker_costs_no_job(void **state)
     put(p, "{}", 1, id);
     for (int64_t since = clock_monotonic_ms();; look_again(since, "the first try")) {
         queue_job job = get(p, id);
-        bool tried = job.attempt > 0 && job.state == QUEUE_QUEUED;
+        bool tried = job.attempts > 0 && job.state == QUEUE_QUEUED;
         queue_job_clear(&job);
         if (tried) break;
     }
@@ -384,7 +388,7 @@ static void test_cancel_of_a_deaf_worker(void **state)
     wait_file(p, "child");
     bool found, changed;
     queue_state now;
-    assert_true(executor_cancel(p->x, id, &found, &changed, &now, NULL));
+    assert_true(executor_tell(p->x, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_true(found && changed && now == QUEUE_CANCELLING);
     expect_end(p, id, QUEUE_CANCELLED, "cancelled", NULL);
     expect_child_gone(p);
@@ -409,9 +413,14 @@ static void test_drain_puts_back_uncounted(void **state)
     wait_drained(p);
     queue_job job = get(p, running);
     assert_int_equal(job.state, QUEUE_QUEUED);
-    assert_int_equal(job.spent, 0);
-    assert_int_equal(job.attempt, 1);
+    assert_int_equal(job.attempts, 1);
     queue_job_clear(&job);
+    queue_task *task;
+    size_t count;
+    assert_true(queue_list_tasks(p->q, running, -1, 9, &task, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_int_equal(task->spent, 0);
+    queue_tasks_free(task, count);
     assert_int_equal(count_attempts(p, waiting), 0);
     expect_child_gone(p);
 }
@@ -437,11 +446,11 @@ static void test_slots_bound_what_runs(void **state)
 /* Claims a job as a daemon does that dies of it. */
 static void claim_and_die(place *p, const char *id)
 {
-    queue_job job = {0};
+    queue_claimed claimed = {0};
     bool found;
-    assert_true(queue_claim(p->q, &job, &found, NULL));
-    assert_string_equal(job.id, id);
-    queue_job_clear(&job);
+    assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
+    assert_true(found);
+    queue_claimed_clear(&claimed);
 }
 
 static void put_file(const char *directory, const char *name, const char *text)
@@ -460,17 +469,17 @@ static void test_recovery(void **state)
     queue_state now;
     put(p, "{}", 3, done);
     claim_and_die(p, done);
-    char *results = result_directory(p->base, done);
+    char *results = result_directory(p->base, done, QUEUE_NO_FRAME);
     put_file(results, "report.json", "{\"outcome\":\"not_converged\",\"count\":1,\"outputs\":[]}");
     put(p, "{}", 3, lost);
     claim_and_die(p, lost);
-    char *orphan = result_attempt_directory(p->base, lost, 1);
+    char *orphan = result_attempt_directory(p->base, lost, QUEUE_NO_FRAME, 1);
     put_file(orphan, "points.ply", "half");
     put(p, "{}", 1, worn);
     claim_and_die(p, worn);
     put(p, "{}", 3, cancelled);
     claim_and_die(p, cancelled);
-    assert_true(queue_cancel(p->q, cancelled, &found, &changed, &now, NULL));
+    assert_true(queue_tell(p->q, cancelled, QUEUE_CANCEL, &found, &changed, &now, NULL));
     start(p, PROLOGUE REPORT, 1);
     expect_end(p, done, QUEUE_SUCCEEDED, NULL, NULL);
     queue_job job = get(p, done);
