@@ -283,7 +283,7 @@ enum { OF_JOB = 1, OF_OWNER = 2 };
 
 #define EVENTS                                                                                               \
     "SELECT event.seq, at_ms, id, type, event.state, event.outcome, frame, attempt FROM event"                \
-    " JOIN job ON job.seq = event.job WHERE event.seq > ?1"
+    " CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1" /* in this order: by the number of the event */
 #define OLDEST " ORDER BY event.seq LIMIT ?2"
 #define EVENTS_OF_JOB EVENTS " AND event.job = (SELECT seq FROM job WHERE id = ?3)"
 
