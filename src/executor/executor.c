@@ -383,9 +383,10 @@ static void wait_for_news(executor *x, struct pollfd *fds)
         due = least(due, slot_due(x, s));
         if (s->attempt) count += x->engine->watch(s->attempt, &fds[count]);
     }
-    if (room && x->claim_ms) due = least(due, x->claim_ms);
-    if (room && x->due_ms < INT64_MAX)
-        due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
+    if (room && !atomic_load(&x->draining)) {
+        if (x->look) due = least(due, x->claim_ms); /* 0: at once */
+        if (x->due_ms < INT64_MAX) due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
+    }
     int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
     if (due != INT64_MAX && wait < 0) wait = 0;
     /* one millisecond more: due is a rounded time, and waking too early would turn in vain */
