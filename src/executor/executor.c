@@ -197,6 +197,7 @@ static void slot_start(executor *x, slot *s)
         .input_root_count = x->settings.input_root_count,
         .memory_mb = s->memory_mb,
         .threads = s->threads,
+        .frame = task->frame,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/result.h"
+#include "spec/frames.h"
 #include "spec/spec.h"
 #include "store/file.h"
 
@@ -163,13 +164,15 @@ static spec *read_spec(const jobs_request *request, reply *r)
 }
 
 /* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
- * opens them again under the same roots. */
+ * opens them again under the same roots. Of a sequence the first frame is looked at. */
 static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
 {
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
-        int fd = store_open_input(c->roots, input.path, &e);
+        char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        int fd = store_open_input(c->roots, path, &e);
+        free(path);
         if (fd >= 0) {
             close(fd);
             continue;
@@ -180,6 +183,28 @@ static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
         return false;
     }
     return true;
+}
+
+static void refuse_for_now(reply *r, const char *code, const char *why)
+{
+    reply_set_problem(r, code, NULL, "%s", why);
+    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+}
+
+/* Answers why the job was not taken. */
+static void refuse(const queue_receipt *receipt, const spec *s, reply *r)
+{
+    if (receipt->verdict != QUEUE_UNKNOWN_DEPENDENCY) {
+        refuse_for_now(r, "too_many_jobs", "you have as many unfinished jobs as this service allows (user_queued)");
+        return;
+    }
+    error e = {0};
+    char pointer[64];
+    json *errors = json_new_array();
+    snprintf(pointer, sizeof pointer, "/queue/depends_on/%zu", receipt->dependency);
+    error_set(&e, ERROR_SPEC_INVALID, "there is no job %s to depend on", s->depends_on[receipt->dependency]);
+    append_fault(errors, pointer, e.message);
+    reply_set_error(r, &e, errors);
 }
 
 static char *print_labels(const spec *s)
@@ -211,12 +236,6 @@ static void show_accepted(const jobs_context *c, const queue_receipt *receipt, c
     reply_set_json(r, 201, document);
 }
 
-static void refuse_for_now(reply *r, const char *code, const char *why)
-{
-    reply_set_problem(r, code, NULL, "%s", why);
-    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
-}
-
 void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
 {
     if (executor_is_draining(c->x)) {
@@ -240,15 +259,19 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
         .max_attempts = s->max_attempts > 0 ? s->max_attempts : c->max_attempts,
         .threads = s->threads,
         .memory_mb = s->memory_mb,
-        .retention_s = c->retention_s,
+        .retention_s = s->retention_s > 0 ? s->retention_s : c->retention_s,
+        .frames = s->frame,
+        .frame_count = s->frame_count,
+        .depends_on = (const char *const *)s->depends_on,
+        .depends_on_count = s->depends_on_count,
         .most_waiting = c->most_waiting,
     };
     if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!queue_put(c->q, &submission, &receipt, &e)) {
         refuse_for_now(r, "unavailable", e.message); /* a full disk: the submitter's to wait for, not a fault */
-    } else if (receipt.verdict == QUEUE_TOO_MANY) {
-        refuse_for_now(r, "too_many_jobs", "you have as many unfinished jobs as this service allows (user_queued)");
+    } else if (receipt.verdict != QUEUE_CREATED) {
+        refuse(&receipt, s, r);
     } else {
         executor_wake(c->x);
         log_write(LOG_LEVEL_INFO, "job accepted job=%s", receipt.id);
@@ -390,6 +413,9 @@ static bool find_result(const jobs_context *c, const jobs_request *request, char
     else if (job.state != QUEUE_SUCCEEDED)
         reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
                           queue_state_name(job.state));
+    else if (job.array)
+        reply_set_problem(r, "not_found", NULL, "the job %s has results for each of its frames, none of its own",
+                          job.id);
     else if (!result_read(path, found, &e))
         reply_set_error(r, &e, NULL);
     else

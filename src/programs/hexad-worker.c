@@ -64,6 +64,7 @@ static const char help_text[] =
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
     "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
     "                     (default: no bound, and one per processor)\n"
+    "  --frame N          the frame of a spec with queue.frames\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -129,7 +130,7 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress;
-    long progress_fd, memory_mb, threads;
+    long progress_fd, memory_mb, threads, frame; /* -1: none */
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -144,14 +145,29 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
+/* Of a sequence one frame is run, and of any other spec none. */
+static bool choose_frame(spec *s, long frame, error *e)
+{
+    if (!s->frames && frame < 0) return true;
+    if (!s->frames) return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
+    for (size_t i = 0; i < s->frame_count; i++) {
+        if (s->frame[i] != frame) continue;
+        spec_set_frame(s, (int)frame);
+        return true;
+    }
+    return error_set(e, ERROR_SPEC_INVALID, "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
+                     " which of them to run", s->frames);
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
         {"memory-mb", required_argument, NULL, 'm'},
-        {"threads", required_argument, NULL, 't'},     {NULL, 0, NULL, 0}};
-    *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
+        {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
+        {NULL, 0, NULL, 0}};
+    *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'o')
@@ -166,6 +182,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
         } else if (c == 't') {
             if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
+        } else if (c == 'n') {
+            if (!parse_number("frame", optarg, 0, &a->frame, e)) return false;
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -244,6 +262,7 @@ static int run_command(int argc, char **argv)
     handle_signals();
     if (!parse_arguments(argc, argv, &a, &e)) goto fail;
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
+    if (!choose_frame(s, a.frame, &e)) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
     start_timer(s->timeout_s);
     run_options options = {
