@@ -20,6 +20,7 @@
 #include "executor/host.h"
 #include "executor/local.h"
 #include "executor/result.h"
+#include "executor/retention.h"
 #include "executor/settlement.h"
 #include "json/json.h"
 #include "executor/rows.h"
@@ -73,6 +74,7 @@ struct executor {
     queue *q;
     const engine *engine;
     rows *rows;
+    retention *retention;
     pthread_t thread;
     int wake_fd, drained_fd;
     atomic_bool draining, forcing, stopping;
@@ -103,6 +105,12 @@ static void signal_fd(int fd)
 void executor_wake(executor *x)
 {
     signal_fd(x->wake_fd);
+    retention_wake(x->retention);
+}
+
+bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, error *e)
+{
+    return retention_delete(x->retention, id, found, deleted, e);
 }
 
 static double limit_or(json_at limits_at, const char *key, double otherwise)
@@ -142,6 +150,7 @@ static void slot_settle(executor *x, slot *s)
     error e = {0};
     if (settlement_apply(&x->place, &s->claimed, &s->verdict, s->ending.last_words ? &s->ending : NULL, &e)) {
         slot_clear(x, s);
+        retention_wake(x->retention); /* it may be kept for a short time only */
         return;
     }
     /* once an attempt: it is tried until it works */
@@ -445,6 +454,7 @@ static void executor_free(executor *x)
     free(x->state_dir);
     free(x->worker);
     free(x->slots);
+    retention_stop(x->retention);
     rows_free(x->rows);
     pthread_mutex_destroy(&x->order);
     pthread_mutex_destroy(&x->mutex);
@@ -490,7 +500,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    ok = ok && make_places(x, e) && settlement_recover(&x->place, e);
+    ok = ok && make_places(x, e) && settlement_recover(&x->place, e) &&
+         (x->retention = retention_start(q, x->state_dir, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
     if (ok) return x;

@@ -42,7 +42,10 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e);
  * Accepts NULL. */
 void executor_stop(executor *x);
 
-/* A job was put in the queue, or changed its place there. */
+/* As queue_delete, with the job's directories. */
+bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, error *e);
+
+/* A job was put in the queue, or edited. */
 void executor_wake(executor *x);
 
 /* What an attempt takes of the host, `width` being its threads: where a job asks for nothing (0) its share, of
