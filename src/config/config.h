@@ -27,7 +27,9 @@ typedef struct config {
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *worker;    /* "": config_find_worker looks for it */
-    config_list input_roots;
+    config_list input_roots, output_roots;
+    char *output_mode;  /* octal digits */
+    char *output_group; /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts;
     int64_t user_queued, user_running; /* 0: any number */

@@ -20,6 +20,15 @@ const config_row config_table[] = {
      "Directories below which a job may name input files, separated by colons or commas; the key"
      " may be repeated. Empty: no job may read a file.",
      AT(input_roots)},
+    {"output_roots", CONFIG_LIST, "", 0, 0, "",
+     "Directories below which a job may have its results copied (output.directory), as input_roots. Empty: no job"
+     " may.",
+     AT(output_roots)},
+    {"output_mode", CONFIG_TEXT, "0644", 0, 0, "",
+     "Mode of these copies, octal; directories that are made for them can be searched, too, by who may read.",
+     AT(output_mode)},
+    {"output_group", CONFIG_TEXT, "", 0, 0, "",
+     "Group that these copies belong to. Empty: that of the service.", AT(output_group)},
     {"workers", CONFIG_INTEGER, "0", 0, 1024, "processes",
      "Most attempts at once. As many run as fit into threads and host_memory_mb. 0: one per thread.",
      AT(workers)},

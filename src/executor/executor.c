@@ -19,6 +19,7 @@
 #include "executor/engine.h"
 #include "executor/host.h"
 #include "executor/local.h"
+#include "executor/publication.h"
 #include "executor/result.h"
 #include "executor/retention.h"
 #include "executor/settlement.h"
@@ -58,6 +59,7 @@ typedef struct slot {
     settlement_stop stop;
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
+    publication *publication; /* NULL: none is on its way */
     bool decided;
     settlement verdict;
     engine_ending ending;
@@ -161,6 +163,24 @@ static void slot_settle(executor *x, slot *s)
     if (atomic_load(&x->draining)) slot_clear(x, s);
 }
 
+/* A result is copied first to where its job wants it, if it does. False: there is nothing to wait for. */
+static bool slot_publish(executor *x, slot *s)
+{
+    char *path = s->verdict.deliver ? publication_path(s->claimed.job.spec, s->claimed.task.frame) : NULL;
+    if (path) s->publication = publication_start(&x->settings.outputs, s->directory, path, x->wake_fd);
+    free(path);
+    return s->publication != NULL;
+}
+
+static void slot_end_publication(executor *x, slot *s)
+{
+    error e = {0};
+    if (!publication_end(s->publication, &e)) settlement_decide_unpublished(&e, &s->verdict);
+    s->publication = NULL;
+    s->decided = true;
+    slot_settle(x, s);
+}
+
 /* What becomes of an attempt that ended, and then that. */
 static void slot_decide(executor *x, slot *s)
 {
@@ -175,6 +195,7 @@ static void slot_decide(executor *x, slot *s)
         if (atomic_load(&x->draining)) slot_clear(x, s);
         return;
     }
+    if (slot_publish(x, s)) return;
     s->decided = true;
     slot_settle(x, s);
 }
@@ -350,6 +371,10 @@ static void stop_if_due(executor *x, slot *s)
 
 static void slot_serve(executor *x, slot *s)
 {
+    if (s->publication) {
+        if (publication_has_ended(s->publication)) slot_end_publication(x, s);
+        return;
+    }
     if (s->decided || !s->attempt) {
         if (clock_monotonic_ms() < s->retry_ms) return;
         if (s->decided) slot_settle(x, s);
@@ -371,6 +396,7 @@ static void slot_serve(executor *x, slot *s)
 /* When the slot wants to be looked at again although none of its descriptors is ready. */
 static int64_t slot_due(executor *x, const slot *s)
 {
+    if (s->publication) return INT64_MAX;
     if (s->decided || !s->attempt) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;

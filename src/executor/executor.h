@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "executor/rows.h"
 #include "queue/queue.h"
+#include "store/output.h"
 
 typedef struct executor executor;
 
@@ -30,6 +31,7 @@ typedef struct executor_settings {
     int64_t memory_mb;         /* of a job that names no limit, > 0 */
     int most_of_owner;         /* attempts of one owner at once; 0: any number */
     double timeout_s, stall_s; /* of a job that names no limit; 0: none */
+    store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */
     double grace_s;            /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* how long a crashed task waits the first time, and at most */
 } executor_settings;

@@ -175,6 +175,13 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
     set_end(s, QUEUE_FAILED, &e);
 }
 
+void settlement_decide_unpublished(const error *why, settlement *s)
+{
+    s->deliver = false;
+    s->outcome = QUEUE_NO_OUTCOME;
+    set_end(s, QUEUE_FAILED, why);
+}
+
 static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c)
 {
     double wait_s = place->backoff.first_s;

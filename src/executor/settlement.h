@@ -45,6 +45,9 @@ void settlement_decide_unstarted(const error *why, settlement *s);
 /* For an attempt that was not even tried, since the machine can never give what the job asks for. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
 
+/* For a result that could not be copied to where its job wants it: the job fails. */
+void settlement_decide_unpublished(const error *why, settlement *s);
+
 /* How long a task waits whose attempt crashed: `first_s` after the first attempt that counts, twice as long
  * after each further one, up to `most_s`. */
 typedef struct settlement_backoff {

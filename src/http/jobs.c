@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/result.h"
-#include "spec/frames.h"
+#include "base/frames.h"
 #include "spec/spec.h"
 #include "store/file.h"
 
@@ -191,6 +191,17 @@ static void refuse_for_now(reply *r, const char *code, const char *why)
     reply_add_header(r, "Retry-After", RETRY_AFTER_S);
 }
 
+/* Looks whether a copy of the results may go where the spec wants it. */
+static bool check_output(const jobs_context *c, const spec *s, reply *r)
+{
+    error e = {0};
+    if (!s->directory || store_output_check(c->outputs, s->directory, &e)) return true;
+    json *errors = json_new_array();
+    append_fault(errors, "/output/directory", e.message);
+    reply_set_error(r, &e, errors);
+    return false;
+}
+
 /* Answers why the job was not taken. */
 static void refuse(const queue_receipt *receipt, const spec *s, reply *r)
 {
@@ -244,7 +255,7 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
     }
     spec *s = read_spec(request, r);
     if (!s) return;
-    if (!check_inputs(c, s, r)) {
+    if (!check_inputs(c, s, r) || !check_output(c, s, r)) {
         spec_free(s);
         return;
     }

@@ -7,6 +7,7 @@
 #include "executor/executor.h"
 #include "http/reply.h"
 #include "queue/queue.h"
+#include "store/output.h"
 #include "store/root.h"
 
 /* What handlers work on; borrowed, and outlives the server. */
@@ -14,6 +15,7 @@ typedef struct jobs_context {
     queue *q;
     executor *x;
     const store_roots *roots;
+    const store_outputs *outputs;
     const char *state_dir;
     int max_attempts;    /* of a job that names no number */
     int64_t most_waiting; /* jobs of one user; 0: any number */

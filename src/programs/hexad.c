@@ -2,6 +2,7 @@
  * to stop. */
 #include <errno.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -20,6 +21,7 @@
 #include "http/server.h"
 #include "queue/queue.h"
 #include "store/file.h"
+#include "store/output.h"
 #include "store/root.h"
 
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
@@ -30,6 +32,7 @@ typedef struct service {
     char *state_dir; /* absolute */
     queue *q;
     store_roots *roots;
+    store_outputs outputs;
     executor *x;
     listen_socket socket;
     jobs_context context;
@@ -100,6 +103,35 @@ static void fini_socket(service *s)
     listen_close(&s->socket);
 }
 
+static bool init_outputs(service *s, error *e)
+{
+    const config *c = &s->settings;
+    char *end;
+    unsigned long mode = strtoul(c->output_mode, &end, 8);
+    if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
+        return error_set(e, ERROR_SPEC_INVALID, "output_mode %s: must be octal and give the owner read and write",
+                         c->output_mode);
+    const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
+    if (*c->output_group && !group)
+        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
+    for (size_t i = 0; i < c->output_roots.count; i++)
+        if (c->output_roots.item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
+                             c->output_roots.item[i]);
+    s->outputs = (store_outputs){
+        .roots = (const char *const *)c->output_roots.item,
+        .root_count = c->output_roots.count,
+        .mode = (mode_t)mode,
+        .group = group ? group->gr_gid : (gid_t)-1,
+    };
+    return true;
+}
+
+static void fini_outputs(service *s)
+{
+    s->outputs = (store_outputs){0};
+}
+
 static bool init_executor(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -108,6 +140,7 @@ static bool init_executor(service *s, error *e)
         .worker = c->worker,
         .input_roots = (const char *const *)c->input_roots.item,
         .input_root_count = c->input_roots.count,
+        .outputs = s->outputs,
         .workers = (int)c->workers,
         .threads = (int)c->threads,
         .host_memory_mb = c->host_memory_mb,
@@ -142,6 +175,7 @@ static bool init_http(service *s, error *e)
         .q = s->q,
         .x = s->x,
         .roots = s->roots,
+        .outputs = &s->outputs,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
@@ -178,7 +212,8 @@ static const struct step {
 } steps[] = {
     {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
     {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
-    {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
+    {"outputs", init_outputs, fini_outputs}, {"socket", init_socket, fini_socket},
+    {"executor", init_executor, fini_executor},
     {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
 };
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "spec/frames.h"
+#include "base/frames.h"
 #include "spec/spec_table.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
@@ -610,6 +610,10 @@ static void check_frames(reading *r, const json_at *at)
     if (!any)
         add_fault(r, &frames, ERROR_SPEC_INVALID,
                   "no path of the surface has a place for the frame's number: write it as #### or %%04d");
+    if (s->directory && !frames_is_pattern(s->directory))
+        add_fault(r, &frames, ERROR_SPEC_INVALID,
+                  "output.directory has no place for the frame's number, so that frames would replace each other:"
+                  " write it as #### or %%04d");
 }
 
 /* Reads the members of a group; a place without a node stands for an object without members. */
@@ -715,6 +719,7 @@ void spec_free(spec *s)
     free(s->depends_on);
     free(s->frames);
     free(s->frame);
+    free(s->directory);
     json_free(s->normalised);
     free(s);
 }

@@ -168,6 +168,8 @@ typedef struct spec {
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
 
+    char *directory; /* NULL: no copy */
+
     int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
     double timeout_s, stall_s;
     int max_attempts;

@@ -762,7 +762,13 @@ const spec_row spec_rows[] = {
           "A sequence of pictures around the surface."),
     LATER("/output/points_vdb", SPEC_CHOICE_NONE, "The points as a VDB points grid."),
     LATER("/output/mesh", SPEC_CHOICE_NONE, "A triangle mesh of the points."),
-    LATER("/output/directory", SPEC_CHOICE_NONE, "A copy of the results below an output root."),
+    {.pointer = "/output/directory",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 4096,
+     AT(directory),
+     .prose = "Where the service puts a copy of the results: an absolute path below one of its output roots, made when"
+              " missing; files of the same names are replaced. Of a sequence #### or %04d is the frame's number."},
 
     GROUP("/limits", 0, "What the job may use; 0: the default of whoever runs it."),
     {.pointer = "/limits/memory_mb",

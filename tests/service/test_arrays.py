@@ -71,3 +71,37 @@ def test_the_worker_alone_runs_one_frame(build, footage, tmp_path):
     for more in ([], ["--frame", "12"]):
         done = subprocess.run([*words, *more], input=spec, text=True, capture_output=True, timeout=PATIENCE_S)
         assert done.returncode == 2 and "8-11" in done.stderr
+
+
+def test_copies_of_results(new_service, footage, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    service = new_service("--input_roots", footage, "--output_roots", show, "--output_mode", "0640").start()
+    job = service.submit(sphere(output={"directory": f"{show}/shot/a"}))
+    service.wait_state(job, "succeeded")
+    copied = show / "shot" / "a"
+    for result in service.get(f"/v1/jobs/{job}/results").json["results"]:
+        assert (copied / result["name"]).read_bytes() == service.get(result["href"]).body
+        assert (copied / result["name"]).stat().st_mode & 0o777 == 0o640
+    spec = sequence(footage, "8-9")
+    spec["output"]["directory"] = f"{show}/frames/%03d"
+    service.wait_state(service.submit(spec), "succeeded")
+    assert sorted(p.name for p in (show / "frames").iterdir()) == ["008", "009"]
+    spec["output"]["directory"] = f"{show}/frames"
+    assert service.post("/v1/jobs", spec).json["errors"][0]["pointer"] == "/queue/frames"
+    refused = service.post("/v1/jobs", sphere(output={"directory": "/etc/hexad"}))
+    assert refused.status == 403 and refused.json["errors"][0]["pointer"] == "/output/directory"
+
+
+def test_a_copy_that_cannot_be_made_fails_the_job(new_service, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    (show / "taken").write_text("a file where a directory should be")
+    service = new_service("--output_roots", show).start()
+    job = service.submit(sphere(output={"directory": f"{show}/taken/a"}))
+    done = service.wait_state(job, "failed")
+    assert done["error"]["code"] == "path_forbidden" and f"{show}/taken/a" in done["error"]["message"]
+    assert not list((service.state / "results").iterdir())
+    (show / "taken").unlink()
+    service.wait_state(service.submit(sphere(output={"directory": f"{show}/taken/a"})), "succeeded")
+    assert (show / "taken" / "a" / "report.json").is_file()

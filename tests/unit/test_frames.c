@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "spec/frames.h"
+#include "base/frames.h"
 
 static void expect(const char *text, const int *numbers, size_t expected)
 {

@@ -4,8 +4,8 @@
  * none twice. In a path the first `####` (as many digits at least as there are #) or `%04d` (`%d`) stands for it.
  * No state; any thread.
  */
-#ifndef HEXAD_SPEC_FRAMES_H
-#define HEXAD_SPEC_FRAMES_H
+#ifndef HEXAD_BASE_FRAMES_H
+#define HEXAD_BASE_FRAMES_H
 
 #include <stdbool.h>
 #include <stddef.h>

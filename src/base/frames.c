@@ -1,4 +1,4 @@
-#include "spec/frames.h"
+#include "base/frames.h"
 
 #include <stdint.h>
 #include <stdlib.h>
