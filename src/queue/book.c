@@ -170,6 +170,11 @@ static bool save_one(database *d, const book *before, book *b, int64_t now, erro
     if (b->running && !b->started_ms) b->started_ms = now;
     bool ok = store(d, b, outcome, e);
     if (is_final && b->state != QUEUE_SUCCEEDED) ok = ok && store_error(d, b, e);
+    if (is_final && !was_final)
+        ok = ok && RUN(d, e,
+                       "INSERT INTO outbox (job, webhook, state, outcome, due_ms)"
+                       " SELECT seq, webhook, state, outcome, ?2 FROM job WHERE seq = ?1 AND webhook IS NOT NULL",
+                       integer(b->seq), integer(now));
     if (b->state != before->state)
         ok = ok && book_note(d, b->seq, QUEUE_EVENT_STATE, b->state, outcome, QUEUE_NO_FRAME, 0, now, e);
     return ok && count_for_owner(d, b->seq, (int)was_final - (int)is_final, b->running - before->running, e);

@@ -315,6 +315,29 @@ typedef struct queue_event_filter {
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event **events, size_t *count,
                        error *e);
 
+/* ---- webhooks */
+
+/* That a job with a webhook has ended; put into the outbox with the end itself, once for each end. */
+typedef struct queue_delivery {
+    int64_t number;
+    char id[ULID_SIZE]; /* of the job */
+    char *url;
+    queue_state state;
+    queue_outcome outcome;
+    int tries;      /* that failed */
+    int64_t due_ms; /* wall clock: not to be tried before */
+} queue_delivery;
+
+void queue_delivery_clear(queue_delivery *delivery);
+
+/* The one that is due first, which may lie ahead; it stays until it is ended. */
+bool queue_next_delivery(queue *q, queue_delivery *delivery, bool *found, error *e);
+
+/* It is delivered or given up; with again_ms > 0 it is to be tried again then. */
+bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);
+
+/* ---- news */
+
 /* Waits until something happened since *seen (0 at the beginning): changes were stored, or somebody
  * called queue_signal; or until the deadline (monotonic). True, and *seen brought up to date, when
  * something did. No event is missed by who waits first and lists then. */

@@ -131,7 +131,19 @@ static const char tables[] =
     "  frame INTEGER,"
     "  attempt INTEGER"
     ") STRICT;"
-    "CREATE INDEX event_by_job ON event (job, seq);";
+    "CREATE INDEX event_by_job ON event (job, seq);"
+
+    "CREATE TABLE outbox ("
+    "  number INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  webhook TEXT NOT NULL,"
+    "  state TEXT NOT NULL,"
+    "  outcome TEXT,"
+    "  tries INTEGER NOT NULL DEFAULT 0,"
+    "  due_ms INTEGER NOT NULL"
+    ") STRICT;"
+    "CREATE INDEX outbox_by_time ON outbox (due_ms, number);"
+    "CREATE INDEX outbox_by_job ON outbox (job);";
 
 static const char set_version[] = "PRAGMA user_version = " TEXT(SCHEMA_VERSION);
 

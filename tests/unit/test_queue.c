@@ -40,7 +40,7 @@ static bool is_cheap(const char *sql, const char *step)
 {
     static const char *const harmless[] = {
         "SCAN owner", "SCAN json_each", "SCAN CONSTANT ROW", "SCAN (subquery", "SCAN task USING INDEX task_running",
-        "SCAN task USING INDEX task_delayed", "SCAN task USING COVERING INDEX task_delayed"};
+        "SCAN task USING INDEX task_delayed", "SCAN outbox USING INDEX outbox_by_time", "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "SELECT state, count(*)", 22) == 0) return true;
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0) return strstr(sql, "FROM owner") || strstr(sql, "DISTINCT value");
     if (strncmp(step, "SCAN", 4) != 0) return true;
@@ -830,6 +830,52 @@ static void test_events_tell_what_happened(void **state)
     free(events);
 }
 
+static queue_delivery next_delivery(place *p, const char *id)
+{
+    queue_delivery delivery = {0};
+    bool found = false;
+    assert_true(queue_next_delivery(p->q, &delivery, &found, NULL));
+    assert_int_equal(found, id != NULL);
+    if (id) assert_string_equal(delivery.id, id);
+    return delivery;
+}
+
+static void test_ends_are_told(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char told[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
+    s.webhook = "https://farm/done";
+    submit_for(p, &s, told);
+    put(p, "quiet", 0, quiet);
+    submit_for(p, &s, failed);
+    next_delivery(p, NULL);
+    assert_true(finish(p, told, 0, claim(p, told), &success));
+    assert_true(finish(p, quiet, 0, claim(p, quiet), &success));
+    reopen(p);
+    queue_delivery delivery = next_delivery(p, told);
+    assert_string_equal(delivery.url, "https://farm/done");
+    assert_int_equal(delivery.state, QUEUE_SUCCEEDED);
+    assert_int_equal(delivery.outcome, QUEUE_CONVERGED);
+    assert_int_equal(delivery.tries, 0);
+    assert_true(queue_end_delivery(p->q, delivery.number, INT64_C(1) << 42, NULL));
+    queue_delivery_clear(&delivery);
+    delivery = next_delivery(p, told);
+    assert_true(delivery.due_ms == INT64_C(1) << 42);
+    assert_int_equal(delivery.tries, 1);
+    queue_delivery_clear(&delivery);
+    assert_true(finish(p, failed, 0, claim(p, failed), &crash));
+    delivery = next_delivery(p, failed); /* which is due before */
+    assert_int_equal(delivery.state, QUEUE_FAILED);
+    assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
+    queue_delivery_clear(&delivery);
+    delivery = next_delivery(p, told);
+    queue_delivery_clear(&delivery);
+    bool found, deleted;
+    assert_true(queue_delete(p->q, told, &found, &deleted, NULL));
+    next_delivery(p, NULL);
+}
+
 static void *put_one(void *argument)
 {
     char id[ULID_SIZE];
@@ -1055,6 +1101,7 @@ int main(void)
         CASE(test_list_pages_newest_first),
         CASE(test_list_by_owner_and_label),
         CASE(test_events_tell_what_happened),
+        CASE(test_ends_are_told),
         CASE(test_waiting_ends_with_news),
         CASE(test_many_threads_submit),
         CASE(test_an_older_schema_is_carried_over),
