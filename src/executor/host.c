@@ -10,9 +10,9 @@
 #define GROUPS "/sys/fs/cgroup"
 #define MIB (1 << 20)
 
-static int64_t read_bound_mb(const char *root, const char *group)
+static int64_t read_bound_mb(const char *group)
 {
-    char *path = mem_printf("%s%s/memory.max", root, group);
+    char *path = mem_printf("%s/memory.max", group);
     size_t length = 0;
     char *text = store_file_read(path, 64, &length, NULL), *end = NULL;
     long long bytes = text ? strtoll(text, &end, 10) : 0; /* "max", or the file is not there: no bound */
@@ -24,12 +24,13 @@ static int64_t read_bound_mb(const char *root, const char *group)
 
 int64_t host_group_memory_mb(const char *root, const char *group)
 {
-    char *at = mem_strdup(group);
+    char *at = mem_printf("%s%s", root, group);
+    size_t top = strlen(root);
     int64_t least = INT64_MAX;
     for (;;) {
-        int64_t bound = read_bound_mb(root, at);
+        int64_t bound = read_bound_mb(at);
         if (bound < least) least = bound;
-        char *slash = strrchr(at, '/');
+        char *slash = strrchr(at + top, '/');
         if (!slash) break;
         *slash = '\0';
     }

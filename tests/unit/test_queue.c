@@ -5,6 +5,7 @@
 #include <cmocka.h>
 
 #include <pthread.h>
+#include <signal.h>
 #include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -931,6 +932,103 @@ static void test_many_threads_submit(void **state)
     assert_int_equal(in_state[QUEUE_QUEUED], THREADS * 50);
 }
 
+static sqlite3 *open_raw(place *p)
+{
+    sqlite3 *database, *own = connection;
+    char *path = mem_printf("%s/queue.db", p->base);
+    assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
+    connection = own;
+    free(path);
+    return database;
+}
+
+typedef struct teller {
+    place *p;
+    int pipe;
+} teller;
+
+/* Submits for ever, and says each job that was acknowledged: a line of the pipe's, written at once. */
+static void *put_and_tell(void *argument)
+{
+    const teller *t = argument;
+    for (;;) {
+        queue_receipt receipt;
+        if (!queue_put(t->p->q, &plain, &receipt, NULL)) _exit(1);
+        if (write(t->pipe, receipt.id, ULID_SIZE) != ULID_SIZE) _exit(1);
+        bool found, accepted;
+        queue_claimed claimed = {0};
+        if (!queue_claim(t->p->q, &wide, &claimed, &found, NULL)) _exit(1);
+        if (!found) continue;
+        queue_fence fence = {claimed.job.id, claimed.task.number, claimed.task.attempt};
+        if (!queue_finish(t->p->q, &fence, &success, &accepted, NULL)) _exit(1);
+        queue_claimed_clear(&claimed);
+    }
+    return NULL;
+}
+
+static void check_integrity(place *p)
+{
+    queue_close(p->q);
+    sqlite3 *database = open_raw(p);
+    sqlite3_stmt *s;
+    assert_int_equal(sqlite3_prepare_v2(database, "PRAGMA integrity_check", -1, &s, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_step(s), SQLITE_ROW);
+    assert_string_equal((const char *)sqlite3_column_text(s, 0), "ok");
+    sqlite3_finalize(s);
+    /* the counts of jobs and owners are what their tasks say */
+    assert_int_equal(
+        sqlite3_prepare_v2(database,
+                           "SELECT (SELECT count(*) FROM job WHERE running != (SELECT count(*) FROM task WHERE"
+                           "  task.job = job.seq AND task.state = 'running')) + (SELECT count(*) FROM owner WHERE"
+                           "  running != (SELECT sum(running) FROM job WHERE job.owner = owner.name) OR unfinished !="
+                           "  (SELECT count(*) FROM job WHERE job.owner = owner.name AND finished_ms IS NULL))",
+                           -1, &s, NULL),
+        SQLITE_OK);
+    assert_int_equal(sqlite3_step(s), SQLITE_ROW);
+    assert_int_equal(sqlite3_column_int(s, 0), 0);
+    sqlite3_finalize(s);
+    sqlite3_close(database);
+    p->q = NULL;
+    reopen(p);
+}
+
+/* A process with eight threads is killed after so many acknowledgements: all that it said are there. */
+static void test_a_killed_process_loses_nothing(void **state)
+{
+    place *p = *state;
+    enum { THREADS = 8, ROUNDS = 5 };
+    queue_close(p->q);
+    p->q = NULL;
+    for (int round = 0; round < ROUNDS; round++) {
+        int ends[2];
+        assert_int_equal(pipe(ends), 0);
+        pid_t child = fork();
+        if (child == 0) {
+            pthread_t thread;
+            teller t = {p, ends[1]};
+            if (!(p->q = queue_open(p->base, NULL))) _exit(1);
+            for (int i = 0; i < THREADS; i++) pthread_create(&thread, NULL, put_and_tell, &t);
+            pthread_join(thread, NULL);
+        }
+        close(ends[1]);
+        char(*id)[ULID_SIZE] = mem_alloc(100000 * sizeof *id);
+        size_t count = 0, most = 20 + 37 * (size_t)round;
+        while (count < 100000 && read(ends[0], id[count], ULID_SIZE) == ULID_SIZE)
+            if (++count == most) kill(child, SIGKILL); /* and take what it had said until then */
+        int status = 0;
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_true(WIFSIGNALED(status));
+        close(ends[0]);
+        assert_true(count >= most);
+        reopen(p);
+        for (size_t i = 0; i < count; i++) queue_job_clear(&(queue_job[]){get(p, id[i])}[0]);
+        check_integrity(p);
+        queue_close(p->q);
+        p->q = NULL;
+        free(id);
+    }
+}
+
 /* As version 1 of the program left it: one job of each state. */
 static const char version_1[] =
     "CREATE TABLE job (seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, name TEXT,"
@@ -954,16 +1052,6 @@ static const char version_1[] =
     "INSERT INTO attempt VALUES (2, 1, 20, 21, NULL, 11, NULL, NULL);"
     "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
     "PRAGMA user_version = 1;";
-
-static sqlite3 *open_raw(place *p)
-{
-    sqlite3 *database, *own = connection;
-    char *path = mem_printf("%s/queue.db", p->base);
-    assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
-    connection = own;
-    free(path);
-    return database;
-}
 
 static void test_an_older_schema_is_carried_over(void **state)
 {
@@ -1104,6 +1192,7 @@ int main(void)
         CASE(test_ends_are_told),
         CASE(test_waiting_ends_with_news),
         CASE(test_many_threads_submit),
+        CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_a_second_owner_is_refused),
         CASE(test_the_database_has_one_owner),
