@@ -32,6 +32,7 @@ typedef struct config {
     char *output_group; /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts;
+    int64_t cache; /* 0: no */
     int64_t user_queued, user_running; /* 0: any number */
     double retry_s, retry_most_s;
     double retention_s; /* 0: for ever */

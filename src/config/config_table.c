@@ -58,6 +58,10 @@ const config_row config_table[] = {
      "How long a job whose worker crashed waits before it is tried again; doubled after each further crash.",
      AT(retry_s)},
     {"retry_most_s", CONFIG_REAL, "300", 0, 86400, "s", "The longest of these waits.", AT(retry_most_s)},
+    {"cache", CONFIG_INTEGER, "1", 0, 1, "",
+     "1: a job that asks for the same as one before is given its result, while that is kept and no input was"
+     " changed. 0: every job is run.",
+     AT(cache)},
     {"user_queued", CONFIG_INTEGER, "0", 0, 1 << 30, "jobs",
      "Jobs of one user that have not ended; another one is refused. 0: any number.", AT(user_queued)},
     {"user_running", CONFIG_INTEGER, "0", 0, 1 << 20, "attempts",

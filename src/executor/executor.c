@@ -16,6 +16,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/threads.h"
+#include "executor/cache.h"
 #include "executor/engine.h"
 #include "executor/host.h"
 #include "executor/local.h"
@@ -56,10 +57,12 @@ typedef struct slot {
     char *directory;
     limits limit;
     int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
+    int64_t started_wall_ms;
     settlement_stop stop;
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
     publication *publication; /* NULL: none is on its way */
+    char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
     bool decided;
     settlement verdict;
     engine_ending ending;
@@ -71,6 +74,7 @@ struct executor {
     char *state_dir, *worker, **input_roots;
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
+    store_roots *roots; /* the input roots, open */
     int threads; /* of all attempts */
     int64_t memory_mb;
     queue *q;
@@ -139,6 +143,7 @@ static void slot_clear(executor *x, slot *s)
 {
     free(s->directory);
     free(s->ending.last_words);
+    free(s->cache_inputs);
     pthread_mutex_lock(&x->mutex);
     queue_claimed_clear(&s->claimed);
     free(s->progress);
@@ -161,6 +166,17 @@ static void slot_settle(executor *x, slot *s)
     s->retry_ms = clock_monotonic_ms() + RETRY_MS;
     /* when the daemon ends, the next start settles it as after a crash */
     if (atomic_load(&x->draining)) slot_clear(x, s);
+}
+
+/* A result may be given to others if what it was made of is known. */
+static void slot_describe(executor *x, slot *s)
+{
+    const queue_claimed *c = &s->claimed;
+    if (!x->settings.cache || !s->verdict.deliver || c->task.frame != QUEUE_NO_FRAME || !cache_key(c->job.spec, s->cache_key)) return;
+    s->cache_inputs = cache_describe_inputs(x->roots, s->directory, s->started_wall_ms);
+    if (!s->cache_inputs) return;
+    s->verdict.cache_key = s->cache_key;
+    s->verdict.cache_inputs = s->cache_inputs;
 }
 
 /* A result is copied first to where its job wants it, if it does. False: there is nothing to wait for. */
@@ -195,16 +211,42 @@ static void slot_decide(executor *x, slot *s)
         if (atomic_load(&x->draining)) slot_clear(x, s);
         return;
     }
+    slot_describe(x, s);
     if (slot_publish(x, s)) return;
     s->decided = true;
     slot_settle(x, s);
 }
 
-/* The attempt cannot begin: what was decided about it is done at once. */
-static void slot_refuse(executor *x, slot *s)
+/* No worker is started: what was decided about the task is done at once. */
+static void slot_skip(executor *x, slot *s)
 {
     s->decided = true;
     slot_settle(x, s);
+}
+
+/* Gives the task the result of a job that asked for the same, when there is one and all inputs still are what
+ * they were. False: it has to be run. */
+static bool slot_recall(executor *x, slot *s)
+{
+    error e = {0};
+    char *inputs = NULL;
+    bool found = false;
+    if (!x->settings.cache || s->claimed.task.frame != QUEUE_NO_FRAME ||
+        !cache_key(s->claimed.job.spec, s->cache_key) ||
+        !queue_recall(x->q, s->cache_key, s->cached_from, &inputs, &found, NULL) || !found)
+        return false;
+    char *from = result_directory(x->state_dir, s->cached_from, QUEUE_NO_FRAME);
+    found = cache_is_fresh(x->roots, inputs);
+    if (found && (!cache_link_result(from, s->directory, &e) ||
+                  !settlement_decide_cached(s->directory, s->cached_from, &s->verdict, &e))) {
+        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", s->claimed.job.id, s->cached_from,
+                  e.message);
+        store_remove(s->directory, NULL);
+        found = false;
+    }
+    free(from);
+    free(inputs);
+    return found;
 }
 
 static void slot_start(executor *x, slot *s)
@@ -216,7 +258,11 @@ static void slot_start(executor *x, slot *s)
     s->limit = read_limits(x, job->spec);
     if (s->memory_mb > x->memory_mb) {
         settlement_decide_too_large(&s->claimed, x->memory_mb, &s->verdict);
-        slot_refuse(x, s);
+        slot_skip(x, s);
+        return;
+    }
+    if (slot_recall(x, s)) {
+        if (!slot_publish(x, s)) slot_skip(x, s);
         return;
     }
     engine_request request = {
@@ -230,6 +276,7 @@ static void slot_start(executor *x, slot *s)
         .frame = task->frame,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
+    s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
         x->start_wait_ms = 0;
@@ -244,7 +291,7 @@ static void slot_start(executor *x, slot *s)
     x->start_wait_ms =
         x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
     x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
-    slot_refuse(x, s);
+    slot_skip(x, s);
 }
 
 /* What the attempts that run leave. */
@@ -481,6 +528,7 @@ static void executor_free(executor *x)
     free(x->worker);
     free(x->slots);
     retention_stop(x->retention);
+    store_roots_close(x->roots);
     rows_free(x->rows);
     pthread_mutex_destroy(&x->order);
     pthread_mutex_destroy(&x->mutex);
@@ -526,7 +574,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    ok = ok && make_places(x, e) && settlement_recover(&x->place, e) &&
+    x->roots = ok ? store_roots_open(settings->input_roots, settings->input_root_count, e) : NULL;
+    ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
          (x->retention = retention_start(q, x->state_dir, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));

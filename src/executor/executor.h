@@ -3,7 +3,7 @@
  * One supervisor thread claims tasks while there is room and waits for all attempts at once; it
  * never sleeps for a fixed time. Room is threads and memory of this host: attempts take from it what their
  * jobs ask for, and as many run at once as fit. Time limits come from the job's spec (/limits), else from the
- * settings. A worker that crashes is tried again, after a while, until max_attempts. Any thread may
+ * settings. A job that asks for what another one was given is given the same (executor/cache). A worker that crashes is tried again, after a while, until max_attempts. Any thread may
  * call these functions.
  */
 #ifndef HEXAD_EXECUTOR_EXECUTOR_H
@@ -29,6 +29,7 @@ typedef struct executor_settings {
     int threads;               /* of all attempts; 0: the processors there are */
     int64_t host_memory_mb;    /* of all attempts; 0: nine tenths of what there is */
     int64_t memory_mb;         /* of a job that names no limit, > 0 */
+    bool cache;                /* results are given to jobs that ask for the same */
     int most_of_owner;         /* attempts of one owner at once; 0: any number */
     double timeout_s, stall_s; /* of a job that names no limit; 0: none */
     store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */

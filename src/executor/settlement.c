@@ -175,6 +175,16 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
     set_end(s, QUEUE_FAILED, &e);
 }
 
+bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e)
+{
+    result r = {0};
+    if (!result_read(directory, &r, e)) return false;
+    *s = (settlement){.deliver = true, .state = QUEUE_SUCCEEDED, .outcome = r.outcome, .cached_from = from};
+    snprintf(s->reason, sizeof s->reason, "the result of %s", from);
+    result_clear(&r);
+    return true;
+}
+
 void settlement_decide_unpublished(const error *why, settlement *s)
 {
     s->deliver = false;
@@ -244,6 +254,9 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
         .host = place->host,
         .reason = s->reason,
+        .cached_from = s->cached_from,
+        .cache_key = s->cache_key,
+        .cache_inputs = s->cache_inputs,
     };
     const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
     char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);

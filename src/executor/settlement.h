@@ -32,6 +32,8 @@ typedef struct settlement {
     error_code code; /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
     char reason[160]; /* for the attempt's record */
+    const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
+    const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
 } settlement;
 
 /* `limit_s` is the limit that was hit when `stop` says that one was. */
@@ -44,6 +46,9 @@ void settlement_decide_unstarted(const error *why, settlement *s);
 
 /* For an attempt that was not even tried, since the machine can never give what the job asks for. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
+
+/* For a directory that was given the result of another job, whose id lives on. */
+bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);
 
 /* For a result that could not be copied to where its job wants it: the job fails. */
 void settlement_decide_unpublished(const error *why, settlement *s);

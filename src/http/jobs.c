@@ -56,6 +56,7 @@ static json *describe_job(const jobs_context *c, const queue_job *job)
     json_put_integer(o, "attempt", job->attempts);
     json_put_integer(o, "max_attempts", job->max_attempts);
     put_stored(o, "progress", queue_state_is_final(job->state) ? NULL : progress);
+    json_put_string(o, "cached_from", job->cached_from);
     if (job->error_code) {
         json *fault = json_put_object(o, "error");
         json_put_string(fault, "code", job->error_code);

@@ -145,6 +145,7 @@ static bool init_executor(service *s, error *e)
         .threads = (int)c->threads,
         .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
+        .cache = c->cache != 0,
         .most_of_owner = (int)c->user_running,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,

@@ -262,6 +262,7 @@ typedef struct queue_ending {
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
+    const char *cache_key, *cache_inputs;   /* both or none: the result may be given to others, see queue_recall */
 } queue_ending;
 
 /* Which attempt. */
@@ -280,6 +281,9 @@ bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending
  * cancelling is not accepted. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);
+
+/* The job whose result was stored last under this key, and what was stored with it, to be freed. */
+bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e);
 
 /* ---- events */
 

@@ -288,6 +288,9 @@ static bool end_task(database *d, const settling *s, book *b, int frame, int64_t
     if (x->cached_from && !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(b->seq),
                                text(x->cached_from)))
         return false;
+    if (x->cache_key && !RUN(d, e, "INSERT OR REPLACE INTO cache (key, job, inputs) VALUES (?1, ?2, ?3)",
+                             text(x->cache_key), integer(b->seq), text(x->cache_inputs)))
+        return false;
     return frame == QUEUE_NO_FRAME || book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame,
                                                 s->fence->attempt, now, e);
 }

@@ -133,6 +133,13 @@ static const char tables[] =
     ") STRICT;"
     "CREATE INDEX event_by_job ON event (job, seq);"
 
+    "CREATE TABLE cache ("
+    "  key TEXT PRIMARY KEY,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  inputs TEXT NOT NULL"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX cache_by_job ON cache (job);"
+
     "CREATE TABLE outbox ("
     "  number INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"

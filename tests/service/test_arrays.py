@@ -1,11 +1,13 @@
 """Jobs with a task per frame, dependencies, and what users may ask of jobs that wait, end to end."""
 import json
+import os
 import shutil
 import subprocess
+import time
 
 import pytest
 
-from service import PATIENCE_S, sphere
+from service import PATIENCE_S, sphere, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -105,3 +107,40 @@ def test_a_copy_that_cannot_be_made_fails_the_job(new_service, tmp_path):
     (show / "taken").unlink()
     service.wait_state(service.submit(sphere(output={"directory": f"{show}/taken/a"})), "succeeded")
     assert (show / "taken" / "a" / "report.json").is_file()
+
+
+def aged(path):
+    """A file that was changed long before now is what the cache trusts; the time of change of an inode cannot be set,
+    so the test waits until it is old enough."""
+    wait_until(lambda: time.time() - path.stat().st_ctime > 3, "the file to be older than the clocks' doubt")
+
+
+def test_a_repeat_is_given_the_result(new_service, footage, tmp_path):
+    film = tmp_path / "film"
+    film.mkdir()
+    file = film / "a.vdb"
+    shutil.copy(footage / "a.0008.vdb", file)
+    aged(file)
+    service = new_service("--input_roots", film, "--output_roots", tmp_path).start()
+    spec = {"version": 1, "surface": {"vdb": {"path": str(file)}}, "sampling": {"count": 100}}
+
+    def run(**parts):
+        job = service.submit({**spec, **parts})
+        return service.wait_state(job, "succeeded")
+
+    first = run()
+    again = run(name="again", queue={"priority": 5}, output={"directory": f"{tmp_path}/copy"})
+    assert first["cached_from"] is None and again["cached_from"] == first["id"]
+    assert again["outcome"] == first["outcome"] and again["attempts"][0]["reason"].endswith(first["id"])
+    assert (tmp_path / "copy" / "report.json").is_file()
+    points = [service.get(f"/v1/jobs/{job['id']}/results/points.ply").body for job in (first, again)]
+    assert points[0] == points[1]
+    assert run(sampling={"count": 101})["cached_from"] is None
+    service.end()
+    service.start()
+    assert run()["cached_from"] == first["id"]  # it is no matter of memory
+    os.utime(file)
+    assert run()["cached_from"] is None  # the file is the same, but who knows
+    aged(file)
+    later = run()
+    assert later["cached_from"] is None and run()["cached_from"] == later["id"]
