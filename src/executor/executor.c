@@ -172,7 +172,9 @@ static void slot_settle(executor *x, slot *s)
 static void slot_describe(executor *x, slot *s)
 {
     const queue_claimed *c = &s->claimed;
-    if (!x->settings.cache || !s->verdict.deliver || c->task.frame != QUEUE_NO_FRAME || !cache_key(c->job.spec, s->cache_key)) return;
+    if (!x->settings.cache || !s->verdict.deliver || c->task.frame != QUEUE_NO_FRAME ||
+        !cache_key(c->job.spec, s->cache_key))
+        return;
     s->cache_inputs = cache_describe_inputs(x->roots, s->directory, s->started_wall_ms);
     if (!s->cache_inputs) return;
     s->verdict.cache_key = s->cache_key;
@@ -356,7 +358,7 @@ static void fill_slots(executor *x)
         if (claim(x, s)) {
             slot_start(x, s);
         } else {
-            note_due(x);
+            if (!x->claim_ms) note_due(x); /* else it could not be tried, and is again then */
             return;
         }
     }
