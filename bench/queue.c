@@ -1,6 +1,7 @@
-/* The queue against the machine it runs on, as ratios in one run: how many submissions are acknowledged in a
- * second by 16 threads, over what SQLite makes of durable transactions of one row; and how long a listing, a look
- * at a job and a claim take with 100 000 jobs waiting, over an empty queue. Exits 1 when a claim is missed. */
+/* The queue against the machine it runs on, as ratios in one run: how many submissions are acknowledged in
+ * a second by 16 threads, over what SQLite makes of durable transactions of one row; and how long a
+ * listing, a look at a job and a claim take with 100 000 jobs waiting, over an empty queue. Exits 1 when a
+ * claim is missed. */
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,8 +39,9 @@ static double measure_rows(const char *base)
     sqlite3_stmt *s;
     char *path = mem_printf("%s/rows.db", base);
     if (sqlite3_open(path, &d) != SQLITE_OK ||
-        sqlite3_exec(d, "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
-                        "CREATE TABLE IF NOT EXISTS row (id INTEGER PRIMARY KEY, text TEXT)",
+        sqlite3_exec(d,
+                     "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+                     "CREATE TABLE IF NOT EXISTS row (id INTEGER PRIMARY KEY, text TEXT)",
                      NULL, NULL, NULL) != SQLITE_OK ||
         sqlite3_prepare_v2(d, "INSERT INTO row (text) VALUES ('of a job')", -1, &s, NULL) != SQLITE_OK)
         die(sqlite3_errmsg(d));
@@ -60,8 +62,9 @@ static const queue_submission job = {
     .name = "sphere",
     .owner = "bench",
     .labels = "[\"shot\"]",
-    .spec = "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0,0,0],\"radius\":1}},"
-            "\"sampling\":{\"count\":1000}}",
+    .spec =
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0,0,0],\"radius\":1}},"
+        "\"sampling\":{\"count\":1000}}",
     .max_attempts = 3,
     .threads = 1,
     .memory_mb = 4096,
@@ -118,7 +121,8 @@ static double percentile(double *s)
     return s[LOOKS * 99 / 100] * 1e3;
 }
 
-/* Of one job in every listing, since an empty queue has no page of fifty. Each look on a queue of as many jobs as before: what is claimed is ended and another one put. */
+/* Of one job in every listing, since an empty queue has no page of fifty. Each look on a queue of as many
+ * jobs as before: what is claimed is ended and another one put. */
 static latency measure_looks(queue *q)
 {
     static double list[LOOKS], status[LOOKS], claim[LOOKS];
@@ -133,7 +137,8 @@ static latency measure_looks(queue *q)
         bool found, accepted;
         if (!queue_put(q, &job, &receipt, NULL)) die("put");
         double t0 = now_s();
-        if (!queue_list(q, &(queue_filter){.state = QUEUE_QUEUED, .limit = 1}, &jobs, &count, NULL)) die("list");
+        if (!queue_list(q, &(queue_filter){.state = QUEUE_QUEUED, .limit = 1}, &jobs, &count, NULL))
+            die("list");
         double t1 = now_s();
         queue_jobs_free(jobs, count);
         double t2 = now_s();
@@ -178,8 +183,8 @@ static bool bench_looks(queue *empty, queue *full)
 {
     printf("waiting: %d\n", submit_all(full, FILLERS, 0, WAITING));
     latency a = measure_looks(empty), b = measure_looks(full);
-    printf("99th percentile, ms: list %.3f and %.3f, status %.3f and %.3f, claim %.2f and %.2f\n", a.list, b.list,
-           a.status, b.status, a.claim, b.claim);
+    printf("99th percentile, ms: list %.3f and %.3f, status %.3f and %.3f, claim %.2f and %.2f\n", a.list,
+           b.list, a.status, b.status, a.claim, b.claim);
     bool ok = judge("list with 100 000 jobs over an empty queue", b.list / a.list, MOST_RATIO, false);
     ok &= judge("status", b.status / a.status, MOST_RATIO, false);
     ok &= judge("claim", b.claim / a.claim, MOST_RATIO, false);

@@ -1,8 +1,8 @@
 /* frames: the numbers of a sequence, and paths that hold one.
  *
- * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 .. 999999999,
- * none twice. In a path the first `####` (as many digits at least as there are #) or `%04d` (`%d`) stands for it.
- * No state; any thread.
+ * "7", "1-100", "1-100x2" (every second), or several of these with commas: "1-10,20". Numbers are 0 ..
+ * 999999999, none twice. In a path the first `####` (as many digits at least as there are #) or `%04d`
+ * (`%d`) stands for it. No state; any thread.
  */
 #ifndef HEXAD_BASE_FRAMES_H
 #define HEXAD_BASE_FRAMES_H

@@ -75,7 +75,7 @@ struct executor {
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
     store_roots *roots; /* the input roots, open */
-    int threads; /* of all attempts */
+    int threads;        /* of all attempts */
     int64_t memory_mb;
     queue *q;
     const engine *engine;
@@ -161,8 +161,8 @@ static void slot_settle(executor *x, slot *s)
         return;
     }
     /* once an attempt: it is tried until it works */
-    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
-              "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt, e.message);
+    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s",
+              s->claimed.job.id, s->claimed.task.attempt, e.message);
     s->retry_ms = clock_monotonic_ms() + RETRY_MS;
     /* when the daemon ends, the next start settles it as after a crash */
     if (atomic_load(&x->draining)) slot_clear(x, s);
@@ -203,8 +203,8 @@ static void slot_end_publication(executor *x, slot *s)
 static void slot_decide(executor *x, slot *s)
 {
     settlement_decide(&s->claimed, s->stop,
-                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
-                      &s->ending, s->directory, &s->verdict);
+                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
+                      s->directory, &s->verdict);
     if (s->verdict.undecided) {
         log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
                   "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt,
@@ -241,8 +241,8 @@ static bool slot_recall(executor *x, slot *s)
     found = cache_is_fresh(x->roots, inputs);
     if (found && (!cache_link_result(from, s->directory, &e) ||
                   !settlement_decide_cached(s->directory, s->cached_from, &s->verdict, &e))) {
-        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", s->claimed.job.id, s->cached_from,
-                  e.message);
+        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", s->claimed.job.id,
+                  s->cached_from, e.message);
         store_remove(s->directory, NULL);
         found = false;
     }
@@ -654,8 +654,7 @@ char *executor_progress(executor *x, const char *id)
     pthread_mutex_lock(&x->mutex);
     for (size_t i = 0; !progress && i < x->slot_count; i++) {
         const slot *s = &x->slots[i];
-        if (s->used && s->progress && strcmp(s->claimed.job.id, id) == 0)
-            progress = mem_strdup(s->progress);
+        if (s->used && s->progress && strcmp(s->claimed.job.id, id) == 0) progress = mem_strdup(s->progress);
     }
     pthread_mutex_unlock(&x->mutex);
     return progress;

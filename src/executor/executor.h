@@ -1,10 +1,10 @@
 /* executor: takes tasks from the queue, runs each as an attempt of an engine, and settles it.
  *
- * One supervisor thread claims tasks while there is room and waits for all attempts at once; it
- * never sleeps for a fixed time. Room is threads and memory of this host: attempts take from it what their
- * jobs ask for, and as many run at once as fit. Time limits come from the job's spec (/limits), else from the
- * settings. A job that asks for what another one was given is given the same (executor/cache). A worker that crashes is tried again, after a while, until max_attempts. Any thread may
- * call these functions.
+ * One supervisor thread claims tasks while there is room and waits for all attempts at once; it never
+ * sleeps for a fixed time. Room is threads and memory of this host: attempts take from it what their jobs
+ * ask for, and as many run at once as fit. Time limits come from the job's spec (/limits), else from the
+ * settings. A job that asks for what another one was given is given the same (executor/cache). A worker
+ * that crashes is tried again, after a while, until max_attempts. Any thread may call these functions.
  */
 #ifndef HEXAD_EXECUTOR_EXECUTOR_H
 #define HEXAD_EXECUTOR_EXECUTOR_H
@@ -51,17 +51,17 @@ bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, er
 /* A job was put in the queue, or edited. */
 void executor_wake(executor *x);
 
-/* What an attempt takes of the host, `width` being its threads: where a job asks for nothing (0) its share, of
- * threads those of the host divided by the workers. More threads than there are become those; an error (limit_memory) when the
- * memory can never be had. */
+/* What an attempt takes of the host, `width` being its threads: where a job asks for nothing (0) its
+ * share, of threads those of the host divided by the workers. More threads than there are become those; an
+ * error (limit_memory) when the memory can never be had. */
 bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e);
 
 /* As queue_tell; what follows for the attempts follows at once. */
 bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
                    queue_state *now, error *e);
 
-/* The newest progress of a running job (of an array: of one of its tasks), one JSON object as text to be freed;
- * NULL when there is none. */
+/* The newest progress of a running job (of an array: of one of its tasks), one JSON object as text to be
+ * freed; NULL when there is none. */
 char *executor_progress(executor *x, const char *id);
 
 /* All the newest progress lines. queue_wait returns when there is another. */

@@ -9,8 +9,8 @@
  * above it) when that is less; in MiB. */
 int64_t host_memory_mb(void);
 
-/* The same from a tree of control groups at `root` and a process's line of it, "/a/b"; here so that it is tested
- * without such a tree of the kernel's. INT64_MAX: no bound. */
+/* The same from a tree of control groups at `root` and a process's line of it, "/a/b"; here so that it is
+ * tested without such a tree of the kernel's. INT64_MAX: no bound. */
 int64_t host_group_memory_mb(const char *root, const char *group);
 
 void host_name(char *name, size_t size);

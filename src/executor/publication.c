@@ -58,7 +58,8 @@ static void *run(void *argument)
     return NULL;
 }
 
-publication *publication_start(const store_outputs *outputs, const char *directory, const char *path, int end_fd)
+publication *publication_start(const store_outputs *outputs, const char *directory, const char *path,
+                               int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
     p->outputs = outputs;

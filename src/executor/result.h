@@ -29,8 +29,9 @@ typedef struct result {
     result_output *output; /* as the report lists them; report.json is not among them */
 } result;
 
-/* Reads and checks. Errors: input_damaged says what is wrong with the result; internal says why it could not be
- * looked at (no descriptors, a fault of the disk), which tells nothing of the result. The caller clears. */
+/* Reads and checks. Errors: input_damaged says what is wrong with the result; internal says why it could
+ * not be looked at (no descriptors, a fault of the disk), which tells nothing of the result. The caller
+ * clears. */
 bool result_read(const char *directory, result *r, error *e);
 void result_clear(result *r); /* accepts an empty one */
 

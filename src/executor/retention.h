@@ -1,8 +1,10 @@
-/* retention: forgets jobs, with their results and logs: those whose time is over, and those that are deleted.
+/* retention: forgets jobs, with their results and logs: those whose time is over, and those that are
+ * deleted.
  *
- * The queue forgets a job first, then its directories go; a start removes what a crash between the two has left,
- * which is every directory with the form of a job's whose job is not there. A thread of its own waits for the next
- * job whose time is over, so that nobody waits for the removal of large results. Any thread may call these.
+ * The queue forgets a job first, then its directories go; a start removes what a crash between the two has
+ * left, which is every directory with the form of a job's whose job is not there. A thread of its own
+ * waits for the next job whose time is over, so that nobody waits for the removal of large results. Any
+ * thread may call these.
  */
 #ifndef HEXAD_EXECUTOR_RETENTION_H
 #define HEXAD_EXECUTOR_RETENTION_H

@@ -9,7 +9,7 @@
 
 struct rows {
     pthread_mutex_t mutex;
-    int64_t newest; /* number of the last line; 0: none */
+    int64_t newest;            /* number of the last line; 0: none */
     rows_line line[ROWS_KEPT]; /* number n at n % ROWS_KEPT */
 };
 
@@ -48,7 +48,8 @@ size_t rows_list(rows *r, const char *id, int64_t after, size_t limit, rows_line
     pthread_mutex_lock(&r->mutex);
     int64_t oldest = r->newest - ROWS_KEPT + 1, number = after + 1 > oldest ? after + 1 : oldest;
     if (number < 1) number = 1;
-    if (number > r->newest) number = r->newest + 1; /* also of who comes with a number from before a restart */
+    if (number > r->newest)
+        number = r->newest + 1; /* also of who comes with a number from before a restart */
     for (; number <= r->newest && count < limit; number++) {
         const rows_line *l = &r->line[number % ROWS_KEPT];
         if (id && strcmp(l->id, id) != 0) continue;

@@ -32,8 +32,7 @@ static void set_retry(settlement *s, const queue_claimed *c, const error *why)
         return;
     }
     error e = *why;
-    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, c->task.spent,
-              c->job.max_attempts);
+    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, c->task.spent, c->job.max_attempts);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -199,8 +198,8 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
-/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a flush
- * that failed. */
+/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a
+ * flush that failed. */
 static bool deliver(const char *state_dir, const char *from, const char *to, error *e)
 {
     if (access(from, F_OK) == 0 || access(to, F_OK) != 0) return store_rename(from, to, e);
@@ -267,7 +266,8 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         return false; /* the disk's fault, not the job's: to be tried again */
     }
     if (!s->deliver || !current) remove_leftovers(directory);
-    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c) : 0, &end, &accepted, e)
+    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c) : 0,
+                                         &end, &accepted, e)
                          : queue_finish(place->q, &fence, &end, &accepted, e);
     if (ok && !accepted && s->requeue) {
         /* cancelled between the decision and now: the cancellation was promised */
@@ -280,8 +280,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
                   "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s", c->job.id,
                   c->task.number, c->task.attempt, s->reason,
-                  s->requeue && end.state != QUEUE_CANCELLED ? "queued"
-                                                             : queue_state_name(end.state),
+                  s->requeue && end.state != QUEUE_CANCELLED ? "queued" : queue_state_name(end.state),
                   end.error_code ? " code=" : "", end.error_code ? end.error_code : "");
     free(directory);
     free(results);

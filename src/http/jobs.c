@@ -207,7 +207,8 @@ static bool check_output(const jobs_context *c, const spec *s, reply *r)
 static void refuse(const queue_receipt *receipt, const spec *s, reply *r)
 {
     if (receipt->verdict != QUEUE_UNKNOWN_DEPENDENCY) {
-        refuse_for_now(r, "too_many_jobs", "you have as many unfinished jobs as this service allows (user_queued)");
+        refuse_for_now(r, "too_many_jobs",
+                       "you have as many unfinished jobs as this service allows (user_queued)");
         return;
     }
     error e = {0};
@@ -281,7 +282,8 @@ void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
     if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!queue_put(c->q, &submission, &receipt, &e)) {
-        refuse_for_now(r, "unavailable", e.message); /* a full disk: the submitter's to wait for, not a fault */
+        refuse_for_now(r, "unavailable",
+                       e.message); /* a full disk: the submitter's to wait for, not a fault */
     } else if (receipt.verdict != QUEUE_CREATED) {
         refuse(&receipt, s, r);
     } else {
@@ -426,8 +428,8 @@ static bool find_result(const jobs_context *c, const jobs_request *request, char
         reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
                           queue_state_name(job.state));
     else if (job.array)
-        reply_set_problem(r, "not_found", NULL, "the job %s has results for each of its frames, none of its own",
-                          job.id);
+        reply_set_problem(r, "not_found", NULL,
+                          "the job %s has results for each of its frames, none of its own", job.id);
     else if (!result_read(path, found, &e))
         reply_set_error(r, &e, NULL);
     else

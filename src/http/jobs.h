@@ -17,7 +17,7 @@ typedef struct jobs_context {
     const store_roots *roots;
     const store_outputs *outputs;
     const char *state_dir;
-    int max_attempts;    /* of a job that names no number */
+    int max_attempts;     /* of a job that names no number */
     int64_t most_waiting; /* jobs of one user; 0: any number */
     int64_t retention_s;  /* of a job that names no time */
 } jobs_context;

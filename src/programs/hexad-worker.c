@@ -155,8 +155,10 @@ static bool choose_frame(spec *s, long frame, error *e)
         spec_set_frame(s, (int)frame);
         return true;
     }
-    return error_set(e, ERROR_SPEC_INVALID, "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
-                     " which of them to run", s->frames);
+    return error_set(e, ERROR_SPEC_INVALID,
+                     "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
+                     " which of them to run",
+                     s->frames);
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
@@ -164,9 +166,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},
-        {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
-        {NULL, 0, NULL, 0}};
+        {"memory-mb", required_argument, NULL, 'm'},   {"threads", required_argument, NULL, 't'},
+        {"frame", required_argument, NULL, 'n'},       {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {

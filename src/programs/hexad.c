@@ -109,8 +109,8 @@ static bool init_outputs(service *s, error *e)
     char *end;
     unsigned long mode = strtoul(c->output_mode, &end, 8);
     if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
-        return error_set(e, ERROR_SPEC_INVALID, "output_mode %s: must be octal and give the owner read and write",
-                         c->output_mode);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "output_mode %s: must be octal and give the owner read and write", c->output_mode);
     const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
     if (*c->output_group && !group)
         return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
@@ -211,11 +211,15 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
-    {"outputs", init_outputs, fini_outputs}, {"socket", init_socket, fini_socket},
+    {"signals", init_signals, fini_signals},
+    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},
+    {"roots", init_roots, fini_roots},
+    {"outputs", init_outputs, fini_outputs},
+    {"socket", init_socket, fini_socket},
     {"executor", init_executor, fini_executor},
-    {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
+    {"http", init_http, fini_http},
+    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Waits for a signal, then until the drain has ended; another signal kills what still runs. */

@@ -8,7 +8,8 @@
 
 #define BOOK_COLUMNS                                                                                         \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running,"      \
-    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, retention_s"
+    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "           \
+    "retention_s"
 
 static void read_book(sqlite3_stmt *s, book *b)
 {
@@ -59,8 +60,8 @@ bool book_load_row(database *d, int64_t seq, book *b, error *e)
 
 int *book_count_of(book *b, queue_state final)
 {
-    return final == QUEUE_SUCCEEDED ? &b->succeeded
-           : final == QUEUE_FAILED  ? &b->failed
+    return final == QUEUE_SUCCEEDED   ? &b->succeeded
+           : final == QUEUE_FAILED    ? &b->failed
            : final == QUEUE_TIMED_OUT ? &b->timed_out
                                       : &b->cancelled_tasks;
 }
@@ -128,19 +129,19 @@ static bool store(database *d, const book *b, queue_outcome outcome, error *e)
 {
     bool final = queue_state_is_final(b->state);
     int64_t expires = b->finished_ms + b->retention_s * 1000;
-    return RUN(d, e,
-               "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
-               " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
-               " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
-               " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, error_code = NULL, error_message = NULL"
-               " WHERE seq = ?1",
-               integer(b->seq), integer(b->revision), text(queue_state_name(b->state)),
-               text(queue_outcome_name(outcome)), integer(b->paused), integer(b->cancelled),
-               integer(b->pending), integer(b->ready), integer(b->delayed), integer(b->running),
-               integer(b->succeeded), integer(b->failed), integer(b->cancelled_tasks), integer(b->timed_out),
-               integer(b->not_converged), integer(b->attempts), integer_if(b->started_ms, b->started_ms > 0),
-               integer_if(b->finished_ms, final), integer_if(expires, final && b->retention_s > 0),
-               integer(b->retention_s));
+    return RUN(
+        d, e,
+        "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
+        " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
+        " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, error_code = NULL, error_message = NULL"
+        " WHERE seq = ?1",
+        integer(b->seq), integer(b->revision), text(queue_state_name(b->state)),
+        text(queue_outcome_name(outcome)), integer(b->paused), integer(b->cancelled), integer(b->pending),
+        integer(b->ready), integer(b->delayed), integer(b->running), integer(b->succeeded),
+        integer(b->failed), integer(b->cancelled_tasks), integer(b->timed_out), integer(b->not_converged),
+        integer(b->attempts), integer_if(b->started_ms, b->started_ms > 0), integer_if(b->finished_ms, final),
+        integer_if(expires, final && b->retention_s > 0), integer(b->retention_s));
 }
 
 static bool count_for_owner(database *d, int64_t seq, int unfinished, int running, error *e)
@@ -171,10 +172,11 @@ static bool save_one(database *d, const book *before, book *b, int64_t now, erro
     bool ok = store(d, b, outcome, e);
     if (is_final && b->state != QUEUE_SUCCEEDED) ok = ok && store_error(d, b, e);
     if (is_final && !was_final)
-        ok = ok && RUN(d, e,
-                       "INSERT INTO outbox (job, webhook, state, outcome, due_ms)"
-                       " SELECT seq, webhook, state, outcome, ?2 FROM job WHERE seq = ?1 AND webhook IS NOT NULL",
-                       integer(b->seq), integer(now));
+        ok = ok &&
+             RUN(d, e,
+                 "INSERT INTO outbox (job, webhook, state, outcome, due_ms)"
+                 " SELECT seq, webhook, state, outcome, ?2 FROM job WHERE seq = ?1 AND webhook IS NOT NULL",
+                 integer(b->seq), integer(now));
     if (b->state != before->state)
         ok = ok && book_note(d, b->seq, QUEUE_EVENT_STATE, b->state, outcome, QUEUE_NO_FRAME, 0, now, e);
     return ok && count_for_owner(d, b->seq, (int)was_final - (int)is_final, b->running - before->running, e);
@@ -190,7 +192,8 @@ bool book_end_waiting(database *d, book *b, queue_state state, const char *code,
                       int64_t now, error *e)
 {
     if (!RUN(d, e,
-             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5, not_before_ms = NULL"
+             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5, "
+             "not_before_ms = NULL"
              " WHERE job = ?1 AND state IN ('queued', 'delayed')",
              integer(b->seq), text(queue_state_name(state)), text(code), text(message), integer(now)))
         return false;
@@ -223,7 +226,8 @@ static bool next_dependent(database *d, int64_t need, int64_t after, book *b, bo
 {
     return load(d,
                 ASK(d, e,
-                    "SELECT " BOOK_COLUMNS " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
+                    "SELECT " BOOK_COLUMNS
+                    " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
                     " WHERE needs = ?1 AND job > ?2 AND state = 'blocked' ORDER BY job LIMIT 1)",
                     integer(need), integer(after)),
                 b, found, e);
@@ -233,7 +237,8 @@ static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
 {
     bool ok = false;
     sqlite3_stmt *s = ASK(d, e, "SELECT id FROM job WHERE seq = ?1", integer(seq));
-    while (database_next(d, s, &ok, e)) snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    while (database_next(d, s, &ok, e))
+        snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
     return ok;
 }
 

@@ -11,7 +11,8 @@ bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, 
     bool ok = false;
     database_lock(q);
     sqlite3_stmt *s =
-        ASK(q, e, "SELECT id, inputs FROM cache JOIN job ON seq = job WHERE cache.key = ?1 AND state = 'succeeded'",
+        ASK(q, e,
+            "SELECT id, inputs FROM cache JOIN job ON seq = job WHERE cache.key = ?1 AND state = 'succeeded'",
             text(key));
     char maker[ULID_SIZE] = "";
     while (database_next(q, s, &ok, e)) {

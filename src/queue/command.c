@@ -96,8 +96,8 @@ static bool tell(database *d, change *asked)
     return ok;
 }
 
-bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed,
-                queue_state *now, error *e)
+bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
+                error *e)
 {
     telling t = {.change.apply = tell, .id = id, .command = command};
     if (!database_change(q, &t.change, e)) return false;
@@ -119,7 +119,8 @@ static bool store_edit(database *d, const queue_edit *edit, const book *b, error
 {
     bool ok = true;
     if (edit->priority)
-        ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(b->seq), integer(*edit->priority));
+        ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(b->seq),
+                 integer(*edit->priority));
     if (edit->labels)
         ok = ok &&
              RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(b->seq), text(edit->labels)) &&
@@ -137,7 +138,7 @@ static bool change_job(database *d, change *asked)
     bool found = false;
     book b;
     if (!book_load(d, x->id, &b, &found, e)) return false;
-    x->edited = !found ? QUEUE_NOT_THERE
+    x->edited = !found                                          ? QUEUE_NOT_THERE
                 : x->revision >= 0 && x->revision != b.revision ? QUEUE_STALE
                                                                 : QUEUE_EDITED;
     if (x->edited != QUEUE_EDITED) return true;

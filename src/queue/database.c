@@ -72,8 +72,8 @@ static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
     while (d->statement[i].sql && d->statement[i].sql != sql) i++;
     if (d->statement[i].sql) return d->statement[i].prepared;
     sqlite3_stmt *s = NULL;
-    if (i + 1 == STATEMENTS || sqlite3_prepare_v3(d->connection, sql, -1, SQLITE_PREPARE_PERSISTENT, &s,
-                                                  NULL) != SQLITE_OK) {
+    if (i + 1 == STATEMENTS ||
+        sqlite3_prepare_v3(d->connection, sql, -1, SQLITE_PREPARE_PERSISTENT, &s, NULL) != SQLITE_OK) {
         fail(d, e);
         return NULL;
     }
@@ -268,8 +268,8 @@ static bool take_lock(queue *q, const char *state_dir, error *e)
         char holder[16] = "";
         ssize_t got = pread(q->lock_fd, holder, sizeof holder - 1, 0);
         holder[got > 0 ? got : 0] = '\0';
-        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s",
-                  holder, state_dir);
+        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder,
+                  state_dir);
     } else if (!ok) {
         error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
     } else if (ftruncate(q->lock_fd, 0) != 0 || dprintf(q->lock_fd, "%d", (int)getpid()) < 0) {
@@ -301,11 +301,10 @@ queue *queue_open(const char *state_dir, error *e)
     q->lock_fd = -1;
     char *path = mem_printf("%s/queue.db", state_dir);
     bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
-    if (ok && sqlite3_open_v2(path, &q->connection,
-                              SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
-                              NULL) != SQLITE_OK)
-        ok = q->connection ? fail(q, e)
-                           : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
+    if (ok &&
+        sqlite3_open_v2(path, &q->connection,
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
+        ok = q->connection ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
     if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->connection, e);
     /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */

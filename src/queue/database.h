@@ -77,7 +77,8 @@ int64_t database_last_row(database *d);
 
 char *database_text(sqlite3_stmt *s, int column); /* to be freed; NULL for NULL */
 
-/* What claims remember between them: the job that did not fit and how often it was passed by. Under the lock. */
+/* What claims remember between them: the job that did not fit and how often it was passed by. Under the
+ * lock. */
 typedef struct overtaken {
     int64_t seq;
     int times;

@@ -12,9 +12,9 @@ const char *filesystem_network_name(uint64_t type)
         uint32_t type;
         const char *name;
     } known[] = {
-        {0x00006969, "NFS"},    {0x0000517B, "SMB"},  {0xFF534D42, "CIFS"},      {0xFE534D42, "SMB"},
-        {0x5346414F, "AFS"},    {0x6B414653, "AFS"},  {0x00C36400, "CephFS"},    {0x01021997, "9P"},
-        {0x0BD00BD0, "Lustre"}, {0x47504653, "GPFS"}, {0x19830326, "BeeGFS"},    {0xAAD7AAEA, "PanFS"},
+        {0x00006969, "NFS"},    {0x0000517B, "SMB"},  {0xFF534D42, "CIFS"},     {0xFE534D42, "SMB"},
+        {0x5346414F, "AFS"},    {0x6B414653, "AFS"},  {0x00C36400, "CephFS"},   {0x01021997, "9P"},
+        {0x0BD00BD0, "Lustre"}, {0x47504653, "GPFS"}, {0x19830326, "BeeGFS"},   {0xAAD7AAEA, "PanFS"},
         {0x7461636F, "OCFS2"},  {0x01161970, "GFS2"}, {0x20030528, "OrangeFS"}, {0x73757245, "Coda"},
     };
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)

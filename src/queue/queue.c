@@ -9,9 +9,9 @@
 #include "queue/record.h"
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
-    [QUEUE_QUEUED] = "queued",         [QUEUE_BLOCKED] = "blocked",     [QUEUE_PAUSED] = "paused",
-    [QUEUE_RUNNING] = "running",       [QUEUE_CANCELLING] = "cancelling", [QUEUE_SUCCEEDED] = "succeeded",
-    [QUEUE_FAILED] = "failed",         [QUEUE_CANCELLED] = "cancelled", [QUEUE_TIMED_OUT] = "timed_out",
+    [QUEUE_QUEUED] = "queued",   [QUEUE_BLOCKED] = "blocked",       [QUEUE_PAUSED] = "paused",
+    [QUEUE_RUNNING] = "running", [QUEUE_CANCELLING] = "cancelling", [QUEUE_SUCCEEDED] = "succeeded",
+    [QUEUE_FAILED] = "failed",   [QUEUE_CANCELLED] = "cancelled",   [QUEUE_TIMED_OUT] = "timed_out",
 };
 
 static const char *const event_names[QUEUE_EVENT_TYPE_COUNT] = {
@@ -110,8 +110,8 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     queue_job read = {0};
     bool ok = false, got = false;
     database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, "SELECT " JOB_COLUMNS ", spec FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
-                          text(id));
+    sqlite3_stmt *s = ASK(
+        q, e, "SELECT " JOB_COLUMNS ", spec FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
     while (database_next(q, s, &ok, e)) {
         got = true;
         record_read_job(s, 0, &read);
@@ -131,7 +131,9 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
 
 #define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
-#define LABELLED "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < ?1"
+#define LABELLED                                                                                             \
+    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < "  \
+                          "?1"
 #define NEWEST " ORDER BY seq DESC LIMIT ?2"
 #define NEWEST_LABELLED " ORDER BY label.job DESC LIMIT ?2"
 
@@ -148,16 +150,16 @@ static const char *const listings[] = {
 
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
 {
-    int which = (filter->state < 0 ? 0 : BY_STATE) | (filter->owner ? BY_OWNER : 0) |
-                (filter->label ? BY_LABEL : 0);
+    int which =
+        (filter->state < 0 ? 0 : BY_STATE) | (filter->owner ? BY_OWNER : 0) | (filter->label ? BY_LABEL : 0);
     queue_job *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
     database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, listings[which],
-                          integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
-                          integer(filter->limit), text(filter->state < 0 ? NULL : state_names[filter->state]),
-                          text(filter->owner), text(filter->label));
+    sqlite3_stmt *s =
+        ASK(q, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
+            integer(filter->limit), text(filter->state < 0 ? NULL : state_names[filter->state]),
+            text(filter->owner), text(filter->label));
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         record_read_job(s, 0, &read[used++]);
@@ -247,12 +249,13 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
     size_t used = 0, room = 0;
     bool ok = false;
     database_lock(q);
-    sqlite3_stmt *s = ASK(q, e,
-                          "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
-                          " peak_memory_bytes, host, reason FROM attempt a"
-                          " JOIN task t ON t.job = a.job AND t.number = a.task"
-                          " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
-                          text(id));
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
+            " peak_memory_bytes, host, reason FROM attempt a"
+            " JOIN task t ON t.job = a.job AND t.number = a.task"
+            " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
+            text(id));
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){
@@ -282,7 +285,7 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
 enum { OF_JOB = 1, OF_OWNER = 2 };
 
 #define EVENTS                                                                                               \
-    "SELECT event.seq, at_ms, id, type, event.state, event.outcome, frame, attempt FROM event"                \
+    "SELECT event.seq, at_ms, id, type, event.state, event.outcome, frame, attempt FROM event"               \
     " CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1" /* in this order: by the number of the event */
 #define OLDEST " ORDER BY event.seq LIMIT ?2"
 #define EVENTS_OF_JOB EVENTS " AND event.job = (SELECT seq FROM job WHERE id = ?3)"

@@ -85,8 +85,8 @@ typedef struct queue_job {
     int attempts; /* of all tasks */
     int priority; /* higher runs first */
     int max_attempts;
-    int threads;       /* of an attempt */
-    int64_t memory_mb; /* of an attempt */
+    int threads;                                 /* of an attempt */
+    int64_t memory_mb;                           /* of an attempt */
     int64_t created_ms, started_ms, finished_ms; /* wall clock; 0: not yet */
     int64_t retention_s;                         /* after its end; 0: for ever */
     char *error_code, *error_message;            /* NULL: none */
@@ -108,17 +108,17 @@ typedef struct queue_submission {
     size_t frame_count;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
-    const char *webhook; /* may be NULL: an address that is told of the job's end */
+    const char *webhook;         /* may be NULL: an address that is told of the job's end */
     const char *key, *body_hash; /* idempotency: both or none; keys of different owners are different */
-    int64_t most_waiting; /* of the owner's jobs that have not ended; 0: any number */
+    int64_t most_waiting;        /* of the owner's jobs that have not ended; 0: any number */
 } queue_submission;
 
 typedef enum queue_verdict {
     QUEUE_CREATED,
-    QUEUE_REPLAYED,           /* the key was seen with this body: the receipt names that job */
-    QUEUE_MISMATCH,           /* the key was seen with another body, for the job in the receipt */
-    QUEUE_TOO_MANY,           /* the owner has most_waiting jobs already */
-    QUEUE_UNKNOWN_DEPENDENCY  /* the receipt says which of depends_on */
+    QUEUE_REPLAYED,          /* the key was seen with this body: the receipt names that job */
+    QUEUE_MISMATCH,          /* the key was seen with another body, for the job in the receipt */
+    QUEUE_TOO_MANY,          /* the owner has most_waiting jobs already */
+    QUEUE_UNKNOWN_DEPENDENCY /* the receipt says which of depends_on */
 } queue_verdict;
 
 typedef struct queue_receipt {
@@ -158,8 +158,8 @@ typedef enum queue_command {
 
 /* *now is the state afterwards; *changed whether this call changed anything: it does not where the
  * command makes no sense (cancel of a job that has ended, retry where a job that it depends on failed). */
-bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed,
-                queue_state *now, error *e);
+bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
+                error *e);
 
 typedef struct queue_edit {
     const int *priority;        /* NULL: stays */
@@ -170,8 +170,8 @@ typedef struct queue_edit {
 typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_edited;
 
 /* Stale, and nothing changed, when the job's revision is not `revision`; -1: any. */
-bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit,
-                  queue_edited *edited, error *e);
+bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
+                  error *e);
 
 /* Forgets a job that has ended, with all that belongs to it. *deleted false: it has not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
@@ -189,9 +189,9 @@ typedef struct queue_task {
     int frame;         /* QUEUE_NO_FRAME: the job is no array */
     queue_state state; /* queued, running or final */
     queue_outcome outcome;
-    int attempt;            /* number of the last claim; 0: none */
-    int spent;              /* attempts that count */
-    int64_t not_before_ms;  /* queued: no attempt before; 0: at once */
+    int attempt;           /* number of the last claim; 0: none */
+    int spent;             /* attempts that count */
+    int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
     char *error_code, *error_message; /* NULL: none */
 } queue_task;
@@ -199,7 +199,8 @@ typedef struct queue_task {
 void queue_task_clear(queue_task *task);
 void queue_tasks_free(queue_task *tasks, size_t count);
 
-/* In the order of their numbers, those with numbers above `after` (-1: all). An id that is not there has none. */
+/* In the order of their numbers, those with numbers above `after` (-1: all). An id that is not there has
+ * none. */
 bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
                       error *e);
 bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool *found, error *e);
@@ -228,8 +229,8 @@ typedef struct queue_claimed {
 void queue_claimed_clear(queue_claimed *claimed);
 void queue_claimed_free(queue_claimed *claimed, size_t count);
 
-/* What is free, and all there is. A job that asks for more threads than there are gets those; one that asks for
- * more memory is claimed at once, so that it can be told that it will never fit. */
+/* What is free, and all there is. A job that asks for more threads than there are gets those; one that
+ * asks for more memory is claimed at once, so that it can be told that it will never fit. */
 typedef struct queue_room {
     int threads, all_threads;
     int64_t memory_mb, all_memory_mb;
@@ -262,7 +263,8 @@ typedef struct queue_ending {
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
-    const char *cache_key, *cache_inputs;   /* both or none: the result may be given to others, see queue_recall */
+    const char *cache_key,
+        *cache_inputs; /* both or none: the result may be given to others, see queue_recall */
 } queue_ending;
 
 /* Which attempt. */
@@ -273,8 +275,7 @@ typedef struct queue_fence {
 
 /* Ends a task. *accepted false, and nothing changed, when the attempt is not its current one or the
  * task does not run. */
-bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted,
-                  error *e);
+bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
 /* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and no other
  * attempt starts before `not_before_ms` (wall clock; 0: at once). *accepted as above; a job that is
@@ -292,7 +293,7 @@ typedef enum queue_event_type {
     QUEUE_EVENT_TASK,    /* a task of an array is in `state` now */
     QUEUE_EVENT_STARTED, /* an attempt was claimed */
     QUEUE_EVENT_ENDED,   /* an attempt has ended; queue_list_attempts says how */
-    QUEUE_EVENT_EDITED,  /* priority, labels or retention; or it was paused or resumed without another state */
+    QUEUE_EVENT_EDITED, /* priority, labels or retention; or it was paused or resumed without another state */
     QUEUE_EVENT_TYPE_COUNT
 } queue_event_type;
 

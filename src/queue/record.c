@@ -6,9 +6,7 @@
 queue_outcome record_outcome(sqlite3_stmt *s, int column)
 {
     const char *name = (const char *)sqlite3_column_text(s, column);
-    return !name                            ? QUEUE_NO_OUTCOME
-           : strcmp(name, "converged") == 0 ? QUEUE_CONVERGED
-                                            : QUEUE_NOT_CONVERGED;
+    return !name ? QUEUE_NO_OUTCOME : strcmp(name, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
 }
 
 void record_read_job(sqlite3_stmt *s, int at, queue_job *job)
@@ -55,7 +53,8 @@ void record_read_task(sqlite3_stmt *s, int at, queue_task *task)
     const char *state = (const char *)sqlite3_column_text(s, at + 2);
     *task = (queue_task){
         .number = sqlite3_column_int(s, at),
-        .frame = sqlite3_column_type(s, at + 1) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, at + 1),
+        .frame =
+            sqlite3_column_type(s, at + 1) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, at + 1),
         .outcome = record_outcome(s, at + 3),
         .attempt = sqlite3_column_int(s, at + 4),
         .spent = sqlite3_column_int(s, at + 5),

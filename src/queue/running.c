@@ -30,10 +30,11 @@ static bool promote(database *d, int64_t now, error *e)
         int64_t job = 0;
         int number = 0;
         char id[ULID_SIZE] = "";
-        sqlite3_stmt *s = ASK(d, e,
-                              "SELECT job, number, id FROM task JOIN job ON seq = job"
-                              " WHERE task.state = 'delayed' AND not_before_ms <= ?1 ORDER BY not_before_ms LIMIT 1",
-                              integer(now));
+        sqlite3_stmt *s =
+            ASK(d, e,
+                "SELECT job, number, id FROM task JOIN job ON seq = job"
+                " WHERE task.state = 'delayed' AND not_before_ms <= ?1 ORDER BY not_before_ms LIMIT 1",
+                integer(now));
         while (database_next(d, s, &ok, e)) {
             any = true;
             job = sqlite3_column_int64(s, 0);
@@ -42,7 +43,8 @@ static bool promote(database *d, int64_t now, error *e)
         }
         if (!ok || !any) return ok;
         book b;
-        if (!RUN(d, e, "UPDATE task SET state = 'queued', not_before_ms = NULL WHERE job = ?1 AND number = ?2",
+        if (!RUN(d, e,
+                 "UPDATE task SET state = 'queued', not_before_ms = NULL WHERE job = ?1 AND number = ?2",
                  integer(job), integer(number)) ||
             !book_load(d, id, &b, &found, e))
             return false;
@@ -82,7 +84,8 @@ static bool find_fitting(database *d, const queue_room *room, int64_t *seq, erro
                     ASK(d, e,
                         "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
                         " (SELECT seq FROM (SELECT seq, threads, memory_mb FROM job INDEXED BY job_ready"
-                        "   WHERE owner = owner.name AND " CLAIMABLE " ORDER BY priority DESC, seq LIMIT " LOOK_AHEAD ")"
+                        "   WHERE owner = owner.name AND " CLAIMABLE
+                        " ORDER BY priority DESC, seq LIMIT " LOOK_AHEAD ")"
                         "  WHERE (min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5 LIMIT 1)"
                         " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
                         integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
@@ -110,10 +113,11 @@ static bool choose(database *d, const queue_room *room, int64_t *seq, error *e)
 static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *claimed, error *e)
 {
     bool ok = false;
-    sqlite3_stmt *s = ASK(d, e,
-                          "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM job JOIN task ON task.job = job.seq"
-                          " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
-                          integer(seq), integer(number));
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM job JOIN task ON task.job = job.seq"
+            " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
+            integer(seq), integer(number));
     while (database_next(d, s, &ok, e)) {
         record_read_job(s, 0, &claimed->job);
         record_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
@@ -128,12 +132,13 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     bool ok = false, any = false;
     int number = 0, attempt = 0, frame = QUEUE_NO_FRAME;
     book b;
-    sqlite3_stmt *s = ASK(d, e,
-                          "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
-                          " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
-                          " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' ORDER BY number LIMIT 1)"
-                          " RETURNING number, attempt, frame",
-                          integer(seq), integer(now));
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
+            " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
+            " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' ORDER BY number LIMIT 1)"
+            " RETURNING number, attempt, frame",
+            integer(seq), integer(now));
     while (database_next(d, s, &ok, e)) {
         any = true;
         number = sqlite3_column_int(s, 0);
@@ -141,8 +146,8 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
         if (sqlite3_column_type(s, 2) != SQLITE_NULL) frame = sqlite3_column_int(s, 2);
     }
     if (!ok || !any) return ok;
-    ok = RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)", integer(seq),
-             integer(number), integer(attempt), integer(now)) &&
+    ok = RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)",
+             integer(seq), integer(number), integer(attempt), integer(now)) &&
          book_load_row(d, seq, &b, e);
     if (!ok) return false;
     book before = b;
@@ -249,8 +254,9 @@ static bool check_fence(database *d, const settling *s, const book *b, bool *cur
 {
     bool ok = false;
     *current = false;
-    sqlite3_stmt *row = ASK(d, e, "SELECT frame FROM task WHERE job = ?1 AND number = ?2 AND attempt = ?3"
-                                  " AND state = 'running'",
+    sqlite3_stmt *row = ASK(d, e,
+                            "SELECT frame FROM task WHERE job = ?1 AND number = ?2 AND attempt = ?3"
+                            " AND state = 'running'",
                             integer(b->seq), integer(s->fence->task), integer(s->fence->attempt));
     while (database_next(d, row, &ok, e)) {
         *current = true;
@@ -263,7 +269,8 @@ static bool put_back(database *d, const settling *s, book *b, int64_t now, error
 {
     bool delayed = s->not_before_ms > now;
     if (!RUN(d, e,
-             "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5 WHERE job = ?1 AND number = ?2",
+             "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5 WHERE job = ?1 AND number = "
+             "?2",
              integer(b->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
              integer(s->counts ? 0 : 1), integer_if(s->not_before_ms, delayed)))
         return false;
@@ -285,14 +292,14 @@ static bool end_task(database *d, const settling *s, book *b, int frame, int64_t
         return false;
     ++*book_count_of(b, x->state);
     if (x->outcome == QUEUE_NOT_CONVERGED) b->not_converged++;
-    if (x->cached_from && !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(b->seq),
-                               text(x->cached_from)))
+    if (x->cached_from &&
+        !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(b->seq), text(x->cached_from)))
         return false;
     if (x->cache_key && !RUN(d, e, "INSERT OR REPLACE INTO cache (key, job, inputs) VALUES (?1, ?2, ?3)",
                              text(x->cache_key), integer(b->seq), text(x->cache_inputs)))
         return false;
-    return frame == QUEUE_NO_FRAME || book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame,
-                                                s->fence->attempt, now, e);
+    return frame == QUEUE_NO_FRAME ||
+           book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame, s->fence->attempt, now, e);
 }
 
 static bool settle(database *d, change *asked)

@@ -69,7 +69,8 @@ static const char tables[] =
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
     "  number INTEGER NOT NULL,"
     "  frame INTEGER,"
-    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " FINAL_STATES ")),"
+    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " FINAL_STATES
+    ")),"
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
@@ -160,25 +161,30 @@ static const char set_old_aside[] =
     "ALTER TABLE attempt RENAME TO attempt_1; ALTER TABLE job RENAME TO job_1;";
 
 static const char carry_over[] =
-    "INSERT INTO job (seq, id, owner, state, outcome, priority, threads, memory_mb, max_attempts, tasks, ready,"
+    "INSERT INTO job (seq, id, owner, state, outcome, priority, threads, memory_mb, max_attempts, tasks, "
+    "ready,"
     "  running, succeeded, failed, cancelled, timed_out, not_converged, is_cancelled, attempts, created_ms,"
     "  started_ms, finished_ms, name, labels, error_code, error_message)"
     " SELECT seq, id, '', state, outcome, priority, 1, 0, max_attempts, 1, state = 'queued',"
     "  state IN ('running', 'cancelling'), state = 'succeeded', state = 'failed', state = 'cancelled',"
-    "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), attempt,"
+    "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), "
+    "attempt,"
     "  created_ms, started_ms, finished_ms, name, labels, error_code, error_message FROM job_1;"
     "INSERT INTO spec SELECT seq, spec FROM job_1;"
     "INSERT INTO task (job, number, state, outcome, attempt, spent, started_ms, finished_ms, error_code,"
     "  error_message)"
     " SELECT seq, 0, CASE state WHEN 'cancelling' THEN 'running' ELSE state END, outcome, attempt, spent,"
     "  started_ms, finished_ms, error_code, error_message FROM job_1;"
-    "INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason)"
-    " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM attempt_1;"
+    "INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, signal, "
+    "peak_memory_bytes, reason)"
+    " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
+    "attempt_1;"
     "INSERT INTO owner SELECT '', count(*), sum(state != 'queued') FROM job_1"
     "  WHERE state NOT IN (" FINAL_STATES ") HAVING count(*) > 0;"
     "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
     "INSERT INTO event (at_ms, job, type, state, outcome)"
-    " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY 1;"
+    " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
+    "1;"
     "DROP TABLE attempt_1; DROP TABLE job_1;";
 
 static bool run(sqlite3 *database, const char *sql, error *e)

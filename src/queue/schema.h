@@ -1,7 +1,8 @@
 /* schema: the tables of the queue's database, and their version.
  *
- * The version is SQLite's user_version. A database without tables is given them, one of an older version is
- * carried over; one of a newer version is refused, since writing to it could lose what that version keeps there.
+ * The version is SQLite's user_version. A database without tables is given them, one of an older version
+ * is carried over; one of a newer version is refused, since writing to it could lose what that version
+ * keeps there.
  */
 #ifndef HEXAD_QUEUE_SCHEMA_H
 #define HEXAD_QUEUE_SCHEMA_H

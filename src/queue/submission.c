@@ -20,8 +20,9 @@ static bool find_replay(database *d, submitting *s, bool *seen, error *e)
     queue_receipt *r = &s->receipt;
     *seen = false;
     if (!s->in->key) return true;
-    sqlite3_stmt *row = ASK(d, e, "SELECT id, state, revision, body_hash FROM job WHERE owner = ?1 AND key = ?2",
-                            text(s->owner), text(s->in->key));
+    sqlite3_stmt *row =
+        ASK(d, e, "SELECT id, state, revision, body_hash FROM job WHERE owner = ?1 AND key = ?2",
+            text(s->owner), text(s->in->key));
     while (database_next(d, row, &ok, e)) {
         *seen = true;
         snprintf(r->id, sizeof r->id, "%s", (const char *)sqlite3_column_text(row, 0));
@@ -56,8 +57,8 @@ static bool look_at_need(database *d, const char *id, bool *found, queue_state *
 }
 
 /* Counts the jobs that it has to wait for; *lost is one that has ended without success, or NULL. */
-static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how, bool *unknown,
-                        error *e)
+static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
+                        bool *unknown, error *e)
 {
     *unknown = false;
     *pending = 0;
@@ -87,15 +88,16 @@ static bool check_needs(database *d, submitting *s, int *pending, const char **l
 static bool insert_job(database *d, const submitting *s, book *b, int64_t now, error *e)
 {
     const queue_submission *in = s->in;
-    bool ok = RUN(d, e,
-                  "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
-                  " is_array, pending, tasks, ready, created_ms, name, labels, trace, webhook, key, body_hash)"
-                  " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
-                  text(s->receipt.id), text(s->owner), text(queue_state_name(b->state)), integer(in->priority),
-                  integer(in->threads), integer(in->memory_mb), integer(in->max_attempts),
-                  integer(in->retention_s), integer(b->array), integer(b->pending), integer(b->tasks),
-                  integer(now), text(in->name), text(in->labels), text(in->trace), text(in->webhook),
-                  text(in->key), text(in->key ? in->body_hash : NULL));
+    bool ok =
+        RUN(d, e,
+            "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
+            " is_array, pending, tasks, ready, created_ms, name, labels, trace, webhook, key, body_hash)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
+            text(s->receipt.id), text(s->owner), text(queue_state_name(b->state)), integer(in->priority),
+            integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
+            integer(b->array), integer(b->pending), integer(b->tasks), integer(now), text(in->name),
+            text(in->labels), text(in->trace), text(in->webhook), text(in->key),
+            text(in->key ? in->body_hash : NULL));
     b->seq = database_last_row(d);
     return ok && RUN(d, e, "INSERT INTO spec (job, spec) VALUES (?1, ?2)", integer(b->seq), text(in->spec)) &&
            (strcmp(in->labels, "[]") == 0 ||
@@ -107,8 +109,8 @@ static bool insert_tasks(database *d, const submitting *s, const book *b, error 
 {
     bool ok = true;
     for (int i = 0; ok && i < b->tasks; i++)
-        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(b->seq), integer(i),
-                 integer_if(b->array ? s->in->frames[i] : 0, b->array));
+        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(b->seq),
+                 integer(i), integer_if(b->array ? s->in->frames[i] : 0, b->array));
     for (size_t i = 0; ok && i < s->in->depends_on_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO dependency (job, needs) SELECT ?1, seq FROM job WHERE id = ?2",
                  integer(b->seq), text(s->in->depends_on[i]));

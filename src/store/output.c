@@ -55,7 +55,8 @@ static bool fail(error *e, const char *what, const char *path)
 /* What was made is given its mode and group, whatever the umask. */
 static bool adopt(const store_outputs *outputs, int fd, mode_t mode)
 {
-    return (outputs->group == (gid_t)-1 || fchown(fd, (uid_t)-1, outputs->group) == 0) && fchmod(fd, mode) == 0;
+    return (outputs->group == (gid_t)-1 || fchown(fd, (uid_t)-1, outputs->group) == 0) &&
+           fchmod(fd, mode) == 0;
 }
 
 /* Opens the directory, making what is missing; -1 on failure. */
@@ -132,9 +133,10 @@ bool store_output_copy(const store_outputs *outputs, const char *from, const cha
     int to = open_directory(outputs, path, e);
     if (to < 0) return false;
     int source = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    bool ok = (source >= 0 || fail(e, "cannot be read", from)) &&
-              (unlinkat(to, names[count - 1], 0) == 0 || errno == ENOENT || fail(e, "cannot be replaced", path)) &&
-              (fsync(to) == 0 || fail(e, "cannot be flushed", path));
+    bool ok =
+        (source >= 0 || fail(e, "cannot be read", from)) &&
+        (unlinkat(to, names[count - 1], 0) == 0 || errno == ENOENT || fail(e, "cannot be replaced", path)) &&
+        (fsync(to) == 0 || fail(e, "cannot be flushed", path));
     for (size_t i = 0; ok && i < count; i++) {
         if (i + 1 == count) ok = fsync(to) == 0 || fail(e, "cannot be flushed", path);
         if (ok && !copy_file(outputs, source, to, names[i])) ok = fail(e, names[i], path);

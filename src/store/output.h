@@ -1,9 +1,9 @@
 /* output: copies of results in directories of others, beneath configured roots.
  *
- * A copy is a set of files, each written under a temporary name beside its place, flushed and renamed. The last of
- * them says that the set is whole: it is removed first and comes last. Directories that are missing are
- * made. No symbolic link is followed beneath a root, and nothing else that lies there is touched. No state;
- * any thread.
+ * A copy is a set of files, each written under a temporary name beside its place, flushed and renamed. The
+ * last of them says that the set is whole: it is removed first and comes last. Directories that are
+ * missing are made. No symbolic link is followed beneath a root, and nothing else that lies there is
+ * touched. No state; any thread.
  */
 #ifndef HEXAD_STORE_OUTPUT_H
 #define HEXAD_STORE_OUTPUT_H
@@ -21,8 +21,8 @@ typedef struct store_outputs {
     gid_t group; /* (gid_t)-1: stays */
 } store_outputs;
 
-/* Whether a copy may go there: an error (path_forbidden) unless the path is absolute, below a root, and without
- * "..". Looks at the words only. */
+/* Whether a copy may go there: an error (path_forbidden) unless the path is absolute, below a root, and
+ * without "..". Looks at the words only. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
 
 /* Copies the files of these names. Errors: path_forbidden, also of a symbolic link on the way; internal. */

@@ -32,16 +32,22 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
     return SQLITE_OK;
 }
 
-/* Whether a step of a plan costs no more with a hundred thousand jobs than with one. Owners are those that have
- * unfinished jobs; partial indexes hold what runs, waits for its time, or expires. The counts of states, which
- * are for a meter that looks now and then, walk an index. */
+/* Whether a step of a plan costs no more with a hundred thousand jobs than with one. Owners are those that
+ * have unfinished jobs; partial indexes hold what runs, waits for its time, or expires. The counts of
+ * states, which are for a meter that looks now and then, walk an index. */
 static inline bool is_cheap(const char *sql, const char *step)
 {
-    static const char *const harmless[] = {
-        "SCAN owner", "SCAN json_each", "SCAN CONSTANT ROW", "SCAN (subquery", "SCAN task USING INDEX task_running",
-        "SCAN task USING INDEX task_delayed", "SCAN outbox USING INDEX outbox_by_time", "SCAN task USING COVERING INDEX task_delayed"};
+    static const char *const harmless[] = {"SCAN owner",
+                                           "SCAN json_each",
+                                           "SCAN CONSTANT ROW",
+                                           "SCAN (subquery",
+                                           "SCAN task USING INDEX task_running",
+                                           "SCAN task USING INDEX task_delayed",
+                                           "SCAN outbox USING INDEX outbox_by_time",
+                                           "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "SELECT state, count(*)", 22) == 0) return true;
-    if (strncmp(step, "USE TEMP B-TREE", 15) == 0) return strstr(sql, "FROM owner") || strstr(sql, "DISTINCT value");
+    if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
+        return strstr(sql, "FROM owner") || strstr(sql, "DISTINCT value");
     if (strncmp(step, "SCAN", 4) != 0) return true;
     for (size_t i = 0; i < sizeof harmless / sizeof *harmless; i++)
         if (strncmp(step, harmless[i], strlen(harmless[i])) == 0) return true;
@@ -66,8 +72,8 @@ static inline void check_plans(void)
 {
     for (sqlite3_stmt *s = NULL; (s = sqlite3_next_stmt(connection, s));) {
         const char *sql = sqlite3_sql(s);
-        if (strncmp(sql, "SELECT", 6) == 0 || strncmp(sql, "UPDATE", 6) == 0 || strncmp(sql, "DELETE", 6) == 0 ||
-            strncmp(sql, "INSERT", 6) == 0)
+        if (strncmp(sql, "SELECT", 6) == 0 || strncmp(sql, "UPDATE", 6) == 0 ||
+            strncmp(sql, "DELETE", 6) == 0 || strncmp(sql, "INSERT", 6) == 0)
             check_plan(sql);
     }
 }
@@ -181,15 +187,17 @@ static inline bool finish(place *p, const char *id, int task, int attempt, const
 {
     bool accepted = false;
     error e = {0};
-    if (!queue_finish(p->q, &(queue_fence){id, task, attempt}, ending, &accepted, &e)) fail_msg("%s", e.message);
+    if (!queue_finish(p->q, &(queue_fence){id, task, attempt}, ending, &accepted, &e))
+        fail_msg("%s", e.message);
     return accepted;
 }
 
 static inline bool requeue(place *p, const char *id, int attempt, bool counts, int64_t not_before_ms,
-                    const queue_ending *ending)
+                           const queue_ending *ending)
 {
     bool accepted = false;
-    assert_true(queue_requeue(p->q, &(queue_fence){id, 0, attempt}, counts, not_before_ms, ending, &accepted, NULL));
+    assert_true(
+        queue_requeue(p->q, &(queue_fence){id, 0, attempt}, counts, not_before_ms, ending, &accepted, NULL));
     return accepted;
 }
 
@@ -228,7 +236,8 @@ static inline void reopen(place *p)
     if (!p->q) fail_msg("%s", e.message);
 }
 
-static inline void expect_listed(place *p, const queue_filter *filter, const char *const *ids, size_t expected)
+static inline void expect_listed(place *p, const queue_filter *filter, const char *const *ids,
+                                 size_t expected)
 {
     queue_job *jobs;
     size_t count;

@@ -33,9 +33,10 @@ static int set_up(void **state)
     put(p->input, "volume");
     assert_true(store_directory_create(p->result, NULL));
     char *report = mem_printf("%s/report.json", p->result), *points = mem_printf("%s/points.ply", p->result);
-    char *text = mem_printf("{\"outcome\":\"converged\",\"count\":7,\"inputs\":[{\"path\":\"%s\",\"sha256\":\"ab\"}],"
-                            "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
-                            p->input, 0);
+    char *text =
+        mem_printf("{\"outcome\":\"converged\",\"count\":7,\"inputs\":[{\"path\":\"%s\",\"sha256\":\"ab\"}],"
+                   "\"outputs\":[{\"name\":\"points.ply\",\"bytes\":1,\"sha256\":\"%064d\"}]}",
+                   p->input, 0);
     put(report, text);
     put(points, "x");
     free(text);
@@ -80,7 +81,8 @@ static void test_keys(void **state)
         assert_true(cache_key(different[i], other));
         assert_string_not_equal(key, other);
     }
-    assert_false(cache_key("{\"sampling\":{\"time_s\":3}}", other)); /* the best of that time is another each time */
+    assert_false(
+        cache_key("{\"sampling\":{\"time_s\":3}}", other)); /* the best of that time is another each time */
     assert_false(cache_key("no JSON", other));
 }
 

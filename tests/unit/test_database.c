@@ -103,12 +103,13 @@ static void check_integrity(place *p)
     sqlite3_finalize(s);
     /* the counts of jobs and owners are what their tasks say */
     assert_int_equal(
-        sqlite3_prepare_v2(database,
-                           "SELECT (SELECT count(*) FROM job WHERE running != (SELECT count(*) FROM task WHERE"
-                           "  task.job = job.seq AND task.state = 'running')) + (SELECT count(*) FROM owner WHERE"
-                           "  running != (SELECT sum(running) FROM job WHERE job.owner = owner.name) OR unfinished !="
-                           "  (SELECT count(*) FROM job WHERE job.owner = owner.name AND finished_ms IS NULL))",
-                           -1, &s, NULL),
+        sqlite3_prepare_v2(
+            database,
+            "SELECT (SELECT count(*) FROM job WHERE running != (SELECT count(*) FROM task WHERE"
+            "  task.job = job.seq AND task.state = 'running')) + (SELECT count(*) FROM owner WHERE"
+            "  running != (SELECT sum(running) FROM job WHERE job.owner = owner.name) OR unfinished !="
+            "  (SELECT count(*) FROM job WHERE job.owner = owner.name AND finished_ms IS NULL))",
+            -1, &s, NULL),
         SQLITE_OK);
     assert_int_equal(sqlite3_step(s), SQLITE_ROW);
     assert_int_equal(sqlite3_column_int(s, 0), 0);
@@ -159,21 +160,28 @@ static void test_a_killed_process_loses_nothing(void **state)
 static const char version_1[] =
     "CREATE TABLE job (seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, name TEXT,"
     " labels TEXT NOT NULL, state TEXT NOT NULL DEFAULT 'queued', outcome TEXT, priority INTEGER NOT NULL,"
-    " created_ms INTEGER NOT NULL, started_ms INTEGER, finished_ms INTEGER, attempt INTEGER NOT NULL DEFAULT 0,"
+    " created_ms INTEGER NOT NULL, started_ms INTEGER, finished_ms INTEGER, attempt INTEGER NOT NULL DEFAULT "
+    "0,"
     " spent INTEGER NOT NULL DEFAULT 0, max_attempts INTEGER NOT NULL, error_code TEXT, error_message TEXT,"
     " spec TEXT NOT NULL) STRICT;"
     "CREATE INDEX job_waiting ON job (priority DESC, seq) WHERE state = 'queued';"
     "CREATE INDEX job_by_state ON job (state, seq);"
-    "CREATE TABLE attempt (job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, number INTEGER NOT NULL,"
+    "CREATE TABLE attempt (job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, number INTEGER NOT "
+    "NULL,"
     " started_ms INTEGER NOT NULL, finished_ms INTEGER, exit_status INTEGER, signal INTEGER,"
     " peak_memory_bytes INTEGER, reason TEXT, PRIMARY KEY (job, number)) STRICT, WITHOUT ROWID;"
-    "INSERT INTO job VALUES (1, 'queued', 'n', '[\"x\"]', 'queued', NULL, 3, 10, 20, NULL, 1, 1, 3, NULL, NULL, 's');"
-    "INSERT INTO job VALUES (2, 'running', NULL, '[]', 'running', NULL, 0, 10, 20, NULL, 2, 1, 3, NULL, NULL, 's');"
-    "INSERT INTO job VALUES (3, 'cancelling', NULL, '[]', 'cancelling', NULL, 0, 10, 20, NULL, 1, 1, 3, NULL, NULL,"
+    "INSERT INTO job VALUES (1, 'queued', 'n', '[\"x\"]', 'queued', NULL, 3, 10, 20, NULL, 1, 1, 3, NULL, "
+    "NULL, 's');"
+    "INSERT INTO job VALUES (2, 'running', NULL, '[]', 'running', NULL, 0, 10, 20, NULL, 2, 1, 3, NULL, "
+    "NULL, 's');"
+    "INSERT INTO job VALUES (3, 'cancelling', NULL, '[]', 'cancelling', NULL, 0, 10, 20, NULL, 1, 1, 3, "
+    "NULL, NULL,"
     " 's');"
-    "INSERT INTO job VALUES (4, 'succeeded', NULL, '[]', 'succeeded', 'not_converged', 0, 10, 20, 30, 1, 1, 3, NULL,"
+    "INSERT INTO job VALUES (4, 'succeeded', NULL, '[]', 'succeeded', 'not_converged', 0, 10, 20, 30, 1, 1, "
+    "3, NULL,"
     " NULL, 's');"
-    "INSERT INTO job VALUES (5, 'failed', NULL, '[]', 'failed', NULL, 0, 10, 20, 30, 1, 1, 3, 'internal', 'why', 's');"
+    "INSERT INTO job VALUES (5, 'failed', NULL, '[]', 'failed', NULL, 0, 10, 20, 30, 1, 1, 3, 'internal', "
+    "'why', 's');"
     "INSERT INTO attempt VALUES (1, 1, 20, 21, NULL, 11, NULL, 'signal 11');"
     "INSERT INTO attempt VALUES (2, 1, 20, 21, NULL, 11, NULL, NULL);"
     "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
@@ -240,8 +248,7 @@ static void test_a_newer_schema_is_refused(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL),
-                     SQLITE_OK);
+    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     error e = {0};
     assert_null(queue_open(p->base, &e));
@@ -254,8 +261,7 @@ static void test_a_damaged_database_is_refused(void **state)
     queue_close(p->q);
     p->q = NULL;
     char *path = mem_printf("%s/queue.db", p->base);
-    assert_true(store_file_write(path, "this is no database, only text that stands in its place",
-                                 54, NULL));
+    assert_true(store_file_write(path, "this is no database, only text that stands in its place", 54, NULL));
     free(path);
     error e = {0};
     assert_null(queue_open(p->base, &e));
@@ -268,7 +274,7 @@ static void test_network_file_systems_are_known(void **state)
     error e = {0};
     assert_string_equal(filesystem_network_name(0x6969), "NFS");
     assert_string_equal(filesystem_network_name(0xFFFFFFFFFF534D42), "CIFS"); /* the sign is extended */
-    assert_null(filesystem_network_name(0xEF53)); /* ext4 */
+    assert_null(filesystem_network_name(0xEF53));                             /* ext4 */
     assert_true(filesystem_check(p->base, &e));
     assert_false(filesystem_check("/nonexistent", &e));
     assert_non_null(strstr(e.message, "/nonexistent"));
@@ -293,16 +299,11 @@ static void test_ulids(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_waiting_ends_with_news),
-        CASE(test_many_threads_submit),
-        CASE(test_a_killed_process_loses_nothing),
-        CASE(test_an_older_schema_is_carried_over),
-        CASE(test_a_second_owner_is_refused),
-        CASE(test_the_database_has_one_owner),
-        CASE(test_a_newer_schema_is_refused),
-        CASE(test_a_damaged_database_is_refused),
-        CASE(test_network_file_systems_are_known),
-        cmocka_unit_test(test_ulids),
+        CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
+        CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
+        CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
+        CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
+        CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("database", tests, NULL, NULL);

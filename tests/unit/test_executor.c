@@ -178,7 +178,8 @@ static void test_success_is_delivered(void **state)
     free(results);
 }
 
-/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it can. */
+/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it
+ * can. */
 static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
@@ -435,8 +436,8 @@ static void test_drain_puts_back_uncounted(void **state)
 }
 
 /* A worker that finds a third one beside it leaves a mark. */
-#define CROWD                                                                                      \
-    PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"                                  \
+#define CROWD                                                                                                \
+    PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"                                            \
              "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT
 
 static void expect_no_crowd(place *p, int workers, int threads, int64_t memory_mb)
@@ -492,7 +493,8 @@ static void test_a_host_that_shrank(void **state)
     start_with(p, PROLOGUE "echo \"$@\" > \"$D/words\"\n" REPORT, settings);
     expect_end(p, large.id, QUEUE_FAILED, "limit_memory", "2049 MiB");
     expect_end(p, wide.id, QUEUE_SUCCEEDED, NULL, NULL);
-    char *results = result_directory(p->base, wide.id, QUEUE_NO_FRAME), *path = mem_printf("%s/words", results);
+    char *results = result_directory(p->base, wide.id, QUEUE_NO_FRAME),
+         *path = mem_printf("%s/words", results);
     size_t length;
     char *words = store_file_read(path, 4096, &length, NULL);
     assert_non_null(strstr(words, "--threads 8"));

@@ -565,7 +565,8 @@ static void test_normalised_is_idempotent(void **state)
               "\"radius\":0.4}},"
               "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
               "\"minimiser\":"
-              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
+              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_"
+              "sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
               "\"color\":"
@@ -737,9 +738,10 @@ static void test_frames(void **state)
 {
     (void)state;
     error e = {0};
-    static const char sequence[] = "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":"
-                                   "{\"count\":9},\"queue\":{\"frames\":\"8-12x2\",\"depends_on\":[\"x\"],"
-                                   "\"retention_s\":60}}";
+    static const char sequence[] =
+        "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":"
+        "{\"count\":9},\"queue\":{\"frames\":\"8-12x2\",\"depends_on\":[\"x\"],"
+        "\"retention_s\":60}}";
     json *document = json_parse(sequence, sizeof sequence - 1, NULL);
     spec *s = spec_parse(document, NULL, &e);
     json_free(document);
