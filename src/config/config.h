@@ -23,10 +23,13 @@ typedef struct config_list {
 } config_list;
 
 typedef struct config {
-    char *listen;    /* HOST:PORT or unix:/path */
+    char *listen;    /* HOST:PORT or unix:/path; "": a socket in the runtime or state directory */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *worker;    /* "": config_find_worker looks for it */
+    config_list unix_users, unix_groups, unix_admins;
+    char *token_file; /* "": in the state directory */
+    char *tcp_without_tokens;
     config_list input_roots, output_roots;
     char *output_mode;  /* octal digits */
     char *output_group; /* "": stays */
@@ -38,8 +41,9 @@ typedef struct config {
     double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     double grace_s, drain_s;
-    int64_t body_limit_bytes, connection_limit;
-    double connection_timeout_s;
+    int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
+    int64_t upload_limit_bytes, upload_total_bytes;
+    double connection_timeout_s, wait_limit_s;
     log_level log_level;
 } config;
 

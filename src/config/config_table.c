@@ -5,10 +5,26 @@
 #define AT(member) offsetof(config, member)
 
 const config_row config_table[] = {
-    {"listen", CONFIG_TEXT, "127.0.0.1:8642", 0, 0, "",
-     "Where to serve: HOST:PORT or unix:/path. There is no authentication yet, so only loopback"
-     " addresses are accepted. Port 0 takes a free one, see port_file.",
+    {"listen", CONFIG_TEXT, "", 0, 0, "",
+     "Where to serve: unix:/path or HOST:PORT. Empty: hexad.sock in $RUNTIME_DIRECTORY (of systemd), else in"
+     " state_dir. On a Unix socket callers are the users whose processes connect. A TCP port needs tokens, see"
+     " token_file and tcp_without_tokens; it is not encrypted. Port 0 takes a free one, see port_file.",
      AT(listen)},
+    {"unix_users", CONFIG_LIST, "", 0, 0, "",
+     "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by colons or commas."
+     " The user that runs hexad and root may everything. A socket for others belongs where they can reach it.",
+     AT(unix_users)},
+    {"unix_groups", CONFIG_LIST, "", 0, 0, "", "Groups whose members may what unix_users may.", AT(unix_groups)},
+    {"unix_admins", CONFIG_LIST, "", 0, 0, "", "Users who may everything on the Unix socket.", AT(unix_admins)},
+    {"token_file", CONFIG_TEXT, "", 0, 0, "",
+     "The bearer tokens, by their hashes, as hexadctl token makes it; of mode 0600. It is read again when it has"
+     " changed. Empty: the file tokens in state_dir, if it is there.",
+     AT(token_file)},
+    {"tcp_without_tokens", CONFIG_TEXT, "", 0, 0, "",
+     "Whether a loopback port is served when there are no tokens: only with the words"
+     " anyone-on-this-machine-may-submit-and-cancel, which is what it means. A port that other machines reach never"
+     " is.",
+     AT(tcp_without_tokens)},
     {"port_file", CONFIG_TEXT, "", 0, 0, "",
      "A file that is given the address actually served, in one line, once it is. Empty: none.",
      AT(port_file)},
@@ -76,11 +92,22 @@ const config_row config_table[] = {
      AT(drain_s)},
     {"body_limit_bytes", CONFIG_INTEGER, "1048576", 1, 1 << 30, "bytes", "Longest request body.",
      AT(body_limit_bytes)},
-    {"connection_limit", CONFIG_INTEGER, "256", 1, 100000, "connections", "Connections at once.",
+    {"upload_limit_bytes", CONFIG_INTEGER, "17179869184", 0, 1e15, "bytes",
+     "Longest file that a client may send for its jobs. 0: none but empty ones.", AT(upload_limit_bytes)},
+    {"upload_total_bytes", CONFIG_INTEGER, "137438953472", 0, 1e15, "bytes",
+     "What all files that clients have sent may take together, in the directory inputs of state_dir.",
+     AT(upload_total_bytes)},
+    {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
+     "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
+    {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",
      AT(connection_limit)},
+    {"client_connection_limit", CONFIG_INTEGER, "256", 1, 100000, "connections",
+     "Connections at once of one user on the Unix socket or of one address on TCP.", AT(client_connection_limit)},
     {"connection_timeout_s", CONFIG_REAL, "30", 0.1, 86400, "s",
      "How long a connection may be idle, and how long a client may take to send a request.",
      AT(connection_timeout_s)},
+    {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
+     "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
     {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", AT(log_level)},
 };
 

@@ -83,7 +83,7 @@ struct executor {
     retention *retention;
     pthread_t thread;
     int wake_fd, drained_fd;
-    atomic_bool draining, forcing, stopping;
+    atomic_bool held, draining, forcing, stopping;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
     pthread_mutex_t order; /* over a claim until it has its slot, and over commands */
@@ -354,7 +354,7 @@ static void fill_slots(executor *x)
     for (size_t i = 0; x->look && i < x->slot_count; i++) {
         slot *s = &x->slots[i];
         if (s->used) continue;
-        if (atomic_load(&x->draining) || clock_monotonic_ms() < x->claim_ms) return;
+        if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
         if (claim(x, s)) {
             slot_start(x, s);
         } else {
@@ -468,7 +468,7 @@ static void wait_for_news(executor *x, struct pollfd *fds)
         due = least(due, slot_due(x, s));
         if (s->attempt) count += x->engine->watch(s->attempt, &fds[count]);
     }
-    if (room && !atomic_load(&x->draining)) {
+    if (room && executor_takes_jobs(x)) {
         if (x->look) due = least(due, x->claim_ms); /* 0: at once */
         if (x->due_ms < INT64_MAX) due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
     }
@@ -600,6 +600,17 @@ void executor_drain(executor *x, double seconds)
     atomic_store(&x->drain_ms, clock_monotonic_ms() + (int64_t)(seconds * 1000));
     atomic_store(&x->draining, true);
     executor_wake(x);
+}
+
+void executor_hold(executor *x, bool on)
+{
+    atomic_store(&x->held, on);
+    executor_wake(x);
+}
+
+bool executor_takes_jobs(const executor *x)
+{
+    return !atomic_load(&x->held) && !atomic_load(&x->draining);
 }
 
 void executor_force(executor *x)

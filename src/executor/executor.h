@@ -76,6 +76,11 @@ typedef struct executor_load {
 /* What runs at the moment, and what may. */
 executor_load executor_get_load(executor *x);
 
+/* While it is held no attempt is started and what runs goes on; not kept over a restart. */
+void executor_hold(executor *x, bool on);
+/* Neither held nor draining. */
+bool executor_takes_jobs(const executor *x);
+
 /* Stops claiming and lets what runs end; what still runs after `seconds` is stopped and put back in
  * the queue without counting the attempt. Returns at once; may be called again to shorten the time.
  */

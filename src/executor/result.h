@@ -26,13 +26,17 @@ typedef struct result {
     queue_outcome outcome;
     int64_t count;
     size_t output_count;
-    result_output *output; /* as the report lists them; report.json is not among them */
+    result_output *output; /* as the report lists them; report.json is not among them, but for result_list */
 } result;
 
 /* Reads and checks. Errors: input_damaged says what is wrong with the result; internal says why it could
  * not be looked at (no descriptors, a fault of the disk), which tells nothing of the result. The caller
  * clears. */
 bool result_read(const char *directory, result *r, error *e);
+
+/* As result_read, with report.json among the outputs, last. A report may be long, so what is found is kept beside
+ * it, in a file that is no output, and the next one who asks reads that. */
+bool result_list(const char *directory, result *r, error *e);
 void result_clear(result *r); /* accepts an empty one */
 
 /* Opens a file of a result, following no link; -1 and an error when it is not there. `name` must be

@@ -17,6 +17,7 @@
 #include "json/json.h"
 #include "run/run.h"
 #include "sampler/energy.h"
+#include "spec/schema.h"
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
@@ -50,12 +51,14 @@ static const char help_text[] =
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
+    "       hexad-worker schema\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
+    "schema: the same as a JSON Schema.\n"
     "\n"
     "  --output DIR       where results go; made if missing (required)\n"
     "  --progress         a progress bar on standard error\n"
@@ -316,6 +319,16 @@ static int print_energies(void)
     return puts("") < 0;
 }
 
+static int print_schema(void)
+{
+    json *schema = schema_new();
+    char *text = json_print_pretty(schema);
+    bool ok = fputs(text, stdout) >= 0;
+    free(text);
+    json_free(schema);
+    return !ok;
+}
+
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
@@ -325,6 +338,7 @@ int main(int argc, char **argv)
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(command, "energies") == 0) return print_energies();
+    if (strcmp(command, "schema") == 0) return print_schema();
     if (strcmp(command, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;

@@ -342,6 +342,19 @@ bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event *
     return true;
 }
 
+bool queue_last_event(queue *q, int64_t *seq, error *e)
+{
+    static const char sql[] = "SELECT coalesce(max(seq), 0) FROM event";
+    bool ok = false;
+    int64_t read = 0;
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_unlock(q);
+    if (ok) *seq = read;
+    return ok;
+}
+
 /* One time, INT64_MAX where there is none. */
 static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {

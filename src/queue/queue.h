@@ -320,6 +320,9 @@ typedef struct queue_event_filter {
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event **events, size_t *count,
                        error *e);
 
+/* The number of the newest event; 0: there is none. */
+bool queue_last_event(queue *q, int64_t *seq, error *e);
+
 /* ---- webhooks */
 
 /* That a job with a webhook has ended; put into the outbox with the end itself, once for each end. */

@@ -12,7 +12,6 @@
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
 enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
-enum { LABEL_LENGTH_MAX = 100 }; /* characters */
 
 typedef struct reading {
     spec *s;
@@ -284,11 +283,11 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     for (size_t i = 0; i < count; i++) {
         json_at element = json_element(at, i);
         const char *text = json_string(element, NULL);
-        if (!text || !*text || characters(text) > LABEL_LENGTH_MAX) {
+        if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
             char given[SHOWN_MAX + 8];
             describe(element, given);
             add_fault(r, &element, ERROR_SPEC_INVALID,
-                      "must be a string of 1 to %d characters (given %s)", LABEL_LENGTH_MAX, given);
+                      "must be a string of 1 to %d characters (given %s)", SPEC_LABEL_LENGTH_MAX, given);
             continue;
         }
         labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);

@@ -35,7 +35,14 @@ def test_a_sequence_is_one_job(new_service, footage):
     assert names == sorted(f"{job}.{frame}" for frame in (8, 9, 11))
     for name in names:
         assert (service.state / "results" / name / "report.json").is_file()
-    assert service.get(f"/v1/jobs/{job}/results").status == 404
+    assert service.get(f"/v1/jobs/{job}/results").status == 400  # of which frame?
+    assert service.get(f"/v1/jobs/{job}/results?frame=10").status == 404
+    for result in service.get(f"/v1/jobs/{job}/results?frame=9").json["results"]:
+        assert service.get(result["href"]).status == 200
+    tasks = service.get(f"/v1/jobs/{job}/tasks?limit=2").json
+    assert [t["frame"] for t in tasks["tasks"]] == [8, 9]
+    rest = service.get(f"/v1/jobs/{job}/tasks?limit=2&after={tasks['next']}").json
+    assert [t["frame"] for t in rest["tasks"]] == [11] and rest["next"] is None
 
 
 def test_a_frame_that_is_missing_fails_alone(new_service, footage):
