@@ -68,11 +68,12 @@ static bool next_word(const char **list, char *word, size_t size)
 static void put_parameters(json *operation, const route *r)
 {
     char name[64];
-    const char *pattern = r->pattern, *query = r->query;
+    const char *pattern = r->pattern, *query = r->query, *headers = r->headers;
     json *list = json_new_array();
     while (next_path_parameter(&pattern, name, sizeof name))
         json_append(list, parameter_describe(name, "path"));
     while (next_word(&query, name, sizeof name)) json_append(list, parameter_describe(name, "query"));
+    while (next_word(&headers, name, sizeof name)) json_append(list, parameter_describe(name, "header"));
     if (json_size(json_root(list)) > 0)
         json_put(operation, "parameters", list);
     else

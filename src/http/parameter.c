@@ -29,6 +29,22 @@ static const parameter parameters[] = {
      "`next` of the page before: only what comes after it."},
     {"frame", INTEGER, -2147483647, 2147483647, NULL, NULL, "The frame, of a job that is an array."},
     {"attempt", INTEGER, 1, 2147483647, NULL, NULL, "The number of the attempt; without it the last."},
+    {"Idempotency-Key", TEXT, 1, 255, NULL, NULL,
+     "A name for this request: sent again with the same body it makes no other job, with another it is "
+     "refused."},
+    {"traceparent", TEXT, 55, 55, NULL, NULL, "W3C Trace Context; kept on the job and in the logs."},
+    {"If-Match", TEXT, 1, 1000, NULL, NULL,
+     "The ETag of the job as it was seen: changed only when it is still that."},
+    {"If-None-Match", TEXT, 1, 1000, NULL, NULL,
+     "The ETag that is known: answered 304 when it is still that."},
+    {"Prefer", TEXT, 1, 1000, NULL, NULL,
+     "wait=SECONDS: to be answered when the job has ended or, with If-None-Match, has changed, or after that "
+     "time."},
+    {"Range", TEXT, 1, 1000, NULL, NULL, "bytes=FIRST-LAST: a part of the file."},
+    {"If-Range", TEXT, 1, 1000, NULL, NULL,
+     "The ETag of which Range is a part: the whole is sent when it is another."},
+    {"Last-Event-ID", TEXT, 1, 18, NULL, NULL,
+     "The id of the event that came last: only what comes after it."},
     {"cursor", INTEGER, 1, 999999999999999999, NULL, NULL, "`next` of the page before."},
 };
 

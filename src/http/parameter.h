@@ -16,7 +16,7 @@ bool parameter_check_query(const char *names, const http_request *request, reply
 const char *parameter_text(const http_request *request, const char *name, const char *otherwise);
 int64_t parameter_integer(const http_request *request, const char *name, int64_t otherwise);
 
-/* The OpenAPI object of a parameter; `in` is "query" or "path". */
+/* The OpenAPI object of a parameter; `in` is "query", "path" or "header". */
 json *parameter_describe(const char *name, const char *in);
 
 #endif

@@ -17,6 +17,7 @@ typedef struct route {
     http_opener *opener; /* of a long body; NULL: it has none */
     const char *name, *summary;
     const char *query;    /* parameters, blanks between */
+    const char *headers;  /* those that make a difference, blanks between */
     const char *body;     /* schema, "file" for a long one; NULL: it takes none */
     const char *example;  /* of the body; NULL: none */
     const char *answers;  /* "STATUS:SCHEMA ..."; the schema "-" for none, "file", "text" */
