@@ -8,6 +8,8 @@
 #include "http/jobs.h"
 #include "spec/spec.h"
 
+const char *const change_members[] = {"priority", "labels", "retention_s", NULL};
+
 static void tell(const http_context *c, const http_request *request, queue_command command, const char *what,
                  reply *r)
 {
@@ -65,12 +67,11 @@ static spec *read_members(json_at patch, json *errors)
     static const char rest[] =
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}},"
         "\"sampling\":{\"count\":4}}";
-    static const char *const members[] = {"priority", "labels", "retention_s"};
     spec_faults faults = {0};
     json *document = json_parse(rest, sizeof rest - 1, NULL), *group = json_put_object(document, "queue");
-    for (size_t i = 0; i < sizeof members / sizeof *members; i++) {
-        json_at at = json_member(&patch, members[i]);
-        if (at.node) json_put(group, members[i], json_copy(at.node));
+    for (size_t i = 0; change_members[i]; i++) {
+        json_at at = json_member(&patch, change_members[i]);
+        if (at.node) json_put(group, change_members[i], json_copy(at.node));
     }
     spec *s = spec_parse(document, &faults, NULL);
     json_free(document);
@@ -84,9 +85,9 @@ static void check_names(json_at patch, json *errors)
     for (size_t i = 0; i < json_size(patch); i++) {
         char pointer[256];
         json_at member = json_element(&patch, i);
-        if (strcmp(member.key, "priority") == 0 || strcmp(member.key, "labels") == 0 ||
-            strcmp(member.key, "retention_s") == 0)
-            continue;
+        size_t k = 0;
+        while (change_members[k] && strcmp(change_members[k], member.key) != 0) k++;
+        if (change_members[k]) continue;
         append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
                      "cannot be changed: only priority, labels and retention_s can");
     }

@@ -6,7 +6,10 @@
 
 http_handler change_cancel, change_pause, change_resume, change_retry;
 
-/* PATCH: priority, labels, retention_s. With If-Match only when the job is still as the ETag says. */
+/* What can be changed: these members of a spec's `queue`; ended by NULL. */
+extern const char *const change_members[];
+
+/* PATCH of some of them. With If-Match only when the job is still as the ETag says. */
 http_handler change_edit;
 
 /* Forgets a job that has ended, with its results. */

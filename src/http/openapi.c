@@ -7,6 +7,7 @@
 #include "config.h"
 
 #include "base/memory.h"
+#include "http/change.h"
 #include "http/parameter.h"
 #include "http/route.h"
 #include "spec/schema.h"
@@ -177,6 +178,19 @@ static void put_states(json *schemas)
     for (int s = 0; s < QUEUE_STATE_COUNT; s++) json_append_string(list, queue_state_name((queue_state)s));
 }
 
+static void put_patch(json *schemas)
+{
+    json *patch = json_put_object(schemas, "JobPatch");
+    json_put_string(patch, "type", "object");
+    json_put_bool(patch, "additionalProperties", false);
+    json *properties = json_put_object(patch, "properties");
+    for (size_t i = 0; change_members[i]; i++) {
+        char *pointer = mem_printf("/queue/%s", change_members[i]);
+        json_put(properties, change_members[i], schema_new_member(pointer));
+        free(pointer);
+    }
+}
+
 /* All codes, and for each status the answer that has one. */
 static void put_problems(json *schemas, json *responses)
 {
@@ -223,6 +237,7 @@ json *openapi_new(void)
     json *components = json_put_object(document, "components"),
          *schemas = json_put_object(components, "schemas");
     json_put(schemas, "JobSpec", schema_new());
+    put_patch(schemas);
     put_states(schemas);
     for (size_t i = 0; i < openapi_schema_count; i++)
         json_put(schemas, openapi_schemas[i].name, read_quoted(openapi_schemas[i].text));

@@ -94,8 +94,6 @@ const openapi_schema openapi_schemas[] = {
                 "State") ",'outcome':" OUTCOME ",'frame':{'type':'integer'},'attempt':" COUNT)},
     {"EventPage",
      OBJECT("'events','next'", "'events':" LIST(REF("Event")) ",'next':{'type':['integer','null']}")},
-    {"JobPatch",
-     OBJECT("", "'priority':{'type':'integer'},'labels':" LIST("{'type':'string'}") ",'retention_s':" COUNT)},
     {"Workers",
      OBJECT(
          "'load','workers'",

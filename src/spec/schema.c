@@ -195,3 +195,10 @@ json *schema_new(void)
                     "What a job is to do; hexad-worker spec-help has the same at greater length.");
     return schema;
 }
+
+json *schema_new_member(const char *pointer)
+{
+    size_t i = 0;
+    while (strcmp(spec_rows[i].pointer, pointer) != 0) i++;
+    return describe(&spec_rows[i]);
+}

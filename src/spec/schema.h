@@ -11,4 +11,7 @@
 
 json *schema_new(void);
 
+/* Of one member of it, by its pointer, which must be there. */
+json *schema_new_member(const char *pointer);
+
 #endif
