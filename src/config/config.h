@@ -23,17 +23,27 @@ typedef struct config_list {
 } config_list;
 
 typedef struct config {
-    char *listen;    /* HOST:PORT or unix:/path */
+    char *listen;    /* HOST:PORT or unix:/path; "": a socket in the runtime or state directory */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *worker;    /* "": config_find_worker looks for it */
-    config_list input_roots;
-    int64_t workers; /* 0: one per core */
+    config_list unix_users, unix_groups, unix_admins;
+    char *token_file; /* "": in the state directory */
+    char *tcp_without_tokens;
+    config_list input_roots, output_roots;
+    char *output_mode;  /* octal digits */
+    char *output_group; /* "": stays */
+    int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts;
+    int64_t cache; /* 0: no */
+    int64_t user_queued, user_running; /* 0: any number */
+    double retry_s, retry_most_s;
+    double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     double grace_s, drain_s;
-    int64_t body_limit_bytes, connection_limit;
-    double connection_timeout_s;
+    int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
+    int64_t upload_limit_bytes, upload_total_bytes;
+    double connection_timeout_s, wait_limit_s;
     log_level log_level;
 } config;
 

@@ -113,7 +113,7 @@ static _Noreturn void run_child(const launch *l)
 static char **make_arguments(const engine_request *request)
 {
     size_t count = 0;
-    char **a = mem_alloc((12 + 2 * request->input_root_count) * sizeof *a);
+    char **a = mem_alloc((16 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup("run");
     a[count++] = mem_strdup("-");
@@ -123,6 +123,12 @@ static char **make_arguments(const engine_request *request)
     a[count++] = mem_printf("%d", PROGRESS_FD);
     a[count++] = mem_strdup("--memory-mb");
     a[count++] = mem_printf("%" PRId64, request->memory_mb);
+    a[count++] = mem_strdup("--threads");
+    a[count++] = mem_printf("%d", request->threads);
+    if (request->frame != QUEUE_NO_FRAME) {
+        a[count++] = mem_strdup("--frame");
+        a[count++] = mem_printf("%d", request->frame);
+    }
     for (size_t i = 0; i < request->input_root_count; i++) {
         a[count++] = mem_strdup("--input-root");
         a[count++] = mem_strdup(request->input_roots[i]);

@@ -17,6 +17,7 @@
 #include "json/json.h"
 #include "run/run.h"
 #include "sampler/energy.h"
+#include "spec/schema.h"
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
@@ -50,18 +51,23 @@ static const char help_text[] =
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
+    "       hexad-worker schema\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
+    "schema: the same as a JSON Schema.\n"
     "\n"
     "  --output DIR       where results go; made if missing (required)\n"
     "  --progress         a progress bar on standard error\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must lie below DIR; may be given several times\n"
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
+    "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
+    "                     (default: no bound, and one per processor)\n"
+    "  --frame N          the frame of a spec with queue.frames\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -127,7 +133,7 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress;
-    long progress_fd, memory_mb;
+    long progress_fd, memory_mb, threads, frame; /* -1: none */
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -142,13 +148,30 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
+/* Of a sequence one frame is run, and of any other spec none. */
+static bool choose_frame(spec *s, long frame, error *e)
+{
+    if (!s->frames && frame < 0) return true;
+    if (!s->frames) return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
+    for (size_t i = 0; i < s->frame_count; i++) {
+        if (s->frame[i] != frame) continue;
+        spec_set_frame(s, (int)frame);
+        return true;
+    }
+    return error_set(e, ERROR_SPEC_INVALID,
+                     "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
+                     " which of them to run",
+                     s->frames);
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {NULL, 0, NULL, 0}};
-    *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
+        {"memory-mb", required_argument, NULL, 'm'},   {"threads", required_argument, NULL, 't'},
+        {"frame", required_argument, NULL, 'n'},       {NULL, 0, NULL, 0}};
+    *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'o')
@@ -161,6 +184,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else if (c == 't') {
+            if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
+        } else if (c == 'n') {
+            if (!parse_number("frame", optarg, 0, &a->frame, e)) return false;
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -239,9 +266,19 @@ static int run_command(int argc, char **argv)
     handle_signals();
     if (!parse_arguments(argc, argv, &a, &e)) goto fail;
     if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
+    if (!choose_frame(s, a.frame, &e)) goto fail;
     if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
     start_timer(s->timeout_s);
-    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested, leave};
+    run_options options = {
+        .output = a.output,
+        .roots = roots,
+        .memory_mb = a.memory_mb,
+        .threads = (int)a.threads,
+        .progress_fd = (int)a.progress_fd,
+        .progress_bar = a.progress,
+        .cancel = &cancel_requested,
+        .leave = leave,
+    };
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
            summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
@@ -282,6 +319,16 @@ static int print_energies(void)
     return puts("") < 0;
 }
 
+static int print_schema(void)
+{
+    json *schema = schema_new();
+    char *text = json_print_pretty(schema);
+    bool ok = fputs(text, stdout) >= 0;
+    free(text);
+    json_free(schema);
+    return !ok;
+}
+
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
@@ -291,6 +338,7 @@ int main(int argc, char **argv)
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(command, "energies") == 0) return print_energies();
+    if (strcmp(command, "schema") == 0) return print_schema();
     if (strcmp(command, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;

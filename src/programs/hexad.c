@@ -2,25 +2,37 @@
  * to stop. */
 #include <errno.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "config.h"
 
+#include "auth/access.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "config/config.h"
 #include "executor/executor.h"
+#include "http/herald.h"
 #include "http/server.h"
 #include "queue/queue.h"
 #include "store/file.h"
+#include "store/inputs.h"
+#include "store/output.h"
 #include "store/root.h"
+
+/* In the state directory, or where systemd makes a place for it. */
+#define LISTEN_SOCKET_NAME "hexad.sock"
+/* What a loopback port without tokens means, spelt out by whoever wants it. */
+#define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
 
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
@@ -29,10 +41,19 @@ typedef struct service {
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
+    store_inputs *inputs;
+    const char **input_roots; /* the directory of inputs, and those of the settings */
+    size_t input_root_count;
+    char *inputs_dir;
     store_roots *roots;
+    store_outputs outputs;
     executor *x;
     listen_socket socket;
-    jobs_context context;
+    access_control *access;
+    http_counters counters;
+    lounge *lounge;
+    herald *herald;
+    http_context context;
     server *http;
 } service;
 
@@ -78,26 +99,128 @@ static void fini_queue(service *s)
     queue_close(s->q);
 }
 
+static bool init_inputs(service *s, error *e)
+{
+    s->inputs_dir = mem_printf("%s/inputs", s->state_dir);
+    s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
+    if (!s->inputs) free(s->inputs_dir);
+    return s->inputs != NULL;
+}
+
+static void fini_inputs(service *s)
+{
+    store_inputs_close(s->inputs);
+    free(s->inputs_dir);
+}
+
 static bool init_roots(service *s, error *e)
 {
-    s->roots = store_roots_open((const char *const *)s->settings.input_roots.item,
-                                s->settings.input_roots.count, e);
+    const config_list *given = &s->settings.input_roots;
+    s->input_roots = mem_alloc((given->count + 1) * sizeof *s->input_roots);
+    s->input_roots[s->input_root_count++] = s->inputs_dir; /* before others: what it has was verified */
+    for (size_t i = 0; i < given->count; i++) s->input_roots[s->input_root_count++] = given->item[i];
+    s->roots = store_roots_open(s->input_roots, s->input_root_count, e);
+    if (!s->roots) free(s->input_roots);
     return s->roots != NULL;
 }
 
 static void fini_roots(service *s)
 {
     store_roots_close(s->roots);
+    free(s->input_roots);
 }
 
 static bool init_socket(service *s, error *e)
 {
-    return listen_open(s->settings.listen, &s->socket, e);
+    const config *c = &s->settings;
+    const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
+    char *where = *c->listen ? mem_strdup(c->listen)
+                             : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
+    bool shared = c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
+    bool ok = listen_open(where, shared, &s->socket, e);
+    free(where);
+    return ok;
 }
 
 static void fini_socket(service *s)
 {
     listen_close(&s->socket);
+}
+
+/* Whether those who can reach the socket can be told apart. */
+static bool check_reach(const service *s, error *e)
+{
+    bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
+    if (!open && *s->settings.tcp_without_tokens)
+        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only words for it are " OPEN_TCP);
+    if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
+    if (s->socket.reach == LISTEN_NETWORK)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
+                         " token add (setting token_file), or listen on unix:/path",
+                         s->settings.listen);
+    return open || error_set(e, ERROR_SPEC_INVALID,
+                             "listen %s: every user of this machine reaches that, and there are no tokens: make some"
+                             " with hexadctl token add (setting token_file), listen on unix:/path, or set"
+                             " tcp_without_tokens = " OPEN_TCP,
+                             s->settings.listen);
+}
+
+static access_names names_of(const config_list *list)
+{
+    return (access_names){(const char *const *)list->item, list->count};
+}
+
+static bool init_access(service *s, error *e)
+{
+    const config *c = &s->settings;
+    char *file = *c->token_file ? mem_strdup(c->token_file) : mem_printf("%s/tokens", s->state_dir);
+    access_settings settings = {
+        .users = names_of(&c->unix_users),
+        .groups = names_of(&c->unix_groups),
+        .admins = names_of(&c->unix_admins),
+        .token_file = file,
+        .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
+    };
+    s->access = access_open(&settings, e);
+    free(file);
+    if (s->access && check_reach(s, e)) return true;
+    access_close(s->access);
+    return false;
+}
+
+static void fini_access(service *s)
+{
+    access_close(s->access);
+}
+
+static bool init_outputs(service *s, error *e)
+{
+    const config *c = &s->settings;
+    char *end;
+    unsigned long mode = strtoul(c->output_mode, &end, 8);
+    if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
+        return error_set(e, ERROR_SPEC_INVALID, "output_mode %s: must be octal and give the owner read and write",
+                         c->output_mode);
+    const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
+    if (*c->output_group && !group)
+        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
+    for (size_t i = 0; i < c->output_roots.count; i++)
+        if (c->output_roots.item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
+                             c->output_roots.item[i]);
+    s->outputs = (store_outputs){
+        .roots = (const char *const *)c->output_roots.item,
+        .root_count = c->output_roots.count,
+        .mode = (mode_t)mode,
+        .group = group ? group->gr_gid : (gid_t)-1,
+    };
+    return true;
+}
+
+static void fini_outputs(service *s)
+{
+    s->outputs = (store_outputs){0};
 }
 
 static bool init_executor(service *s, error *e)
@@ -106,13 +229,20 @@ static bool init_executor(service *s, error *e)
     executor_settings settings = {
         .state_dir = s->state_dir,
         .worker = c->worker,
-        .input_roots = (const char *const *)c->input_roots.item,
-        .input_root_count = c->input_roots.count,
+        .input_roots = s->input_roots,
+        .input_root_count = s->input_root_count,
+        .outputs = s->outputs,
         .workers = (int)c->workers,
+        .threads = (int)c->threads,
+        .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
+        .cache = c->cache != 0,
+        .most_of_owner = (int)c->user_running,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
+        .retry_s = c->retry_s,
+        .retry_most_s = c->retry_most_s,
     };
     if (!config_find_worker(&s->settings, e)) return false;
     settings.worker = c->worker;
@@ -125,22 +255,54 @@ static void fini_executor(service *s)
     executor_stop(s->x);
 }
 
+static bool init_lounge(service *s, error *e)
+{
+    s->lounge = lounge_open(e);
+    return s->lounge != NULL;
+}
+
+static void fini_lounge(service *s)
+{
+    lounge_close(s->lounge);
+}
+
+static bool init_herald(service *s, error *e)
+{
+    s->herald = herald_start(s->q, s->x, s->lounge, e);
+    return s->herald != NULL;
+}
+
+static void fini_herald(service *s)
+{
+    herald_stop(s->herald);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
     server_settings settings = {
+        .peers = {.connection_limit = (unsigned)c->connection_limit,
+                  .client_limit = (unsigned)c->client_connection_limit,
+                  .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
-        .connection_limit = (unsigned)c->connection_limit,
-        .timeout_s = c->connection_timeout_s,
+        .header_limit_bytes = (size_t)c->header_limit_bytes,
     };
-    s->context = (jobs_context){
+    s->context = (http_context){
         .q = s->q,
         .x = s->x,
         .roots = s->roots,
+        .inputs = s->inputs,
+        .outputs = &s->outputs,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
+        .most_waiting = c->user_queued,
+        .retention_s = (int64_t)c->retention_s,
+        .wait_s = c->wait_limit_s,
+        .started_ms = clock_wall_ms(),
+        .counters = &s->counters,
+        .lounge = s->lounge,
     };
-    s->http = server_start(&settings, &s->socket, &s->context, e);
+    s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
     return s->http != NULL;
 }
 
@@ -169,10 +331,13 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
-    {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
-    {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
+    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
+    {"executor", init_executor, fini_executor}, {"lounge", init_lounge, fini_lounge},
+    {"herald", init_herald, fini_herald},       {"http", init_http, fini_http},
+    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
@@ -224,9 +389,19 @@ static void open_standard_descriptors(void)
     if (fd >= 0) close(fd);
 }
 
+/* A connection is a descriptor, and the usual limit is that of programs that call select. */
+static void raise_descriptor_limit(void)
+{
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 int main(int argc, char **argv)
 {
     open_standard_descriptors();
+    raise_descriptor_limit();
     service s = {.signals = -1, .socket.fd = -1};
     config_action action;
     error e = {0};

@@ -123,7 +123,9 @@ static bool load(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_LOAD);
     j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
     if (!fits_memory(j, (double)s->count, e)) return false;
-    int workers = s->threads > 0 ? s->threads : threads_available();
+    int most = j->options->threads, workers = s->threads;
+    if (workers <= 0) workers = most > 0 ? most : threads_available();
+    if (most > 0 && workers > most) workers = most;
     if (workers > THREADS_MAX) workers = THREADS_MAX;
     j->pool = threads_new(workers, j->options->cancel, e);
     return j->pool && choose_isa(s, &j->isa, e) &&

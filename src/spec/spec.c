@@ -6,12 +6,12 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/frames.h"
 #include "spec/spec_table.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
 enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
-enum { LABEL_LENGTH_MAX = 100 }; /* characters */
 
 typedef struct reading {
     spec *s;
@@ -283,11 +283,11 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     for (size_t i = 0; i < count; i++) {
         json_at element = json_element(at, i);
         const char *text = json_string(element, NULL);
-        if (!text || !*text || characters(text) > LABEL_LENGTH_MAX) {
+        if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
             char given[SHOWN_MAX + 8];
             describe(element, given);
             add_fault(r, &element, ERROR_SPEC_INVALID,
-                      "must be a string of 1 to %d characters (given %s)", LABEL_LENGTH_MAX, given);
+                      "must be a string of 1 to %d characters (given %s)", SPEC_LABEL_LENGTH_MAX, given);
             continue;
         }
         labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);
@@ -593,6 +593,28 @@ static void check_solver(reading *r, const json_at *at)
                   "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
 }
 
+static void check_frames(reading *r, const json_at *at)
+{
+    spec *s = r->s;
+    json_at frames = json_member(at, "frames");
+    error e = {0};
+    bool any = false;
+    if (!s->frames) return;
+    if (!(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
+        add_fault(r, &frames, ERROR_SPEC_INVALID, "%s", e.message);
+        return;
+    }
+    spec_input input;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
+    if (!any)
+        add_fault(r, &frames, ERROR_SPEC_INVALID,
+                  "no path of the surface has a place for the frame's number: write it as #### or %%04d");
+    if (s->directory && !frames_is_pattern(s->directory))
+        add_fault(r, &frames, ERROR_SPEC_INVALID,
+                  "output.directory has no place for the frame's number, so that frames would replace each other:"
+                  " write it as #### or %%04d");
+}
+
 /* Reads the members of a group; a place without a node stands for an object without members. */
 static void read_group(reading *r, const json_at *at, const char *group, json *normal)
 {
@@ -622,6 +644,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
         check_box(r, at, &r->s->bspline.domain);
     if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
+    if (strcmp(group, "/queue") == 0 && r->total == before) check_frames(r, at); /* the surface stands before it */
 }
 
 /* ---- the whole ---- */
@@ -668,6 +691,17 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
     return false;
 }
 
+void spec_set_frame(spec *s, int frame)
+{
+    char **paths[] = {&s->vdb.path, &s->mesh.path, &s->bspline.path};
+    for (size_t k = 0; k < sizeof paths / sizeof *paths; k++) {
+        char *pattern = *paths[k];
+        if (!pattern) continue;
+        *paths[k] = frames_path(pattern, frame);
+        free(pattern);
+    }
+}
+
 void spec_free(spec *s)
 {
     if (!s) return;
@@ -680,6 +714,11 @@ void spec_free(spec *s)
     free(s->mesh.path);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
+    for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);
+    free(s->depends_on);
+    free(s->frames);
+    free(s->frame);
+    free(s->directory);
     json_free(s->normalised);
     free(s);
 }

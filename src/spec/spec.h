@@ -168,6 +168,8 @@ typedef struct spec {
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
 
+    char *directory; /* NULL: no copy */
+
     int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
     double timeout_s, stall_s;
     int max_attempts;
@@ -175,6 +177,12 @@ typedef struct spec {
     int priority;
     char **labels;
     size_t label_count;
+    char **depends_on; /* ids of jobs */
+    size_t depends_on_count;
+    char *frames; /* as given, NULL: the job is no sequence; their numbers: */
+    int *frame;
+    size_t frame_count;
+    int64_t retention_s; /* 0: the service's */
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;
@@ -207,6 +215,10 @@ typedef struct spec_input {
 
 /* The index-th of the files that a job reads; false when there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);
+
+/* Puts the number of a frame into the paths of the spec's files; the normalised document stays as it is. Before any
+ * other thread reads the spec. */
+void spec_set_frame(spec *s, int frame);
 
 /* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);

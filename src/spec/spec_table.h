@@ -46,6 +46,8 @@ enum {
     SPEC_SWITCH = 8    /* group: true or false may stand for it; `has` notes which */
 };
 
+#define SPEC_LABEL_LENGTH_MAX 100 /* characters */
+
 #define SPEC_NOWHERE ((size_t)-1) /* not stored: only checked */
 
 typedef struct spec_row {

@@ -565,13 +565,14 @@ static void test_normalised_is_idempotent(void **state)
               "\"radius\":0.4}},"
               "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
               "\"minimiser\":"
-              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_sweeps\":5000,"
+              "\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":\"auto\",\"max_"
+              "sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
               "\"color\":"
               "\"curvature\"}},\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_"
               "attempts\":0},"
-              "\"queue\":{\"priority\":0,\"labels\":[]}}");
+              "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"retention_s\":0}}");
     free(text);
     spec_free(s);
 }
@@ -724,13 +725,41 @@ static void test_invalid_fault_behind_others(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults = bad(SPHERE ",\"output\":{\"points_vdb\":1},\"queue\":{\"frames\":1,\"coherent\":1,"
-                                    "\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
+    spec_faults faults = bad(SPHERE ",\"output\":{\"points_vdb\":1},\"queue\":{\"coherent\":1,"
+                                    "\"webhook\":1,\"priority\":5000}}",
                              &e);
     assert_true(faults.count > 1);
     assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_non_null(strstr(e.message, "/queue/priority"));
+}
+
+static void test_frames(void **state)
+{
+    (void)state;
+    error e = {0};
+    static const char sequence[] =
+        "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":"
+        "{\"count\":9},\"queue\":{\"frames\":\"8-12x2\",\"depends_on\":[\"x\"],"
+        "\"retention_s\":60}}";
+    json *document = json_parse(sequence, sizeof sequence - 1, NULL);
+    spec *s = spec_parse(document, NULL, &e);
+    json_free(document);
+    if (!s) fail_msg("%s", e.message);
+    assert_int_equal(s->frame_count, 3);
+    assert_int_equal(s->frame[2], 12);
+    assert_int_equal(s->depends_on_count, 1);
+    assert_string_equal(s->depends_on[0], "x");
+    assert_int_equal(s->retention_s, 60);
+    spec_set_frame(s, 10);
+    assert_string_equal(s->vdb.path, "a.0010.vdb");
+    spec_free(s);
+    spec_faults faults = bad(SPHERE ",\"queue\":{\"frames\":\"1-3\"}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/frames");
+    assert_non_null(strstr(e.message, "####"));
+    faults = bad(SPHERE ",\"queue\":{\"frames\":\"3-1\"}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/frames");
+    assert_non_null(strstr(e.message, "3-1"));
 }
 
 static void test_lengths(void **state)
@@ -779,6 +808,7 @@ int main(void)
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),
         cmocka_unit_test(test_every_later_member_is_not_supported),
+        cmocka_unit_test(test_frames),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),
         cmocka_unit_test(test_region),
