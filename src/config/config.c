@@ -82,6 +82,8 @@ static bool set_value(config *c, const config_row *row, const char *value, error
     case CONFIG_INTEGER:
     case CONFIG_REAL:
         return set_number(row, value, at, e);
+    case CONFIG_SANDBOX:
+        return sandbox_mode_from_name(value, at) || bad(e, row, value, "required, available or off");
     case CONFIG_LEVEL:
         return log_level_from_name(value, at) ||
                bad(e, row, value, "error, warning, info or debug");

@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "base/sandbox.h"
 
 typedef struct config_list {
     char **item;
@@ -30,6 +31,8 @@ typedef struct config {
     config_list input_roots;
     int64_t workers; /* 0: one per core */
     int64_t memory_mb, max_attempts;
+    int64_t file_mb; /* 0: no limit */
+    sandbox_mode sandbox;
     double timeout_s, stall_s; /* 0: none */
     double grace_s, drain_s;
     int64_t body_limit_bytes, connection_limit;

@@ -28,6 +28,14 @@ const config_row config_table[] = {
      AT(worker)},
     {"memory_mb", CONFIG_INTEGER, "4096", 16, 1 << 24, "MiB",
      "Memory of a job that names no limit.", AT(memory_mb)},
+    {"file_mb", CONFIG_INTEGER, "65536", 0, 1 << 24, "MiB",
+     "The longest file that a worker may write; 100 million points take 10 GiB. 0: no limit.", AT(file_mb)},
+    {"sandbox", CONFIG_SANDBOX, "available", 0, 0, "",
+     "How workers are isolated. required: no network, no new privileges, a filter of system calls, and"
+     " Landlock: input_roots can be read, the attempt's own directory can be written, nothing else;"
+     " hexad does not start where the kernel has no Landlock. available: the same, and without"
+     " Landlock where there is none; the log says so. off: nothing of it.",
+     AT(sandbox)},
     {"timeout_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "Time of an attempt of a job that names no limit. 0: none.", AT(timeout_s)},
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",

@@ -9,6 +9,7 @@ typedef enum config_type {
     CONFIG_LIST,    /* config_list, separated by `:` or `,`, and the key may be repeated */
     CONFIG_INTEGER, /* int64_t */
     CONFIG_REAL,    /* double */
+    CONFIG_SANDBOX, /* sandbox_mode */
     CONFIG_LEVEL    /* log_level */
 } config_type;
 

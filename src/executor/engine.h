@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/sandbox.h"
 
 #define ENGINE_MAX_FDS 3
 
@@ -23,6 +24,8 @@ typedef struct engine_request {
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
+    int64_t file_mb;         /* the longest file that it may write; 0: no limit */
+    sandbox_mode sandbox;    /* that the worker is told to enter */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */

@@ -166,6 +166,8 @@ static void slot_start(executor *x, slot *s)
         .input_roots = (const char *const *)x->input_roots,
         .input_root_count = x->settings.input_root_count,
         .memory_mb = s->limit.memory_mb,
+        .file_mb = x->settings.file_mb,
+        .sandbox = x->settings.sandbox,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);

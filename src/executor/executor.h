@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/sandbox.h"
 #include "queue/queue.h"
 
 typedef struct executor executor;
@@ -23,6 +24,8 @@ typedef struct executor_settings {
     size_t input_root_count;
     int workers;               /* attempts at once; 0: one per core */
     int64_t memory_mb;         /* of a job that names no limit, > 0 */
+    int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
+    sandbox_mode sandbox;      /* that workers enter */
     double timeout_s, stall_s; /* of a job that names no limit; 0: none */
     double grace_s;            /* between SIGTERM and SIGKILL */
 } executor_settings;

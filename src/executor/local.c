@@ -16,6 +16,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "store/file.h"
 
 #define PROGRESS_FD 3
@@ -40,6 +41,7 @@ typedef struct launch {
     int spec_fd, null_fd, log_fd, progress_fd, failure_fd;
     pid_t parent;
     rlim_t address_space; /* bytes; RLIM_INFINITY: no limit */
+    rlim_t file_size;     /* likewise */
 } launch;
 
 static int raise_fd(int fd)
@@ -95,8 +97,10 @@ static _Noreturn void run_child(const launch *l)
     sigprocmask(SIG_SETMASK, &none, NULL);
     const struct rlimit no_core = {0, 0};
     const struct rlimit space = {l->address_space, l->address_space};
+    const struct rlimit file = {l->file_size, l->file_size};
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
-        setrlimit(RLIMIT_CORE, &no_core) == 0 &&
+        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && setrlimit(RLIMIT_CORE, &no_core) == 0 &&
+        (l->file_size == RLIM_INFINITY || setrlimit(RLIMIT_FSIZE, &file) == 0) &&
         (l->address_space == RLIM_INFINITY || setrlimit(RLIMIT_AS, &space) == 0) &&
         dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
         dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
@@ -113,7 +117,7 @@ static _Noreturn void run_child(const launch *l)
 static char **make_arguments(const engine_request *request)
 {
     size_t count = 0;
-    char **a = mem_alloc((12 + 2 * request->input_root_count) * sizeof *a);
+    char **a = mem_alloc((14 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup("run");
     a[count++] = mem_strdup("-");
@@ -123,6 +127,8 @@ static char **make_arguments(const engine_request *request)
     a[count++] = mem_printf("%d", PROGRESS_FD);
     a[count++] = mem_strdup("--memory-mb");
     a[count++] = mem_printf("%" PRId64, request->memory_mb);
+    a[count++] = mem_strdup("--sandbox");
+    a[count++] = mem_strdup(sandbox_mode_name(request->sandbox));
     for (size_t i = 0; i < request->input_root_count; i++) {
         a[count++] = mem_strdup("--input-root");
         a[count++] = mem_strdup(request->input_roots[i]);
@@ -177,7 +183,8 @@ static engine_attempt *start(const engine_request *request, error *e)
                 -1,
                 -1,
                 getpid(),
-                address_space_of(request->memory_mb)};
+                address_space_of(request->memory_mb),
+                request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY};
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "json/json.h"
 #include "run/run.h"
 #include "sampler/energy.h"
@@ -62,6 +63,8 @@ static const char help_text[] =
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must lie below DIR; may be given several times\n"
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
+    "  --sandbox MODE     required, available or off (default): without network, programs, and files but\n"
+    "                     those below the input roots and DIR; available: as far as the kernel can\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -128,6 +131,7 @@ typedef struct arguments {
     size_t root_count;
     bool progress;
     long progress_fd, memory_mb;
+    sandbox_mode sandbox;
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -147,7 +151,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {NULL, 0, NULL, 0}};
+        {"memory-mb", required_argument, NULL, 'm'},   {"sandbox", required_argument, NULL, 's'},
+        {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -161,6 +166,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else if (c == 's') {
+            if (!sandbox_mode_from_name(optarg, &a->sandbox))
+                return error_set(e, ERROR_SPEC_INVALID,
+                                 "--sandbox takes required, available or off, not '%s'", optarg);
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -171,15 +180,16 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     return true;
 }
 
-/* The whole text of a spec; NULL and an error when it cannot be read. */
-static char *read_spec(const char *path, size_t *length, error *e)
+static FILE *open_spec(const char *path, error *e)
 {
-    bool standard = strcmp(path, "-") == 0;
-    FILE *file = standard ? stdin : fopen(path, "rb");
-    if (!file) {
-        error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
-        return NULL;
-    }
+    FILE *file = strcmp(path, "-") == 0 ? stdin : fopen(path, "rb");
+    if (!file) error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
+    return file;
+}
+
+/* The whole text of a spec; NULL and an error when it cannot be read. */
+static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
+{
     char *text = NULL;
     size_t room = 0;
     *length = 0;
@@ -189,17 +199,16 @@ static char *read_spec(const char *path, size_t *length, error *e)
         *length += fread(text + *length, 1, room - *length, file);
     } while (*length == room && room <= SPEC_LIMIT);
     bool failed = ferror(file) != 0;
-    if (!standard) fclose(file);
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
     error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large", path);
     return NULL;
 }
 
-static spec *load_spec(const char *path, spec_faults *faults, error *e)
+static spec *load_spec(FILE *file, const char *path, spec_faults *faults, error *e)
 {
     size_t length;
-    char *text = read_spec(path, &length, e);
+    char *text = read_spec(file, path, &length, e);
     if (!text) return NULL;
     json *document = json_parse(text, length, e);
     free(text);
@@ -216,6 +225,7 @@ static void handle_signals(void)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
     signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
 }
 
 /* limits.timeout_s, as a signal like that of a cancellation. */
@@ -227,6 +237,23 @@ static void start_timer(double seconds)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
+/* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
+ * roots no file is one to be read. */
+static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, error *e)
+{
+    const sandbox_places places = {a->roots, a->root_count, a->output};
+    if (!(*spec_file = open_spec(a->spec_path, e))) return false;
+    if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
+        !(*roots = store_roots_open(a->roots, a->root_count, e)))
+        return false;
+    if (a->sandbox == SANDBOX_OFF) return true;
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_describe(a->sandbox, text); /* inside nobody can ask */
+    if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
+    fprintf(stderr, "sandbox: %s\n", text);
+    return true;
+}
+
 static int run_command(int argc, char **argv)
 {
     error e = {0};
@@ -234,12 +261,12 @@ static int run_command(int argc, char **argv)
     arguments a;
     spec *s = NULL;
     store_roots *roots = NULL;
+    FILE *spec_file = NULL;
     run_summary summary;
     int code;
     handle_signals();
-    if (!parse_arguments(argc, argv, &a, &e)) goto fail;
-    if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
-    if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
+    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &e)) goto fail;
+    if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
     start_timer(s->timeout_s);
     run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested, leave};
     if (!run_job(s, &options, &summary, &e)) goto fail;
@@ -251,6 +278,7 @@ static int run_command(int argc, char **argv)
 fail:
     code = fail(&e, &faults);
 done:
+    if (spec_file && spec_file != stdin) fclose(spec_file);
     spec_free(s);
     store_roots_close(roots);
     free(a.roots);

@@ -15,6 +15,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "config/config.h"
 #include "executor/executor.h"
 #include "http/server.h"
@@ -67,6 +68,21 @@ static void fini_state(service *s)
     free(s->state_dir);
 }
 
+/* What the workers are to do, so that it is not noticed at the first job only. */
+static bool init_sandbox(service *s, error *e)
+{
+    char text[SANDBOX_TEXT_SIZE];
+    if (!sandbox_check(s->settings.sandbox, e)) return false;
+    log_write(s->settings.sandbox == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
+              sandbox_describe(s->settings.sandbox, text));
+    return true;
+}
+
+static void fini_sandbox(service *s)
+{
+    (void)s;
+}
+
 static bool init_queue(service *s, error *e)
 {
     s->q = queue_open(s->state_dir, e);
@@ -110,6 +126,8 @@ static bool init_executor(service *s, error *e)
         .input_root_count = c->input_roots.count,
         .workers = (int)c->workers,
         .memory_mb = c->memory_mb,
+        .file_mb = c->file_mb,
+        .sandbox = c->sandbox,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
@@ -169,7 +187,8 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
+    {"signals", init_signals, fini_signals}, {"sandbox", init_sandbox, fini_sandbox},
+    {"state", init_state, fini_state},
     {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
     {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
     {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
