@@ -7,8 +7,8 @@
  * loader looks for them, as a worker loads those that it needs when it needs them. The only user of
  * libseccomp.
  *
- * A process enters before it has threads and before it looks at a byte from outside. Under the sanitizers
- * the filter knows the calls of their runtimes as well, ptrace among them, and /proc can be read.
+ * A process enters before it has threads and before it looks at a byte from outside. Under the sanitizers the
+ * filter knows the calls of their runtimes as well, /proc can be read, and leaks are not looked for.
  */
 #ifndef HEXAD_BASE_SANDBOX_H
 #define HEXAD_BASE_SANDBOX_H

@@ -2,6 +2,7 @@
 #ifndef HEXAD_CONFIG_CONFIG_TABLE_H
 #define HEXAD_CONFIG_CONFIG_TABLE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 typedef enum config_type {
@@ -21,6 +22,7 @@ typedef struct config_row {
     const char *unit;      /* "" for none */
     const char *prose;
     size_t offset; /* in config */
+    bool reloads;  /* SIGHUP takes a new value over; other settings need a new start */
 } config_row;
 
 extern const config_row config_table[];

@@ -40,6 +40,8 @@ typedef struct engine {
     const char *name;
     /* NULL and an error (internal) when the attempt did not start. */
     engine_attempt *(*start)(const engine_request *request, error *e);
+    /* Names the worker, for the log. */
+    const char *(*identify)(const engine_attempt *attempt);
     /* Writes what to wait for and returns how many. */
     size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
     /* Takes in what has come. *progress is the newest whole line since the last call or NULL; it

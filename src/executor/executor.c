@@ -62,9 +62,12 @@ struct executor {
     pthread_t thread;
     int wake_fd, drained_fd;
     atomic_bool draining, forcing, stopping;
+    atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
     pthread_mutex_t mutex;
+    executor_settings changed; /* guarded; what executor_change brought, for the supervisor to take */
+    bool has_changed;
     size_t slot_count;
     slot *slots;
 
@@ -173,7 +176,8 @@ static void slot_start(executor *x, slot *s)
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
         x->start_wait_ms = 0;
-        log_write(LOG_LEVEL_INFO, "attempt started job=%s attempt=%d", s->job.id, s->job.attempt);
+        log_write(LOG_LEVEL_INFO, "attempt started job=%s attempt=%d worker=%s", s->job.id, s->job.attempt,
+                  x->engine->identify(s->attempt));
         return;
     }
     log_write(LOG_LEVEL_ERROR, "attempt not started job=%s attempt=%d: %s", s->job.id,
@@ -335,12 +339,29 @@ static bool is_idle(const executor *x)
     return true;
 }
 
+static void take_changes(executor *x)
+{
+    pthread_mutex_lock(&x->mutex);
+    if (x->has_changed) {
+        x->settings.memory_mb = x->changed.memory_mb;
+        x->settings.file_mb = x->changed.file_mb;
+        x->settings.timeout_s = x->changed.timeout_s;
+        x->settings.stall_s = x->changed.stall_s;
+        x->settings.grace_s = x->changed.grace_s;
+        x->has_changed = false;
+    }
+    pthread_mutex_unlock(&x->mutex);
+}
+
 static void *supervise(void *argument)
 {
     executor *x = argument;
     struct pollfd *fds = mem_alloc((1 + ENGINE_MAX_FDS * x->slot_count) * sizeof *fds);
+    pthread_setname_np(pthread_self(), "supervisor"); /* for who looks at a process that is stuck */
     for (;;) {
         bool was_idle;
+        atomic_fetch_add(&x->turns, 1);
+        take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++)
             if (x->slots[i].used) slot_serve(x, &x->slots[i]);
         fill_slots(x);
@@ -432,6 +453,20 @@ void executor_force(executor *x)
 bool executor_is_draining(const executor *x)
 {
     return atomic_load(&x->draining);
+}
+
+void executor_change(executor *x, const executor_settings *settings)
+{
+    pthread_mutex_lock(&x->mutex);
+    x->changed = *settings;
+    x->has_changed = true;
+    pthread_mutex_unlock(&x->mutex);
+    executor_wake(x);
+}
+
+uint64_t executor_turns(const executor *x)
+{
+    return atomic_load(&x->turns);
 }
 
 int executor_drained_fd(const executor *x)

@@ -58,6 +58,14 @@ void executor_drain(executor *x, double seconds);
 void executor_force(executor *x);
 bool executor_is_draining(const executor *x);
 
+/* Takes over the memory, the times and the length of files from these settings, for attempts that start from
+ * now on; the grace time holds at once. */
+void executor_change(executor *x, const executor_settings *settings);
+
+/* How often the supervisor has looked at its slots: a number that grows after each executor_wake, unless the
+ * supervisor is stuck. */
+uint64_t executor_turns(const executor *x);
+
 /* A descriptor that becomes readable when a drain has ended. */
 int executor_drained_fd(const executor *x);
 

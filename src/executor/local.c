@@ -25,6 +25,7 @@
 
 struct engine_attempt {
     pid_t pid;
+    char name[24]; /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
     char *log; /* 2 * LOCAL_LOG_BYTES; the last half is what is kept */
@@ -211,7 +212,10 @@ static engine_attempt *start(const engine_request *request, error *e)
     close_fd(&l.progress_fd);
     close_fd(&l.failure_fd);
     close_fd(&failure);
-    if (!why) return a;
+    if (!why) {
+        snprintf(a->name, sizeof a->name, "%d", (int)a->pid);
+        return a;
+    }
     error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker,
               strerror(why));
     close_fd(&a->log_fd);
@@ -220,6 +224,11 @@ static engine_attempt *start(const engine_request *request, error *e)
     free(a->log);
     free(a);
     return NULL;
+}
+
+static const char *identify(const engine_attempt *a)
+{
+    return a->name;
 }
 
 static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
@@ -343,4 +352,4 @@ static void settle(engine_attempt *a, engine_ending *ending)
     free(a);
 }
 
-const engine engine_local = {"local", start, watch, poll_attempt, cancel, settle};
+const engine engine_local = {"local", start, identify, watch, poll_attempt, cancel, settle};

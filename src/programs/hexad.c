@@ -13,7 +13,9 @@
 
 #include "config.h"
 
+#include "base/clock.h"
 #include "base/log.h"
+#include "base/manager.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "config/config.h"
@@ -23,9 +25,16 @@
 #include "store/file.h"
 #include "store/root.h"
 
+/* How often the service manager is told how many jobs there are, where it asks for no sign of life. */
+static const int STATUS_MS = 10000;
+/* After what drain_s and grace_s allow: to end what has been killed and to write it down. */
+static const double LAST_WORDS_S = 10;
+
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
+    int argc;
+    char **argv; /* where the settings come from */
     config settings;
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
@@ -35,6 +44,8 @@ typedef struct service {
     listen_socket socket;
     jobs_context context;
     server *http;
+    uint64_t turns; /* of the supervisor, when it was last looked at */
+    bool stuck;
 } service;
 
 static bool init_signals(service *s, error *e)
@@ -43,6 +54,7 @@ static bool init_signals(service *s, error *e)
     sigemptyset(&wanted);
     sigaddset(&wanted, SIGTERM);
     sigaddset(&wanted, SIGINT);
+    sigaddset(&wanted, SIGHUP);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
@@ -108,7 +120,9 @@ static void fini_roots(service *s)
 
 static bool init_socket(service *s, error *e)
 {
-    return listen_open(s->settings.listen, &s->socket, e);
+    int fd;
+    if (!manager_socket(&fd, e)) return false;
+    return fd >= 0 ? listen_adopt(fd, &s->socket, e) : listen_open(s->settings.listen, &s->socket, e);
 }
 
 static void fini_socket(service *s)
@@ -116,10 +130,10 @@ static void fini_socket(service *s)
     listen_close(&s->socket);
 }
 
-static bool init_executor(service *s, error *e)
+static executor_settings executor_settings_of(const service *s)
 {
     const config *c = &s->settings;
-    executor_settings settings = {
+    return (executor_settings){
         .state_dir = s->state_dir,
         .worker = c->worker,
         .input_roots = (const char *const *)c->input_roots.item,
@@ -132,8 +146,12 @@ static bool init_executor(service *s, error *e)
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
     };
+}
+
+static bool init_executor(service *s, error *e)
+{
     if (!config_find_worker(&s->settings, e)) return false;
-    settings.worker = c->worker;
+    executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
     return s->x != NULL;
 }
@@ -194,26 +212,97 @@ static const struct step {
     {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
 };
 
+/* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
+ * service manager is left to do what it does about that. */
+static void tell_manager(service *s)
+{
+    int64_t count[QUEUE_STATE_COUNT];
+    uint64_t turns = executor_turns(s->x);
+    bool stuck = turns == s->turns;
+    s->turns = turns;
+    executor_wake(s->x);
+    if (stuck && !s->stuck)
+        log_write(LOG_LEVEL_ERROR, "the supervisor is stuck: no sign of life to the service manager");
+    s->stuck = stuck;
+    if (stuck) {
+        manager_tell_status("stuck");
+        return;
+    }
+    manager_tell_alive();
+    if (queue_count(s->q, count, NULL))
+        manager_tell_status("%s%lld queued, %lld running", executor_is_draining(s->x) ? "draining: " : "",
+                            (long long)count[QUEUE_QUEUED],
+                            (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
+}
+
+/* Between two of them: twice within what the watchdog allows. */
+static int sign_interval_ms(void)
+{
+    int64_t watchdog = manager_watchdog_ms();
+    if (watchdog > 0) return watchdog / 2 < INT32_MAX ? (int)(watchdog / 2) : INT32_MAX;
+    return manager_is_there() ? STATUS_MS : -1;
+}
+
+static void reload(service *s)
+{
+    config fresh;
+    config_action action;
+    error e = {0};
+    manager_tell_reloading();
+    if (config_parse(s->argc, s->argv, &fresh, &action, &e)) {
+        config_take_over(&s->settings, &fresh);
+        config_clear(&fresh);
+        log_set_level(s->settings.log_level);
+        executor_settings settings = executor_settings_of(s);
+        executor_change(s->x, &settings);
+        log_write(LOG_LEVEL_INFO, "settings reloaded");
+    } else {
+        log_write(LOG_LEVEL_ERROR, "settings stay as they were: %s", e.message);
+    }
+    manager_tell_ready();
+}
+
+static void drain(service *s, bool *draining)
+{
+    const config *c = &s->settings;
+    manager_tell_stopping((*draining ? 0 : c->drain_s) + c->grace_s + LAST_WORDS_S);
+    if (*draining)
+        executor_force(s->x);
+    else
+        executor_drain(s->x, c->drain_s);
+    *draining = true;
+}
+
 /* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
 static void serve(service *s)
 {
     bool draining = false;
+    int interval_ms = sign_interval_ms();
+    int64_t due_ms = clock_monotonic_ms();
+    manager_tell_ready();
     for (;;) {
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};
-        if (poll(fds, 2, -1) < 0 && errno != EINTR) return;
+        int64_t wait_ms = due_ms - clock_monotonic_ms();
+        if (poll(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0) < 0 && errno != EINTR) return;
         struct signalfd_siginfo info;
         if (read(s->signals, &info, sizeof info) == sizeof info) {
-            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
+            bool again = info.ssi_signo == SIGHUP;
+            log_write(LOG_LEVEL_INFO, "%s signal=%u",
+                      again      ? "reloading"
+                      : draining ? "stopping at once"
+                                 : "draining",
                       info.ssi_signo);
-            if (draining)
-                executor_force(s->x);
+            if (again)
+                reload(s);
             else
-                executor_drain(s->x, s->settings.drain_s);
-            draining = true;
+                drain(s, &draining);
         } else if (draining && fds[1].revents) {
             return;
         }
+        if (interval_ms < 0 || clock_monotonic_ms() < due_ms) continue;
+        tell_manager(s);
+        due_ms = clock_monotonic_ms() + interval_ms;
     }
 }
 
@@ -246,7 +335,7 @@ static void open_standard_descriptors(void)
 int main(int argc, char **argv)
 {
     open_standard_descriptors();
-    service s = {.signals = -1, .socket.fd = -1};
+    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1};
     config_action action;
     error e = {0};
     if (!config_parse(argc, argv, &s.settings, &action, &e)) {

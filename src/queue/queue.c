@@ -31,6 +31,7 @@ enum statement {
     GET,
     LIST,
     LIST_STATE,
+    COUNT,
     LIST_UNSETTLED,
     LIST_ATTEMPTS,
     CLAIM,
@@ -52,6 +53,7 @@ static const char *const sql[STATEMENT_COUNT] = {
     [LIST] = "SELECT " HEAD_COLUMNS ", NULL FROM job WHERE seq < ?1 ORDER BY seq DESC LIMIT ?2",
     [LIST_STATE] = "SELECT " HEAD_COLUMNS ", NULL FROM job WHERE seq < ?1 AND state = ?3"
                    " ORDER BY seq DESC LIMIT ?2",
+    [COUNT] = "SELECT state, count(*) FROM job GROUP BY state",
     [LIST_UNSETTLED] = "SELECT " HEAD_COLUMNS ", NULL FROM job"
                        " WHERE state IN ('running', 'cancelling') ORDER BY seq",
     [LIST_ATTEMPTS] = "SELECT number, a.started_ms, a.finished_ms, exit_status, signal,"
@@ -373,6 +375,24 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
     if (which == LIST_STATE) bind_text(s, 3, state_names[filter->state]);
     bool ok = read_many(q, which, jobs, count, e);
     pthread_mutex_unlock(&q->mutex);
+    return ok;
+}
+
+bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
+{
+    int64_t read[QUEUE_STATE_COUNT] = {0};
+    pthread_mutex_lock(&q->mutex);
+    sqlite3_stmt *s = q->statement[COUNT];
+    int status;
+    while ((status = sqlite3_step(s)) == SQLITE_ROW) {
+        queue_state state = QUEUE_QUEUED;
+        if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
+            read[state] = sqlite3_column_int64(s, 1);
+    }
+    bool ok = status == SQLITE_DONE || fail(q, e);
+    reset(s);
+    pthread_mutex_unlock(&q->mutex);
+    if (ok) memcpy(count, read, sizeof read);
     return ok;
 }
 

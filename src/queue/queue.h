@@ -106,6 +106,9 @@ typedef struct queue_filter {
 /* Newest first, without their specs. */
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e);
 
+/* How many jobs are in each state. */
+bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
+
 /* Jobs that are running or cancelling by the book; at a start, what a crash left. Oldest first. */
 bool queue_list_unsettled(queue *q, queue_job **jobs, size_t *count, error *e);
 
