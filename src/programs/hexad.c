@@ -44,7 +44,7 @@ typedef struct service {
     listen_socket socket;
     jobs_context context;
     server *http;
-    uint64_t turns; /* of the supervisor, when it was last looked at */
+    uint64_t turns; /* of the supervisor, when it was last looked at; UINT64_MAX: never */
     bool stuck;
 } service;
 
@@ -335,7 +335,7 @@ static void open_standard_descriptors(void)
 int main(int argc, char **argv)
 {
     open_standard_descriptors();
-    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1};
+    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};
     if (!config_parse(argc, argv, &s.settings, &action, &e)) {

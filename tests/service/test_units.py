@@ -14,7 +14,10 @@ def units(build, tmp_path):
     if not shutil.which("systemd-analyze"):
         pytest.skip("systemd-analyze is not installed")
     service = (build / "systemd/hexad.service").read_text()
-    (tmp_path / "hexad.service").write_text(re.sub(r"^ExecStart=\S+", f"ExecStart={build}/hexad", service, flags=re.M))
+    service, count = re.subn(r"^ExecStart=/\S+/hexad --config /\S+/hexad.conf$",
+                             f"ExecStart={build}/hexad --config /etc/hexad.conf", service, flags=re.M)
+    assert count == 1
+    (tmp_path / "hexad.service").write_text(service)
     shutil.copy(build / "systemd/hexad.socket", tmp_path)
     return tmp_path
 
