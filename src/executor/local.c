@@ -43,6 +43,7 @@ typedef struct launch {
     pid_t parent;
     rlim_t address_space; /* bytes; RLIM_INFINITY: no limit */
     rlim_t file_size;     /* likewise */
+    rlim_t open_files;
 } launch;
 
 static int raise_fd(int fd)
@@ -89,6 +90,16 @@ static void close_fd(int *fd)
     *fd = -1;
 }
 
+/* To what it is already, if that is less: limits cannot be raised. */
+static bool lower_limit(int which, rlim_t to)
+{
+    struct rlimit limit;
+    if (getrlimit(which, &limit) != 0) return false;
+    if (to < limit.rlim_max) limit.rlim_max = to;
+    if (to < limit.rlim_cur) limit.rlim_cur = to;
+    return setrlimit(which, &limit) == 0;
+}
+
 /* Runs in the child; only async-signal-safe calls. */
 static _Noreturn void run_child(const launch *l)
 {
@@ -96,13 +107,10 @@ static _Noreturn void run_child(const launch *l)
     sigemptyset(&none);
     for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
     sigprocmask(SIG_SETMASK, &none, NULL);
-    const struct rlimit no_core = {0, 0};
-    const struct rlimit space = {l->address_space, l->address_space};
-    const struct rlimit file = {l->file_size, l->file_size};
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
-        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && setrlimit(RLIMIT_CORE, &no_core) == 0 &&
-        (l->file_size == RLIM_INFINITY || setrlimit(RLIMIT_FSIZE, &file) == 0) &&
-        (l->address_space == RLIM_INFINITY || setrlimit(RLIMIT_AS, &space) == 0) &&
+        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && lower_limit(RLIMIT_CORE, 0) &&
+        lower_limit(RLIMIT_AS, l->address_space) && lower_limit(RLIMIT_FSIZE, l->file_size) &&
+        lower_limit(RLIMIT_NOFILE, l->open_files) &&
         dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
         dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
         /* an older kernel has no such flag; every descriptor of ours is close-on-exec anyway */
@@ -185,7 +193,8 @@ static engine_attempt *start(const engine_request *request, error *e)
                 -1,
                 getpid(),
                 address_space_of(request->memory_mb),
-                request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY};
+                request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
+                LOCAL_OPEN_FILES + request->input_root_count};
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);

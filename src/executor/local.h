@@ -19,6 +19,8 @@
  * memory). */
 #define LOCAL_HEADROOM_MB 512
 #define LOCAL_HEADROOM_PER_CORE_MB 80
+/* Descriptors of a worker beside those of its input roots: a job has a handful. */
+#define LOCAL_OPEN_FILES 128
 #define LOCAL_LOG_BYTES (64 * 1024)
 /* Progress lines are some hundred bytes; a longer one is no progress line and is ignored. */
 #define LOCAL_LINE_BYTES 4096

@@ -80,21 +80,6 @@ static void fini_state(service *s)
     free(s->state_dir);
 }
 
-/* What the workers are to do, so that it is not noticed at the first job only. */
-static bool init_sandbox(service *s, error *e)
-{
-    char text[SANDBOX_TEXT_SIZE];
-    if (!sandbox_check(s->settings.sandbox, e)) return false;
-    log_write(s->settings.sandbox == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
-              sandbox_describe(s->settings.sandbox, text));
-    return true;
-}
-
-static void fini_sandbox(service *s)
-{
-    (void)s;
-}
-
 static bool init_queue(service *s, error *e)
 {
     s->q = queue_open(s->state_dir, e);
@@ -150,7 +135,11 @@ static executor_settings executor_settings_of(const service *s)
 
 static bool init_executor(service *s, error *e)
 {
-    if (!config_find_worker(&s->settings, e)) return false;
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_mode mode = s->settings.sandbox;
+    if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
+    log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
+              sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
     return s->x != NULL;
@@ -205,8 +194,7 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals}, {"sandbox", init_sandbox, fini_sandbox},
-    {"state", init_state, fini_state},
+    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
     {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
     {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
     {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},

@@ -90,3 +90,22 @@ def test_a_file_longer_than_allowed_ends_the_job(new_service):
     job = service.submit(sphere(count=30000, output={"preview": False}))
     done = service.wait_state(job, "failed")
     assert "File too large" in done["error"]["message"]
+
+
+FACTS = """#!/bin/sh
+cat >/dev/null
+echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep NoNewPrivs /proc/self/status)" >&2
+exit 3
+"""
+
+
+def test_what_any_worker_starts_with(new_service, tmp_path, inputs):
+    """Also one that does not restrict itself."""
+    program = tmp_path / "facts"
+    program.write_text(FACTS)
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--file_mb", "2", "--input_roots", inputs).start()
+    job = service.submit(sphere())
+    service.wait_state(job, "failed")
+    log = (service.state / "attempts" / f"{job}.1" / "worker.log").read_text()
+    assert log.split() == ["core", "0", "descriptors", "129", "blocks", "4096", "NoNewPrivs:", "1"]
