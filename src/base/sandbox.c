@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <link.h>
 #include <linux/landlock.h>
+#include <linux/seccomp.h>
 #include <sched.h>
 #include <seccomp.h>
 #include <signal.h>
@@ -220,6 +221,12 @@ static int add_checked_calls(scmp_filter_ctx filter)
     return why;
 }
 
+static bool has_filters(void)
+{
+    uint32_t action = SECCOMP_RET_ERRNO;
+    return syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &action) == 0;
+}
+
 static bool enter_filter(error *e)
 {
     /* not EPERM: libc takes a call that is not there for an older kernel and falls back */
@@ -247,8 +254,12 @@ int __lsan_is_turned_off(void)
 
 bool sandbox_check(sandbox_mode mode, error *e)
 {
-    if (mode != SANDBOX_REQUIRED || landlock_version() > 0) return true;
-    return error_set(e, ERROR_INTERNAL,
+    if (mode != SANDBOX_REQUIRED) return true;
+    if (!has_filters())
+        return error_set(e, ERROR_INTERNAL,
+                         "sandbox: this kernel has no seccomp filters; \"available\" does without");
+    return landlock_version() > 0 ||
+           error_set(e, ERROR_INTERNAL,
                      "sandbox: this kernel has no Landlock, or it is not among those that lsm= turns on; "
                      "\"available\" does without");
 }
@@ -260,17 +271,18 @@ bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e)
     if (!sandbox_check(mode, e)) return false;
     if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
         return error_set(e, ERROR_INTERNAL, "sandbox: no_new_privs: %s", strerror(errno));
-    return (version == 0 || enter_landlock(version, places, e)) && enter_filter(e);
+    return (version == 0 || enter_landlock(version, places, e)) && (!has_filters() || enter_filter(e));
 }
 
 const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE])
 {
+    char landlock[32] = "no Landlock";
     int version = landlock_version();
+    if (version > 0) snprintf(landlock, sizeof landlock, "Landlock version %d", version);
     if (mode == SANDBOX_OFF)
         snprintf(text, SANDBOX_TEXT_SIZE, "no sandbox");
-    else if (version == 0)
-        snprintf(text, SANDBOX_TEXT_SIZE, "no new privileges, filtered calls, no Landlock in this kernel");
     else
-        snprintf(text, SANDBOX_TEXT_SIZE, "no new privileges, filtered calls, Landlock version %d", version);
+        snprintf(text, SANDBOX_TEXT_SIZE, "no new privileges, %s calls, %s",
+                 has_filters() ? "filtered" : "all", landlock);
     return text;
 }

@@ -21,7 +21,7 @@
 typedef enum sandbox_mode {
     SANDBOX_OFF,
     SANDBOX_AVAILABLE, /* what the kernel has */
-    SANDBOX_REQUIRED   /* an error where it lacks Landlock */
+    SANDBOX_REQUIRED   /* an error where it lacks Landlock or filters */
 } sandbox_mode;
 
 typedef struct sandbox_places {

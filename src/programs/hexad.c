@@ -233,13 +233,12 @@ static int sign_interval_ms(void)
 
 static void reload(service *s)
 {
-    config fresh;
+    config fresh = {0};
     config_action action;
     error e = {0};
     manager_tell_reloading();
-    if (config_parse(s->argc, s->argv, &fresh, &action, &e)) {
+    if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e)) {
         config_take_over(&s->settings, &fresh);
-        config_clear(&fresh);
         log_set_level(s->settings.log_level);
         executor_settings settings = executor_settings_of(s);
         executor_change(s->x, &settings);
@@ -247,6 +246,7 @@ static void reload(service *s)
     } else {
         log_write(LOG_LEVEL_ERROR, "settings stay as they were: %s", e.message);
     }
+    config_clear(&fresh);
     manager_tell_ready();
 }
 

@@ -96,6 +96,7 @@ def test_settings_are_read_again(new_service, manager, tmp_path):
     log = service.log.read_text()
     assert "setting stall_s has changed\n" in log and "setting grace_s has changed\n" in log
     assert "setting max_attempts has changed in the file, which a new start takes over" in log
+    assert log.count(" setting ") == 3
     job = service.submit(sphere())
     assert service.wait_state(job, "failed", "timed_out")["error"]["code"] == "stalled"
     file.write_text("stall_s = soon\n")
