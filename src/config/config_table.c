@@ -2,7 +2,8 @@
 
 #include "config/config.h"
 
-#define AT(member) offsetof(config, member)
+#define AT(member) offsetof(config, member), false
+#define RELOADS(member) offsetof(config, member), true
 
 const config_row config_table[] = {
     {"listen", CONFIG_TEXT, "", 0, 0, "",
@@ -18,7 +19,7 @@ const config_row config_table[] = {
     {"unix_admins", CONFIG_LIST, "", 0, 0, "", "Users who may everything on the Unix socket.", AT(unix_admins)},
     {"token_file", CONFIG_TEXT, "", 0, 0, "",
      "The bearer tokens, by their hashes, as hexadctl token makes it; of mode 0600. It is read again when it has"
-     " changed. Empty: the file tokens in state_dir, if it is there.",
+     " changed. Empty: the credential tokens of systemd, else the file tokens in state_dir, if it is there.",
      AT(token_file)},
     {"tcp_without_tokens", CONFIG_TEXT, "", 0, 0, "",
      "Whether a loopback port is served when there are no tokens: only with the words"
@@ -30,7 +31,8 @@ const config_row config_table[] = {
      AT(port_file)},
     {"state_dir", CONFIG_TEXT, "", 0, 0, "",
      "Directory of the queue, the attempts and the results; made when missing. On a local file"
-     " system, and of one daemon only. Empty: lib/hexad below the localstatedir of the build.",
+     " system, and of one daemon only. Empty: $STATE_DIRECTORY (of systemd), else lib/hexad"
+     " below the localstatedir of the build.",
      AT(state_dir)},
     {"input_roots", CONFIG_LIST, "", 0, 0, "",
      "Directories below which a job may name input files, separated by colons or commas; the key"
@@ -62,11 +64,20 @@ const config_row config_table[] = {
      AT(worker)},
     {"memory_mb", CONFIG_INTEGER, "4096", 16, 1 << 24, "MiB",
      "Memory of a job that names no limit.", AT(memory_mb)},
+    {"file_mb", CONFIG_INTEGER, "65536", 0, 1 << 24, "MiB",
+     "The longest file that a worker may write; 100 million points take 10 GiB. 0: no limit.",
+     RELOADS(file_mb)},
+    {"sandbox", CONFIG_SANDBOX, "available", 0, 0, "",
+     "How workers are isolated. required: no network, no new privileges, a filter of system calls, and"
+     " Landlock: input_roots can be read, the attempt's own directory can be written, nothing else;"
+     " hexad does not start where the kernel has no Landlock. available: the same, and without"
+     " Landlock where there is none; the log says so. off: nothing of it.",
+     AT(sandbox)},
     {"timeout_s", CONFIG_REAL, "0", 0, 1e7, "s",
-     "Time of an attempt of a job that names no limit. 0: none.", AT(timeout_s)},
+     "Time of an attempt of a job that names no limit. 0: none.", RELOADS(timeout_s)},
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "How long a worker may report no progress, of a job that names no limit. 0: for ever.",
-     AT(stall_s)},
+     RELOADS(stall_s)},
     {"max_attempts", CONFIG_INTEGER, "3", 1, 100, "attempts",
      "How often a job whose worker crashes is tried, of a job that names no number.",
      AT(max_attempts)},
@@ -86,10 +97,10 @@ const config_row config_table[] = {
      "How long a job and its results are kept after its end, of a job that names no time. 0: for ever.",
      AT(retention_s)},
     {"grace_s", CONFIG_REAL, "5", 0, 3600, "s", "Between asking a worker to end and killing it.",
-     AT(grace_s)},
+     RELOADS(grace_s)},
     {"drain_s", CONFIG_REAL, "30", 0, 1e6, "s",
      "At SIGTERM: how long running jobs may go on before they are put back in the queue.",
-     AT(drain_s)},
+     RELOADS(drain_s)},
     {"body_limit_bytes", CONFIG_INTEGER, "1048576", 1, 1 << 30, "bytes", "Longest request body.",
      AT(body_limit_bytes)},
     {"upload_limit_bytes", CONFIG_INTEGER, "17179869184", 0, 1e15, "bytes",
@@ -108,7 +119,7 @@ const config_row config_table[] = {
      AT(connection_timeout_s)},
     {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
      "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
-    {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", AT(log_level)},
+    {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", RELOADS(log_level)},
 };
 
 const size_t config_table_size = sizeof config_table / sizeof *config_table;

@@ -84,10 +84,13 @@ struct executor {
     pthread_t thread;
     int wake_fd, drained_fd;
     atomic_bool held, draining, forcing, stopping;
+    atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
     pthread_mutex_t order; /* over a claim until it has its slot, and over commands */
     pthread_mutex_t mutex; /* of the slots; never held over the queue's work */
+    executor_settings changed; /* guarded; what executor_change brought, for the supervisor to take */
+    bool has_changed;
     size_t slot_count;
     slot *slots;
 
@@ -276,14 +279,16 @@ static void slot_start(executor *x, slot *s)
         .memory_mb = s->memory_mb,
         .threads = s->threads,
         .frame = task->frame,
+        .file_mb = x->settings.file_mb,
+        .sandbox = x->settings.sandbox,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
         x->start_wait_ms = 0;
-        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d", job->id, task->number,
-                  task->attempt);
+        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
+                  task->attempt, x->engine->identify(s->attempt));
         return;
     }
     log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
@@ -492,12 +497,28 @@ static bool is_idle(const executor *x)
     return true;
 }
 
+static void take_changes(executor *x)
+{
+    pthread_mutex_lock(&x->mutex);
+    if (x->has_changed) {
+        x->settings.file_mb = x->changed.file_mb;
+        x->settings.timeout_s = x->changed.timeout_s;
+        x->settings.stall_s = x->changed.stall_s;
+        x->settings.grace_s = x->changed.grace_s;
+        x->has_changed = false;
+    }
+    pthread_mutex_unlock(&x->mutex);
+}
+
 static void *supervise(void *argument)
 {
     executor *x = argument;
     struct pollfd *fds = mem_alloc((1 + ENGINE_MAX_FDS * x->slot_count) * sizeof *fds);
+    pthread_setname_np(pthread_self(), "supervisor"); /* for who looks at a process that is stuck */
     for (;;) {
         bool was_idle;
+        atomic_fetch_add(&x->turns, 1);
+        take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++)
             if (x->slots[i].used) slot_serve(x, &x->slots[i]);
         fill_slots(x);
@@ -622,6 +643,20 @@ void executor_force(executor *x)
 bool executor_is_draining(const executor *x)
 {
     return atomic_load(&x->draining);
+}
+
+void executor_change(executor *x, const executor_settings *settings)
+{
+    pthread_mutex_lock(&x->mutex);
+    x->changed = *settings;
+    x->has_changed = true;
+    pthread_mutex_unlock(&x->mutex);
+    executor_wake(x);
+}
+
+uint64_t executor_turns(const executor *x)
+{
+    return atomic_load(&x->turns);
 }
 
 int executor_drained_fd(const executor *x)

@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/sandbox.h"
 #include "executor/rows.h"
 #include "queue/queue.h"
 #include "store/output.h"
@@ -30,6 +31,8 @@ typedef struct executor_settings {
     int64_t host_memory_mb;    /* of all attempts; 0: nine tenths of what there is */
     int64_t memory_mb;         /* of a job that names no limit, > 0 */
     bool cache;                /* results are given to jobs that ask for the same */
+    int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
+    sandbox_mode sandbox;      /* that workers enter */
     int most_of_owner;         /* attempts of one owner at once; 0: any number */
     double timeout_s, stall_s; /* of a job that names no limit; 0: none */
     store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */
@@ -89,6 +92,14 @@ void executor_drain(executor *x, double seconds);
 /* A drain without patience: what runs is killed, asked to end or not, and put back. */
 void executor_force(executor *x);
 bool executor_is_draining(const executor *x);
+
+/* Takes over the times and the length of files from these settings, for attempts that start from
+ * now on; the grace time holds at once. */
+void executor_change(executor *x, const executor_settings *settings);
+
+/* How often the supervisor has looked at its slots: a number that grows after each executor_wake, unless the
+ * supervisor is stuck. */
+uint64_t executor_turns(const executor *x);
 
 /* A descriptor that becomes readable when a drain has ended. */
 int executor_drained_fd(const executor *x);

@@ -146,6 +146,29 @@ bool listen_open(const char *where, bool shared, listen_socket *s, error *e)
     return strncmp(where, "unix:", 5) == 0 ? open_unix(where, shared, s, e) : open_tcp(where, s, e);
 }
 
+bool listen_adopt(int fd, listen_socket *s, error *e)
+{
+    union {
+        struct sockaddr any;
+        struct sockaddr_un local;
+    } a = {.any.sa_family = AF_UNSPEC};
+    socklen_t size = sizeof a, flag_size = sizeof(int);
+    int listens = 0, type = 0;
+    if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &flag_size) != 0 ||
+        getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &flag_size) != 0 || !listens || type != SOCK_STREAM ||
+        getsockname(fd, &a.any, &size) != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "the socket that was handed over is no stream socket that listens");
+    } else if (a.any.sa_family == AF_UNIX) {
+        *s = (listen_socket){fd, mem_printf("unix:%s", a.local.sun_path), LISTEN_UNIX, NULL};
+        return true;
+    } else {
+        *s = (listen_socket){fd, describe(fd), is_loopback(&a.any) ? LISTEN_LOOPBACK : LISTEN_NETWORK, NULL};
+        return true;
+    }
+    close(fd);
+    return false;
+}
+
 void listen_close(listen_socket *s)
 {
     if (!s->address) return;

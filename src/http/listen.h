@@ -19,6 +19,8 @@ typedef struct listen_socket {
 /* `where` is HOST:PORT, [HOST]:PORT or unix:/path; of a path, `shared` says whether users besides the service's
  * own may connect. On failure an error that names it. */
 bool listen_open(const char *where, bool shared, listen_socket *s, error *e);
+/* A socket that somebody else made and listens on. On failure it is closed. */
+bool listen_adopt(int fd, listen_socket *s, error *e);
 void listen_close(listen_socket *s); /* accepts an empty one, whose address is NULL */
 
 #endif

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "json/json.h"
 #include "run/run.h"
 #include "sampler/energy.h"
@@ -68,6 +69,8 @@ static const char help_text[] =
     "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
     "                     (default: no bound, and one per processor)\n"
     "  --frame N          the frame of a spec with queue.frames\n"
+    "  --sandbox MODE     required, available or off (default): without network, programs, and files but\n"
+    "                     those below the input roots and DIR; available: as far as the kernel can\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -134,6 +137,7 @@ typedef struct arguments {
     size_t root_count;
     bool progress;
     long progress_fd, memory_mb, threads, frame; /* -1: none */
+    sandbox_mode sandbox;
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -169,8 +173,9 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {"threads", required_argument, NULL, 't'},
-        {"frame", required_argument, NULL, 'n'},       {NULL, 0, NULL, 0}};
+        {"memory-mb", required_argument, NULL, 'm'},
+        {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
+        {"sandbox", required_argument, NULL, 's'},     {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -184,6 +189,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else if (c == 's') {
+            if (!sandbox_mode_from_name(optarg, &a->sandbox))
+                return error_set(e, ERROR_SPEC_INVALID,
+                                 "--sandbox takes required, available or off, not '%s'", optarg);
         } else if (c == 't') {
             if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
         } else if (c == 'n') {
@@ -198,15 +207,16 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     return true;
 }
 
-/* The whole text of a spec; NULL and an error when it cannot be read. */
-static char *read_spec(const char *path, size_t *length, error *e)
+static FILE *open_spec(const char *path, error *e)
 {
-    bool standard = strcmp(path, "-") == 0;
-    FILE *file = standard ? stdin : fopen(path, "rb");
-    if (!file) {
-        error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
-        return NULL;
-    }
+    FILE *file = strcmp(path, "-") == 0 ? stdin : fopen(path, "rb");
+    if (!file) error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
+    return file;
+}
+
+/* The whole text of a spec; NULL and an error when it cannot be read. */
+static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
+{
     char *text = NULL;
     size_t room = 0;
     *length = 0;
@@ -216,17 +226,16 @@ static char *read_spec(const char *path, size_t *length, error *e)
         *length += fread(text + *length, 1, room - *length, file);
     } while (*length == room && room <= SPEC_LIMIT);
     bool failed = ferror(file) != 0;
-    if (!standard) fclose(file);
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
     error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large", path);
     return NULL;
 }
 
-static spec *load_spec(const char *path, spec_faults *faults, error *e)
+static spec *load_spec(FILE *file, const char *path, spec_faults *faults, error *e)
 {
     size_t length;
-    char *text = read_spec(path, &length, e);
+    char *text = read_spec(file, path, &length, e);
     if (!text) return NULL;
     json *document = json_parse(text, length, e);
     free(text);
@@ -243,6 +252,7 @@ static void handle_signals(void)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
     signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
 }
 
 /* limits.timeout_s, as a signal like that of a cancellation. */
@@ -254,6 +264,23 @@ static void start_timer(double seconds)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
+/* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
+ * roots no file is one to be read. */
+static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, error *e)
+{
+    const sandbox_places places = {a->roots, a->root_count, a->output};
+    if (!(*spec_file = open_spec(a->spec_path, e))) return false;
+    if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
+        !(*roots = store_roots_open(a->roots, a->root_count, e)))
+        return false;
+    if (a->sandbox == SANDBOX_OFF) return true;
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_describe(a->sandbox, text); /* inside nobody can ask */
+    if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
+    fprintf(stderr, "sandbox: %s\n", text);
+    return true;
+}
+
 static int run_command(int argc, char **argv)
 {
     error e = {0};
@@ -261,13 +288,13 @@ static int run_command(int argc, char **argv)
     arguments a;
     spec *s = NULL;
     store_roots *roots = NULL;
+    FILE *spec_file = NULL;
     run_summary summary;
     int code;
     handle_signals();
-    if (!parse_arguments(argc, argv, &a, &e)) goto fail;
-    if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
+    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &e)) goto fail;
+    if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
     if (!choose_frame(s, a.frame, &e)) goto fail;
-    if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
     start_timer(s->timeout_s);
     run_options options = {
         .output = a.output,
@@ -288,6 +315,7 @@ static int run_command(int argc, char **argv)
 fail:
     code = fail(&e, &faults);
 done:
+    if (spec_file && spec_file != stdin) fclose(spec_file);
     spec_free(s);
     store_roots_close(roots);
     free(a.roots);

@@ -18,7 +18,9 @@
 #include "auth/access.h"
 #include "base/clock.h"
 #include "base/log.h"
+#include "base/manager.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "config/config.h"
 #include "executor/executor.h"
 #include "http/herald.h"
@@ -33,10 +35,16 @@
 #define LISTEN_SOCKET_NAME "hexad.sock"
 /* What a loopback port without tokens means, spelt out by whoever wants it. */
 #define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
+/* How often the service manager is told how many jobs there are, where it asks for no sign of life. */
+static const int STATUS_MS = 10000;
+/* After what drain_s and grace_s allow: to end what has been killed and to write it down. */
+static const double LAST_WORDS_S = 10;
 
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
+    int argc;
+    char **argv; /* where the settings come from */
     config settings;
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
@@ -55,6 +63,8 @@ typedef struct service {
     herald *herald;
     http_context context;
     server *http;
+    uint64_t turns; /* of the supervisor, when it was last looked at; UINT64_MAX: never */
+    bool stuck;
 } service;
 
 static bool init_signals(service *s, error *e)
@@ -63,6 +73,7 @@ static bool init_signals(service *s, error *e)
     sigemptyset(&wanted);
     sigaddset(&wanted, SIGTERM);
     sigaddset(&wanted, SIGINT);
+    sigaddset(&wanted, SIGHUP);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
@@ -133,6 +144,15 @@ static void fini_roots(service *s)
 static bool init_socket(service *s, error *e)
 {
     const config *c = &s->settings;
+    int fd;
+    if (!manager_socket(&fd, e)) return false;
+    if (fd >= 0) {
+        bool adopted = listen_adopt(fd, &s->socket, e);
+        if (adopted && *c->listen)
+            log_write(LOG_LEVEL_WARNING, "listen = %s is not served: %s was handed over by a socket unit", c->listen,
+                      s->socket.address);
+        return adopted;
+    }
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
     char *where = *c->listen ? mem_strdup(c->listen)
                              : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
@@ -150,6 +170,7 @@ static void fini_socket(service *s)
 /* Whether those who can reach the socket can be told apart. */
 static bool check_reach(const service *s, error *e)
 {
+    const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
     bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
     if (!open && *s->settings.tcp_without_tokens)
         return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only words for it are " OPEN_TCP);
@@ -158,12 +179,12 @@ static bool check_reach(const service *s, error *e)
         return error_set(e, ERROR_SPEC_INVALID,
                          "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
                          " token add (setting token_file), or listen on unix:/path",
-                         s->settings.listen);
+                         where);
     return open || error_set(e, ERROR_SPEC_INVALID,
                              "listen %s: every user of this machine reaches that, and there are no tokens: make some"
                              " with hexadctl token add (setting token_file), listen on unix:/path, or set"
                              " tcp_without_tokens = " OPEN_TCP,
-                             s->settings.listen);
+                             where);
 }
 
 static access_names names_of(const config_list *list)
@@ -171,10 +192,18 @@ static access_names names_of(const config_list *list)
     return (access_names){(const char *const *)list->item, list->count};
 }
 
+/* As set, else what systemd hands over, else in the state directory. To be freed. */
+static char *token_file_of(const service *s)
+{
+    const char *credentials = getenv("CREDENTIALS_DIRECTORY");
+    if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
+    return mem_printf("%s/tokens", credentials ? credentials : s->state_dir);
+}
+
 static bool init_access(service *s, error *e)
 {
     const config *c = &s->settings;
-    char *file = *c->token_file ? mem_strdup(c->token_file) : mem_printf("%s/tokens", s->state_dir);
+    char *file = token_file_of(s);
     access_settings settings = {
         .users = names_of(&c->unix_users),
         .groups = names_of(&c->unix_groups),
@@ -223,10 +252,10 @@ static void fini_outputs(service *s)
     s->outputs = (store_outputs){0};
 }
 
-static bool init_executor(service *s, error *e)
+static executor_settings executor_settings_of(const service *s)
 {
     const config *c = &s->settings;
-    executor_settings settings = {
+    return (executor_settings){
         .state_dir = s->state_dir,
         .worker = c->worker,
         .input_roots = s->input_roots,
@@ -237,6 +266,8 @@ static bool init_executor(service *s, error *e)
         .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
         .cache = c->cache != 0,
+        .file_mb = c->file_mb,
+        .sandbox = c->sandbox,
         .most_of_owner = (int)c->user_running,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
@@ -244,8 +275,16 @@ static bool init_executor(service *s, error *e)
         .retry_s = c->retry_s,
         .retry_most_s = c->retry_most_s,
     };
-    if (!config_find_worker(&s->settings, e)) return false;
-    settings.worker = c->worker;
+}
+
+static bool init_executor(service *s, error *e)
+{
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_mode mode = s->settings.sandbox;
+    if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
+    log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
+              sandbox_describe(mode, text));
+    executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
     return s->x != NULL;
 }
@@ -340,26 +379,97 @@ static const struct step {
     {"port_file", init_port_file, fini_port_file},
 };
 
+/* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
+ * service manager is left to do what it does about that. */
+static void tell_manager(service *s)
+{
+    int64_t count[QUEUE_STATE_COUNT];
+    uint64_t turns = executor_turns(s->x);
+    bool stuck = turns == s->turns;
+    s->turns = turns;
+    executor_wake(s->x);
+    if (stuck && !s->stuck)
+        log_write(LOG_LEVEL_ERROR, "the supervisor is stuck: no sign of life to the service manager");
+    s->stuck = stuck;
+    if (stuck) {
+        manager_tell_status("stuck");
+        return;
+    }
+    manager_tell_alive();
+    if (queue_count(s->q, count, NULL))
+        manager_tell_status("%s%lld queued, %lld running", executor_is_draining(s->x) ? "draining: " : "",
+                            (long long)count[QUEUE_QUEUED],
+                            (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
+}
+
+/* Between two of them: twice within what the watchdog allows. */
+static int sign_interval_ms(void)
+{
+    int64_t watchdog = manager_watchdog_ms();
+    if (watchdog > 0) return watchdog / 2 < INT32_MAX ? (int)(watchdog / 2) : INT32_MAX;
+    return manager_is_there() ? STATUS_MS : -1;
+}
+
+static void reload(service *s)
+{
+    config fresh = {0};
+    config_action action;
+    error e = {0};
+    manager_tell_reloading();
+    if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e)) {
+        config_take_over(&s->settings, &fresh);
+        log_set_level(s->settings.log_level);
+        executor_settings settings = executor_settings_of(s);
+        executor_change(s->x, &settings);
+        log_write(LOG_LEVEL_INFO, "settings reloaded");
+    } else {
+        log_write(LOG_LEVEL_ERROR, "settings stay as they were: %s", e.message);
+    }
+    config_clear(&fresh);
+    manager_tell_ready();
+}
+
+static void drain(service *s, bool *draining)
+{
+    const config *c = &s->settings;
+    manager_tell_stopping((*draining ? 0 : c->drain_s) + c->grace_s + LAST_WORDS_S);
+    if (*draining)
+        executor_force(s->x);
+    else
+        executor_drain(s->x, c->drain_s);
+    *draining = true;
+}
+
 /* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
 static void serve(service *s)
 {
     bool draining = false;
+    int interval_ms = sign_interval_ms();
+    int64_t due_ms = clock_monotonic_ms();
+    manager_tell_ready();
     for (;;) {
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};
-        if (poll(fds, 2, -1) < 0 && errno != EINTR) return;
+        int64_t wait_ms = due_ms - clock_monotonic_ms();
+        if (poll(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0) < 0 && errno != EINTR) return;
         struct signalfd_siginfo info;
         if (read(s->signals, &info, sizeof info) == sizeof info) {
-            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
+            bool again = info.ssi_signo == SIGHUP;
+            log_write(LOG_LEVEL_INFO, "%s signal=%u",
+                      again      ? "reloading"
+                      : draining ? "stopping at once"
+                                 : "draining",
                       info.ssi_signo);
-            if (draining)
-                executor_force(s->x);
+            if (again)
+                reload(s);
             else
-                executor_drain(s->x, s->settings.drain_s);
-            draining = true;
+                drain(s, &draining);
         } else if (draining && fds[1].revents) {
             return;
         }
+        if (interval_ms < 0 || clock_monotonic_ms() < due_ms) continue;
+        tell_manager(s);
+        due_ms = clock_monotonic_ms() + interval_ms;
     }
 }
 
@@ -402,7 +512,7 @@ int main(int argc, char **argv)
 {
     open_standard_descriptors();
     raise_descriptor_limit();
-    service s = {.signals = -1, .socket.fd = -1};
+    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};
     if (!config_parse(argc, argv, &s.settings, &action, &e)) {
