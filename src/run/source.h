@@ -15,6 +15,13 @@
 #include "volume/map.h"
 #include "volume/volume.h"
 
+/* A file that was read. */
+typedef struct source_input {
+    char *path; /* as the spec, or a file that it names, has it */
+    uint64_t bytes;
+    char sha256[STORE_HASH_SIZE];
+} source_input;
+
 typedef struct source {
     const field *field;
     analytic *analytic; /* one of the three */
@@ -23,9 +30,9 @@ typedef struct source {
     map *map;               /* of sampling.grid, or NULL */
     region *region;         /* the part of it that the spec asks for, or NULL */
     double *coefficients;   /* of a B-spline whose file was read */
-    const char *input_path; /* as the spec gives it, or NULL */
-    uint64_t input_bytes;
-    char input_sha256[STORE_HASH_SIZE];
+    const store_roots *roots; /* for files, or NULL; as long as the source is being opened */
+    source_input *inputs;     /* in the order in which they were first opened */
+    size_t input_count;
 } source;
 
 /* `memory` bounds what the surface may hold, in bytes; it is sampled with `kernels`; the spec outlives the source. Errors: those of

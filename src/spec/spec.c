@@ -593,6 +593,52 @@ static void check_solver(reading *r, const json_at *at)
                   "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
 }
 
+/* The file of a slice: #### or %04d replaced by its number; NULL when the pattern has not just one of them. */
+static char *name_of_slice(const char *pattern, int number)
+{
+    size_t marks = strcspn(pattern, "#"), count = strspn(pattern + marks, "#"), percent = strcspn(pattern, "%");
+    size_t at = count ? marks : percent, rest = at + count, digits = 0;
+    int width = (int)count;
+    if (!pattern[at]) return NULL;
+    if (!count) {
+        digits = strspn(pattern + at + 1, "0123456789");
+        rest = at + 1 + digits + 1;
+        if (digits > 2 || pattern[rest - 1] != 'd') return NULL;
+        width = pattern[at + 1] == '0' ? atoi(pattern + at + 1) : 0;
+    }
+    if (strpbrk(pattern + rest, "#%") || (count && percent < at)) return NULL;
+    return mem_printf("%.*s%0*d%s", (int)at, pattern, width, number, pattern + rest);
+}
+
+static void check_exr(reading *r, const json_at *at)
+{
+    enum { MOST_SLICES = 65536, MOST_NUMBER = 99999999 };
+    spec_exr *x = &r->s->exr;
+    json_at slices = json_member(at, "slices"), path = json_member(at, "path");
+    int first, last, step = 1, end = 0;
+    int got = sscanf(x->slices, "%9d-%9d%nx%9d%n", &first, &last, &end, &step, &end);
+    if (got < 2 || x->slices[end] || first < 0 || last <= first || last > MOST_NUMBER || step < 1) {
+        add_fault(r, &slices, ERROR_SPEC_INVALID, "must be two numbers, the first and the last slice, as in \"1-93\" or "
+                  "\"1-93x2\" (given \"%s\")", x->slices);
+        return;
+    }
+    int count = (last - first) / step + 1;
+    if (count < 2 || count > MOST_SLICES) {
+        add_fault(r, &slices, ERROR_SPEC_INVALID, "must be 2 to %d slices (given %d)", MOST_SLICES, count);
+        return;
+    }
+    x->files = mem_alloc((size_t)count * sizeof *x->files);
+    x->numbers = mem_alloc((size_t)count * sizeof *x->numbers);
+    for (int k = 0; k < count; k++) {
+        x->numbers[k] = first + k * step;
+        if (!(x->files[k] = name_of_slice(x->path, x->numbers[k]))) {
+            add_fault(r, &path, ERROR_SPEC_INVALID, "must have one #### or %%04d, the number of the slice");
+            return;
+        }
+        x->count++;
+    }
+}
+
 /* Reads the members of a group; a place without a node stands for an object without members. */
 static void read_group(reading *r, const json_at *at, const char *group, json *normal)
 {
@@ -608,6 +654,11 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     for (size_t i = 0; i < spec_row_count; i++)
         if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
     if (strcmp(group, "/surface/mesh") == 0) r->s->surface_kind = SPEC_SURFACE_MESH;
+    if (strcmp(group, "/surface/volume") == 0) r->s->surface_kind = SPEC_SURFACE_VOLUME;
+    if (strcmp(group, "/surface/exr") == 0) {
+        r->s->surface_kind = SPEC_SURFACE_EXR;
+        if (r->total == before) check_exr(r, at);
+    }
     if (strcmp(group, "/surface/analytic") == 0) {
         r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
         if (r->total == before) check_analytic(r, at);
@@ -659,13 +710,16 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
     const spec_input inputs[] = {{"/surface/vdb/path", s->vdb.path},
                                  {"/surface/mesh/path", s->mesh.path},
+                                 {"/surface/volume/path", s->volume.path},
                                  {"/surface/bspline/path", s->bspline.path}};
     for (size_t k = 0; k < sizeof inputs / sizeof inputs[0]; k++) {
         if (!inputs[k].path || index-- > 0) continue;
         *out = inputs[k];
         return true;
     }
-    return false;
+    if (index >= s->exr.count) return false;
+    *out = (spec_input){"/surface/exr/path", s->exr.files[index]};
+    return true;
 }
 
 void spec_free(spec *s)
@@ -678,6 +732,14 @@ void spec_free(spec *s)
     free(s->bspline.coefficients);
     free(s->bspline.path);
     free(s->mesh.path);
+    free(s->volume.path);
+    free(s->exr.path);
+    free(s->exr.slices);
+    free(s->exr.part);
+    free(s->exr.channel);
+    for (size_t k = 0; k < s->exr.count; k++) free(s->exr.files[k]);
+    free(s->exr.files);
+    free(s->exr.numbers);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     json_free(s->normalised);

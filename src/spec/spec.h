@@ -20,7 +20,9 @@ typedef enum spec_surface_kind {
     SPEC_SURFACE_VDB,
     SPEC_SURFACE_ANALYTIC,
     SPEC_SURFACE_BSPLINE,
-    SPEC_SURFACE_MESH
+    SPEC_SURFACE_MESH,
+    SPEC_SURFACE_VOLUME,
+    SPEC_SURFACE_EXR
 } spec_surface_kind;
 
 typedef enum spec_reconstruction {
@@ -35,6 +37,25 @@ typedef struct spec_vdb {
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_vdb;
+
+typedef struct spec_volume {
+    char *path;
+    double isovalue;
+    spec_reconstruction reconstruction;
+} spec_volume;
+
+typedef struct spec_exr {
+    char *path;    /* with #### or %04d */
+    char *slices;  /* "1-93" or "1-93x2" */
+    char **files;  /* of the slices, from the first on */
+    int *numbers;  /* of each */
+    size_t count;  /* of them */
+    char *part;    /* NULL: the only one, or the only one with the channel */
+    char *channel; /* NULL: the only one */
+    vec3 voxel_size, origin;
+    double isovalue;
+    spec_reconstruction reconstruction;
+} spec_exr;
 
 typedef struct spec_mesh {
     char *path;
@@ -133,6 +154,8 @@ typedef struct spec {
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
     spec_mesh mesh;
+    spec_volume volume;
+    spec_exr exr;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */

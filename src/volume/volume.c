@@ -12,6 +12,7 @@
 #include "vdb/vdb.h"
 #include "volume/choice.h"
 #include "volume/crossings.h"
+#include "volume/dense.h"
 #include "volume/lattice.h"
 #include "volume/mesh_file.h"
 #include "volume/samples.h"
@@ -47,6 +48,7 @@ struct volume {
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
+    bool loose; /* dense data whose faces are not aligned with the world's axes */
     volume_info info;
 };
 
@@ -55,6 +57,7 @@ typedef struct loading {
     char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
     size_t memory_limit;
     vdb_grid *grid;
+    lattice_kind kind;
     lattice lattice;
     crossings crossings;
     blockmap reach;
@@ -153,6 +156,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     v->info.level_set = class == VDB_LEVEL_SET;
+    l->kind = v->info.level_set ? LATTICE_LEVEL_SET : LATTICE_FOG;
     if (!v->info.level_set && !r->has_isovalue)
         return error_set(e, ERROR_ISOVALUE_REQUIRED,
                          "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0", v->info.grid,
@@ -200,7 +204,7 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
-    if (!lattice_init(&l->lattice, l->grid, v->info.level_set, v->info.isovalue, e) ||
+    if (!lattice_init(&l->lattice, l->grid, l->kind, v->info.isovalue, e) ||
         !crossings_find(&l->lattice, l->memory_limit, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
@@ -240,11 +244,13 @@ static bool plan(loading *l, volume *v, error *e)
 static bool find_smooth_crossings(loading *l, volume *v, error *e)
 {
     float corners[729];
-    crossings found = {0};
+    uint16_t known[81];
+    crossings found = {.known_only = l->kind == LATTICE_DENSE};
     bool ok = true;
     for (uint32_t n = 0; ok && n < v->map.count; n++) {
         samples_corners(&l->samples, v->map.blocks[n], true, corners);
-        ok = crossings_add(&found, v->map.blocks[n], corners, NULL, e);
+        samples_known(&l->samples, v->map.blocks[n], known);
+        ok = crossings_add(&found, v->map.blocks[n], corners, known, e);
     }
     crossings_free(&l->crossings);
     l->crossings = found;
@@ -264,7 +270,7 @@ static bool read_samples(loading *l, volume *v, error *e)
     lattice_free(&l->lattice);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (v->info.level_set && !samples_extend(&l->samples, e))) return error_prefix(e, "%s", l->name);
+    if (!ok || (l->kind == LATTICE_LEVEL_SET && !samples_extend(&l->samples, e))) return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
@@ -377,6 +383,7 @@ static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh 
     const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit, r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
+    l->kind = LATTICE_LEVEL_SET;
     if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;
     size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
     l->memory_limit = r->memory_limit > held ? r->memory_limit - held : 0;
@@ -409,6 +416,120 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
     if (ok) compare_mesh(v, &m);
     loading_free(&l);
     mesh_free(&m);
+    if (ok) return v;
+    error_prefix(e, "%s", request->path);
+    volume_close(v);
+    return NULL;
+}
+
+/* ---- dense volumes */
+
+/* Data whose corners stray this far, of a voxel, from a box aligned with the world's axes count as aligned: matrices
+ * are stored in single precision, and a rim that is off by as much shows in no measure. */
+static const double stray_limit = 1e-3;
+
+/* Along which world axis each axis of the data lies, 0 to 2, or false. */
+static bool find_axes(const volume *v, int world_of[3])
+{
+    bool used[3] = {false, false, false};
+    for (int k = 0; k < 3; k++) {
+        int along = 0;
+        double stray = 0;
+        for (int i = 1; i < 3; i++)
+            if (fabs(v->to_world[i][k]) > fabs(v->to_world[along][k])) along = i;
+        for (int i = 0; i < 3; i++)
+            if (i != along) stray = fmax(stray, fabs(v->to_world[i][k]));
+        if (used[along] || stray * (double)v->info.size[k] > stray_limit * fabs(v->to_world[along][k])) return false;
+        used[along] = true;
+        world_of[k] = along;
+    }
+    return true;
+}
+
+/* The faces of the data, 2 axis + end, that the surface meets in a cell. */
+static unsigned faces_met(const volume *v, const crossed_cell *c)
+{
+    unsigned faces = 0;
+    for (int face = 0; face < 6; face++) {
+        int axis = face >> 1, high = face & 1, inside = 0;
+        if (c->at[axis] != (high ? v->info.size[axis] - 2 : 0)) continue;
+        for (int k = 0; k < 8; k++) inside += (k >> axis & 1) == high && c->value[k] < 0;
+        if (inside > 0 && inside < 4) faces |= 1u << face;
+    }
+    return faces;
+}
+
+/* The domain ends where the surface meets the end of the data. */
+static void set_ends(volume *v)
+{
+    int world_of[3];
+    unsigned met = 0, rims = 0;
+    for (size_t k = 0; k < v->cell_count; k++) met |= faces_met(v, &v->cells[k]);
+    v->loose = !find_axes(v, world_of);
+    for (int face = 0; face < 6 && !v->loose; face++) {
+        if (!(met >> face & 1)) continue;
+        int axis = face >> 1, along = world_of[axis];
+        double at = v->to_world[along][3] + (face & 1 ? v->to_world[along][axis] * (double)(v->info.size[axis] - 1) : 0);
+        bool high = (v->to_world[along][axis] > 0) == (face & 1);
+        vec3_set(high ? &v->base.domain.max : &v->base.domain.min, along, at);
+        rims |= 1u << (2 * along + high);
+    }
+    field_set_rims(&v->base, rims);
+}
+
+size_t volume_loose_ends(const volume *v, bbox box)
+{
+    size_t count = 0;
+    for (size_t k = 0; v->loose && k < v->cell_count; k++) {
+        if (!faces_met(v, &v->cells[k])) continue;
+        field_cell c;
+        bbox reach = bbox_empty();
+        cell(&v->base, k, &c);
+        for (int corner = 0; corner < 8; corner++) reach = bbox_include(reach, c.corner[corner]);
+        count += bbox_overlap(reach, box);
+    }
+    return count;
+}
+
+static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
+{
+    dense_facts facts;
+    const double *m = r->source->index_to_world;
+    double to_world[3][4], to_index[3][4];
+    for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = m[k];
+    double determinant = affine_invert(to_world, to_index);
+    if (!isfinite(1 / determinant))
+        return error_set(e, ERROR_INPUT_DAMAGED, "has axes that lie in one plane: its orientation cannot be inverted");
+    snprintf(l->name, sizeof l->name, "the volume");
+    l->kind = LATTICE_DENSE;
+    l->memory_limit = r->memory_limit;
+    l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    v->info.isovalue = r->isovalue;
+    memcpy(v->info.size, r->source->size, sizeof v->info.size);
+    memcpy(v->info.format, r->source->format, sizeof v->info.format);
+    memcpy(v->info.space, r->source->space, sizeof v->info.space);
+    l->grid = dense_make(r->source, r->isovalue, r->memory_limit, &facts, e);
+    if (!l->grid) return false;
+    v->info.active_voxels = l->grid->active_voxels;
+    if (*r->source->warning) warn(&v->info, "%s", r->source->warning);
+    if (facts.not_finite)
+        warn(&v->info, "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf were taken for the "
+             "lowest value, %g, Inf for the highest, %g",
+             (unsigned long long)facts.not_finite, (long long)facts.not_finite_at[0],
+             (long long)facts.not_finite_at[1], (long long)facts.not_finite_at[2], (double)facts.lowest,
+             (double)facts.highest);
+    return true;
+}
+
+volume *volume_open_dense(const volume_dense_request *request, error *e)
+{
+    loading l = {0};
+    volume *v = mem_alloc(sizeof *v);
+    v->spline = spline_for(request->isa);
+    v->base.ops = &volume_ops;
+    bool ok = load_dense(request, &l, v, e) && build(&l, v, e);
+    if (ok) set_ends(v);
+    loading_free(&l);
     if (ok) return v;
     error_prefix(e, "%s", request->path);
     volume_close(v);

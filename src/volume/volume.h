@@ -18,6 +18,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "volume/levelset.h"
+#include "volume/slices.h"
 
 typedef struct volume volume;
 
@@ -49,6 +50,15 @@ typedef struct volume_mesh_request {
     isa isa;             /* as above */
 } volume_mesh_request;
 
+typedef struct volume_dense_request {
+    slices *source;     /* the caller's, and done with when the volume is open */
+    const char *path;   /* as above */
+    double isovalue;    /* above it is inside */
+    volume_reconstruction reconstruction;
+    size_t memory_limit;
+    isa isa;
+} volume_dense_request;
+
 #define VOLUME_MAX_WARNINGS 12
 
 typedef struct volume_info {
@@ -64,6 +74,8 @@ typedef struct volume_info {
     bbox surface_box;        /* of the crossing cells */
     size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
     levelset_fidelity fidelity; /* of a mesh */
+    int64_t size[3];            /* samples of a dense volume; 0 for another */
+    char format[8], space[64];  /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
@@ -77,6 +89,15 @@ volume *volume_open(const volume_request *request, error *e);
  * the warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
+
+/* The same for a dense volume. Where the surface meets the end of the data it is open, with a rim on that face of
+ * the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes). Errors: those of the
+ * slices; no_surface; limit_memory; input_damaged for a transform that cannot be inverted. */
+volume *volume_open_dense(const volume_dense_request *request, error *e);
+
+/* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the world's
+ * axes, so that rims cannot lie there. */
+size_t volume_loose_ends(const volume *v, bbox box);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);
 const volume_info *volume_describe(const volume *v);

@@ -21,6 +21,10 @@
 #define GRADED(grading)                                                                                      \
     "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"                       \
     "\"sampling\":{\"count\":100," grading "}}"
+#define EXR(path, slices)                                                                                    \
+    "{\"version\":1,\"surface\":{\"exr\":{\"path\":" path ",\"slices\":" slices ",\"isovalue\":1}},"           \
+    "\"sampling\":{\"count\":100}}"
+
 static json *document(const char *text)
 {
     error e = {0};
@@ -104,6 +108,9 @@ static json *document_for(const spec_row *row)
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/surface/mesh",
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
+        {"/surface/volume",
+         "{\"version\":1,\"surface\":{\"volume\":{\"path\":\"a.nrrd\",\"isovalue\":1}},\"sampling\":{\"count\":100}}"},
+        {"/surface/exr", EXR("\"a.####.exr\"", "\"1-9\"")},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
@@ -633,6 +640,47 @@ static void test_inputs(void **state)
     json_free(root);
 }
 
+static void test_slices(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        const char *first, *last;
+        size_t count;
+        int step;
+    } cases[] = {{EXR("\"d/a.####.exr\"", "\"1-93\""), "d/a.0001.exr", "d/a.0093.exr", 93, 1},
+                 {EXR("\"a%04d.exr\"", "\"0-10x5\""), "a0000.exr", "a0010.exr", 3, 5},
+                 {EXR("\"#\"", "\"9-11\""), "9", "11", 3, 1},
+                 {EXR("\"a.%d\"", "\"8-13x2\""), "a.8", "a.12", 3, 2}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        spec *s = good(cases[k].text);
+        spec_input input;
+        assert_int_equal(s->surface_kind, SPEC_SURFACE_EXR);
+        assert_int_equal(s->exr.count, cases[k].count);
+        assert_int_equal(s->exr.numbers[1] - s->exr.numbers[0], cases[k].step);
+        assert_true(spec_input_at(s, 0, &input));
+        assert_string_equal(input.path, cases[k].first);
+        assert_true(spec_input_at(s, cases[k].count - 1, &input));
+        assert_string_equal(input.path, cases[k].last);
+        assert_string_equal(input.pointer, "/surface/exr/path");
+        assert_false(spec_input_at(s, cases[k].count, &input));
+        spec_free(s);
+    }
+    static const char *const slices[] = {"\"1\"", "\"1-\"", "\"3-3\"", "\"9-1\"", "\"1-9x0\"", "\"1-9x\"",
+                                         "\"1-9 \"", "\"1-3x5\"", "\"0-65536\""};
+    for (size_t k = 0; k < sizeof slices / sizeof *slices; k++) {
+        char *text = mem_printf("{\"surface\":{\"exr\":{\"path\":\"#\",\"slices\":%s,\"isovalue\":1}}}", slices[k]);
+        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/slices", "must be");
+        free(text);
+    }
+    static const char *const paths[] = {"a", "a#b#", "%04d%d", "#%d", "%s", "%", "%1234d", "%5.d"};
+    for (size_t k = 0; k < sizeof paths / sizeof *paths; k++) {
+        char *text = mem_printf("{\"surface\":{\"exr\":{\"path\":\"%s\",\"slices\":\"1-3\",\"isovalue\":1}}}", paths[k]);
+        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/path", "must have one #### or %04d");
+        free(text);
+    }
+}
+
 static void test_faults(void **state)
 {
     (void)state;
@@ -699,7 +747,7 @@ static void test_all_faults_are_collected(void **state)
     (void)state;
     error e = {0};
     spec_faults faults =
-        bad("{\"version\":1,\"surface\":{\"exr\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
+        bad("{\"version\":1,\"surface\":{\"union\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
             "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
             &e);
     assert_int_equal(faults.count, 6);
@@ -788,6 +836,7 @@ int main(void)
         cmocka_unit_test(test_normalised_is_idempotent),
         cmocka_unit_test(test_mesh),
         cmocka_unit_test(test_inputs),
+        cmocka_unit_test(test_slices),
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_invalid_fault_behind_others),
