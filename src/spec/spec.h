@@ -22,7 +22,12 @@ typedef enum spec_surface_kind {
     SPEC_SURFACE_BSPLINE,
     SPEC_SURFACE_MESH,
     SPEC_SURFACE_VOLUME,
-    SPEC_SURFACE_EXR
+    SPEC_SURFACE_EXR,
+    SPEC_SURFACE_UNION,
+    SPEC_SURFACE_INTERSECTION,
+    SPEC_SURFACE_DIFFERENCE,
+    SPEC_SURFACE_OFFSET,
+    SPEC_SURFACE_TRANSFORM
 } spec_surface_kind;
 
 typedef enum spec_reconstruction {
@@ -102,6 +107,25 @@ typedef struct spec_bspline {
     char *path; /* of their file, or NULL */
 } spec_bspline;
 
+/* Of the members that are surfaces' kinds only the one of `kind` is set. */
+typedef struct spec_surface spec_surface;
+
+struct spec_surface {
+    spec_surface_kind kind;
+    char *input_pointer; /* JSON Pointer of its path, or NULL */
+    spec_vdb vdb;
+    spec_analytic analytic;
+    spec_bspline bspline;
+    spec_mesh mesh;
+    spec_volume volume;
+    spec_exr exr;
+    spec_surface **parts; /* what is combined: two or more; what is offset or transformed: one */
+    size_t part_count;
+    double distance; /* of an offset, outwards */
+    double *matrix;  /* of a transform: 16 numbers, row-major, column vectors, invertible, last row 0 0 0 1 */
+    size_t matrix_count;
+};
+
 typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
 } spec_alpha;
@@ -147,15 +171,9 @@ typedef enum spec_color { SPEC_COLOR_ALPHA, SPEC_COLOR_CURVATURE } spec_color;
 typedef struct spec {
     char *name; /* NULL: none */
 
-    spec_surface_kind surface_kind;
-    spec_vdb vdb;
-    spec_analytic analytic;
-    spec_bspline bspline;
+    spec_surface surface;
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
-    spec_mesh mesh;
-    spec_volume volume;
-    spec_exr exr;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */

@@ -18,11 +18,11 @@ typedef struct work {
     slices *source;
     double isovalue;
     int64_t size[3];
-    int64_t blocks[3]; /* along each axis, AROUND beyond either end included */
-    int64_t stride;    /* of a row of `inside`: rows end in zeroes that a word may read */
-    float *values;     /* a slice */
+    int64_t blocks[3];  /* along each axis, AROUND beyond either end included */
+    int64_t stride;     /* of a row of `inside`: rows end in zeroes that a word may read */
+    float *values;      /* a slice */
     uint8_t *inside[2]; /* two slices: 1 where the value is above the isovalue */
-    uint32_t *number;  /* of each block: 1 where it is crossed, at first; the number of its leaf, or NONE */
+    uint32_t *number;   /* of each block: 1 where it is crossed, at first; the number of its leaf, or NONE */
     vdb_grid *grid;
 } work;
 
@@ -40,13 +40,15 @@ static bool begin(work *w, size_t memory_limit, error *e)
         cells *= (double)w->blocks[k];
     }
     w->stride = w->size[0] + 2 * SIDE;
-    double needed = slice * sizeof(float) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
+    double needed =
+        slice * sizeof(float) + 2 * (double)w->stride * (double)w->size[1] + cells * sizeof(uint32_t);
     if (needed > (double)memory_limit)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "its %lld x %lld x %lld samples need %.0f MB for one slice and the table of blocks, and the "
-                         "limit is %zu MB: raise limits.memory_mb",
-                         (long long)w->size[0], (long long)w->size[1], (long long)w->size[2],
-                         ceil(needed / (1 << 20)), memory_limit >> 20);
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "its %lld x %lld x %lld samples need %.0f MB for one slice and the table of blocks, and the "
+            "limit is %zu MB: raise limits.memory_mb",
+            (long long)w->size[0], (long long)w->size[1], (long long)w->size[2], ceil(needed / (1 << 20)),
+            memory_limit >> 20);
     size_t row = (size_t)(w->stride * w->size[1]);
     w->values = mem_array((size_t)slice, sizeof(float), "a slice of the volume", e);
     w->inside[0] = mem_array(row, 1, "a slice of the volume", e);
@@ -101,7 +103,8 @@ static void mark_layer(work *w, int64_t z)
                 all &= word;
             }
             int64_t cells = w->size[0] - 1 - x;
-            uint64_t valid = cells < SIDE ? ((uint64_t)1 << (SIDE * cells)) - 1 : ~(uint64_t)0; /* little-endian */
+            uint64_t valid =
+                cells < SIDE ? ((uint64_t)1 << (SIDE * cells)) - 1 : ~(uint64_t)0; /* little-endian */
             if ((any ^ all) & valid) w->number[block_at(w, x / SIDE, y / SIDE, z / SIDE)] = 1;
         }
 }
@@ -150,7 +153,8 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
     if (needed > memory_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "needs %zu MB for the %zu blocks around its surface and the limit is %zu MB: raise "
-                         "limits.memory_mb", (needed >> 20) + 1, count, memory_limit >> 20);
+                         "limits.memory_mb",
+                         (needed >> 20) + 1, count, memory_limit >> 20);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);
     g->grid_class = VDB_FOG;
     memcpy(g->index_to_world, w->source->index_to_world, sizeof g->index_to_world);
@@ -214,7 +218,8 @@ static bool continued(const work *w, const int64_t at[3], double *value)
         double there, back;
         edge[axis] = end;
         mirror[axis] = 2 * end - at[axis];
-        if (mirror[axis] < 0 || mirror[axis] > last) mirror[axis] = last - end; /* a volume thinner than that */
+        if (mirror[axis] < 0 || mirror[axis] > last)
+            mirror[axis] = last - end; /* a volume thinner than that */
         if (!continued(w, edge, &there)) return false;
         *value = continued(w, mirror, &back) ? 2 * there - back : there;
         return true;
@@ -243,10 +248,9 @@ static void continue_leaves(work *w, const dense_facts *facts)
 static bool check_surface(const work *w, size_t leaves, const dense_facts *facts, error *e)
 {
     if (leaves > 0) return true;
-    if (!(facts->lowest <= facts->highest))
-        return error_set(e, ERROR_NO_SURFACE, "has no finite value");
-    return error_set(e, ERROR_NO_SURFACE, "has no surface at isovalue %g: its values range from %g to %g", w->isovalue,
-                     (double)facts->lowest, (double)facts->highest);
+    if (!(facts->lowest <= facts->highest)) return error_set(e, ERROR_NO_SURFACE, "has no finite value");
+    return error_set(e, ERROR_NO_SURFACE, "has no surface at isovalue %g: its values range from %g to %g",
+                     w->isovalue, (double)facts->lowest, (double)facts->highest);
 }
 
 vdb_grid *dense_make(slices *s, double isovalue, size_t memory_limit, dense_facts *facts, error *e)

@@ -20,15 +20,15 @@ enum { DESCRIPTORS = 5 };
 
 typedef struct image {
     int fd;
-    size_t memory;             /* that pixels may take */
+    size_t memory;              /* that pixels may take */
     const char *channel, *part; /* NULL: the only one */
     exr_context_t file;
     int part_index;
     exr_storage_t storage;
     exr_attr_box2i_t window;
-    uint16_t type;  /* of the channel's numbers */
-    float *values;  /* of the data window */
-    void *waste;    /* where other channels go */
+    uint16_t type; /* of the channel's numbers */
+    float *values; /* of the data window */
+    void *waste;   /* where other channels go */
     size_t waste_size;
     error fault;
 } image;
@@ -55,7 +55,8 @@ static int64_t read_at(exr_const_context_t file, void *data, void *to, uint64_t 
     int64_t done = 0;
     (void)file, (void)fail;
     while ((uint64_t)done < size) {
-        ssize_t got = pread(((image *)data)->fd, (char *)to + done, size - (uint64_t)done, (off_t)(offset + (uint64_t)done));
+        ssize_t got = pread(((image *)data)->fd, (char *)to + done, size - (uint64_t)done,
+                            (off_t)(offset + (uint64_t)done));
         if (got < 0 && errno == EINTR) continue;
         if (got < 0) return -1;
         if (got == 0) break;
@@ -67,8 +68,7 @@ static int64_t read_at(exr_const_context_t file, void *data, void *to, uint64_t 
 static bool damaged(image *m, const char *what)
 {
     if (m->fault.code == ERROR_NONE)
-        error_set(&m->fault, ERROR_INPUT_DAMAGED, "%s%s%s", what, *complaint ? ": " : "",
-                  complaint);
+        error_set(&m->fault, ERROR_INPUT_DAMAGED, "%s%s%s", what, *complaint ? ": " : "", complaint);
     return false;
 }
 
@@ -108,7 +108,8 @@ static bool no_part(image *m, int wanted, int found, const char *parts, const ch
         error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "has %d parts with %s, among %s: give exr.part", found,
                   m->channel ? "that channel" : "just one channel", parts);
     else if (m->channel)
-        error_set(&m->fault, ERROR_GRID_MISSING, "has no channel \"%.200s\": its channels are %s", m->channel, channels);
+        error_set(&m->fault, ERROR_GRID_MISSING, "has no channel \"%.200s\": its channels are %s", m->channel,
+                  channels);
     else
         error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "has the channels %s: give exr.channel", channels);
     return false;
@@ -131,9 +132,10 @@ static bool choose(image *m)
         m->part_index = part;
         m->type = (uint16_t)channel->pixel_type;
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
-            return error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                             "channel \"%s\" has a sample for every %d columns and %d rows only: one a pixel is needed",
-                             channel->name.str, channel->x_sampling, channel->y_sampling);
+            return error_set(
+                &m->fault, ERROR_INPUT_UNSUPPORTED,
+                "channel \"%s\" has a sample for every %d columns and %d rows only: one a pixel is needed",
+                channel->name.str, channel->x_sampling, channel->y_sampling);
     }
     return found == 1 || no_part(m, wanted, found, parts, channels);
 }
@@ -146,7 +148,8 @@ static bool open_image(image *m)
     with.read_fn = read_at;
     with.size_fn = file_size;
     complaint[0] = '\0';
-    if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS) return damaged(m, "is no OpenEXR file, or its header is damaged");
+    if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS)
+        return damaged(m, "is no OpenEXR file, or its header is damaged");
     if (!choose(m)) return false;
     if (exr_get_storage(m->file, m->part_index, &m->storage) != EXR_ERR_SUCCESS ||
         exr_get_data_window(m->file, m->part_index, &m->window) != EXR_ERR_SUCCESS)
@@ -172,8 +175,8 @@ static int64_t height_of(const image *m)
     return (int64_t)m->window.max.y - m->window.min.y + 1;
 }
 
-/* Where the numbers of channel k go: the wanted one's to their place, the others' away; the library (3.1.5) writes
- * all channels of some layouts, whatever it was told. */
+/* Where the numbers of channel k go: the wanted one's to their place, the others' away; the library (3.1.5)
+ * writes all channels of some layouts, whatever it was told. */
 static bool place_channel(image *m, const exr_decode_pipeline_t *d, int k, int64_t x, int64_t y)
 {
     exr_coding_channel_info_t *c = &d->channels[k];
@@ -207,7 +210,8 @@ static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y
         ok = result == EXR_ERR_SUCCESS;
         if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
             error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                      "its compression is none that OpenEXR's C core decodes (%s): save it with ZIP or PIZ", complaint);
+                      "its compression is none that OpenEXR's C core decodes (%s): save it with ZIP or PIZ",
+                      complaint);
     }
     exr_decoding_destroy(m->file, &d);
     return ok;
@@ -221,8 +225,10 @@ static bool decode_rows(image *m)
         return damaged(m, "its header is damaged");
     for (int64_t y = 0; y < height_of(m); y += rows) {
         exr_chunk_info_t chunk;
-        snprintf(where, sizeof where, "its rows from %lld on are missing or damaged", (long long)(m->window.min.y + y));
-        if (exr_read_scanline_chunk_info(m->file, m->part_index, (int)(m->window.min.y + y), &chunk) != EXR_ERR_SUCCESS ||
+        snprintf(where, sizeof where, "its rows from %lld on are missing or damaged",
+                 (long long)(m->window.min.y + y));
+        if (exr_read_scanline_chunk_info(m->file, m->part_index, (int)(m->window.min.y + y), &chunk) !=
+                EXR_ERR_SUCCESS ||
             !decode(m, &chunk, 0, chunk.start_y - (int64_t)m->window.min.y))
             return damaged(m, where);
     }
@@ -233,13 +239,16 @@ static bool decode_tiles(image *m)
 {
     int32_t wide = 0, high = 0;
     char where[80];
-    if (exr_get_tile_sizes(m->file, m->part_index, 0, 0, &wide, &high) != EXR_ERR_SUCCESS || wide < 1 || high < 1)
+    if (exr_get_tile_sizes(m->file, m->part_index, 0, 0, &wide, &high) != EXR_ERR_SUCCESS || wide < 1 ||
+        high < 1)
         return damaged(m, "its header is damaged");
     for (int64_t y = 0; y * high < height_of(m); y++)
         for (int64_t x = 0; x * wide < width_of(m); x++) {
             exr_chunk_info_t chunk;
-            snprintf(where, sizeof where, "its tile (%lld, %lld) is missing or damaged", (long long)x, (long long)y);
-            if (exr_read_tile_chunk_info(m->file, m->part_index, (int)x, (int)y, 0, 0, &chunk) != EXR_ERR_SUCCESS ||
+            snprintf(where, sizeof where, "its tile (%lld, %lld) is missing or damaged", (long long)x,
+                     (long long)y);
+            if (exr_read_tile_chunk_info(m->file, m->part_index, (int)x, (int)y, 0, 0, &chunk) !=
+                    EXR_ERR_SUCCESS ||
                 !decode(m, &chunk, x * wide, y * high))
                 return damaged(m, where);
         }
@@ -250,7 +259,8 @@ static bool read_pixels(image *m)
 {
     double count = (double)width_of(m) * (double)height_of(m);
     if (count * sizeof(float) > (double)m->memory / 2) {
-        error_set(&m->fault, ERROR_LIMIT_MEMORY, "has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
+        error_set(&m->fault, ERROR_LIMIT_MEMORY,
+                  "has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
                   (long long)width_of(m), (long long)height_of(m));
         return false;
     }
@@ -288,7 +298,9 @@ static char receive(int *fd)
     } control;
     char what = 0;
     struct iovec text = {&what, 1};
-    struct msghdr message = {.msg_iov = &text, .msg_iovlen = 1, .msg_control = control.room,
+    struct msghdr message = {.msg_iov = &text,
+                             .msg_iovlen = 1,
+                             .msg_control = control.room,
                              .msg_controllen = sizeof control.room};
     ssize_t got;
     do got = recvmsg(STDIN_FILENO, &message, MSG_CMSG_CLOEXEC);
@@ -326,7 +338,9 @@ int exr_reader_main(int argc, char **argv)
     char *channel = argv[1], *part = strchr(argv[1], '\n');
     if (!part) return 2;
     *part++ = '\0';
-    image asked = {.memory = memory, .channel = *channel == '=' ? channel + 1 : NULL, .part = *part == '=' ? part + 1 : NULL};
+    image asked = {.memory = memory,
+                   .channel = *channel == '=' ? channel + 1 : NULL,
+                   .part = *part == '=' ? part + 1 : NULL};
     for (;;) {
         image m = asked;
         char what = receive(&m.fd);

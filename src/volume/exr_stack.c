@@ -41,9 +41,12 @@ typedef struct faults {
 static void close_run(faults *f)
 {
     size_t n = strlen(f->numbers);
-    if (f->count == 0 || n + 40 > sizeof f->numbers) return; /* the first thirty runs or so; the count says the rest */
-    if (f->begin == f->last) snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d", n ? ", " : "", f->begin);
-    else snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d-%d", n ? ", " : "", f->begin, f->last);
+    if (f->count == 0 || n + 40 > sizeof f->numbers)
+        return; /* the first thirty runs or so; the count says the rest */
+    if (f->begin == f->last)
+        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d", n ? ", " : "", f->begin);
+    else
+        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d-%d", n ? ", " : "", f->begin, f->last);
 }
 
 /* `before` is the number of the slice before this one. */
@@ -62,14 +65,19 @@ static bool report_faults(faults *f, const char *what, error *e)
     if (f->count == 0) return true;
     close_run(f);
     return error_set(e, f->first.code, "%zu %s %s (slice%s %s), the first: %s", f->count,
-                     f->count == 1 ? "slice is" : "slices are", what, f->count == 1 ? "" : "s", f->numbers, f->first.message);
+                     f->count == 1 ? "slice is" : "slices are", what, f->count == 1 ? "" : "s", f->numbers,
+                     f->first.message);
 }
 
 /* ---- talking to the process */
 
 static bool start(exr_stack *s, error *e)
 {
-    const reader_params params = {s->params.program, EXR_READER_COMMAND, s->names, -1, s->params.memory_limit,
+    const reader_params params = {s->params.program,
+                                  EXR_READER_COMMAND,
+                                  s->names,
+                                  -1,
+                                  s->params.memory_limit,
                                   seconds_at_least + seconds_per_slice * (unsigned)s->params.count};
     return s->running || (s->running = reader_start(&params, &s->reader, e));
 }
@@ -81,7 +89,9 @@ static bool send_request(exr_stack *s, char what, int fd)
         struct cmsghdr align;
     } control = {.room = {0}};
     struct iovec text = {&what, 1};
-    struct msghdr message = {.msg_iov = &text, .msg_iovlen = 1, .msg_control = control.room,
+    struct msghdr message = {.msg_iov = &text,
+                             .msg_iovlen = 1,
+                             .msg_control = control.room,
                              .msg_controllen = sizeof control.room};
     struct cmsghdr *c = CMSG_FIRSTHDR(&message);
     c->cmsg_level = SOL_SOCKET;
@@ -94,7 +104,8 @@ static bool send_request(exr_stack *s, char what, int fd)
 static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
 {
     char text[EXR_READER_TEXT_MAX + 1] = "";
-    if (fread(a, sizeof *a, 1, s->reader.stream) != 1) return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
+        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
     if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > EXR_READER_TEXT_MAX ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
         return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
@@ -103,7 +114,8 @@ static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
 }
 
-/* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice. */
+/* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
+ */
 static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *pixels, error *e)
 {
     if (!start(s, e)) return false;
@@ -126,7 +138,8 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     close(fd);
     if (!whole) {
         s->running = false;
-        ok = reader_end(&s->reader, false, false, e) && error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        ok = reader_end(&s->reader, false, false, e) &&
+             error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
     }
     return ok || error_prefix(e, "%s", s->params.paths[k]);
 }
@@ -171,19 +184,21 @@ static void place_rows(const exr_stack *s, const window *w, float *values)
     int64_t width = w->high[0] - w->low[0] + 1;
     memset(values, 0, (size_t)(s->base.size[0] * s->base.size[1]) * sizeof *values);
     for (int64_t y = w->low[1]; y <= w->high[1]; y++)
-        memcpy(values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]), s->pixels + (y - w->low[1]) * width,
-               (size_t)width * sizeof *values);
+        memcpy(values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]),
+               s->pixels + (y - w->low[1]) * width, (size_t)width * sizeof *values);
 }
 
 static bool exr_next(slices *base, float *values, error *e)
 {
     exr_stack *s = (exr_stack *)base;
     const window *w = &s->windows[s->at];
-    bool whole = w->high[0] - w->low[0] + 1 == s->base.size[0] && w->high[1] - w->low[1] + 1 == s->base.size[1];
+    bool whole =
+        w->high[0] - w->low[0] + 1 == s->base.size[0] && w->high[1] - w->low[1] + 1 == s->base.size[1];
     size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
     exr_reader_answer a;
     error fault = {0};
-    if (!whole && !s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e))) return false;
+    if (!whole && !s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e)))
+        return false;
     if (!ask(s, s->at, EXR_READER_PIXELS, &a, whole ? values : s->pixels, &fault)) {
         float *rest = mem_array(count, sizeof *rest, "a slice", e);
         bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
@@ -225,12 +240,14 @@ static bool span(exr_stack *s, error *e)
             if (w->high[axis] > high[axis]) high[axis] = w->high[axis];
         }
         s->base.size[axis] = high[axis] - s->low[axis] + 1;
-        if (s->base.size[axis] < 2) return error_set(e, ERROR_NO_SURFACE, "its images are one pixel wide or high");
+        if (s->base.size[axis] < 2)
+            return error_set(e, ERROR_NO_SURFACE, "its images are one pixel wide or high");
     }
     s->base.size[2] = (int64_t)s->params.count;
     if (differ)
         snprintf(s->base.warning, sizeof s->base.warning,
-                 "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a slice's own are 0",
+                 "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a "
+                 "slice's own are 0",
                  (long long)s->base.size[0], (long long)s->base.size[1]);
     return true;
 }

@@ -32,10 +32,12 @@ static bool check_values(const header *h, error *e)
 {
     for (int k = 0; k < 3; k++) {
         if (h->size[k] < 1 || h->size[k] > largest_side)
-            return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld samples along axis %d: at most %lld are read",
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "claims %lld samples along axis %d: at most %lld are read",
                              (long long)h->size[k], k, (long long)largest_side);
         if (h->size[k] == 1)
-            return error_set(e, ERROR_NO_SURFACE, "is %lld x %lld x %lld samples: one slice encloses no surface",
+            return error_set(e, ERROR_NO_SURFACE,
+                             "is %lld x %lld x %lld samples: one slice encloses no surface",
                              (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
     }
     if (h->size[0] * h->size[1] > most_samples / h->size[2])
@@ -61,7 +63,8 @@ static bool check_answer(FILE *stream, header *h, char **text, error *e)
 bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e)
 {
     const char *slash = strrchr(path, '/');
-    const reader_params params = {program, HEADER_COMMAND, slash ? slash + 1 : path, fd, memory_limit, seconds};
+    const reader_params params = {program, HEADER_COMMAND, slash ? slash + 1 : path,
+                                  fd,      memory_limit,   seconds};
     header h = {0};
     char *text = NULL;
     reader r;

@@ -1,6 +1,5 @@
 #include "volume/header.h"
 
-#include <ctype.h>
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -34,7 +33,8 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
     va_list arguments;
     va_start(arguments, format);
     a->head.code = (uint32_t)code;
-    a->head.text_length = (uint32_t)vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
+    vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
+    a->head.text_length = (uint32_t)strlen(a->text);
     va_end(arguments);
     return false;
 }
@@ -43,8 +43,10 @@ static bool refuse(answer *a, error_code code, const char *format, ...)
 
 static bool add_name(answer *a, const char *name, size_t length)
 {
-    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX || a->head.file_count == most_files)
-        return refuse(a, ERROR_INPUT_UNSUPPORTED, "names more than %ld data files, or one without a name", most_files);
+    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
+        a->head.file_count == most_files)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED, "names more than %ld data files, or one without a name",
+                      most_files);
     memcpy(a->text + a->head.text_length, name, length);
     a->head.text_length += (uint32_t)length;
     a->text[a->head.text_length++] = '\n';
@@ -74,7 +76,8 @@ static bool add_names(answer *a, char *value)
     if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
         return add_name(a, value, strlen(value));
     if (!is_pattern(pattern) || step == 0 || labs(last) > INT32_MAX || labs(first) > INT32_MAX)
-        return refuse(a, ERROR_INPUT_DAMAGED, "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
     for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
         int length = snprintf(name, sizeof name, pattern, (int)k);
         if (!add_name(a, name, (size_t)length)) return false;
@@ -88,15 +91,16 @@ static bool add_names(answer *a, char *value)
 static char *field_of(char *line, const char *name, const char *other)
 {
     size_t length = strcspn(line, ":");
-    bool is = line[length] && line[length + 1] != '=' && ((length == strlen(name) && strncmp(line, name, length) == 0) ||
-                               (length == strlen(other) && strncmp(line, other, length) == 0));
+    bool is = line[length] && line[length + 1] != '=' &&
+              ((length == strlen(name) && strncmp(line, name, length) == 0) ||
+               (length == strlen(other) && strncmp(line, other, length) == 0));
     if (!is) return NULL;
     line += length + 1;
     return line + strspn(line, " \t");
 }
 
-/* Takes out of the header's text where the data are: Teem opens the files and skips even when it is told to leave
- * the data alone. */
+/* Takes out of the header's text where the data are: Teem opens the files and skips even when it is told to
+ * leave the data alone. */
 static bool take_places(answer *a, char *text, char *rest)
 {
     bool listed = false;
@@ -125,10 +129,11 @@ static bool type_of_nrrd(answer *a, int type)
     static const struct {
         int nrrd;
         header_type type;
-    } types[] = {{nrrdTypeChar, HEADER_INT8},     {nrrdTypeUChar, HEADER_UINT8},   {nrrdTypeShort, HEADER_INT16},
-                 {nrrdTypeUShort, HEADER_UINT16}, {nrrdTypeInt, HEADER_INT32},     {nrrdTypeUInt, HEADER_UINT32},
-                 {nrrdTypeLLong, HEADER_INT64},   {nrrdTypeULLong, HEADER_UINT64}, {nrrdTypeFloat, HEADER_FLOAT},
-                 {nrrdTypeDouble, HEADER_DOUBLE}};
+    } types[] = {{nrrdTypeChar, HEADER_INT8},   {nrrdTypeUChar, HEADER_UINT8},
+                 {nrrdTypeShort, HEADER_INT16}, {nrrdTypeUShort, HEADER_UINT16},
+                 {nrrdTypeInt, HEADER_INT32},   {nrrdTypeUInt, HEADER_UINT32},
+                 {nrrdTypeLLong, HEADER_INT64}, {nrrdTypeULLong, HEADER_UINT64},
+                 {nrrdTypeFloat, HEADER_FLOAT}, {nrrdTypeDouble, HEADER_DOUBLE}};
     for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
         if (types[k].nrrd == type) {
             a->head.type = types[k].type;
@@ -171,7 +176,8 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     for (int k = 0; k < 3; k++) {
         int kind = axis[k]->kind;
         if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
-            return refuse(a, ERROR_INPUT_UNSUPPORTED, "has an axis of kind \"%s\" (%s): three axes of space are needed",
+            return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                          "has an axis of kind \"%s\" (%s): three axes of space are needed",
                           airEnumStr(nrrdKind, kind), sizes);
         a->head.size[k] = (int64_t)axis[k]->size;
     }
@@ -206,8 +212,8 @@ static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     }
     if (directed != 3 || n->spaceDim != 3)
         return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                      "has space directions for %d of its axes in %u dimensions: three in three are needed", directed,
-                      n->spaceDim);
+                      "has space directions for %d of its axes in %u dimensions: three in three are needed",
+                      directed, n->spaceDim);
     for (int row = 0; row < 3; row++) {
         for (int k = 0; k < 3; k++) m[4 * row + k] = axis[k]->spaceDirection[row];
         m[4 * row + 3] = isfinite(n->spaceOrigin[row]) ? n->spaceOrigin[row] : 0;
@@ -297,7 +303,8 @@ static bool name_of_image(answer *a, const char *name)
     char image[300];
     size_t length = strlen(name);
     if (length < 4 || length > 256 || strcmp(name + length - 4, ".hdr") != 0)
-        return refuse(a, ERROR_INPUT_UNSUPPORTED, "is a header whose data are in another file: it must end in .hdr");
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "is a header whose data are in another file: it must end in .hdr");
     snprintf(image, sizeof image, "%.*s.img", (int)length - 4, name);
     return add_name(a, image, strlen(image));
 }
@@ -307,9 +314,10 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bo
     const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
     for (int k = 3; k < 7; k++)
         if (size[k] > 1)
-            return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                          "has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
-                          (long long)size[k], k + 1, (long long)size[0], (long long)size[1], (long long)size[2]);
+            return refuse(
+                a, ERROR_INPUT_UNSUPPORTED,
+                "has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
+                (long long)size[k], k + 1, (long long)size[0], (long long)size[1], (long long)size[2]);
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
     if (!type_of_nifti(a, n->datatype)) return false;
     place_of_nifti(a, n);
@@ -351,8 +359,10 @@ static size_t read_head(char *to, size_t size)
     size_t count = 0;
     for (ssize_t got = 1; got > 0 && count < size;) {
         got = pread(STDIN_FILENO, to + count, size - count, (off_t)count);
-        if (got < 0 && errno == EINTR) got = 1;
-        else if (got > 0) count += (size_t)got;
+        if (got < 0 && errno == EINTR)
+            got = 1;
+        else if (got > 0)
+            count += (size_t)got;
     }
     return count;
 }

@@ -42,8 +42,9 @@ static bool start(const mesh_file *file, off_t size, reader *out, error *e)
 {
     char ending[16];
     ending_of(file->path, ending);
-    const reader_params params = {file->program, MESH_READER_COMMAND, ending, file->fd, file->memory_limit,
-                                  seconds_at_least + (unsigned)(size / bytes_per_second)};
+    const reader_params params = {
+        file->program, MESH_READER_COMMAND, ending,
+        file->fd,      file->memory_limit,  seconds_at_least + (unsigned)(size / bytes_per_second)};
     return reader_start(&params, out, e);
 }
 

@@ -22,7 +22,8 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e)
         return error_set(e, ERROR_INPUT_DAMAGED, "cannot be read: %s", strerror(errno));
     if (strcmp(head, lfs) == 0)
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from", what);
+                         "is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from",
+                         what);
     *size = st.st_size;
     return true;
 }

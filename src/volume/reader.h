@@ -1,8 +1,8 @@
 /* reader: a process of its own for a library that reads files from strangers.
  *
  * It is this program started again with another command, the open file as its input and no other descriptor,
- * under limits of address space, processor time and descriptors: what crashes, hangs or takes all memory there
- * is an error here. Threads: a reader belongs to one thread.
+ * under limits of address space, processor time and descriptors: what crashes, hangs or takes all memory
+ * there is an error here. Threads: a reader belongs to one thread.
  */
 #ifndef HEXAD_VOLUME_READER_H
 #define HEXAD_VOLUME_READER_H

@@ -320,7 +320,8 @@ void samples_known(const samples *s, const int32_t block[3], uint16_t known[81])
         uint32_t n = blockmap_find(&s->map, block[0] + upper[0], block[1] + upper[1], block[2] + upper[2]);
         for (int x = upper[0] * SIDE; n != BLOCKMAP_NONE && x < (upper[0] ? 9 : SIDE); x++)
             for (int y = upper[1] * SIDE; y < (upper[1] ? 9 : SIDE); y++) {
-                unsigned row = (unsigned)(s->known[(size_t)n * SIDE + (size_t)(x & 7)] >> (8 * (y & 7))) & 0xFF;
+                unsigned row =
+                    (unsigned)(s->known[(size_t)n * SIDE + (size_t)(x & 7)] >> (8 * (y & 7))) & 0xFF;
                 known[9 * x + y] = (uint16_t)(known[9 * x + y] | (upper[2] ? (row & 1) << SIDE : row));
             }
     }

@@ -29,8 +29,8 @@ struct slices {
     char warning[256];         /* something odd about them, or "" */
 };
 
-/* How a volume gets at files that are named in or beside another: a descriptor for reading, the caller's then, or
- * -1 and an error that names the path. */
+/* How a volume gets at files that are named in or beside another: a descriptor for reading, the caller's
+ * then, or -1 and an error that names the path. */
 typedef struct slices_files {
     int (*open)(void *context, const char *path, error *e);
     void *context;

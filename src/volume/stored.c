@@ -48,8 +48,10 @@ static bool damaged(const stored *s, error *e, const char *what)
 
 static void close_data(stored *s)
 {
-    if (s->unpacked) gzclose(s->unpacked); /* its descriptor as well */
-    else if (s->data >= 0) close(s->data);
+    if (s->unpacked)
+        gzclose(s->unpacked); /* its descriptor as well */
+    else if (s->data >= 0)
+        close(s->data);
     s->unpacked = NULL;
     s->data = -1;
     s->filled = s->used = 0;
@@ -63,8 +65,10 @@ static int64_t fill(stored *s, void *to, int64_t count)
     int64_t done = 0;
     while (done < count) {
         int64_t step = count - done < INT32_MAX / 2 ? count - done : INT32_MAX / 2, got;
-        if (s->unpacked) got = gzread(s->unpacked, (char *)to + done, (unsigned)step);
-        else got = pread(s->data, (char *)to + done, (size_t)step, (off_t)s->offset);
+        if (s->unpacked)
+            got = gzread(s->unpacked, (char *)to + done, (unsigned)step);
+        else
+            got = pread(s->data, (char *)to + done, (size_t)step, (off_t)s->offset);
         if (got < 0 && !s->unpacked && errno == EINTR) continue;
         if (got < 0) return -1;
         if (got == 0) break;
@@ -82,7 +86,8 @@ static bool skip(stored *s, int64_t count, error *e)
     }
     while (count > 0) {
         int64_t step = count < BUFFER ? count : BUFFER;
-        if (fill(s, s->buffer, step) != step) return damaged(s, e, "ends before its data begin: it is damaged");
+        if (fill(s, s->buffer, step) != step)
+            return damaged(s, e, "ends before its data begin: it is damaged");
         count -= step;
     }
     return true;
@@ -140,7 +145,8 @@ static bool skip_bytes(stored *s, int64_t needed, error *e)
     }
     s->offset = 0;
     int64_t at = length - needed + s->head.byte_skip + 1;
-    return (at >= start && skip(s, at, e)) || damaged(s, e, "holds less data than its header says: it is damaged");
+    return (at >= start && skip(s, at, e)) ||
+           damaged(s, e, "holds less data than its header says: it is damaged");
 }
 
 /* Whether the file can hold `values`, before any of them is read. */
@@ -154,9 +160,10 @@ static bool check_length(const stored *s, int64_t values, error *e)
     if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
     if (have >= needed) return true;
     char text[200];
-    snprintf(text, sizeof text, "has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
-             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ", (long long)needed,
-             (long long)values);
+    snprintf(text, sizeof text,
+             "has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
+             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
+             (long long)needed, (long long)values);
     return damaged(s, e, text);
 }
 
@@ -173,7 +180,8 @@ static bool open_data(stored *s, uint32_t index, error *e)
     s->offset = s->head.file_count ? 0 : s->head.offset;
     s->data = s->head.file_count ? s->files->open(s->files->context, s->names[index], e) : dup(s->fd);
     if (s->data < 0)
-        return s->head.file_count ? false : error_set(e, ERROR_INTERNAL, "cannot be read: %s", strerror(errno));
+        return s->head.file_count ? false
+                                  : error_set(e, ERROR_INTERNAL, "cannot be read: %s", strerror(errno));
     return skip_lines(s, e) && check_length(s, s->left, e) && start_unpacking(s, e) &&
            skip_bytes(s, s->left * size_of[s->head.type], e);
 }
@@ -196,16 +204,26 @@ static double one_value(const unsigned char *p, header_type type)
     } v;
     memcpy(&v, p, (size_t)size_of[type]);
     switch (type) {
-    case HEADER_INT8: return v.i8;
-    case HEADER_UINT8: return v.u8;
-    case HEADER_INT16: return v.i16;
-    case HEADER_UINT16: return v.u16;
-    case HEADER_INT32: return v.i32;
-    case HEADER_UINT32: return v.u32;
-    case HEADER_INT64: return (double)v.i64;
-    case HEADER_UINT64: return (double)v.u64;
-    case HEADER_FLOAT: return (double)v.f;
-    default: return v.d;
+    case HEADER_INT8:
+        return v.i8;
+    case HEADER_UINT8:
+        return v.u8;
+    case HEADER_INT16:
+        return v.i16;
+    case HEADER_UINT16:
+        return v.u16;
+    case HEADER_INT32:
+        return v.i32;
+    case HEADER_UINT32:
+        return v.u32;
+    case HEADER_INT64:
+        return (double)v.i64;
+    case HEADER_UINT64:
+        return (double)v.u64;
+    case HEADER_FLOAT:
+        return (double)v.f;
+    default:
+        return v.d;
     }
 }
 
@@ -216,7 +234,9 @@ static bool read_numbers(stored *s, float *values, int64_t count, error *e)
     while (count > 0) {
         int64_t some = count < BUFFER / size ? count : BUFFER / size;
         if (fill(s, s->buffer, some * size) != some * size)
-            return damaged(s, e, "ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
+            return damaged(
+                s, e,
+                "ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
@@ -252,7 +272,8 @@ static bool read_words(stored *s, float *values, int64_t count, error *e)
 {
     char word[64], *end;
     for (int64_t k = 0; k < count; k++) {
-        if (!next_word(s, word)) return damaged(s, e, "ends before all of its values are there: it is damaged or cut off");
+        if (!next_word(s, word))
+            return damaged(s, e, "ends before all of its values are there: it is damaged or cut off");
         values[k] = (float)strtod(word, &end);
         if (*end) return damaged(s, e, "holds text among its numbers: it is damaged");
     }
@@ -270,7 +291,8 @@ static bool stored_next(slices *base, float *values, error *e)
     for (int64_t wanted = s->head.size[0] * s->head.size[1]; wanted > 0;) {
         if (s->left == 0 && !open_data(s, s->at + 1, e)) return false;
         int64_t some = wanted < s->left ? wanted : s->left;
-        bool ok = s->head.encoding == HEADER_ASCII ? read_words(s, values, some, e) : read_numbers(s, values, some, e);
+        bool ok = s->head.encoding == HEADER_ASCII ? read_words(s, values, some, e)
+                                                   : read_numbers(s, values, some, e);
         if (!ok) return false;
         values += some;
         wanted -= some;

@@ -33,6 +33,7 @@ typedef struct volume_request {
     const char *grid;   /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
     bool has_isovalue;
     double isovalue;    /* in the grid's own unit */
+    double offset;      /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
     isa isa;             /* what sampling runs on */
@@ -45,15 +46,16 @@ typedef struct volume_mesh_request {
     double voxel_size;   /* world units; 0: from the resolution */
     int resolution;      /* voxels along the longest side of the mesh's box */
     int band_vox;        /* half-width of the band of distances */
+    double offset;       /* of the surface from the mesh, outwards */
     size_t memory_limit; /* as above, the process that reads included */
     threads *pool;       /* as in levelset_params */
     isa isa;             /* as above */
 } volume_mesh_request;
 
 typedef struct volume_dense_request {
-    slices *source;     /* the caller's, and done with when the volume is open */
-    const char *path;   /* as above */
-    double isovalue;    /* above it is inside */
+    slices *source;   /* the caller's, and done with when the volume is open */
+    const char *path; /* as above */
+    double isovalue;  /* above it is inside */
     volume_reconstruction reconstruction;
     size_t memory_limit;
     isa isa;
@@ -90,13 +92,14 @@ volume *volume_open(const volume_request *request, error *e);
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 
-/* The same for a dense volume. Where the surface meets the end of the data it is open, with a rim on that face of
- * the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes). Errors: those of the
- * slices; no_surface; limit_memory; input_damaged for a transform that cannot be inverted. */
+/* The same for a dense volume. Where the surface meets the end of the data it is open, with a rim on that
+ * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).
+ * Errors: those of the slices; no_surface; limit_memory; input_damaged for a transform that cannot be
+ * inverted. */
 volume *volume_open_dense(const volume_dense_request *request, error *e);
 
-/* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the world's
- * axes, so that rims cannot lie there. */
+/* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
+ * world's axes, so that rims cannot lie there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);

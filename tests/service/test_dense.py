@@ -258,6 +258,13 @@ def test_values_that_are_not_finite_are_counted(sample, tmp_path):
         assert_ellipsoid(points, near=5e-3)
 
 
+def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"])
+    values[0, 0, 0] = numpy.inf
+    e, _ = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
+    assert e["code"] == "no_surface" and f"range from {values.min():g} to {values[1:].max():g}" in e["message"], e
+
+
 def test_missing_and_damaged_slices_are_named(sample, tmp_path):
     surface = stack(tmp_path, ellipsoid(MATRICES["plain"]), make=lambda k, p: [Part({"Y": p}, compression=3)])
     for k in (4, 7, 8, 9):
@@ -379,7 +386,7 @@ def broken(tmp_path):
     yield "flat.nrrd", nrrd(header(sizes="1020 26 1"), raw), "no_surface", "one slice"
     yield "block.nrrd", nrrd(header(type="block")), "input_damaged", "block"
     yield "hex.nrrd", nrrd(header(encoding="hex")), "input_unsupported", "hex"
-    yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_damaged", "kind"
+    yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_unsupported", "RGB-color"
     yield "missing.nhdr", nrrd([*header(), "data file: nowhere.raw"]), "input_missing", "nowhere.raw"
     yield "pattern.nhdr", nrrd([*header(), "data file: %s%d 1 3 1"]), "input_damaged", "FORMAT MIN MAX STEP"
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
@@ -477,3 +484,35 @@ def test_real_files_against_an_independent_reading(sample, shared_data, name, is
     outward = -numpy.linalg.solve(matrix[:3, :3].T, gradient)
     outward /= numpy.linalg.norm(outward, axis=0)
     assert numpy.quantile((outward.T * points.normal).sum(axis=1), 0.01) > 0.999
+
+
+# ---- through REST
+
+def test_volumes_through_rest(new_service, tmp_path):
+    """Names in the spec are relative to an input root; what is missing is told when the job is submitted."""
+    root = tmp_path / "root"
+    root.mkdir()
+    values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
+    (root / "v.nhdr").write_text("\n".join(nrrd_header(values, matrix, extra=["data file: v.raw"])) + "\n")
+    (root / "v.raw").write_bytes(nrrd_data(values))
+    exr = {**stack(root, values), "path": "s.####.exr"}
+    ball = {"analytic": {"shape": "sphere", "radius": 1, "center": [float(v) for v in CENTER]}}
+    surfaces = {"volume": {"volume": {"path": "v.nhdr", "isovalue": 0}}, "exr": {"exr": {**exr, "isovalue": 0}}}
+    surfaces["difference"] = {"difference": [surfaces["volume"], ball]}
+    service = new_service("--input_roots", root).start()
+    jobs = {name: service.submit({"version": 1, "surface": surface, "sampling": {"count": COUNT}, "output": {"preview": False}})
+            for name, surface in surfaces.items()}
+    digests = {}
+    for name, job in jobs.items():
+        service.wait_state(job, "succeeded")
+        listed = {r["name"]: r["sha256"] for r in service.get(f"/v1/jobs/{job}/results").json["results"]}
+        digests[name] = listed["points.ply"]
+    assert digests["volume"] == digests["exr"] != digests["difference"]
+    (root / "s.0007.exr").unlink()
+    reply = service.post("/v1/jobs", {"version": 1, "surface": surfaces["exr"], "sampling": {"count": COUNT}})
+    assert reply.status >= 400 and reply.json["code"] == "input_missing"
+    assert reply.json["errors"][0]["pointer"] == "/surface/exr/path" and "s.0007.exr" in reply.json["errors"][0]["detail"]
+    nested = {"union": [ball, {"volume": {"path": "../v.nhdr", "isovalue": 0}}]}
+    reply = service.post("/v1/jobs", {"version": 1, "surface": nested, "sampling": {"count": COUNT}})
+    assert reply.json["code"] == "path_forbidden"
+    assert reply.json["errors"][0]["pointer"] == "/surface/union/1/volume/path"
