@@ -23,6 +23,8 @@
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
+#include "volume/exr_reader.h"
+#include "volume/header.h"
 #include "volume/mesh_reader.h"
 
 enum exit_code {
@@ -361,6 +363,8 @@ int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
     if (strcmp(command, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
+    if (strcmp(command, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
+    if (strcmp(command, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) command = "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;

@@ -209,7 +209,7 @@ static bool place(const job *j, solution *out, error *e)
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         .count_limit = (size_t)(particle_memory(j) / bytes_per_particle(j)),
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
-        .random_in_cells = j->source.volume != NULL,
+        .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
         .graded = s->has_alpha,
         .d = s->alpha.d,

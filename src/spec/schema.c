@@ -91,6 +91,15 @@ static void put_type(json *schema, const spec_row *row)
     case SPEC_TYPE_SIZE:
         put_size(schema, row);
         break;
+    case SPEC_TYPE_SURFACE:
+        json_put_string(schema, "type", "object"); /* what /surface is, which the prose says */
+        break;
+    case SPEC_TYPE_SURFACES:
+        json_put_string(schema, "type", "array");
+        json_put_number(schema, "minItems", row->low);
+        json_put_number(schema, "maxItems", row->high);
+        json_put_string(json_put_object(schema, "items"), "type", "object");
+        break;
     case SPEC_TYPE_LABELS:
         json_put_string(schema, "type", "array");
         json_put_number(schema, "maxItems", row->high);

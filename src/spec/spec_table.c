@@ -53,27 +53,27 @@ const spec_row spec_rows[] = {
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
-     AT(vdb.path),
+     AT(surface.vdb.path),
      .prose = "The file; below one of the service's input roots."},
     {.pointer = "/surface/vdb/grid",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
-     AT(vdb.grid),
+     AT(surface.vdb.grid),
      .prose = "The grid's name, \"name[1]\" among equals. May be absent when the file has just one "
               "scalar grid."},
     {.pointer = "/surface/vdb/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
      .high = 1e30,
-     AT_HAS(vdb.isovalue, vdb.has_isovalue),
+     AT_HAS(surface.vdb.isovalue, surface.vdb.has_isovalue),
      .unit = "the grid's",
      .prose = "The value on the surface. Level sets have 0 without it; fog volumes need it."},
     {.pointer = "/surface/vdb/reconstruction",
      .type = SPEC_TYPE_WORD,
      .words = "interpolating|smoothing",
      .otherwise = "\"interpolating\"",
-     AT(vdb.reconstruction),
+     AT(surface.vdb.reconstruction),
      .prose = "interpolating: the spline passes through the samples; smoothing: it takes them as "
               "its coefficients, "
               "which blurs noise and moves the surface slightly."},
@@ -89,7 +89,7 @@ const spec_row spec_rows[] = {
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
-     AT(mesh.path),
+     AT(surface.mesh.path),
      .prose = "The file, PLY, OBJ, STL, OFF or another format that assimp reads; below one of the "
               "service's input roots. Other files that it names are not read."},
     {.pointer = "/surface/mesh/voxel_size",
@@ -98,7 +98,7 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_VOXELS,
      .low = 0,
      .high = WORLD_MAX,
-     AT(mesh.voxel_size),
+     AT(surface.mesh.voxel_size),
      .unit = "world",
      .prose = "Size of the level set's voxels, between 1/8191 and 1/8 of the longest side of the "
               "mesh's box. Not beside resolution."},
@@ -108,7 +108,7 @@ const spec_row spec_rows[] = {
      .low = 8,
      .high = 8191,
      .otherwise = "256",
-     AT(mesh.resolution),
+     AT(surface.mesh.resolution),
      .unit = "voxels",
      .prose = "Voxels along the longest side of the mesh's box; the default where no voxel_size is given. "
               "At 256 nine tenths and more of a scanned mesh lie within 0.05 voxel of the surface that is "
@@ -119,7 +119,7 @@ const spec_row spec_rows[] = {
      .low = 3,
      .high = 32,
      .otherwise = "4",
-     AT(mesh.band_vox),
+     AT(surface.mesh.band_vox),
      .unit = "voxels",
      .prose = "Half-width of the band of distances around the mesh. Particles use four voxels on either "
               "side of the surface; three give the same surface, more take time only."},
@@ -134,16 +134,15 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
      .words = "sphere|torus|box|ellipsoid|quartic|gyroid",
-     AT(analytic.shape),
+     AT(surface.analytic.shape),
      .prose = "Which formula."},
     {.pointer = "/surface/analytic/center",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0.5,0.5,0.5]",
-     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) |
-               SHAPE(GYROID),
-     AT(analytic.center),
+     .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID),
+     AT(surface.analytic.center),
      .unit = "world",
      .prose = "Every shape: its centre."},
     {.pointer = "/surface/analytic/radius",
@@ -152,7 +151,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(SPHERE),
-     AT(analytic.radius),
+     AT(surface.analytic.radius),
      .unit = "world",
      .prose = "sphere: its radius."},
     {.pointer = "/surface/analytic/axis",
@@ -161,7 +160,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      .otherwise = "[0,0,1]",
      .shapes = SHAPE(TORUS),
-     AT(analytic.axis),
+     AT(surface.analytic.axis),
      .prose = "torus: direction of its axis of rotation; not zero, of any length."},
     {.pointer = "/surface/analytic/major_radius",
      .type = SPEC_TYPE_NUMBER,
@@ -169,7 +168,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(TORUS),
-     AT(analytic.major_radius),
+     AT(surface.analytic.major_radius),
      .unit = "world",
      .prose = "torus: from the centre to the middle of the tube."},
     {.pointer = "/surface/analytic/minor_radius",
@@ -178,7 +177,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(TORUS),
-     AT(analytic.minor_radius),
+     AT(surface.analytic.minor_radius),
      .unit = "world",
      .prose = "torus: radius of the tube, less than major_radius."},
     {.pointer = "/surface/analytic/half_size",
@@ -187,7 +186,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(BOX),
-     AT(analytic.half_size),
+     AT(surface.analytic.half_size),
      .unit = "world",
      .prose = "box: half of each side, rounding included."},
     {.pointer = "/surface/analytic/rounding",
@@ -196,7 +195,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      .otherwise = "0",
      .shapes = SHAPE(BOX),
-     AT(analytic.rounding),
+     AT(surface.analytic.rounding),
      .unit = "world",
      .prose = "box: radius of its edges and corners, at most the smallest half size."},
     {.pointer = "/surface/analytic/radii",
@@ -205,7 +204,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(ELLIPSOID),
-     AT(analytic.radii),
+     AT(surface.analytic.radii),
      .unit = "world",
      .prose = "ellipsoid: half of each axis."},
     {.pointer = "/surface/analytic/r",
@@ -215,7 +214,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      .otherwise = "0.13",
      .shapes = SHAPE(QUARTIC),
-     AT(analytic.r),
+     AT(surface.analytic.r),
      .unit = "world",
      .prose = "quartic: r of equation (15)."},
     {.pointer = "/surface/analytic/size",
@@ -225,7 +224,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      .otherwise = "[1,1,1]",
      .shapes = SHAPE(GYROID),
-     AT(analytic.size),
+     AT(surface.analytic.size),
      .unit = "world",
      .prose = "gyroid: sides of the box that cuts it."},
     {.pointer = "/surface/analytic/period",
@@ -234,7 +233,7 @@ const spec_row spec_rows[] = {
      .low = 0,
      .high = WORLD_MAX,
      .shapes = SHAPE(GYROID),
-     AT(analytic.period),
+     AT(surface.analytic.period),
      .unit = "world",
      .prose = "gyroid: length of one period."},
 
@@ -252,7 +251,7 @@ const spec_row spec_rows[] = {
      .flags = SPEC_REQUIRED,
      .low = 4,
      .high = 4096,
-     AT(bspline.dims),
+     AT(surface.bspline.dims),
      .prose = "Number of coefficients along x, y and z."},
     GROUP("/surface/bspline/domain", 0, "The box that the spline is defined in."),
     {.pointer = "/surface/bspline/domain/min",
@@ -260,7 +259,7 @@ const spec_row spec_rows[] = {
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,0]",
-     AT(bspline.domain.min),
+     AT(surface.bspline.domain.min),
      .unit = "world",
      .prose = "Its lowest corner."},
     {.pointer = "/surface/bspline/domain/max",
@@ -268,7 +267,7 @@ const spec_row spec_rows[] = {
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[1,1,1]",
-     AT(bspline.domain.max),
+     AT(surface.bspline.domain.max),
      .unit = "world",
      .prose = "Its highest corner, above the lowest in every axis."},
     {.pointer = "/surface/bspline/coefficients",
@@ -276,24 +275,187 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = -COEFFICIENT_MAX,
      .high = COEFFICIENT_MAX,
-     AT_HAS(bspline.coefficients, bspline.coefficient_count),
+     AT_HAS(surface.bspline.coefficients, surface.bspline.coefficient_count),
      .prose = "The coefficients, x fastest, then y: as many as the product of dims."},
     {.pointer = "/surface/bspline/path",
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = 1,
      .high = 4096,
-     AT(bspline.path),
+     AT(surface.bspline.path),
      .prose = "A file with the coefficients in the same order and nothing else: little-endian floats of "
               "32 or of 64 bits, told apart by the file's size; below one of the service's input roots."},
 
-    LATER("/surface/exr", SPEC_CHOICE_SURFACE, "A stack of EXR slices."),
-    LATER("/surface/volume", SPEC_CHOICE_SURFACE, "A dense volume, NRRD or NIfTI."),
-    LATER("/surface/union", SPEC_CHOICE_SURFACE, "The union of surfaces."),
-    LATER("/surface/intersection", SPEC_CHOICE_SURFACE, "The intersection of surfaces."),
-    LATER("/surface/difference", SPEC_CHOICE_SURFACE, "The first surface without the others."),
-    LATER("/surface/offset", SPEC_CHOICE_SURFACE, "A surface at a distance."),
-    LATER("/surface/transform", SPEC_CHOICE_SURFACE, "A surface moved by a matrix."),
+    {.pointer = "/surface/volume",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose = "A dense volume of a file, at its isovalue; inside is above it. World space is the file's own: "
+              "NRRD as its space says (left-posterior-superior stays that), NIfTI right-anterior-superior."},
+    {.pointer = "/surface/volume/path",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 1,
+     .high = 4096,
+     AT(surface.volume.path),
+     .prose = "The file, NRRD (data attached or in files beside it; raw, gzip or ascii), NIfTI-1 or NIfTI-2; "
+              "below one of the service's input roots, like the files that it names."},
+    {.pointer = "/surface/volume/isovalue",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_REQUIRED,
+     .low = -1e30,
+     .high = 1e30,
+     AT(surface.volume.isovalue),
+     .unit = "the volume's",
+     .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
+    {.pointer = "/surface/volume/reconstruction",
+     .type = SPEC_TYPE_WORD,
+     .words = "interpolating|smoothing",
+     .otherwise = "\"interpolating\"",
+     AT(surface.volume.reconstruction),
+     .prose = "As in /surface/vdb."},
+
+    {.pointer = "/surface/exr",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose =
+         "A stack of OpenEXR images as a dense volume, at its isovalue; inside is above it. Pixel (x, y) of "
+         "the k-th slice, from 0, lies at origin + voxel_size (x, y, k): rows count downwards in the "
+         "picture, "
+         "and pixels have the numbers of the data window, wherever the display window is. The volume is what "
+         "the slices' data windows span; a pixel outside of its slice's is 0. Of tiled files with levels the "
+         "full one is read; deep images are refused."},
+    {.pointer = "/surface/exr/path",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 1,
+     .high = 4096,
+     AT(surface.exr.path),
+     .prose =
+         "The files, with #### (as many digits, at least) or %04d for the slice's number; below one of the "
+         "service's input roots."},
+    {.pointer = "/surface/exr/slices",
+     .type = SPEC_TYPE_STRING,
+     .flags = SPEC_REQUIRED,
+     .low = 3,
+     .high = 64,
+     AT(surface.exr.slices),
+     .prose = "Which slices, \"1-93\", or every second one, \"1-93x2\"; at least two, at most 65536."},
+    {.pointer = "/surface/exr/part",
+     .type = SPEC_TYPE_STRING,
+     .low = 0,
+     .high = 1000,
+     AT(surface.exr.part),
+     .prose = "The name of the part. May be absent when just one part has the channel."},
+    {.pointer = "/surface/exr/channel",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 1000,
+     AT(surface.exr.channel),
+     .prose =
+         "The name of the channel, with its layer, \"density\" or \"fog.Y\". May be absent when there is "
+         "just one."},
+    {.pointer = "/surface/exr/voxel_size",
+     .type = SPEC_TYPE_VECTOR,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = WORLD_MAX,
+     .otherwise = "[1,1,1]",
+     AT(surface.exr.voxel_size),
+     .unit = "world",
+     .prose = "Distance between columns, rows and slices."},
+    {.pointer = "/surface/exr/origin",
+     .type = SPEC_TYPE_VECTOR,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     .otherwise = "[0,0,0]",
+     AT(surface.exr.origin),
+     .unit = "world",
+     .prose = "Where pixel (0, 0) of the first slice lies."},
+    {.pointer = "/surface/exr/isovalue",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_REQUIRED,
+     .low = -1e30,
+     .high = 1e30,
+     AT(surface.exr.isovalue),
+     .unit = "the channel's",
+     .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
+    {.pointer = "/surface/exr/reconstruction",
+     .type = SPEC_TYPE_WORD,
+     .words = "interpolating|smoothing",
+     .otherwise = "\"interpolating\"",
+     AT(surface.exr.reconstruction),
+     .prose = "As in /surface/vdb."},
+    {.pointer = "/surface/union",
+     .type = SPEC_TYPE_SURFACES,
+     .choice = SPEC_CHOICE_SURFACE,
+     .low = 2,
+     .high = 64,
+     UNSTORED,
+     .prose = "What is in any of the solids. Members are surfaces, combined ones too. Where two meet the "
+              "surface has a "
+              "sharp edge."},
+    {.pointer = "/surface/intersection",
+     .type = SPEC_TYPE_SURFACES,
+     .choice = SPEC_CHOICE_SURFACE,
+     .low = 2,
+     .high = 64,
+     UNSTORED,
+     .prose = "What is in all of the solids."},
+    {.pointer = "/surface/difference",
+     .type = SPEC_TYPE_SURFACES,
+     .choice = SPEC_CHOICE_SURFACE,
+     .low = 2,
+     .high = 64,
+     UNSTORED,
+     .prose = "What is in the first solid and in none of the others."},
+    {.pointer = "/surface/offset",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose =
+         "A surface at a distance. Of spheres, tori, boxes, level sets and meshes, and of combinations of "
+         "them and "
+         "transforms that keep angles: their distances are moved, so that edges of a combination stay sharp. "
+         "The "
+         "band of a level set must be wide enough. Surfaces without distances, fogs for one, are refused."},
+    {.pointer = "/surface/offset/surface",
+     .type = SPEC_TYPE_SURFACE,
+     .flags = SPEC_REQUIRED,
+     UNSTORED,
+     .prose = "Which surface."},
+    {.pointer = "/surface/offset/distance",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT(surface.distance),
+     .unit = "world",
+     .prose = "Outwards; negative: inwards."},
+    {.pointer = "/surface/transform",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .choice = SPEC_CHOICE_SURFACE,
+     UNSTORED,
+     .prose = "A surface moved, turned, mirrored, scaled or sheared by a matrix. One that is open may only "
+              "change its "
+              "axes' order, signs and scales, since rims lie along the world's axes."},
+    {.pointer = "/surface/transform/surface",
+     .type = SPEC_TYPE_SURFACE,
+     .flags = SPEC_REQUIRED,
+     UNSTORED,
+     .prose = "Which surface."},
+    {.pointer = "/surface/transform/matrix",
+     .type = SPEC_TYPE_NUMBERS,
+     .flags = SPEC_REQUIRED,
+     .low = -WORLD_MAX,
+     .high = WORLD_MAX,
+     AT_HAS(surface.matrix, surface.matrix_count),
+     .prose = "16 numbers, row by row, for column vectors: the last row is 0, 0, 0, 1. Invertible."},
 
     {.pointer = "/region",
      .type = SPEC_TYPE_GROUP,
@@ -354,9 +516,10 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_TARGET,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
-     .prose = "Section 6.1: the smallest system that keeps a lower bound on the count and an upper bound on "
-              "sigma at the ideal energy. paper: by insertion and deletion between rounds, from min_count on; "
-              "sized: by solving for the count directly, from sigma = sqrt(3) spacing."},
+     .prose =
+         "Section 6.1: the smallest system that keeps a lower bound on the count and an upper bound on "
+         "sigma at the ideal energy. paper: by insertion and deletion between rounds, from min_count on; "
+         "sized: by solving for the count directly, from sigma = sqrt(3) spacing."},
     {.pointer = "/sampling/control/min_count",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
@@ -380,15 +543,17 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(control.start_count),
      .unit = "points",
-     .prose = "How many points paper begins with, at least min_count; 0: min_count. One near the result saves "
-              "rounds; of one that is too large points are deleted."},
+     .prose =
+         "How many points paper begins with, at least min_count; 0: min_count. One near the result saves "
+         "rounds; of one that is too large points are deleted."},
     {.pointer = "/sampling/control/selection",
      .type = SPEC_TYPE_WORD,
      .words = "biased|random",
      .otherwise = "\"biased\"",
      AT(control.selection),
-     .prose = "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
-              "much to go; random: any. Only paper inserts and deletes."},
+     .prose =
+         "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
+         "much to go; random: any. Only paper inserts and deletes."},
     {.pointer = "/sampling/time_s",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -397,9 +562,10 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      AT(time_s),
      .unit = "s",
-     .prose = "As many points as the whole job can relax, measure and write in this time on the machine that runs "
-              "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
-              "limit_time where not even 200 points fit."},
+     .prose =
+         "As many points as the whole job can relax, measure and write in this time on the machine that runs "
+         "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
+         "limit_time where not even 200 points fit."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -444,7 +610,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_curvature),
-     .prose = "Spacing by curvature: finer where the surface bends. The request is scaled until it asks for as many "
+     .prose = "Spacing by curvature: finer where the surface bends. The request is scaled until it asks for "
+              "as many "
               "points as the target."},
     {.pointer = "/sampling/curvature/chord_error",
      .type = SPEC_TYPE_NUMBER,
@@ -454,7 +621,8 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(curvature.chord_error),
      .unit = "world",
-     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between neighbours is that far off the "
+     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between neighbours is that "
+              "far off the "
               "surface. The report says which error the count reaches."},
     {.pointer = "/sampling/curvature/ratio",
      .type = SPEC_TYPE_NUMBER,
@@ -462,7 +630,8 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(curvature.ratio),
-     .prose = "Spacing proportional to kappa^-exponent, the largest this many times the least; the least is where a "
+     .prose = "Spacing proportional to kappa^-exponent, the largest this many times the least; the least is "
+              "where a "
               "hundredth of the area bends more."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
@@ -478,7 +647,8 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_grid),
-     .prose = "Spacing from a second scalar grid of the surface's VDB file, a painted map. The request is scaled until "
+     .prose = "Spacing from a second scalar grid of the surface's VDB file, a painted map. The request is "
+              "scaled until "
               "it asks for as many points as the target."},
     {.pointer = "/sampling/grid/name",
      .type = SPEC_TYPE_STRING,
@@ -492,7 +662,8 @@ const spec_row spec_rows[] = {
      .words = "spacing|density",
      .otherwise = "\"spacing\"",
      AT(grid.kind),
-     .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, but for what "
+     .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, "
+              "but for what "
               "the bounds require."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
@@ -525,26 +696,29 @@ const spec_row spec_rows[] = {
      .words = "sized|paper|witkin-heckbert",
      .otherwise = "\"sized\"",
      AT(method),
-     .prose = "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same, from a "
-              "coarse packing to ever finer ones, which leaves fewer defects in less time. The default with "
-              "sampling.alpha is paper, to which it belongs. witkin-heckbert: the method that the paper compares "
-              "itself with, for comparison; it has a Gaussian energy of its own, splits and deletes points at any "
-              "time and does not come to the count that is asked for."},
+     .prose =
+         "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same, from a "
+         "coarse packing to ever finer ones, which leaves fewer defects in less time. The default with "
+         "sampling.alpha is paper, to which it belongs. witkin-heckbert: the method that the paper compares "
+         "itself with, for comparison; it has a Gaussian energy of its own, splits and deletes points at any "
+         "time and does not come to the count that is asked for."},
     {.pointer = "/solver/energy",
      .type = SPEC_TYPE_WORD,
      .words = "cotangent|gaussian|electrostatic",
      .otherwise = "\"cotangent\"",
      .methods = MEYER,
      AT(energy),
-     .prose = "cotangent: equations (6) and (7). gaussian and electrostatic: for comparison, see section 4; the "
-              "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
+     .prose =
+         "cotangent: equations (6) and (7). gaussian and electrostatic: for comparison, see section 4; the "
+         "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
     {.pointer = "/solver/minimiser",
      .type = SPEC_TYPE_WORD,
      .words = "lm|gradient",
      .otherwise = "\"lm\"",
      .methods = MEYER,
      AT(minimiser),
-     .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5. gradient: steepest descent (5) with a "
+     .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5. gradient: steepest descent (5) "
+              "with a "
               "fixed step, as for Table 1."},
     {.pointer = "/solver/step",
      .type = SPEC_TYPE_NUMBER,
@@ -555,7 +729,8 @@ const spec_row spec_rows[] = {
      .methods = MEYER,
      AT(step),
      .unit = "sigma^2",
-     .prose = "Step of the gradient minimiser: times the force, in units of sigma^2. Above about 0.2 the cotangent "
+     .prose = "Step of the gradient minimiser: times the force, in units of sigma^2. Above about 0.2 the "
+              "cotangent "
               "overshoots. Only with gradient."},
     {.pointer = "/solver/sigma",
      .type = SPEC_TYPE_NUMBER,
@@ -570,7 +745,8 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
      UNSTORED,
-     .prose = "The parameters of the method \"witkin-heckbert\", with the symbols and the defaults of its paper (1994). "
+     .prose = "The parameters of the method \"witkin-heckbert\", with the symbols and the defaults of its "
+              "paper (1994). "
               "Its target radius, sigma_hat, comes from the sampling target."},
     {.pointer = "/solver/witkin_heckbert/alpha",
      .type = SPEC_TYPE_NUMBER,
@@ -690,8 +866,9 @@ const spec_row spec_rows[] = {
      .words = "auto|portable|avx2|avx512",
      .otherwise = "\"auto\"",
      AT(isa),
-     .prose = "Instruction set of the numerical kernels; auto: the best that the machine has. The result does not "
-              "depend on it."},
+     .prose =
+         "Instruction set of the numerical kernels; auto: the best that the machine has. The result does not "
+         "depend on it."},
     {.pointer = "/solver/max_sweeps",
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
@@ -708,9 +885,11 @@ const spec_row spec_rows[] = {
      .otherwise = "0.003",
      AT(step_tolerance),
      .unit = "spacings",
-     .prose = "Converged needs an rms step below this (witkin-heckbert: the rms of what a unit of time would bring). "
-              "What still moves at 0.003 are a few defects: a third of that takes twice the sweeps and changes no "
-              "measure of quality by more than seeds do."},
+     .prose =
+         "Converged needs an rms step below this (witkin-heckbert: the rms of what a unit of time would "
+         "bring). "
+         "What still moves at 0.003 are a few defects: a third of that takes twice the sweeps and changes no "
+         "measure of quality by more than seeds do."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -718,10 +897,9 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.05",
      AT(energy_tolerance),
-     .prose =
-         "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed "
-         "surface must have and "
-         "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
+     .prose = "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed "
+              "surface must have and "
+              "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
 
     GROUP("/output", 0, "What is written."),
     GROUP("/output/ply", 0, "points.ply"),
@@ -755,11 +933,9 @@ const spec_row spec_rows[] = {
      .type = SPEC_TYPE_WORD,
      .words = "alpha|curvature",
      AT(preview_color),
-     .prose =
-         "What the colours show. Default: alpha where sampling.alpha is given, else curvature."},
+     .prose = "What the colours show. Default: alpha where sampling.alpha is given, else curvature."},
     LATER("/output/preview/camera", SPEC_CHOICE_NONE, "Where the picture is taken from."),
-    LATER("/output/preview/turntable", SPEC_CHOICE_NONE,
-          "A sequence of pictures around the surface."),
+    LATER("/output/preview/turntable", SPEC_CHOICE_NONE, "A sequence of pictures around the surface."),
     LATER("/output/points_vdb", SPEC_CHOICE_NONE, "The points as a VDB points grid."),
     LATER("/output/mesh", SPEC_CHOICE_NONE, "A triangle mesh of the points."),
     {.pointer = "/output/directory",
@@ -881,21 +1057,31 @@ bool spec_word(const char *list, size_t index, char *out, size_t size)
 
 static void print_values(FILE *file, const spec_row *row)
 {
-    static const char *const types[] = {
-        "object",        "number", "integer",      "integer",
-        "word",          "string", "[number x 3]", "[integer x 3]",
-        "[number, ...]", "integer or [integer, integer]",
-        "[string, ...]", ""};
+    static const char *const types[] = {"object",
+                                        "number",
+                                        "integer",
+                                        "integer",
+                                        "word",
+                                        "string",
+                                        "[number x 3]",
+                                        "[integer x 3]",
+                                        "[number, ...]",
+                                        "integer or [integer, integer]",
+                                        "object, as /surface",
+                                        "[object, as /surface, ...]",
+                                        "[string, ...]",
+                                        ""};
     fprintf(file, " (%s", types[row->type]);
     if (row->words) {
         fprintf(file, ":");
         char word[64];
         for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++)
             fprintf(file, " \"%s\"", word);
-    } else if (row->type != SPEC_TYPE_GROUP) {
-        const char *of = row->type == SPEC_TYPE_STRING   ? " characters"
-                         : row->type == SPEC_TYPE_LABELS ? " labels"
-                                                         : "";
+    } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_SURFACE) {
+        const char *of = row->type == SPEC_TYPE_STRING     ? " characters"
+                         : row->type == SPEC_TYPE_LABELS   ? " labels"
+                         : row->type == SPEC_TYPE_SURFACES ? " surfaces"
+                                                           : "";
         fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from",
                 row->low, row->high, of);
     }
