@@ -7,12 +7,11 @@
 #include "base/frames.h"
 #include "base/memory.h"
 
-
 bool surface_parse_slices(spec_exr *x)
 {
     int first, last, step = 1, end = 0;
-    int got = sscanf(x->slices, "%9d-%9d%nx%9d%n", &first, &last, &end, &step, &end);
-        return false;
+    int got = sscanf(x->slices, "%8d-%8d%nx%8d%n", &first, &last, &end, &step, &end);
+    if (got < 2 || x->slices[end] || first < 0 || last <= first || step < 1) return false;
     int count = (last - first) / step + 1;
     if (count < 2 || count > SURFACE_MOST_SLICES) return false;
     x->count = (size_t)count;

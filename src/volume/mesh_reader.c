@@ -20,8 +20,6 @@
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
  * made up. */
 static const size_t memory_per_byte = 64;
-/* Code and libraries: measured at 20 MiB. */
-static const rlim_t mapped_at_start = 64 << 20;
 /* Nodes within nodes; files of meshes have a handful. The walk is recursive. */
 static const int deepest_node = 200;
 
