@@ -20,6 +20,7 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_LIMIT_TIME] = "limit_time",
     [ERROR_STALLED] = "stalled",
     [ERROR_CANCELLED] = "cancelled",
+    [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
     [ERROR_INTERNAL] = "internal",
 };
 

@@ -29,6 +29,7 @@ typedef enum error_code {
     ERROR_LIMIT_TIME,
     ERROR_STALLED,
     ERROR_CANCELLED,
+    ERROR_DEPENDENCY_FAILED,
     ERROR_INTERNAL,
     ERROR_CODE_COUNT
 } error_code;

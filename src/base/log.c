@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/manager.h"
 
 static const char *const names[] = {
     [LOG_LEVEL_ERROR] = "error",
@@ -32,23 +33,62 @@ bool log_level_from_name(const char *name, log_level *level)
     return false;
 }
 
+/* A record may be this long; of a longer one the rest is left out. */
+#define RECORD_SIZE 2048
+/* An id, a number. */
+#define VALUE_SIZE 64
+
+typedef struct field {
+    const char *key;  /* in the message, with a space before it */
+    const char *name; /* in the journal */
+} field;
+
+static const field fields[] = {
+    {" job=", "HEXAD_JOB="}, {" attempt=", "HEXAD_ATTEMPT="}, {" worker=", "HEXAD_WORKER="}};
+enum { FIELDS = sizeof fields / sizeof *fields };
+
+static bool write_to_journal(log_level level, const char *message)
+{
+    static const char *const priorities[] = {
+        [LOG_LEVEL_ERROR] = "PRIORITY=3",
+        [LOG_LEVEL_WARNING] = "PRIORITY=4",
+        [LOG_LEVEL_INFO] = "PRIORITY=6",
+        [LOG_LEVEL_DEBUG] = "PRIORITY=7",
+    };
+    char text[RECORD_SIZE + 16], value[FIELDS][VALUE_SIZE];
+    struct iovec parts[FIELDS + 3] = {{(char *)priorities[level], strlen(priorities[level])},
+                                      {"SYSLOG_IDENTIFIER=hexad", strlen("SYSLOG_IDENTIFIER=hexad")}};
+    size_t count = 2;
+    parts[count++] = (struct iovec){text, (size_t)snprintf(text, sizeof text, "MESSAGE=%s", message)};
+    for (size_t i = 0; i < FIELDS; i++) {
+        const char *at = strstr(message, fields[i].key);
+        if (!at) continue;
+        at += strlen(fields[i].key);
+        int length = snprintf(value[i], VALUE_SIZE, "%s%.*s", fields[i].name, (int)strcspn(at, " :,"), at);
+        if (length < VALUE_SIZE) parts[count++] = (struct iovec){value[i], (size_t)length};
+    }
+    return manager_journal(parts, count);
+}
+
+static void write_line(log_level level, const char *message)
+{
+    char line[RECORD_SIZE + 64], now[CLOCK_TEXT_SIZE];
+    clock_format_utc(clock_wall_ms(), now);
+    int length = snprintf(line, sizeof line, "%s %s %s\n", now, names[level], message);
+    ssize_t written = write(STDERR_FILENO, line, (size_t)length);
+    (void)written; /* nowhere is left to complain to */
+}
+
 void log_write_list(log_level level, const char *format, va_list arguments)
 {
     if ((int)level > atomic_load(&threshold)) return;
-    char record[2048], now[CLOCK_TEXT_SIZE];
-    size_t used = (size_t)snprintf(record, sizeof record, "%s %s ",
-                                   clock_format_utc(clock_wall_ms(), now), names[level]);
-    /* one byte stays free for the line break */
-    int wanted = vsnprintf(record + used, sizeof record - used - 1, format, arguments);
+    char message[RECORD_SIZE];
+    int wanted = vsnprintf(message, sizeof message, format, arguments);
     if (wanted < 0) return;
-    size_t room = sizeof record - used - 2;
-    size_t length = used + ((size_t)wanted < room ? (size_t)wanted : room);
-    if ((size_t)wanted > room) memcpy(record + length - 3, "...", 3);
-    for (size_t i = used; i < length; i++)
-        if ((unsigned char)record[i] < 0x20 || record[i] == 0x7F) record[i] = ' ';
-    record[length++] = '\n';
-    ssize_t written = write(STDERR_FILENO, record, length);
-    (void)written; /* nowhere is left to complain to */
+    if ((size_t)wanted >= sizeof message) strcpy(message + sizeof message - 4, "...");
+    for (char *c = message; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = ' ';
+    if (!manager_has_journal() || !write_to_journal(level, message)) write_line(level, message);
 }
 
 void log_write(log_level level, const char *format, ...)

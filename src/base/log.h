@@ -1,8 +1,11 @@
 /* log: records of one line on standard error.
  *
  * A record is `TIME LEVEL message key=value ...`, written by a single write(2), so records of
- * several threads do not mix. Control characters are replaced, so text from outside cannot forge a
- * record. Callers keep secrets (tokens, credentials) out. Any thread may log.
+ * several threads do not mix. Where standard error leads to the journal it is given fields instead:
+ * the message, its priority, and HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER, which are what stands
+ * behind the first job=, attempt= and worker= of the message. Callers put those before any text
+ * from outside. Control characters are replaced, so such text cannot forge a record. Callers keep
+ * secrets (tokens, credentials) out. Any thread may log.
  */
 #ifndef HEXAD_BASE_LOG_H
 #define HEXAD_BASE_LOG_H

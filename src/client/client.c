@@ -19,16 +19,19 @@ struct client {
     char fault[CURL_ERROR_SIZE];
 };
 
+/* The longest line of an event stream. */
+#define EVENT_LIMIT_BYTES (1u << 20)
+
 typedef struct buffer {
     char *text;
     size_t length;
 } buffer;
 
-client *client_open(const char *server, error *e)
+client *client_open(const char *server, const char *token, error *e)
 {
     const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
-    if (!unix_path && strncmp(server, "http://", 7) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "server %s: not http://HOST:PORT or unix:/path", server);
+    if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, "https://", 8) != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "server %s: not unix:/path, http://HOST:PORT or https://HOST:PORT", server);
         return NULL;
     }
     client *c = mem_alloc(sizeof *c);
@@ -42,6 +45,10 @@ client *client_open(const char *server, error *e)
     for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
         c->base[length - 1] = '\0';
     if (unix_path) curl_easy_setopt(c->curl, CURLOPT_UNIX_SOCKET_PATH, unix_path);
+    if (token) {
+        curl_easy_setopt(c->curl, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
+        curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, token);
+    }
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
     curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(c->curl, CURLOPT_NOPROXY,
@@ -108,14 +115,17 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
-    if (strcmp(method, "POST") == 0) {
+    bool patch = strcmp(method, "PATCH") == 0;
+    if (patch || strcmp(method, "POST") == 0) {
         curl_easy_setopt(c->curl, CURLOPT_POST, 1L);
         curl_easy_setopt(c->curl, CURLOPT_POSTFIELDSIZE_LARGE, (curl_off_t)(body ? length : 0));
         curl_easy_setopt(c->curl, CURLOPT_POSTFIELDS, body ? body : "");
     } else {
         curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     }
+    if (patch || strcmp(method, "DELETE") == 0) curl_easy_setopt(c->curl, CURLOPT_CUSTOMREQUEST, method);
     bool ok = perform(c, path, &status, e);
+    curl_easy_setopt(c->curl, CURLOPT_CUSTOMREQUEST, NULL);
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
     curl_slist_free_all(headers);
     if (ok) *reply = (client_reply){status, b.text ? json_parse(b.text, b.length, NULL) : NULL};
@@ -135,4 +145,53 @@ bool client_download(client *c, const char *path, FILE *stream, long *status, er
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_file);
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, stream);
     return perform(c, path, status, e);
+}
+
+/* An event stream, line by line. */
+typedef struct listener {
+    FILE *stream;
+    int64_t id;
+    char *line;
+    size_t length;
+} listener;
+
+static void take_line(listener *l)
+{
+    if (strncmp(l->line, "id: ", 4) == 0) l->id = strtoll(l->line + 4, NULL, 10);
+    if (strncmp(l->line, "data: ", 6) == 0) {
+        fprintf(l->stream, "%s\n", l->line + 6);
+        fflush(l->stream);
+    }
+}
+
+static size_t take_events(char *data, size_t size, size_t count, void *context)
+{
+    listener *l = context;
+    for (size_t i = 0; i < size * count; i++) {
+        if (l->length == EVENT_LIMIT_BYTES) return 0;
+        l->line[l->length++] = data[i] == '\n' ? '\0' : data[i];
+        if (data[i] != '\n') continue;
+        take_line(l);
+        l->length = 0;
+    }
+    return size * count;
+}
+
+bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, long *status, error *e)
+{
+    listener l = {.stream = stream, .id = *last, .line = mem_alloc(EVENT_LIMIT_BYTES)};
+    char *position = mem_printf("Last-Event-ID: %lld", (long long)*last);
+    struct curl_slist *headers = curl_slist_append(NULL, "Accept: text/event-stream");
+    if (*last) headers = curl_slist_append(headers, position);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_events);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &l);
+    bool ok = perform(c, path, status, e);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
+    curl_slist_free_all(headers);
+    *last = l.id;
+    free(position);
+    free(l.line);
+    return ok;
 }

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
 
 #include "base/error.h"
@@ -16,8 +17,9 @@ typedef struct client_reply {
     json *document; /* NULL when the body is not JSON */
 } client_reply;
 
-/* `server` is http://HOST:PORT or unix:/path. An error (spec_invalid) for anything else. */
-client *client_open(const char *server, error *e);
+/* `server` is unix:/path, http://HOST:PORT or https://HOST:PORT (of a proxy); an error (spec_invalid) for anything
+ * else. `token` may be NULL. */
+client *client_open(const char *server, const char *token, error *e);
 void client_close(client *c); /* accepts NULL */
 
 /* Sends a request and takes its reply, whatever the status. `body` has `length` bytes and is meant
@@ -29,6 +31,11 @@ void client_reply_clear(client_reply *reply);
 
 /* A text as it stands for itself in a query; to be freed. */
 char *client_escape(client *c, const char *text);
+
+/* Reads an event stream (Server-Sent Events) from behind the event `last` (0: from the beginning) and writes the
+ * data of each to `stream`, one a line, until the server ends it; *last is the last id that came. *status 204: there
+ * was nothing more to tell. False and an error when the connection was lost. */
+bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, long *status, error *e);
 
 /* Writes the body of a reply to a stream; *status tells whether it is what was asked for. When it
  * fails, ferror(stream) tells whether the stream was at fault. */

@@ -10,6 +10,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "client/meter.h"
+#include "client/say.h"
 #include "store/file.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
@@ -19,72 +20,23 @@
 /* A wait outlives a restart of the daemon. */
 #define UNREACHABLE_MS 15000
 
-/* Text from a job may hold anything; a terminal must not obey it. */
-static void print_text(FILE *file, const char *text)
-{
-    for (const char *c = text; *c; c++)
-        fputc((unsigned char)*c < 0x20 || *c == 0x7F ? '?' : *c, file);
-}
-
-static int complain(const char *what)
-{
-    fputs("hexadctl: ", stderr);
-    print_text(stderr, what);
-    fputc('\n', stderr);
-    return COMMAND_FAILED;
-}
-
-static int unreachable(const error *e)
-{
-    complain(e->message);
-    return COMMAND_UNREACHABLE;
-}
-
-/* Prints the problem document of a reply that is no success. */
-static int refused(const client_reply *reply)
-{
-    json_at root = json_root(reply->document);
-    json_at errors = json_member(&root, "errors");
-    char status[32];
-    snprintf(status, sizeof status, "the server answered %ld", reply->status);
-    complain(json_string(json_member(&root, "detail"), status));
-    for (size_t i = 0; i < json_size(errors); i++) {
-        json_at fault = json_element(&errors, i);
-        const char *pointer = json_string(json_member(&fault, "pointer"), "");
-        fputs("  ", stderr);
-        print_text(stderr, *pointer ? pointer : "(the whole spec)");
-        fputs(": ", stderr);
-        print_text(stderr, json_string(json_member(&fault, "detail"), ""));
-        fputc('\n', stderr);
-    }
-    if (reply->status == 404 || reply->status == 409) return COMMAND_MISSING;
-    return reply->status >= 400 && reply->status < 500 ? COMMAND_USAGE : COMMAND_FAILED;
-}
-
-static void print_document(const json *document)
-{
-    char *text = json_print_pretty(document);
-    fputs(text, stdout);
-    free(text);
-}
-
 /* One line: id, state, outcome, and the error if there is one. */
 static void print_job(json_at job)
 {
     json_at fault = json_member(&job, "error");
     const char *outcome = json_string(json_member(&job, "outcome"), NULL);
-    print_text(stdout, json_string(json_member(&job, "id"), "?"));
+    say_text(stdout, json_string(json_member(&job, "id"), "?"));
     putchar(' ');
-    print_text(stdout, json_string(json_member(&job, "state"), "?"));
+    say_text(stdout, json_string(json_member(&job, "state"), "?"));
     if (outcome) {
         putchar(' ');
-        print_text(stdout, outcome);
+        say_text(stdout, outcome);
     }
     if (json_type_of(fault) == JSON_OBJECT) {
         putchar(' ');
-        print_text(stdout, json_string(json_member(&fault, "code"), "?"));
+        say_text(stdout, json_string(json_member(&fault, "code"), "?"));
         fputs(": ", stdout);
-        print_text(stdout, json_string(json_member(&fault, "message"), ""));
+        say_text(stdout, json_string(json_member(&fault, "message"), ""));
     }
     putchar('\n');
 }
@@ -101,19 +53,8 @@ static int code_of_end(json_at job)
 static bool has_ended(json_at job)
 {
     const char *state = json_string(json_member(&job, "state"), "");
-    return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0 &&
-           strcmp(state, "cancelling") != 0;
-}
-
-/* A path below /v1/jobs for an id that a user typed; NULL when that cannot be one. To be freed. */
-static char *job_path(const char *id, const char *rest)
-{
-    if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") !=
-                    strlen(id)) {
-        complain("that is not the id of a job");
-        return NULL;
-    }
-    return mem_printf("/v1/jobs/%s%s", id, rest);
+    return strcmp(state, "succeeded") == 0 || strcmp(state, "failed") == 0 || strcmp(state, "cancelled") == 0 ||
+           strcmp(state, "timed_out") == 0;
 }
 
 /* Asks and prints: the document with --json, else by `print`. */
@@ -124,11 +65,11 @@ static int call_and_print(client *c, const char *method, char *path, const comma
     int code = COMMAND_OK;
     if (!path) return COMMAND_USAGE;
     if (!client_call(c, method, path, NULL, 0, &reply, &e)) {
-        code = unreachable(&e);
+        code = say_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
-        code = refused(&reply);
+        code = say_refused(&reply);
     } else if (options->json) {
-        print_document(reply.document);
+        say_document(reply.document);
     } else {
         print_job(json_root(reply.document));
     }
@@ -139,12 +80,27 @@ static int call_and_print(client *c, const char *method, char *path, const comma
 
 int command_show(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "GET", job_path(argument, ""), options);
+    return call_and_print(c, "GET", say_job_path(argument, ""), options);
+}
+
+int command_pause(client *c, const char *argument, const command_options *options)
+{
+    return call_and_print(c, "POST", say_job_path(argument, "/pause"), options);
+}
+
+int command_resume(client *c, const char *argument, const command_options *options)
+{
+    return call_and_print(c, "POST", say_job_path(argument, "/resume"), options);
+}
+
+int command_retry(client *c, const char *argument, const command_options *options)
+{
+    return call_and_print(c, "POST", say_job_path(argument, "/retry"), options);
 }
 
 int command_cancel(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "POST", job_path(argument, "/cancel"), options);
+    return call_and_print(c, "POST", say_job_path(argument, "/cancel"), options);
 }
 
 /* Waits for the job's end and prints it. */
@@ -161,10 +117,10 @@ static int wait_for(client *c, char *path, const command_options *options)
         client_reply reply = {0};
         if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
             done = clock_monotonic_ms() - heard_ms > UNREACHABLE_MS;
-            if (done) code = unreachable(&e);
+            if (done) code = say_unreachable(&e);
         } else if (reply.status >= 300 || !reply.document) {
             meter_clear(&m);
-            code = refused(&reply);
+            code = say_refused(&reply);
             done = true;
         } else {
             json_at job = json_root(reply.document);
@@ -175,7 +131,7 @@ static int wait_for(client *c, char *path, const command_options *options)
             } else {
                 meter_clear(&m);
                 if (options->json)
-                    print_document(reply.document);
+                    say_document(reply.document);
                 else
                     print_job(job);
                 code = code_of_end(job);
@@ -191,7 +147,7 @@ static int wait_for(client *c, char *path, const command_options *options)
 
 int command_wait(client *c, const char *argument, const command_options *options)
 {
-    return wait_for(c, job_path(argument, ""), options);
+    return wait_for(c, say_job_path(argument, ""), options);
 }
 
 /* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
@@ -226,23 +182,23 @@ int command_submit(client *c, const char *argument, const command_options *optio
                      ? read_input(&length, &e)
                      : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
     if (!body) {
-        complain(e.message);
+        say_complaint(e.message);
         return COMMAND_USAGE;
     }
     int code = COMMAND_OK;
     char *path = NULL;
     if (!client_call(c, "POST", "/v1/jobs", body, length, &reply, &e)) {
-        code = unreachable(&e);
+        code = say_unreachable(&e);
     } else if (reply.status != 201 || !reply.document) {
-        code = refused(&reply);
+        code = say_refused(&reply);
     } else {
         json_at job = json_root(reply.document);
         const char *id = json_string(json_member(&job, "id"), "");
         if (options->wait) {
             fprintf(stderr, "job %s\n", id); /* so that it is known should the wait be broken off */
-            path = job_path(id, "");
+            path = say_job_path(id, "");
         } else if (options->json) {
-            print_document(reply.document);
+            say_document(reply.document);
         } else {
             puts(id);
         }
@@ -259,7 +215,7 @@ static void print_row(json_at job)
     printf("%-13s  ", json_string(json_member(&job, "outcome"), "-"));
     printf("%8.0f  ", json_number(json_member(&job, "priority"), 0));
     printf("%-24s  ", json_string(json_member(&job, "created"), "?"));
-    print_text(stdout, json_string(json_member(&job, "name"), "-"));
+    say_text(stdout, json_string(json_member(&job, "name"), "-"));
     putchar('\n');
 }
 
@@ -279,11 +235,11 @@ int command_list(client *c, const char *argument, const command_options *options
     free(state);
     free(limit);
     if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
-        code = unreachable(&e);
+        code = say_unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
-        code = refused(&reply);
+        code = say_refused(&reply);
     } else if (options->json) {
-        print_document(reply.document);
+        say_document(reply.document);
     } else {
         json_at root = json_root(reply.document), jobs = json_member(&root, "jobs");
         printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY",
@@ -346,18 +302,18 @@ static int fetch_all(client *c, const char *directory, json_at results,
                      const command_options *options)
 {
     error e = {0};
-    if (!store_directory_create(directory, &e)) return complain(e.message);
+    if (!store_directory_create(directory, &e)) return say_complaint(e.message);
     for (size_t i = 0; i < json_size(results); i++) {
         json_at item = json_element(&results, i);
         int code = fetch_file(c, directory, item, &e);
         if (code != COMMAND_OK) {
-            complain(e.message);
+            say_complaint(e.message);
             return code;
         }
         if (options->json) continue;
-        print_text(stdout, directory);
+        say_text(stdout, directory);
         putchar('/');
-        print_text(stdout, json_string(json_member(&item, "name"), ""));
+        say_text(stdout, json_string(json_member(&item, "name"), ""));
         putchar('\n');
     }
     return COMMAND_OK;
@@ -368,17 +324,17 @@ int command_fetch(client *c, const char *argument, const command_options *option
     error e = {0};
     client_reply reply = {0};
     int code;
-    char *path = job_path(argument, "/results");
+    char *path = say_job_path(argument, "/results");
     if (!path) return COMMAND_USAGE;
     if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
-        code = unreachable(&e);
+        code = say_unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
-        code = refused(&reply);
+        code = say_refused(&reply);
     } else {
         json_at root = json_root(reply.document);
         code = fetch_all(c, options->output ? options->output : argument,
                          json_member(&root, "results"), options);
-        if (code == COMMAND_OK && options->json) print_document(reply.document);
+        if (code == COMMAND_OK && options->json) say_document(reply.document);
     }
     client_reply_clear(&reply);
     free(path);

@@ -21,12 +21,21 @@ typedef struct command_options {
     bool json, wait;
     const char *state;  /* of list; NULL: all */
     const char *limit;  /* of list; NULL: the server's default */
+    const char *priority; /* of priority; NULL: none was given */
     const char *output; /* of fetch; NULL: a directory named by the job's id */
+    const char *file;   /* of token: the daemon's token_file */
+    const char *scopes; /* of token add; NULL: all but admin */
 } command_options;
 
-/* `argument` is the spec's path or "-", or the job's id. Each returns an exit code. */
+/* `argument` is the spec's path or "-", the job's id, or the token's user or id. Each returns an exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_submit, command_list, command_show, command_wait, command_cancel, command_fetch;
+
+command command_pause, command_resume, command_retry, command_delete, command_priority, command_watch, command_log;
+command command_workers, command_drain, command_undrain;
+
+/* These work on the file and ask no server. */
+command command_token_add, command_token_list, command_token_revoke;
 
 #endif

@@ -82,6 +82,8 @@ static bool set_value(config *c, const config_row *row, const char *value, error
     case CONFIG_INTEGER:
     case CONFIG_REAL:
         return set_number(row, value, at, e);
+    case CONFIG_SANDBOX:
+        return sandbox_mode_from_name(value, at) || bad(e, row, value, "required, available or off");
     case CONFIG_LEVEL:
         return log_level_from_name(value, at) ||
                bad(e, row, value, "error, warning, info or debug");
@@ -233,12 +235,55 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
         return false;
     }
     if (!*read.state_dir) {
+        const char *given = getenv("STATE_DIRECTORY"); /* by systemd */
         free(read.state_dir);
-        read.state_dir = mem_strdup(HEXAD_STATEDIR);
+        read.state_dir = mem_strdup(given && *given ? given : HEXAD_STATEDIR);
     }
     *c = read;
     *action = what;
     return true;
+}
+
+static size_t size_of(config_type type)
+{
+    switch (type) {
+    case CONFIG_TEXT:
+        return sizeof(char *);
+    case CONFIG_LIST:
+        return sizeof(config_list);
+    case CONFIG_INTEGER:
+        return sizeof(int64_t);
+    case CONFIG_REAL:
+        return sizeof(double);
+    case CONFIG_SANDBOX:
+        return sizeof(sandbox_mode);
+    case CONFIG_LEVEL:
+        return sizeof(log_level);
+    }
+    return 0;
+}
+
+static bool are_equal(const config_row *row, const void *a, const void *b)
+{
+    if (row->type == CONFIG_TEXT) return strcmp(*(char *const *)a, *(char *const *)b) == 0;
+    if (row->type != CONFIG_LIST) return memcmp(a, b, size_of(row->type)) == 0;
+    const config_list *left = a, *right = b;
+    bool equal = left->count == right->count;
+    for (size_t i = 0; equal && i < left->count; i++) equal = strcmp(left->item[i], right->item[i]) == 0;
+    return equal;
+}
+
+void config_take_over(config *c, const config *fresh)
+{
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        void *at = (char *)c + row->offset;
+        const void *from = (const char *)fresh + row->offset;
+        if (are_equal(row, at, from)) continue;
+        if (row->reloads) memcpy(at, from, size_of(row->type));
+        log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
+                  row->reloads ? "has changed" : "has changed in the file, which a new start takes over");
+    }
 }
 
 void config_clear(config *c)
@@ -293,7 +338,7 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
     fprintf(file, "%sDefault: %s", prefix, *row->otherwise ? row->otherwise : "empty");
     if (*row->unit) fprintf(file, " %s", row->unit);
     if (row->high > row->low) fprintf(file, " (%.10g to %.10g)", row->low, row->high);
-    fputs(".\n", file);
+    fputs(row->reloads ? ". SIGHUP reloads it.\n" : ".\n", file);
 }
 
 void config_print_help(FILE *file)
@@ -302,7 +347,8 @@ void config_print_help(FILE *file)
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-        "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once.\n"
+        "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once. SIGHUP reads\n"
+        "the settings again.\n"
         "\n"
         "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
         "  --print-config   a sample of that file\n"

@@ -4,7 +4,8 @@
  * means. The configuration file (INI, read by libinih), the command line, --help and the sample
  * file etc/hexad.conf all follow from it. Every key is a key of the file and an option, `--key
  * VALUE` or `--key=VALUE`, with `-` and `_` alike; an option wins over the file. Built by one
- * thread at the start and not changed afterwards.
+ * thread at the start; afterwards config_take_over alone changes it, in rows that say so (CONFIG_INTEGER,
+ * CONFIG_REAL and CONFIG_LEVEL only).
  */
 #ifndef HEXAD_CONFIG_CONFIG_H
 #define HEXAD_CONFIG_CONFIG_H
@@ -16,6 +17,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "base/sandbox.h"
 
 typedef struct config_list {
     char **item;
@@ -23,17 +25,29 @@ typedef struct config_list {
 } config_list;
 
 typedef struct config {
-    char *listen;    /* HOST:PORT or unix:/path */
+    char *listen;    /* HOST:PORT or unix:/path; "": a socket in the runtime or state directory */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
     char *worker;    /* "": config_find_worker looks for it */
-    config_list input_roots;
-    int64_t workers; /* 0: one per core */
+    config_list unix_users, unix_groups, unix_admins;
+    char *token_file; /* "": in the state directory */
+    char *tcp_without_tokens;
+    config_list input_roots, output_roots;
+    char *output_mode;  /* octal digits */
+    char *output_group; /* "": stays */
+    int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts;
+    int64_t cache; /* 0: no */
+    int64_t file_mb; /* 0: no limit */
+    sandbox_mode sandbox;
+    int64_t user_queued, user_running; /* 0: any number */
+    double retry_s, retry_most_s;
+    double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     double grace_s, drain_s;
-    int64_t body_limit_bytes, connection_limit;
-    double connection_timeout_s;
+    int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
+    int64_t upload_limit_bytes, upload_total_bytes;
+    double connection_timeout_s, wait_limit_s;
     log_level log_level;
 } config;
 
@@ -42,6 +56,8 @@ typedef enum config_action { CONFIG_RUN, CONFIG_HELP, CONFIG_VERSION, CONFIG_SAM
 /* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
+/* Takes the values of settings that reload from `fresh`, and logs what changed and what would have. */
+void config_take_over(config *c, const config *fresh);
 void config_clear(config *c); /* accepts an empty one */
 
 /* Fills c->worker when it is empty: hexad-worker beside the running program, else where it was to

@@ -2,53 +2,124 @@
 
 #include "config/config.h"
 
-#define AT(member) offsetof(config, member)
+#define AT(member) offsetof(config, member), false
+#define RELOADS(member) offsetof(config, member), true
 
 const config_row config_table[] = {
-    {"listen", CONFIG_TEXT, "127.0.0.1:8642", 0, 0, "",
-     "Where to serve: HOST:PORT or unix:/path. There is no authentication yet, so only loopback"
-     " addresses are accepted. Port 0 takes a free one, see port_file.",
+    {"listen", CONFIG_TEXT, "", 0, 0, "",
+     "Where to serve: unix:/path or HOST:PORT. Empty: hexad.sock in $RUNTIME_DIRECTORY (of systemd), else in"
+     " state_dir. On a Unix socket callers are the users whose processes connect. A TCP port needs tokens, see"
+     " token_file and tcp_without_tokens; it is not encrypted. Port 0 takes a free one, see port_file.",
      AT(listen)},
+    {"unix_users", CONFIG_LIST, "", 0, 0, "",
+     "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by colons or commas."
+     " The user that runs hexad and root may everything. A socket for others belongs where they can reach it.",
+     AT(unix_users)},
+    {"unix_groups", CONFIG_LIST, "", 0, 0, "", "Groups whose members may what unix_users may.", AT(unix_groups)},
+    {"unix_admins", CONFIG_LIST, "", 0, 0, "", "Users who may everything on the Unix socket.", AT(unix_admins)},
+    {"token_file", CONFIG_TEXT, "", 0, 0, "",
+     "The bearer tokens, by their hashes, as hexadctl token makes it; of mode 0600. It is read again when it has"
+     " changed. Empty: the credential tokens of systemd, else the file tokens in state_dir, if it is there.",
+     AT(token_file)},
+    {"tcp_without_tokens", CONFIG_TEXT, "", 0, 0, "",
+     "Whether a loopback port is served when there are no tokens: only with the words"
+     " anyone-on-this-machine-may-submit-and-cancel, which is what it means. A port that other machines reach never"
+     " is.",
+     AT(tcp_without_tokens)},
     {"port_file", CONFIG_TEXT, "", 0, 0, "",
      "A file that is given the address actually served, in one line, once it is. Empty: none.",
      AT(port_file)},
     {"state_dir", CONFIG_TEXT, "", 0, 0, "",
      "Directory of the queue, the attempts and the results; made when missing. On a local file"
-     " system, and of one daemon only. Empty: lib/hexad below the localstatedir of the build.",
+     " system, and of one daemon only. Empty: $STATE_DIRECTORY (of systemd), else lib/hexad"
+     " below the localstatedir of the build.",
      AT(state_dir)},
     {"input_roots", CONFIG_LIST, "", 0, 0, "",
      "Directories below which a job may name input files, separated by colons or commas; the key"
      " may be repeated. Empty: no job may read a file.",
      AT(input_roots)},
+    {"output_roots", CONFIG_LIST, "", 0, 0, "",
+     "Directories below which a job may have its results copied (output.directory), as input_roots. Empty: no job"
+     " may.",
+     AT(output_roots)},
+    {"output_mode", CONFIG_TEXT, "0644", 0, 0, "",
+     "Mode of these copies, octal; directories that are made for them can be searched, too, by who may read.",
+     AT(output_mode)},
+    {"output_group", CONFIG_TEXT, "", 0, 0, "",
+     "Group that these copies belong to. Empty: that of the service.", AT(output_group)},
     {"workers", CONFIG_INTEGER, "0", 0, 1024, "processes",
-     "Jobs that run at once. 0: one per core.", AT(workers)},
+     "Most attempts at once. As many run as fit into threads and host_memory_mb. 0: one per thread.",
+     AT(workers)},
+    {"threads", CONFIG_INTEGER, "0", 0, 4096, "threads",
+     "Of all attempts together. A job that does not say solver.threads gets this divided by workers. 0: the"
+     " processors there are.",
+     AT(threads)},
+    {"host_memory_mb", CONFIG_INTEGER, "0", 0, 1 << 30, "MiB",
+     "Memory of all attempts together; each takes its limit from it. 0: nine tenths of the machine's, or of what"
+     " the control group of the service may have.",
+     AT(host_memory_mb)},
     {"worker", CONFIG_TEXT, "", 0, 0, "",
      "The program that runs a job. Empty: hexad-worker beside hexad, else in the bindir of the "
      "build.",
      AT(worker)},
     {"memory_mb", CONFIG_INTEGER, "4096", 16, 1 << 24, "MiB",
      "Memory of a job that names no limit.", AT(memory_mb)},
+    {"file_mb", CONFIG_INTEGER, "65536", 0, 1 << 24, "MiB",
+     "The longest file that a worker may write; 100 million points take 10 GiB. 0: no limit.",
+     RELOADS(file_mb)},
+    {"sandbox", CONFIG_SANDBOX, "available", 0, 0, "",
+     "How workers are isolated. required: no network, no new privileges, a filter of system calls, and"
+     " Landlock: input_roots can be read, the attempt's own directory can be written, nothing else;"
+     " hexad does not start where the kernel has no Landlock. available: the same, and without"
+     " Landlock where there is none; the log says so. off: nothing of it.",
+     AT(sandbox)},
     {"timeout_s", CONFIG_REAL, "0", 0, 1e7, "s",
-     "Time of an attempt of a job that names no limit. 0: none.", AT(timeout_s)},
+     "Time of an attempt of a job that names no limit. 0: none.", RELOADS(timeout_s)},
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "How long a worker may report no progress, of a job that names no limit. 0: for ever.",
-     AT(stall_s)},
+     RELOADS(stall_s)},
     {"max_attempts", CONFIG_INTEGER, "3", 1, 100, "attempts",
      "How often a job whose worker crashes is tried, of a job that names no number.",
      AT(max_attempts)},
+    {"retry_s", CONFIG_REAL, "1", 0, 86400, "s",
+     "How long a job whose worker crashed waits before it is tried again; doubled after each further crash.",
+     AT(retry_s)},
+    {"retry_most_s", CONFIG_REAL, "300", 0, 86400, "s", "The longest of these waits.", AT(retry_most_s)},
+    {"cache", CONFIG_INTEGER, "1", 0, 1, "",
+     "1: a job that asks for the same as one before is given its result, while that is kept and no input was"
+     " changed. 0: every job is run.",
+     AT(cache)},
+    {"user_queued", CONFIG_INTEGER, "0", 0, 1 << 30, "jobs",
+     "Jobs of one user that have not ended; another one is refused. 0: any number.", AT(user_queued)},
+    {"user_running", CONFIG_INTEGER, "0", 0, 1 << 20, "attempts",
+     "Attempts of one user at once; the user's other jobs wait. 0: any number.", AT(user_running)},
+    {"retention_s", CONFIG_REAL, "0", 0, 1e10, "s",
+     "How long a job and its results are kept after its end, of a job that names no time. 0: for ever.",
+     AT(retention_s)},
     {"grace_s", CONFIG_REAL, "5", 0, 3600, "s", "Between asking a worker to end and killing it.",
-     AT(grace_s)},
+     RELOADS(grace_s)},
     {"drain_s", CONFIG_REAL, "30", 0, 1e6, "s",
      "At SIGTERM: how long running jobs may go on before they are put back in the queue.",
-     AT(drain_s)},
+     RELOADS(drain_s)},
     {"body_limit_bytes", CONFIG_INTEGER, "1048576", 1, 1 << 30, "bytes", "Longest request body.",
      AT(body_limit_bytes)},
-    {"connection_limit", CONFIG_INTEGER, "256", 1, 100000, "connections", "Connections at once.",
+    {"upload_limit_bytes", CONFIG_INTEGER, "17179869184", 0, 1e15, "bytes",
+     "Longest file that a client may send for its jobs. 0: none but empty ones.", AT(upload_limit_bytes)},
+    {"upload_total_bytes", CONFIG_INTEGER, "137438953472", 0, 1e15, "bytes",
+     "What all files that clients have sent may take together, in the directory inputs of state_dir.",
+     AT(upload_total_bytes)},
+    {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
+     "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
+    {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",
      AT(connection_limit)},
+    {"client_connection_limit", CONFIG_INTEGER, "256", 1, 100000, "connections",
+     "Connections at once of one user on the Unix socket or of one address on TCP.", AT(client_connection_limit)},
     {"connection_timeout_s", CONFIG_REAL, "30", 0.1, 86400, "s",
      "How long a connection may be idle, and how long a client may take to send a request.",
      AT(connection_timeout_s)},
-    {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", AT(log_level)},
+    {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
+     "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
+    {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", RELOADS(log_level)},
 };
 
 const size_t config_table_size = sizeof config_table / sizeof *config_table;

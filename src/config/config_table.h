@@ -2,6 +2,7 @@
 #ifndef HEXAD_CONFIG_CONFIG_TABLE_H
 #define HEXAD_CONFIG_CONFIG_TABLE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 typedef enum config_type {
@@ -9,6 +10,7 @@ typedef enum config_type {
     CONFIG_LIST,    /* config_list, separated by `:` or `,`, and the key may be repeated */
     CONFIG_INTEGER, /* int64_t */
     CONFIG_REAL,    /* double */
+    CONFIG_SANDBOX, /* sandbox_mode */
     CONFIG_LEVEL    /* log_level */
 } config_type;
 
@@ -20,6 +22,7 @@ typedef struct config_row {
     const char *unit;      /* "" for none */
     const char *prose;
     size_t offset; /* in config */
+    bool reloads;  /* SIGHUP takes a new value over; other settings need a new start */
 } config_row;
 
 extern const config_row config_table[];

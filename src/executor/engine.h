@@ -13,6 +13,8 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/sandbox.h"
+#include "queue/queue.h"
 
 #define ENGINE_MAX_FDS 3
 
@@ -23,6 +25,10 @@ typedef struct engine_request {
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
+    int64_t file_mb;         /* the longest file that it may write; 0: no limit */
+    sandbox_mode sandbox;    /* that the worker is told to enter */
+    int threads;             /* > 0 */
+    int frame;               /* QUEUE_NO_FRAME: none */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */
@@ -37,6 +43,8 @@ typedef struct engine {
     const char *name;
     /* NULL and an error (internal) when the attempt did not start. */
     engine_attempt *(*start)(const engine_request *request, error *e);
+    /* Names the worker, for the log. */
+    const char *(*identify)(const engine_attempt *attempt);
     /* Writes what to wait for and returns how many. */
     size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
     /* Takes in what has come. *progress is the newest whole line since the last call or NULL; it

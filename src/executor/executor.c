@@ -1,6 +1,8 @@
 #include "executor/executor.h"
 
 #include <errno.h>
+#include <inttypes.h>
+#include <limits.h>
 #include <pthread.h>
 #include <signal.h>
 #include <stdatomic.h>
@@ -13,11 +15,17 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/threads.h"
+#include "executor/cache.h"
 #include "executor/engine.h"
+#include "executor/host.h"
 #include "executor/local.h"
+#include "executor/publication.h"
 #include "executor/result.h"
+#include "executor/retention.h"
 #include "executor/settlement.h"
 #include "json/json.h"
+#include "executor/rows.h"
 #include "store/file.h"
 
 /* After trouble with the database (a full disk): long enough not to spin, short enough to recover.
@@ -27,17 +35,21 @@
  * time between two tries. */
 #define START_WAIT_MOST_MS 30000
 
+/* The part of the machine's memory that is lent to attempts when the settings do not say. */
+#define HOST_MEMORY_SHARE 0.9
+
 typedef struct limits {
-    int64_t memory_mb;
     double timeout_s, stall_s; /* 0: none */
 } limits;
 
-/* A job that this executor has claimed. `job`, `used`, `progress` and `cancel_wanted` are guarded
- * by the executor's mutex for writing and for reading by others; the rest is the supervisor's own.
+/* A task that this executor has claimed. What stands first is guarded by the executor's mutex for
+ * writing and for reading by others; the rest is the supervisor's own.
  */
 typedef struct slot {
     bool used;
-    queue_job job;
+    queue_claimed claimed;
+    int threads; /* what it takes of the host */
+    int64_t memory_mb;
     char *progress;
     bool cancel_wanted;
 
@@ -45,9 +57,12 @@ typedef struct slot {
     char *directory;
     limits limit;
     int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
+    int64_t started_wall_ms;
     settlement_stop stop;
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
+    publication *publication; /* NULL: none is on its way */
+    char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
     bool decided;
     settlement verdict;
     engine_ending ending;
@@ -57,17 +72,30 @@ typedef struct slot {
 struct executor {
     executor_settings settings;
     char *state_dir, *worker, **input_roots;
+    char host[HOST_NAME_MAX + 1];
+    settlement_place place;
+    store_roots *roots; /* the input roots, open */
+    int threads;        /* of all attempts */
+    int64_t memory_mb;
     queue *q;
     const engine *engine;
+    rows *rows;
+    retention *retention;
     pthread_t thread;
     int wake_fd, drained_fd;
-    atomic_bool draining, forcing, stopping;
+    atomic_bool held, draining, forcing, stopping;
+    atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
-    pthread_mutex_t mutex;
+    pthread_mutex_t order; /* over a claim until it has its slot, and over commands */
+    pthread_mutex_t mutex; /* of the slots; never held over the queue's work */
+    executor_settings changed; /* guarded; what executor_change brought, for the supervisor to take */
+    bool has_changed;
     size_t slot_count;
     slot *slots;
 
+    bool look;             /* supervisor: something may be claimed that could not before */
+    int64_t due_ms;        /* supervisor: when a task may be tried again, wall clock */
     int64_t claim_ms;      /* supervisor: no claim before; after trouble */
     int64_t start_wait_ms; /* supervisor: doubles while no attempt starts */
 };
@@ -86,6 +114,12 @@ static void signal_fd(int fd)
 void executor_wake(executor *x)
 {
     signal_fd(x->wake_fd);
+    retention_wake(x->retention);
+}
+
+bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, error *e)
+{
+    return retention_delete(x->retention, id, found, deleted, e);
 }
 
 static double limit_or(json_at limits_at, const char *key, double otherwise)
@@ -100,7 +134,6 @@ static limits read_limits(const executor *x, const char *spec)
     json_at root = json_root(document);
     json_at at = json_member(&root, "limits");
     limits l = {
-        .memory_mb = (int64_t)limit_or(at, "memory_mb", (double)x->settings.memory_mb),
         .timeout_s = limit_or(at, "timeout_s", x->settings.timeout_s),
         .stall_s = limit_or(at, "stall_s", x->settings.stall_s),
     };
@@ -113,106 +146,226 @@ static void slot_clear(executor *x, slot *s)
 {
     free(s->directory);
     free(s->ending.last_words);
+    free(s->cache_inputs);
     pthread_mutex_lock(&x->mutex);
-    queue_job_clear(&s->job);
+    queue_claimed_clear(&s->claimed);
     free(s->progress);
     *s = (slot){0};
     pthread_mutex_unlock(&x->mutex);
+    x->look = true;
 }
 
 static void slot_settle(executor *x, slot *s)
 {
     error e = {0};
-    if (settlement_apply(x->q, x->state_dir, &s->job, &s->verdict,
-                         s->ending.last_words ? &s->ending : NULL, &e)) {
+    if (settlement_apply(&x->place, &s->claimed, &s->verdict, s->ending.last_words ? &s->ending : NULL, &e)) {
         slot_clear(x, s);
+        retention_wake(x->retention); /* it may be kept for a short time only */
         return;
     }
     /* once an attempt: it is tried until it works */
-    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
-              "attempt not settled job=%s attempt=%d: %s", s->job.id, s->job.attempt, e.message);
+    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s",
+              s->claimed.job.id, s->claimed.task.attempt, e.message);
     s->retry_ms = clock_monotonic_ms() + RETRY_MS;
     /* when the daemon ends, the next start settles it as after a crash */
     if (atomic_load(&x->draining)) slot_clear(x, s);
 }
 
+/* A result may be given to others if what it was made of is known. */
+static void slot_describe(executor *x, slot *s)
+{
+    const queue_claimed *c = &s->claimed;
+    if (!x->settings.cache || !s->verdict.deliver || c->task.frame != QUEUE_NO_FRAME ||
+        !cache_key(c->job.spec, s->cache_key))
+        return;
+    s->cache_inputs = cache_describe_inputs(x->roots, s->directory, s->started_wall_ms);
+    if (!s->cache_inputs) return;
+    s->verdict.cache_key = s->cache_key;
+    s->verdict.cache_inputs = s->cache_inputs;
+}
+
+/* A result is copied first to where its job wants it, if it does. False: there is nothing to wait for. */
+static bool slot_publish(executor *x, slot *s)
+{
+    char *path = s->verdict.deliver ? publication_path(s->claimed.job.spec, s->claimed.task.frame) : NULL;
+    if (path) s->publication = publication_start(&x->settings.outputs, s->directory, path, x->wake_fd);
+    free(path);
+    return s->publication != NULL;
+}
+
+static void slot_end_publication(executor *x, slot *s)
+{
+    error e = {0};
+    if (!publication_end(s->publication, &e)) settlement_decide_unpublished(&e, &s->verdict);
+    s->publication = NULL;
+    s->decided = true;
+    slot_settle(x, s);
+}
+
 /* What becomes of an attempt that ended, and then that. */
 static void slot_decide(executor *x, slot *s)
 {
-    settlement_decide(&s->job, s->stop,
-                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s,
-                      &s->ending, s->directory, &s->verdict);
+    settlement_decide(&s->claimed, s->stop,
+                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
+                      s->directory, &s->verdict);
     if (s->verdict.undecided) {
         log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
-                  "attempt not settled job=%s attempt=%d: %s", s->job.id, s->job.attempt,
+                  "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt,
                   s->verdict.message);
         s->retry_ms = clock_monotonic_ms() + RETRY_MS;
         if (atomic_load(&x->draining)) slot_clear(x, s);
         return;
     }
+    slot_describe(x, s);
+    if (slot_publish(x, s)) return;
     s->decided = true;
     slot_settle(x, s);
+}
+
+/* No worker is started: what was decided about the task is done at once. */
+static void slot_skip(executor *x, slot *s)
+{
+    s->decided = true;
+    slot_settle(x, s);
+}
+
+/* Gives the task the result of a job that asked for the same, when there is one and all inputs still are what
+ * they were. False: it has to be run. */
+static bool slot_recall(executor *x, slot *s)
+{
+    error e = {0};
+    char *inputs = NULL;
+    bool found = false;
+    if (!x->settings.cache || s->claimed.task.frame != QUEUE_NO_FRAME ||
+        !cache_key(s->claimed.job.spec, s->cache_key) ||
+        !queue_recall(x->q, s->cache_key, s->cached_from, &inputs, &found, NULL) || !found)
+        return false;
+    char *from = result_directory(x->state_dir, s->cached_from, QUEUE_NO_FRAME);
+    found = cache_is_fresh(x->roots, inputs);
+    if (found && (!cache_link_result(from, s->directory, &e) ||
+                  !settlement_decide_cached(s->directory, s->cached_from, &s->verdict, &e))) {
+        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", s->claimed.job.id,
+                  s->cached_from, e.message);
+        store_remove(s->directory, NULL);
+        found = false;
+    }
+    free(from);
+    free(inputs);
+    return found;
 }
 
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
-    s->directory = result_attempt_directory(x->state_dir, s->job.id, s->job.attempt);
-    s->limit = read_limits(x, s->job.spec);
+    const queue_job *job = &s->claimed.job;
+    const queue_task *task = &s->claimed.task;
+    s->directory = result_attempt_directory(x->state_dir, job->id, task->frame, task->attempt);
+    s->limit = read_limits(x, job->spec);
+    if (s->memory_mb > x->memory_mb) {
+        settlement_decide_too_large(&s->claimed, x->memory_mb, &s->verdict);
+        slot_skip(x, s);
+        return;
+    }
+    if (slot_recall(x, s)) {
+        if (!slot_publish(x, s)) slot_skip(x, s);
+        return;
+    }
     engine_request request = {
         .worker = x->worker,
         .directory = s->directory,
-        .spec = s->job.spec,
+        .spec = job->spec,
         .input_roots = (const char *const *)x->input_roots,
         .input_root_count = x->settings.input_root_count,
-        .memory_mb = s->limit.memory_mb,
+        .memory_mb = s->memory_mb,
+        .threads = s->threads,
+        .frame = task->frame,
+        .file_mb = x->settings.file_mb,
+        .sandbox = x->settings.sandbox,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
+    s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     if (s->attempt) {
         x->start_wait_ms = 0;
-        log_write(LOG_LEVEL_INFO, "attempt started job=%s attempt=%d", s->job.id, s->job.attempt);
+        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
+                  task->attempt, x->engine->identify(s->attempt));
         return;
     }
-    log_write(LOG_LEVEL_ERROR, "attempt not started job=%s attempt=%d: %s", s->job.id,
-              s->job.attempt, e.message);
+    log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
+              task->attempt, e.message);
     settlement_decide_unstarted(&e, &s->verdict);
-    s->decided = true;
     /* whatever keeps this one from starting would keep the next one, too */
     x->start_wait_ms =
         x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
     x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
-    slot_settle(x, s);
+    slot_skip(x, s);
 }
 
-/* Claims into a free slot. The mutex is held over both, so that a cancellation finds either a
- * queued job or its slot. */
+/* What the attempts that run leave. */
+static queue_room find_room(const executor *x)
+{
+    queue_room room = {
+        .threads = x->threads,
+        .all_threads = x->threads,
+        .memory_mb = x->memory_mb,
+        .all_memory_mb = x->memory_mb,
+        .most_of_owner = x->settings.most_of_owner,
+    };
+    for (size_t i = 0; i < x->slot_count; i++) {
+        room.threads -= x->slots[i].threads;
+        room.memory_mb -= x->slots[i].memory_mb;
+    }
+    return room;
+}
+
+/* Claims into a free slot. The order is held over both, so that a cancellation finds either a
+ * queued task or its slot. */
 static bool claim(executor *x, slot *s)
 {
     error e = {0};
     bool found = false;
-    queue_job job = {0};
-    pthread_mutex_lock(&x->mutex);
-    if (queue_claim(x->q, &job, &found, &e)) {
+    queue_room room = find_room(x);
+    queue_claimed claimed = {0};
+    pthread_mutex_lock(&x->order);
+    if (queue_claim(x->q, &room, &claimed, &found, &e)) {
         if (found) {
-            s->job = job;
+            pthread_mutex_lock(&x->mutex);
+            s->claimed = claimed;
+            s->threads = claimed.job.threads;
+            s->memory_mb = claimed.job.memory_mb;
+            /* what does not fit is found out, and told, when it is started */
+            executor_size(x, &s->threads, &s->memory_mb, NULL);
             s->used = true;
+            pthread_mutex_unlock(&x->mutex);
         }
     } else {
         log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue said it */
         x->claim_ms = clock_monotonic_ms() + RETRY_MS;
     }
-    pthread_mutex_unlock(&x->mutex);
+    pthread_mutex_unlock(&x->order);
     return found;
+}
+
+/* Nothing can be claimed now: what would change that by itself is a task whose time comes. */
+static void note_due(executor *x)
+{
+    x->look = false;
+    if (!queue_next_due(x->q, &x->due_ms, NULL)) x->due_ms = clock_wall_ms() + RETRY_MS;
 }
 
 static void fill_slots(executor *x)
 {
-    for (size_t i = 0; i < x->slot_count; i++) {
+    if (x->due_ms <= clock_wall_ms()) x->look = true;
+    for (size_t i = 0; x->look && i < x->slot_count; i++) {
         slot *s = &x->slots[i];
         if (s->used) continue;
-        if (atomic_load(&x->draining) || clock_monotonic_ms() < x->claim_ms || !claim(x, s)) return;
-        slot_start(x, s);
+        if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
+        if (claim(x, s)) {
+            slot_start(x, s);
+        } else {
+            if (!x->claim_ms) note_due(x); /* else it could not be tried, and is again then */
+            return;
+        }
     }
 }
 
@@ -229,6 +382,8 @@ static void keep_progress(executor *x, slot *s, const char *line)
     s->progress = copy;
     pthread_mutex_unlock(&x->mutex);
     free(old);
+    rows_add(x->rows, s->claimed.job.id, s->claimed.task.frame, s->claimed.task.attempt, line);
+    queue_signal(x->q);
 }
 
 static int64_t after(int64_t from_ms, double seconds)
@@ -256,8 +411,8 @@ static void stop_if_due(executor *x, slot *s)
     if (s->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) s->stop = why;
     if (s->stop == SETTLEMENT_NOT_STOPPED) return;
     if (!s->asked) {
-        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", s->job.id,
-                  s->job.attempt);
+        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", s->claimed.job.id,
+                  s->claimed.task.attempt);
         x->engine->cancel(s->attempt, false);
         s->asked = true;
         s->force_ms = now + (int64_t)(x->settings.grace_s * 1000);
@@ -270,6 +425,10 @@ static void stop_if_due(executor *x, slot *s)
 
 static void slot_serve(executor *x, slot *s)
 {
+    if (s->publication) {
+        if (publication_has_ended(s->publication)) slot_end_publication(x, s);
+        return;
+    }
     if (s->decided || !s->attempt) {
         if (clock_monotonic_ms() < s->retry_ms) return;
         if (s->decided) slot_settle(x, s);
@@ -291,6 +450,7 @@ static void slot_serve(executor *x, slot *s)
 /* When the slot wants to be looked at again although none of its descriptors is ready. */
 static int64_t slot_due(executor *x, const slot *s)
 {
+    if (s->publication) return INT64_MAX;
     if (s->decided || !s->attempt) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;
@@ -313,7 +473,10 @@ static void wait_for_news(executor *x, struct pollfd *fds)
         due = least(due, slot_due(x, s));
         if (s->attempt) count += x->engine->watch(s->attempt, &fds[count]);
     }
-    if (room && x->claim_ms) due = least(due, x->claim_ms);
+    if (room && executor_takes_jobs(x)) {
+        if (x->look) due = least(due, x->claim_ms); /* 0: at once */
+        if (x->due_ms < INT64_MAX) due = least(due, clock_monotonic_ms() + x->due_ms - clock_wall_ms());
+    }
     int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
     if (due != INT64_MAX && wait < 0) wait = 0;
     /* one millisecond more: due is a rounded time, and waking too early would turn in vain */
@@ -322,6 +485,7 @@ static void wait_for_news(executor *x, struct pollfd *fds)
         uint64_t times;
         ssize_t got = read(x->wake_fd, &times, sizeof times);
         (void)got;
+        x->look = true;
     }
     if (x->claim_ms && clock_monotonic_ms() >= x->claim_ms) x->claim_ms = 0;
 }
@@ -333,12 +497,28 @@ static bool is_idle(const executor *x)
     return true;
 }
 
+static void take_changes(executor *x)
+{
+    pthread_mutex_lock(&x->mutex);
+    if (x->has_changed) {
+        x->settings.file_mb = x->changed.file_mb;
+        x->settings.timeout_s = x->changed.timeout_s;
+        x->settings.stall_s = x->changed.stall_s;
+        x->settings.grace_s = x->changed.grace_s;
+        x->has_changed = false;
+    }
+    pthread_mutex_unlock(&x->mutex);
+}
+
 static void *supervise(void *argument)
 {
     executor *x = argument;
     struct pollfd *fds = mem_alloc((1 + ENGINE_MAX_FDS * x->slot_count) * sizeof *fds);
+    pthread_setname_np(pthread_self(), "supervisor"); /* for who looks at a process that is stuck */
     for (;;) {
         bool was_idle;
+        atomic_fetch_add(&x->turns, 1);
+        take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++)
             if (x->slots[i].used) slot_serve(x, &x->slots[i]);
         fill_slots(x);
@@ -370,26 +550,46 @@ static void executor_free(executor *x)
     free(x->state_dir);
     free(x->worker);
     free(x->slots);
+    retention_stop(x->retention);
+    store_roots_close(x->roots);
+    rows_free(x->rows);
+    pthread_mutex_destroy(&x->order);
     pthread_mutex_destroy(&x->mutex);
     free(x);
 }
 
-executor *executor_start(const executor_settings *settings, queue *q, error *e)
+static void copy_settings(executor *x, const executor_settings *settings)
 {
-    executor *x = mem_alloc(sizeof *x);
-    long cores = sysconf(_SC_NPROCESSORS_ONLN);
     x->settings = *settings;
     x->state_dir = mem_strdup(settings->state_dir);
     x->worker = mem_strdup(settings->worker);
     x->input_roots = mem_alloc(settings->input_root_count * sizeof *x->input_roots);
     for (size_t i = 0; i < settings->input_root_count; i++)
         x->input_roots[i] = mem_strdup(settings->input_roots[i]);
+    x->threads = settings->threads > 0 ? settings->threads : threads_available();
+    x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb
+                                                : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
+    x->slot_count = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
+    x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
+    host_name(x->host, sizeof x->host);
+    x->place = (settlement_place){
+        .q = x->q,
+        .state_dir = x->state_dir,
+        .host = x->host,
+        .backoff = {settings->retry_s, settings->retry_most_s},
+    };
+}
+
+executor *executor_start(const executor_settings *settings, queue *q, error *e)
+{
+    executor *x = mem_alloc(sizeof *x);
     x->q = q;
     x->engine = &engine_local;
-    x->slot_count = settings->workers > 0 ? (size_t)settings->workers
-                    : cores > 0           ? (size_t)cores
-                                          : 1;
-    x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
+    copy_settings(x, settings);
+    x->rows = rows_new();
+    x->look = true;
+    x->due_ms = INT64_MAX;
+    pthread_mutex_init(&x->order, NULL);
     pthread_mutex_init(&x->mutex, NULL);
     x->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     x->drained_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
@@ -397,7 +597,9 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    ok = ok && make_places(x, e) && settlement_recover(q, x->state_dir, e);
+    x->roots = ok ? store_roots_open(settings->input_roots, settings->input_root_count, e) : NULL;
+    ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
+         (x->retention = retention_start(q, x->state_dir, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
     if (ok) return x;
@@ -421,6 +623,17 @@ void executor_drain(executor *x, double seconds)
     executor_wake(x);
 }
 
+void executor_hold(executor *x, bool on)
+{
+    atomic_store(&x->held, on);
+    executor_wake(x);
+}
+
+bool executor_takes_jobs(const executor *x)
+{
+    return !atomic_load(&x->held) && !atomic_load(&x->draining);
+}
+
 void executor_force(executor *x)
 {
     atomic_store(&x->forcing, true);
@@ -432,21 +645,51 @@ bool executor_is_draining(const executor *x)
     return atomic_load(&x->draining);
 }
 
+void executor_change(executor *x, const executor_settings *settings)
+{
+    pthread_mutex_lock(&x->mutex);
+    x->changed = *settings;
+    x->has_changed = true;
+    pthread_mutex_unlock(&x->mutex);
+    executor_wake(x);
+}
+
+uint64_t executor_turns(const executor *x)
+{
+    return atomic_load(&x->turns);
+}
+
 int executor_drained_fd(const executor *x)
 {
     return x->drained_fd;
 }
 
-bool executor_cancel(executor *x, const char *id, bool *found, bool *changed, queue_state *now,
-                     error *e)
+bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
 {
-    pthread_mutex_lock(&x->mutex);
-    bool ok = queue_cancel(x->q, id, found, changed, now, e);
-    if (ok && *found && *now == QUEUE_CANCELLING)
+    int share = x->threads / (int)x->slot_count;
+    if (*width <= 0) *width = share > 0 ? share : 1;
+    if (*width > x->threads) *width = x->threads;
+    if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
+    return *memory_mb <= x->memory_mb ||
+           error_set(e, ERROR_LIMIT_MEMORY,
+                     "limits.memory_mb: %" PRId64 " MiB are more than the %" PRId64
+                     " MiB that this service has for all jobs: ask for less",
+                     *memory_mb, x->memory_mb);
+}
+
+bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
+                   queue_state *now, error *e)
+{
+    pthread_mutex_lock(&x->order);
+    bool ok = queue_tell(x->q, id, command, found, changed, now, e);
+    if (ok && *found && *now == QUEUE_CANCELLING) {
+        pthread_mutex_lock(&x->mutex);
         for (size_t i = 0; i < x->slot_count; i++)
-            if (x->slots[i].used && strcmp(x->slots[i].job.id, id) == 0)
+            if (x->slots[i].used && strcmp(x->slots[i].claimed.job.id, id) == 0)
                 x->slots[i].cancel_wanted = true;
-    pthread_mutex_unlock(&x->mutex);
+        pthread_mutex_unlock(&x->mutex);
+    }
+    pthread_mutex_unlock(&x->order);
     executor_wake(x);
     return ok;
 }
@@ -455,11 +698,29 @@ char *executor_progress(executor *x, const char *id)
 {
     char *progress = NULL;
     pthread_mutex_lock(&x->mutex);
-    for (size_t i = 0; i < x->slot_count; i++) {
+    for (size_t i = 0; !progress && i < x->slot_count; i++) {
         const slot *s = &x->slots[i];
-        if (s->used && s->progress && strcmp(s->job.id, id) == 0)
-            progress = mem_strdup(s->progress);
+        if (s->used && s->progress && strcmp(s->claimed.job.id, id) == 0) progress = mem_strdup(s->progress);
     }
     pthread_mutex_unlock(&x->mutex);
     return progress;
+}
+
+rows *executor_rows(executor *x)
+{
+    return x->rows;
+}
+
+executor_load executor_get_load(executor *x)
+{
+    executor_load load = {
+        .workers = (int)x->slot_count, .all_threads = x->threads, .all_memory_mb = x->memory_mb};
+    pthread_mutex_lock(&x->mutex);
+    for (size_t i = 0; i < x->slot_count; i++) {
+        load.attempts += x->slots[i].used;
+        load.threads += x->slots[i].threads;
+        load.memory_mb += x->slots[i].memory_mb;
+    }
+    pthread_mutex_unlock(&x->mutex);
+    return load;
 }

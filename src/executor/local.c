@@ -16,6 +16,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "store/file.h"
 
 #define PROGRESS_FD 3
@@ -24,6 +25,7 @@
 
 struct engine_attempt {
     pid_t pid;
+    char name[24]; /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
     char *log; /* 2 * LOCAL_LOG_BYTES; the last half is what is kept */
@@ -40,6 +42,8 @@ typedef struct launch {
     int spec_fd, null_fd, log_fd, progress_fd, failure_fd;
     pid_t parent;
     rlim_t address_space; /* bytes; RLIM_INFINITY: no limit */
+    rlim_t file_size;     /* likewise */
+    rlim_t open_files;
 } launch;
 
 static int raise_fd(int fd)
@@ -86,6 +90,16 @@ static void close_fd(int *fd)
     *fd = -1;
 }
 
+/* To what it is already, if that is less: limits cannot be raised. */
+static bool lower_limit(int which, rlim_t to)
+{
+    struct rlimit limit;
+    if (getrlimit(which, &limit) != 0) return false;
+    if (to < limit.rlim_max) limit.rlim_max = to;
+    if (to < limit.rlim_cur) limit.rlim_cur = to;
+    return setrlimit(which, &limit) == 0;
+}
+
 /* Runs in the child; only async-signal-safe calls. */
 static _Noreturn void run_child(const launch *l)
 {
@@ -93,11 +107,10 @@ static _Noreturn void run_child(const launch *l)
     sigemptyset(&none);
     for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
     sigprocmask(SIG_SETMASK, &none, NULL);
-    const struct rlimit no_core = {0, 0};
-    const struct rlimit space = {l->address_space, l->address_space};
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
-        setrlimit(RLIMIT_CORE, &no_core) == 0 &&
-        (l->address_space == RLIM_INFINITY || setrlimit(RLIMIT_AS, &space) == 0) &&
+        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && lower_limit(RLIMIT_CORE, 0) &&
+        lower_limit(RLIMIT_AS, l->address_space) && lower_limit(RLIMIT_FSIZE, l->file_size) &&
+        lower_limit(RLIMIT_NOFILE, l->open_files) &&
         dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
         dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
         /* an older kernel has no such flag; every descriptor of ours is close-on-exec anyway */
@@ -113,7 +126,7 @@ static _Noreturn void run_child(const launch *l)
 static char **make_arguments(const engine_request *request)
 {
     size_t count = 0;
-    char **a = mem_alloc((12 + 2 * request->input_root_count) * sizeof *a);
+    char **a = mem_alloc((18 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup("run");
     a[count++] = mem_strdup("-");
@@ -123,6 +136,14 @@ static char **make_arguments(const engine_request *request)
     a[count++] = mem_printf("%d", PROGRESS_FD);
     a[count++] = mem_strdup("--memory-mb");
     a[count++] = mem_printf("%" PRId64, request->memory_mb);
+    a[count++] = mem_strdup("--sandbox");
+    a[count++] = mem_strdup(sandbox_mode_name(request->sandbox));
+    a[count++] = mem_strdup("--threads");
+    a[count++] = mem_printf("%d", request->threads);
+    if (request->frame != QUEUE_NO_FRAME) {
+        a[count++] = mem_strdup("--frame");
+        a[count++] = mem_printf("%d", request->frame);
+    }
     for (size_t i = 0; i < request->input_root_count; i++) {
         a[count++] = mem_strdup("--input-root");
         a[count++] = mem_strdup(request->input_roots[i]);
@@ -177,7 +198,9 @@ static engine_attempt *start(const engine_request *request, error *e)
                 -1,
                 -1,
                 getpid(),
-                address_space_of(request->memory_mb)};
+                address_space_of(request->memory_mb),
+                request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
+                LOCAL_OPEN_FILES + request->input_root_count};
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);
@@ -204,7 +227,10 @@ static engine_attempt *start(const engine_request *request, error *e)
     close_fd(&l.progress_fd);
     close_fd(&l.failure_fd);
     close_fd(&failure);
-    if (!why) return a;
+    if (!why) {
+        snprintf(a->name, sizeof a->name, "%d", (int)a->pid);
+        return a;
+    }
     error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker,
               strerror(why));
     close_fd(&a->log_fd);
@@ -213,6 +239,11 @@ static engine_attempt *start(const engine_request *request, error *e)
     free(a->log);
     free(a);
     return NULL;
+}
+
+static const char *identify(const engine_attempt *a)
+{
+    return a->name;
 }
 
 static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
@@ -336,4 +367,4 @@ static void settle(engine_attempt *a, engine_ending *ending)
     free(a);
 }
 
-const engine engine_local = {"local", start, watch, poll_attempt, cancel, settle};
+const engine engine_local = {"local", start, identify, watch, poll_attempt, cancel, settle};

@@ -1,9 +1,11 @@
 /* local: the engine that runs an attempt as a process of this machine.
  *
  * The worker runs in a process group of its own, is killed when the daemon dies, holds no
- * descriptor of the daemon, leaves no core file, and has an address space of its memory limit plus
- * a headroom (not under AddressSanitizer, whose shadow would not fit). Its spec comes on standard
- * input, progress lines leave on descriptor 3; of standard error the last LOCAL_LOG_BYTES are kept.
+ * descriptor of the daemon, leaves no core file, gains no privileges, writes no file longer than it
+ * may, and has an address space of its memory limit plus a headroom (not under AddressSanitizer,
+ * whose shadow would not fit). What else it may not do it sees to itself, as it is told to
+ * (base/sandbox). Its spec comes on standard input, progress lines leave on descriptor 3; of
+ * standard error the last LOCAL_LOG_BYTES are kept.
  * Only async-signal-safe calls stand between fork and exec, so the daemon may have threads;
  * attempts must be started from a thread that lives as long as they do.
  */
@@ -17,6 +19,8 @@
  * memory). */
 #define LOCAL_HEADROOM_MB 512
 #define LOCAL_HEADROOM_PER_CORE_MB 80
+/* Descriptors of a worker beside those of its input roots: a job has a handful. */
+#define LOCAL_OPEN_FILES 128
 #define LOCAL_LOG_BYTES (64 * 1024)
 /* Progress lines are some hundred bytes; a longer one is no progress line and is ignored. */
 #define LOCAL_LINE_BYTES 4096

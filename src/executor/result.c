@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/log.h"
 #include "base/memory.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -16,15 +17,19 @@
 /* A report has a record per sweep, and a million sweeps is the most that a job may ask for. */
 #define REPORT_LIMIT_BYTES (256u << 20)
 #define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
+/* No output is called so: their names do not begin with a point. */
+#define LISTING_NAME ".listing.json"
 
-char *result_directory(const char *state_dir, const char *id)
+char *result_directory(const char *state_dir, const char *id, int frame)
 {
-    return mem_printf("%s/results/%s", state_dir, id);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/results/%s", state_dir, id)
+                                   : mem_printf("%s/results/%s.%d", state_dir, id, frame);
 }
 
-char *result_attempt_directory(const char *state_dir, const char *id, int attempt)
+char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt)
 {
-    return mem_printf("%s/attempts/%s.%d", state_dir, id, attempt);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/attempts/%s.%d", state_dir, id, attempt)
+                                   : mem_printf("%s/attempts/%s.%d.%d", state_dir, id, frame, attempt);
 }
 
 void result_clear(result *r)
@@ -118,9 +123,9 @@ static bool read_report(const char *directory, const json *report, result *r, er
     return true;
 }
 
-bool result_read(const char *directory, result *r, error *e)
+static bool read_named(const char *directory, const char *name, result *r, error *e)
 {
-    char *path = mem_printf("%s/%s", directory, RESULT_REPORT_NAME);
+    char *path = mem_printf("%s/%s", directory, name);
     size_t length = 0;
     result read = {0};
     json *report = NULL;
@@ -134,7 +139,7 @@ bool result_read(const char *directory, result *r, error *e)
     }
     report = json_parse(text, length, &why);
     if (!report) {
-        error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", RESULT_REPORT_NAME, why.message);
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", name, why.message);
         goto done;
     }
     ok = read_report(directory, report, &read, e);
@@ -147,4 +152,63 @@ done:
     free(text);
     free(path);
     return ok;
+}
+
+bool result_read(const char *directory, result *r, error *e)
+{
+    return read_named(directory, RESULT_REPORT_NAME, r, e);
+}
+
+/* Adds report.json to the outputs. */
+static bool append_report(const char *directory, result *r, error *e)
+{
+    result_output own = {0};
+    uint64_t hashed = 0;
+    int fd = result_open_file(directory, RESULT_REPORT_NAME, &own.bytes, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash(fd, own.sha256, &hashed, e);
+    close(fd);
+    if (!ok) return false;
+    own.bytes = (int64_t)hashed;
+    own.name = mem_strdup(RESULT_REPORT_NAME);
+    r->output = mem_resize(r->output, (r->output_count + 1) * sizeof *r->output);
+    r->output[r->output_count++] = own;
+    return true;
+}
+
+/* A listing has the members of a report that result_read looks at, and no other. */
+static char *print_listing(const result *r)
+{
+    json *document = json_new_object();
+    json_put_string(document, "outcome", queue_outcome_name(r->outcome));
+    json_put_integer(document, "count", r->count);
+    json *outputs = json_put_array(document, "outputs");
+    for (size_t i = 0; i < r->output_count; i++) {
+        json *o = json_append_object(outputs);
+        json_put_string(o, "name", r->output[i].name);
+        json_put_integer(o, "bytes", r->output[i].bytes);
+        json_put_string(o, "sha256", r->output[i].sha256);
+    }
+    char *text = json_print(document);
+    json_free(document);
+    return text;
+}
+
+bool result_list(const char *directory, result *r, error *e)
+{
+    error why = {0};
+    result found = {0};
+    if (read_named(directory, LISTING_NAME, r, &why)) return true;
+    if (!result_read(directory, &found, e)) return false;
+    if (!append_report(directory, &found, e)) {
+        result_clear(&found);
+        return false;
+    }
+    char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
+    if (!store_file_write(path, text, strlen(text), &why)) /* then it is made again */
+        log_write(LOG_LEVEL_WARNING, "a listing of results is not kept: %s", why.message);
+    free(text);
+    free(path);
+    *r = found;
+    return true;
 }

@@ -1,10 +1,13 @@
 #include "executor/settlement.h"
 
+#include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/result.h"
@@ -22,15 +25,14 @@ static void set_end(settlement *s, queue_state state, const error *why)
 }
 
 /* A crash is worth another attempt, so long as there are any left. */
-static void set_retry(settlement *s, const queue_job *job, const error *why)
+static void set_retry(settlement *s, const queue_claimed *c, const error *why)
 {
-    if (job->spent < job->max_attempts) {
+    if (c->task.spent < c->job.max_attempts) {
         s->requeue = s->counts = true;
         return;
     }
     error e = *why;
-    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, job->spent,
-              job->max_attempts);
+    error_set(&e, ERROR_INTERNAL, "%s in attempt %d of %d", why->message, c->task.spent, c->job.max_attempts);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -45,6 +47,13 @@ static bool read_last_words(const char *words, error *said)
     if (ok) error_set(said, error_code_from_name(code), "%s", message);
     json_free(document);
     return ok;
+}
+
+/* A crash is not tried again at once: what made it may still be there. */
+static void set_retry_later(settlement *s, const queue_claimed *c, const error *why)
+{
+    set_retry(s, c, why);
+    s->wait = s->requeue;
 }
 
 static void decide_success(const char *directory, settlement *s)
@@ -68,14 +77,14 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-static void decide_exit(const queue_job *job, const engine_ending *ending, settlement *s)
+static void decide_exit(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error said = {0};
     bool spoke = read_last_words(ending->last_words, &said);
     if (ending->exit_status == EXIT_CANCELLED) {
         /* nobody here asked for it: a signal from outside, as good as a crash */
         error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
-        set_retry(s, job, &said);
+        set_retry_later(s, c, &said);
         return;
     }
     if (!spoke)
@@ -86,13 +95,13 @@ static void decide_exit(const queue_job *job, const engine_ending *ending, settl
     set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
 }
 
-static void decide_signal(const queue_job *job, const engine_ending *ending, settlement *s)
+static void decide_signal(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error e = {0};
     const char *name = sigabbrev_np(ending->signal);
     error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
               name ? name : "?");
-    set_retry(s, job, &e);
+    set_retry_later(s, c, &e);
 }
 
 static bool is_success(const engine_ending *ending)
@@ -108,7 +117,7 @@ static void describe(const engine_ending *ending, const char *prefix, settlement
         snprintf(s->reason, sizeof s->reason, "%sexit status %d", prefix, ending->exit_status);
 }
 
-void settlement_decide(const queue_job *job, settlement_stop stop, double limit_s,
+void settlement_decide(const queue_claimed *c, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s)
 {
     *s = (settlement){0};
@@ -142,9 +151,9 @@ void settlement_decide(const queue_job *job, settlement_stop stop, double limit_
     if (is_success(ending))
         decide_success(directory, s);
     else if (ending->signal >= 0)
-        decide_signal(job, ending, s);
+        decide_signal(c, ending, s);
     else
-        decide_exit(job, ending, s);
+        decide_exit(c, ending, s);
 }
 
 void settlement_decide_unstarted(const error *why, settlement *s)
@@ -153,8 +162,44 @@ void settlement_decide_unstarted(const error *why, settlement *s)
     snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
-/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a flush
- * that failed. */
+void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s)
+{
+    error e = {0};
+    error_set(&e, ERROR_LIMIT_MEMORY,
+              "the job asks for %" PRId64 " MiB and this service has %" PRId64
+              " MiB for all jobs: ask for less in limits.memory_mb, or raise host_memory_mb",
+              claimed->job.memory_mb, memory_mb);
+    *s = (settlement){0};
+    snprintf(s->reason, sizeof s->reason, "not started: too large");
+    set_end(s, QUEUE_FAILED, &e);
+}
+
+bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e)
+{
+    result r = {0};
+    if (!result_read(directory, &r, e)) return false;
+    *s = (settlement){.deliver = true, .state = QUEUE_SUCCEEDED, .outcome = r.outcome, .cached_from = from};
+    snprintf(s->reason, sizeof s->reason, "the result of %s", from);
+    result_clear(&r);
+    return true;
+}
+
+void settlement_decide_unpublished(const error *why, settlement *s)
+{
+    s->deliver = false;
+    s->outcome = QUEUE_NO_OUTCOME;
+    set_end(s, QUEUE_FAILED, why);
+}
+
+static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c)
+{
+    double wait_s = place->backoff.first_s;
+    for (int i = 1; i < c->task.spent && wait_s < place->backoff.most_s; i++) wait_s *= 2;
+    return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
+}
+
+/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a
+ * flush that failed. */
 static bool deliver(const char *state_dir, const char *from, const char *to, error *e)
 {
     if (access(from, F_OK) == 0 || access(to, F_OK) != 0) return store_rename(from, to, e);
@@ -183,22 +228,21 @@ static void remove_leftovers(const char *directory)
 
 /* Whether the attempt still is the job's: the fence, looked at before a result moves into place.
  * The queue looks again in its transaction. */
-static bool check_fence(queue *q, const queue_job *job, bool *current, error *e)
+static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *e)
 {
-    queue_job now = {0};
-    bool found = false;
-    if (!queue_get(q, job->id, &now, &found, e)) return false;
-    *current = found && now.attempt == job->attempt &&
-               (now.state == QUEUE_RUNNING || now.state == QUEUE_CANCELLING);
-    queue_job_clear(&now);
+    queue_task *now = NULL;
+    size_t count = 0;
+    if (!queue_list_tasks(q, c->job.id, c->task.number - 1, 1, &now, &count, e)) return false;
+    *current = count && now->attempt == c->task.attempt && now->state == QUEUE_RUNNING;
+    queue_tasks_free(now, count);
     return true;
 }
 
-bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
+bool settlement_apply(const settlement_place *place, const queue_claimed *c, const settlement *s,
                       const engine_ending *ending, error *e)
 {
     bool accepted = false, current = true;
-    if (s->deliver && !check_fence(q, job, &current, e)) return false;
+    if (s->deliver && !check_fence(place->q, c, &current, e)) return false;
     queue_ending end = {
         .state = s->state,
         .outcome = s->outcome,
@@ -207,49 +251,54 @@ bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, con
         .exit_status = ending ? ending->exit_status : -1,
         .signal = ending ? ending->signal : -1,
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
+        .host = place->host,
         .reason = s->reason,
+        .cached_from = s->cached_from,
+        .cache_key = s->cache_key,
+        .cache_inputs = s->cache_inputs,
     };
-    char *directory = result_attempt_directory(state_dir, job->id, job->attempt);
-    char *results = result_directory(state_dir, job->id);
-    if (s->deliver && current && !deliver(state_dir, directory, results, e)) {
+    const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
+    char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);
+    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
+    if (s->deliver && current && !deliver(place->state_dir, directory, results, e)) {
         free(directory);
         free(results);
         return false; /* the disk's fault, not the job's: to be tried again */
     }
     if (!s->deliver || !current) remove_leftovers(directory);
-    bool ok = s->requeue ? queue_requeue(q, job->id, job->attempt, s->counts, &end, &accepted, e)
-                         : queue_finish(q, job->id, job->attempt, &end, &accepted, e);
+    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c) : 0,
+                                         &end, &accepted, e)
+                         : queue_finish(place->q, &fence, &end, &accepted, e);
     if (ok && !accepted && s->requeue) {
         /* cancelled between the decision and now: the cancellation was promised */
         end.state = QUEUE_CANCELLED;
         end.error_code = error_code_name(ERROR_CANCELLED);
         end.error_message = "cancelled while it ran";
-        ok = queue_finish(q, job->id, job->attempt, &end, &accepted, e);
+        ok = queue_finish(place->q, &fence, &end, &accepted, e);
     }
     if (ok)
         log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
-                  "attempt ended job=%s attempt=%d reason=\"%s\" state=%s%s%s", job->id,
-                  job->attempt, s->reason,
-                  s->requeue && end.state != QUEUE_CANCELLED ? "queued"
-                                                             : queue_state_name(end.state),
+                  "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s", c->job.id,
+                  c->task.number, c->task.attempt, s->reason,
+                  s->requeue && end.state != QUEUE_CANCELLED ? "queued" : queue_state_name(end.state),
                   end.error_code ? " code=" : "", end.error_code ? end.error_code : "");
     free(directory);
     free(results);
     return ok;
 }
 
-static bool recover_job(queue *q, const char *state_dir, const queue_job *job, error *e)
+static bool recover_task(const settlement_place *place, const queue_claimed *c, error *e)
 {
     settlement s = {0};
     result r = {0};
     error why = {0};
-    char *results = result_directory(state_dir, job->id);
+    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
     snprintf(s.reason, sizeof s.reason, "the daemon ended during the attempt");
     bool found = access(results, F_OK) == 0, good = found && result_read(results, &r, &why);
     if (found && !good && why.code == ERROR_INTERNAL) { /* never throw away what we could not look at */
         free(results);
         if (e) *e = why;
-        return error_prefix(e, "the result of job %s", job->id);
+        return error_prefix(e, "the result of job %s", c->job.id);
     }
     if (good) {
         s.deliver = true;
@@ -257,26 +306,26 @@ static bool recover_job(queue *q, const char *state_dir, const queue_job *job, e
         s.outcome = r.outcome;
         result_clear(&r);
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
-    } else if (job->state == QUEUE_CANCELLING) {
+    } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
         set_end(&s, QUEUE_CANCELLED, &why);
     } else {
         error_set(&why, ERROR_INTERNAL, "the daemon ended while the job ran");
-        set_retry(&s, job, &why);
+        set_retry(&s, c, &why);
     }
     bool ok = s.deliver || store_remove(results, e);
-    ok = ok && settlement_apply(q, state_dir, job, &s, NULL, e);
+    ok = ok && settlement_apply(place, c, &s, NULL, e);
     free(results);
     return ok;
 }
 
-bool settlement_recover(queue *q, const char *state_dir, error *e)
+bool settlement_recover(const settlement_place *place, error *e)
 {
-    queue_job *jobs = NULL;
+    queue_claimed *left = NULL;
     size_t count = 0;
-    if (!queue_list_unsettled(q, &jobs, &count, e)) return false;
+    if (!queue_list_unsettled(place->q, &left, &count, e)) return false;
     bool ok = true;
-    for (size_t i = 0; ok && i < count; i++) ok = recover_job(q, state_dir, &jobs[i], e);
-    queue_jobs_free(jobs, count);
+    for (size_t i = 0; ok && i < count; i++) ok = recover_task(place, &left[i], e);
+    queue_claimed_free(left, count);
     return ok;
 }

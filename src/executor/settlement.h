@@ -1,10 +1,10 @@
-/* settlement: what becomes of a job whose attempt has ended.
+/* settlement: what becomes of a task whose attempt has ended.
  *
  * Deciding looks only at how the attempt ended and what it left; applying moves the result into
  * place and tells the queue, in an order that a crash at any point leaves recoverable:
  *     the attempt's directory is renamed to results/ID and both parents are flushed,
- *     then the queue's transaction ends the job.
- * A start after a crash finds a job still running by the book and, if results/ID is whole, only the
+ *     then the queue's transaction ends the task.
+ * A start after a crash finds a task still running by the book and, if results/ID is whole, only the
  * second step missing. Called by the supervisor thread alone.
  */
 #ifndef HEXAD_EXECUTOR_SETTLEMENT_H
@@ -26,27 +26,53 @@ typedef struct settlement {
     bool undecided;       /* the result cannot be looked at just now (message): decide again later */
     bool deliver;         /* the directory is a result */
     bool requeue, counts; /* back into the queue; whether the attempt counts */
-    queue_state state;    /* otherwise: the job's end */
+    bool wait;            /* before the next attempt: it crashed */
+    queue_state state;    /* otherwise: the task's end */
     queue_outcome outcome;
     error_code code; /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
     char reason[160]; /* for the attempt's record */
+    const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
+    const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
 } settlement;
 
 /* `limit_s` is the limit that was hit when `stop` says that one was. */
-void settlement_decide(const queue_job *job, settlement_stop stop, double limit_s,
+void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
 /* For an attempt that did not start: a fault of the service, not of the job, which goes back into
  * the queue and is not charged with it. */
 void settlement_decide_unstarted(const error *why, settlement *s);
 
+/* For an attempt that was not even tried, since the machine can never give what the job asks for. */
+void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
+
+/* For a directory that was given the result of another job, whose id lives on. */
+bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);
+
+/* For a result that could not be copied to where its job wants it: the job fails. */
+void settlement_decide_unpublished(const error *why, settlement *s);
+
+/* How long a task waits whose attempt crashed: `first_s` after the first attempt that counts, twice as long
+ * after each further one, up to `most_s`. */
+typedef struct settlement_backoff {
+    double first_s, most_s;
+} settlement_backoff;
+
+/* What is settled: the queue, its directory, and how it goes on. */
+typedef struct settlement_place {
+    queue *q;
+    const char *state_dir;
+    const char *host; /* for the attempts' records */
+    settlement_backoff backoff;
+} settlement_place;
+
 /* May be called again after a failure. `ending` may be NULL when nothing is known of the process.
  */
-bool settlement_apply(queue *q, const char *state_dir, const queue_job *job, const settlement *s,
+bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Settles what a crash left: jobs that run by the book while nothing runs. */
-bool settlement_recover(queue *q, const char *state_dir, error *e);
+/* Settles what a crash left: tasks that run by the book while nothing runs. */
+bool settlement_recover(const settlement_place *place, error *e);
 
 #endif

@@ -195,7 +195,14 @@ static void analytic_cell(const field *f, size_t index, field_cell *out)
     cell_grid_cell(&((const analytic *)f)->grid, f, &oracle, index, out);
 }
 
-static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell};
+/* The formula is good everywhere but in single points. */
+static double analytic_side(const field *f, vec3 x)
+{
+    field_sample s;
+    return analytic_sample(f, x, FIELD_GRADIENT, &s) ? 0 : corner_value(f, x);
+}
+
+static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell, analytic_side};
 
 static vec3 half_extent(const analytic_params *p)
 {

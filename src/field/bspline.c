@@ -98,7 +98,12 @@ static void bspline_cell(const field *f, size_t index, field_cell *out)
     cell_grid_cell(&((const bspline *)f)->grid, f, &oracle, index, out);
 }
 
-static const field_ops bspline_ops = {bspline_sample, bspline_cell_count, bspline_cell};
+static double bspline_side(const field *f, vec3 x)
+{
+    return bbox_contains(((const bspline *)f)->params.domain, x) ? 0 : 1;
+}
+
+static const field_ops bspline_ops = {bspline_sample, bspline_cell_count, bspline_cell, bspline_side};
 
 /* Cells are whole parts of spans. */
 static void lay_out_grid(bspline *b)

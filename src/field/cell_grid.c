@@ -4,8 +4,8 @@
 
 #include "base/memory.h"
 
-/* Blocks of this many cells along each axis are looked at cell by cell. */
-enum { BLOCK = 8, ROW = BLOCK + 1, SLAB = ROW * ROW };
+/* Blocks are looked at cell by cell. */
+enum { BLOCK = CELL_GRID_BLOCK, ROW = BLOCK + 1, SLAB = ROW * ROW };
 
 typedef struct search {
     cell_grid *grid;
@@ -80,18 +80,36 @@ static void search_block(search *w, const int64_t *first, int64_t size)
     }
 }
 
+static bool end_search(search *w, error *e)
+{
+    free(w->corners);
+    if (threads_stopped(w->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (w->grid->count <= CELL_GRID_MOST) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the surface crosses more than %zu cells of size %g: it is too fine for its size",
+                     CELL_GRID_MOST, w->field->cell_size);
+}
+
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e)
 {
     search w = {g, f, oracle, 0, mem_alloc(ROW * SLAB * sizeof(double)), pool};
     int64_t size = BLOCK;
     while (size < g->cells[0] || size < g->cells[1] || size < g->cells[2]) size *= 2;
     search_block(&w, (const int64_t[3]){0, 0, 0}, size);
-    free(w.corners);
-    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-    if (g->count <= CELL_GRID_MOST) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "the surface crosses more than %zu cells of size %g: it is too fine for its size",
-                     CELL_GRID_MOST, f->cell_size);
+    return end_search(&w, e);
+}
+
+bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
+                             const uint8_t *blocks, threads *pool, error *e)
+{
+    search w = {g, f, oracle, 0, mem_alloc(ROW * SLAB * sizeof(double)), pool};
+    for (int64_t z = 0; z < cell_grid_blocks(g, 2); z++)
+        for (int64_t y = 0; y < cell_grid_blocks(g, 1); y++)
+            for (int64_t x = 0; x < cell_grid_blocks(g, 0); x++) {
+                if (!*blocks++ || g->count > CELL_GRID_MOST || threads_stopped(pool)) continue;
+                search_cells(&w, (const int64_t[3]){BLOCK * x, BLOCK * y, BLOCK * z});
+            }
+    return end_search(&w, e);
 }
 
 static void find_place(const cell_grid *g, size_t index, int64_t at[3])

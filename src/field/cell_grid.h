@@ -34,6 +34,17 @@ typedef struct cell_grid_oracle {
  * CELL_GRID_MOST), cancelled (the pool, which may be NULL, was told to stop). */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 
+/* Cells along each axis of a block; blocks begin at the lowest corner. */
+#define CELL_GRID_BLOCK 8
+static inline int64_t cell_grid_blocks(const cell_grid *g, int axis)
+{
+    return (g->cells[axis] + CELL_GRID_BLOCK - 1) / CELL_GRID_BLOCK;
+}
+
+/* The same where it is known which blocks to look at: those whose byte is not 0, x fastest. */
+bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
+                             const uint8_t *blocks, threads *pool, error *e);
+
 /* Crossing cell number `index`, as field_ops wants it. */
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
                     field_cell *out);

@@ -47,6 +47,11 @@ typedef struct field_ops {
      * for volumes, a fixed fraction of the shape for formulas. */
     size_t (*cell_count)(const field *f);
     void (*cell)(const field *f, size_t k, field_cell *out);
+
+    /* On which side of the surface x lies, wherever that is: negative inside the solid, positive outside; the
+     * size says nothing. 0 near the surface, where `sample` tells. What lies beyond the end of data is
+     * outside. */
+    double (*side)(const field *f, vec3 x);
 } field_ops;
 
 struct field {

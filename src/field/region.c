@@ -31,7 +31,13 @@ static void region_cell(const field *f, size_t k, field_cell *out)
     r->whole->ops->cell(r->whole, r->kept[k], out);
 }
 
-static const field_ops region_ops = {region_sample, region_cell_count, region_cell};
+static double region_side(const field *f, vec3 x)
+{
+    const field *whole = ((const region *)f)->whole;
+    return whole->ops->side(whole, x);
+}
+
+static const field_ops region_ops = {region_sample, region_cell_count, region_cell, region_side};
 
 static bbox box_of_cell(const field *f, size_t k)
 {

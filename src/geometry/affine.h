@@ -1,7 +1,9 @@
-/* affine: maps of space, as three rows of a 4x4 matrix for column vectors. Pure functions, safe in any thread. */
+/* affine: maps of space, as three rows of a 4x4 matrix for column vectors. Pure functions, safe in any
+ * thread. */
 #ifndef HEXAD_GEOMETRY_AFFINE_H
 #define HEXAD_GEOMETRY_AFFINE_H
 
+#include "geometry/sym3.h"
 #include "geometry/vec3.h"
 
 static inline vec3 affine_apply(const double m[3][4], double x, double y, double z)
@@ -27,6 +29,23 @@ static inline double affine_invert(const double m[3][4], double out[3][4])
         for (int j = 0; j < 3; j++) out[i][3] -= out[i][j] * m[j][3];
     }
     return determinant;
+}
+
+/* Derivatives of f(M x) by x from those of f at M x: W^T g and W^T H W, W the linear part of m. */
+static inline vec3 affine_pull_gradient(const double m[3][4], vec3 g)
+{
+    return (vec3){m[0][0] * g.x + m[1][0] * g.y + m[2][0] * g.z,
+                  m[0][1] * g.x + m[1][1] * g.y + m[2][1] * g.z,
+                  m[0][2] * g.x + m[1][2] * g.y + m[2][2] * g.z};
+}
+
+static inline sym3 affine_pull_hessian(const double m[3][4], sym3 h)
+{
+    const vec3 a = {m[0][0], m[1][0], m[2][0]}, b = {m[0][1], m[1][1], m[2][1]},
+               c = {m[0][2], m[1][2], m[2][2]};
+    const vec3 ha = sym3_apply(h, a), hb = sym3_apply(h, b), hc = sym3_apply(h, c);
+    return (sym3){vec3_dot(a, ha), vec3_dot(b, hb), vec3_dot(c, hc),
+                  vec3_dot(a, hb), vec3_dot(a, hc), vec3_dot(b, hc)};
 }
 
 #endif

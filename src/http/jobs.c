@@ -1,33 +1,26 @@
 #include "http/jobs.h"
 
+#include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include "config.h"
-
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "executor/result.h"
+#include "base/frames.h"
+#include "http/condition.h"
+#include "http/parameter.h"
+#include "http/tasks.h"
 #include "spec/spec.h"
 #include "store/file.h"
 
-#define LIST_DEFAULT 50
-#define LIST_MOST 500
-
-/* Submitters are told to come again after that long; a restarted daemon is back by then. */
-#define RETRY_AFTER_S "5"
-
-static void put_time(json *object, const char *key, int64_t wall_ms)
-{
-    char text[CLOCK_TEXT_SIZE];
-    if (wall_ms)
-        json_put_string(object, key, clock_format_utc(wall_ms, text));
-    else
-        json_put_null(object, key);
-}
+#define LIST_DEFAULT 50 /* as the table of parameters says */
+/* In a job's own document; there is a listing of all. */
+#define ATTEMPTS_SHOWN 100
+#define KEY_LENGTH_MOST 255
+#define JOBS_TAG_SIZE 40
 
 /* A text that this service stored as JSON; null should it not parse. */
 static void put_stored(json *object, const char *key, const char *text)
@@ -39,22 +32,74 @@ static void put_stored(json *object, const char *key, const char *text)
         json_put_null(object, key);
 }
 
-static json *describe_job(const jobs_context *c, const queue_job *job)
+/* Its number of revision; and while progress is told, what that was: `"7"`, `"7.1f3a9c02"`. */
+static void print_tag(const queue_job *job, const char *progress, char tag[JOBS_TAG_SIZE])
+{
+    uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
+    for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
+    if (progress)
+        snprintf(tag, JOBS_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
+    else
+        snprintf(tag, JOBS_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+}
+
+static void put_counts(json *object, const queue_counts *n)
+{
+    json *o = json_put_object(object, "tasks");
+    json_put_integer(o, "all", n->all);
+    json_put_integer(o, "waiting", n->waiting);
+    json_put_integer(o, "running", n->running);
+    json_put_integer(o, "succeeded", n->succeeded);
+    json_put_integer(o, "failed", n->failed);
+    json_put_integer(o, "cancelled", n->cancelled);
+    json_put_integer(o, "timed_out", n->timed_out);
+}
+
+static void put_links(json *object, const queue_job *job)
+{
+    static const char *const parts[] = {"tasks", "attempts", "events", "log"};
+    json *links = json_put_object(object, "links");
+    char *self = mem_printf("/v1/jobs/%s", job->id);
+    json_put_string(links, "self", self);
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        char *path = mem_printf("%s/%s", self, parts[i]);
+        json_put_string(links, parts[i], path);
+        free(path);
+    }
+    if (job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0) {
+        char *results = mem_printf("%s/results", self);
+        json_put_string(links, "results", results);
+        free(results);
+    }
+    free(self);
+}
+
+/* What everybody may see of a job. */
+static json *describe_job(const queue_job *job, const char *progress)
 {
     json *o = json_new_object();
-    char *progress = executor_progress(c->x, job->id);
     json_put_string(o, "id", job->id);
     json_put_string(o, "name", job->name);
+    json_put_string(o, "owner", job->owner ? job->owner : "");
+    json_put_integer(o, "revision", job->revision);
     json_put_string(o, "state", queue_state_name(job->state));
+    json_put_bool(o, "paused", job->paused);
     json_put_string(o, "outcome", queue_outcome_name(job->outcome));
     json_put_integer(o, "priority", job->priority);
     put_stored(o, "labels", job->labels);
-    put_time(o, "created", job->created_ms);
-    put_time(o, "started", job->started_ms);
-    put_time(o, "finished", job->finished_ms);
-    json_put_integer(o, "attempt", job->attempt);
+    tasks_put_time(o, "created", job->created_ms);
+    tasks_put_time(o, "started", job->started_ms);
+    tasks_put_time(o, "finished", job->finished_ms);
+    json_put_bool(o, "array", job->array);
+    put_counts(o, &job->tasks);
+    json_put_integer(o, "attempt", job->attempts);
     json_put_integer(o, "max_attempts", job->max_attempts);
-    put_stored(o, "progress", queue_state_is_final(job->state) ? NULL : progress);
+    json_put_integer(o, "threads", job->threads);
+    json_put_integer(o, "memory_mb", job->memory_mb);
+    json_put_integer(o, "retention_s", job->retention_s);
+    json_put_string(o, "traceparent", job->trace);
+    json_put_string(o, "cached_from", job->cached_from);
+    put_stored(o, "progress", progress);
     if (job->error_code) {
         json *fault = json_put_object(o, "error");
         json_put_string(fault, "code", job->error_code);
@@ -62,43 +107,16 @@ static json *describe_job(const jobs_context *c, const queue_job *job)
     } else {
         json_put_null(o, "error");
     }
-    json *links = json_put_object(o, "links");
-    char *self = mem_printf("/v1/jobs/%s", job->id);
-    json_put_string(links, "self", self);
-    if (job->state == QUEUE_SUCCEEDED) {
-        char *results = mem_printf("%s/results", self);
-        json_put_string(links, "results", results);
-        free(results);
-    }
-    free(self);
-    free(progress);
+    put_links(o, job);
     return o;
 }
 
-static bool put_attempts(const jobs_context *c, const queue_job *job, json *object, error *e)
+static char *progress_of(const http_context *c, const queue_job *job)
 {
-    queue_attempt *attempts = NULL;
-    size_t count = 0;
-    if (!queue_list_attempts(c->q, job->id, &attempts, &count, e)) return false;
-    json *list = json_put_array(object, "attempts");
-    for (size_t i = 0; i < count; i++) {
-        const queue_attempt *a = &attempts[i];
-        json *o = json_append_object(list);
-        json_put_integer(o, "number", a->number);
-        put_time(o, "started", a->started_ms);
-        put_time(o, "finished", a->finished_ms);
-        if (a->exit_status >= 0) json_put_integer(o, "exit_status", a->exit_status);
-        if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
-        if (a->peak_memory_bytes > 0)
-            json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
-        if (a->reason) json_put_string(o, "reason", a->reason);
-    }
-    queue_attempts_free(attempts, count);
-    return true;
+    return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
 }
 
-/* Finds the job that the path names, or answers why not. */
-static bool find_job(const jobs_context *c, const jobs_request *request, queue_job *job, reply *r)
+bool jobs_find(const http_context *c, const http_request *request, queue_job *job, reply *r)
 {
     error e = {0};
     bool found = false;
@@ -111,28 +129,52 @@ static bool find_job(const jobs_context *c, const jobs_request *request, queue_j
     return found;
 }
 
-/* The document of a job that is in the queue, read from there. */
-static void show_job(const jobs_context *c, const char *id, int status, reply *r)
+bool jobs_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r)
+{
+    if (!jobs_find(c, request, job, r)) return false;
+    if (access_is_owner(request->caller, job->owner)) return true;
+    reply_set_problem(r, "forbidden", NULL, "the job %s belongs to %s", job->id, job->owner);
+    queue_job_clear(job);
+    return false;
+}
+
+/* Answers with the whole document of a job; of another's without its spec, which names files. */
+static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
+                       reply *r)
+{
+    error e = {0};
+    char tag[JOBS_TAG_SIZE];
+    queue_attempt *attempts = NULL;
+    size_t count = 0;
+    if (!queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    char *progress = progress_of(c, job);
+    json *document = describe_job(job, progress);
+    put_stored(document, "spec", access_is_owner(request->caller, job->owner) ? job->spec : NULL);
+    json *list = json_put_array(document, "attempts");
+    for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) tasks_append_attempt(list, &attempts[i]);
+    queue_attempts_free(attempts, count);
+    print_tag(job, progress, tag);
+    free(progress);
+    reply_set_json(r, status, document);
+    reply_add_header(r, "ETag", tag);
+}
+
+void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r)
 {
     error e = {0};
     queue_job job = {0};
     bool found = false;
-    json *document = NULL;
-    if (!queue_get(c->q, id, &job, &found, &e)) goto failed;
-    if (!found) {
-        error_set(&e, ERROR_INTERNAL, "the job %s is gone", id);
-        goto failed;
+    if (!queue_get(c->q, id, &job, &found, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!found) {
+        reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
+    } else {
+        answer_job(c, request, &job, status, r);
     }
-    document = describe_job(c, &job);
-    put_stored(document, "spec", job.spec);
-    if (!put_attempts(c, &job, document, &e)) goto failed;
-    reply_set_json(r, status, document);
     queue_job_clear(&job);
-    return;
-failed:
-    json_free(document);
-    queue_job_clear(&job);
-    reply_set_error(r, &e, NULL);
 }
 
 static void append_fault(json *errors, const char *pointer, const char *detail)
@@ -143,7 +185,7 @@ static void append_fault(json *errors, const char *pointer, const char *detail)
 }
 
 /* Parses the body into a spec, or answers why not. */
-static spec *read_spec(const jobs_request *request, reply *r)
+static spec *read_spec(const http_request *request, reply *r)
 {
     error e = {0};
     json *document = json_parse(request->body, request->length, &e);
@@ -163,13 +205,15 @@ static spec *read_spec(const jobs_request *request, reply *r)
 }
 
 /* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
- * opens them again under the same roots. */
-static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
+ * opens them again under the same roots. Of a sequence the first frame is looked at. */
+static bool check_inputs(const http_context *c, const spec *s, reply *r)
 {
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
-        int fd = store_open_input(c->roots, input.path, &e);
+        char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        int fd = store_open_input(c->roots, path, &e);
+        free(path);
         if (fd >= 0) {
             close(fd);
             continue;
@@ -180,6 +224,17 @@ static bool check_inputs(const jobs_context *c, const spec *s, reply *r)
         return false;
     }
     return true;
+}
+
+/* Looks whether a copy of the results may go where the spec wants it. */
+static bool check_output(const http_context *c, const spec *s, reply *r)
+{
+    error e = {0};
+    if (!s->directory || store_output_check(c->outputs, s->directory, &e)) return true;
+    json *errors = json_new_array();
+    append_fault(errors, "/output/directory", e.message);
+    reply_set_error(r, &e, errors);
+    return false;
 }
 
 static char *print_labels(const spec *s)
@@ -193,109 +248,202 @@ static char *print_labels(const spec *s)
 
 /* The document of a job that was put in the queue just now. It is made of what was put: the job is
  * accepted, whatever another look at the database would say. */
-static void show_accepted(const jobs_context *c, const char *id, const queue_submission *put,
-                          reply *r)
+static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
 {
     queue_job job = {
         .name = (char *)put->name,
+        .owner = (char *)put->owner,
         .labels = (char *)put->labels,
-        .state = QUEUE_QUEUED,
+        .trace = (char *)put->trace,
+        .revision = receipt->revision,
+        .state = receipt->state,
         .priority = put->priority,
-        .created_ms = ulid_time_ms(id),
+        .created_ms = ulid_time_ms(receipt->id),
+        .array = put->frame_count > 0,
+        .tasks = {.all = put->frame_count ? (int)put->frame_count : 1,
+                  .waiting = put->frame_count ? (int)put->frame_count : 1},
         .max_attempts = put->max_attempts,
+        .threads = put->threads,
+        .memory_mb = put->memory_mb,
+        .retention_s = put->retention_s,
     }; /* borrows its texts */
-    memcpy(job.id, id, sizeof job.id);
-    json *document = describe_job(c, &job);
+    char tag[JOBS_TAG_SIZE];
+    memcpy(job.id, receipt->id, sizeof job.id);
+    json *document = describe_job(&job, NULL);
     put_stored(document, "spec", put->spec);
     json_put_array(document, "attempts");
+    print_tag(&job, NULL, tag);
     reply_set_json(r, 201, document);
+    reply_add_header(r, "ETag", tag);
 }
 
-static void refuse_for_now(reply *r, const char *why)
+/* "00-" 32 digits "-" 16 digits "-" 2 digits (W3C Trace Context); what is none is left out, as that says. */
+static const char *read_trace(const http_request *request)
 {
-    reply_set_problem(r, "unavailable", NULL, "%s", why);
-    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+    static const size_t parts[] = {2, 32, 16, 2};
+    const char *trace = request->header[HTTP_TRACEPARENT], *at = trace;
+    if (!trace || strlen(trace) != 55 || strncmp(trace, "ff", 2) == 0) return NULL;
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        if (strspn(at, "0123456789abcdef") != parts[i]) return NULL;
+        at += parts[i];
+        if (*at != (i + 1 < sizeof parts / sizeof *parts ? '-' : '\0')) return NULL;
+        at++;
+    }
+    return trace;
 }
 
-void jobs_submit(const jobs_context *c, const jobs_request *request, reply *r)
+/* The key that the client gives its request, so that it can send it again without fear; false: no good one. */
+static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], const char **key, reply *r)
 {
-    if (executor_is_draining(c->x)) {
-        refuse_for_now(r, "the service is about to end and takes no more jobs");
+    *key = request->header[HTTP_IDEMPOTENCY_KEY];
+    if (!*key) return true;
+    size_t length = strlen(*key);
+    for (const char *t = *key; *t; t++)
+        if ((unsigned char)*t < 0x20 || (unsigned char)*t > 0x7E) length = 0;
+    if (length == 0 || length > KEY_LENGTH_MOST) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "an Idempotency-Key has 1 to %d printable ASCII characters", KEY_LENGTH_MOST);
+        return false;
+    }
+    store_hash(request->body, request->length, hash);
+    return true;
+}
+
+static void refuse_dependency(const char *id, size_t index, reply *r)
+{
+    char pointer[64], detail[256];
+    json *errors = json_new_array();
+    snprintf(pointer, sizeof pointer, "/queue/depends_on/%zu", index);
+    snprintf(detail, sizeof detail, "there is no job %.100s to depend on", id);
+    append_fault(errors, pointer, detail);
+    reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
+}
+
+/* Answers what became of the submission. */
+static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
+                           const queue_receipt *receipt, reply *r)
+{
+    char *location = mem_printf("/v1/jobs/%s", receipt->id);
+    switch (receipt->verdict) {
+    case QUEUE_CREATED:
+        executor_wake(c->x);
+        log_write(LOG_LEVEL_INFO, "job accepted job=%s user=%s trace=%s", receipt->id, put->owner,
+                  put->trace ? put->trace : "-");
+        show_accepted(receipt, put, r);
+        reply_add_header(r, "Location", location);
+        break;
+    case QUEUE_REPLAYED:
+        jobs_answer(c, request, receipt->id, 201, r);
+        if (r->status == 201) reply_add_header(r, "Location", location);
+        break;
+    case QUEUE_MISMATCH:
+        reply_set_problem(r, "idempotency_mismatch", NULL,
+                          "this Idempotency-Key came with another body, for the job %s", receipt->id);
+        break;
+    case QUEUE_TOO_MANY:
+        reply_set_problem(r, "too_many_jobs", NULL,
+                          "%s has %lld jobs that have not ended, which is the limit", put->owner,
+                          (long long)put->most_waiting);
+        reply_add_header(r, "Retry-After", "5");
+        break;
+    case QUEUE_UNKNOWN_DEPENDENCY:
+        refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
+        break;
+    }
+    free(location);
+}
+
+static void put_in_queue(const http_context *c, const http_request *request, const spec *s, reply *r)
+{
+    error e = {0};
+    queue_receipt receipt = {0};
+    char hash[STORE_HASH_SIZE];
+    const char *key = NULL;
+    if (!read_key(request, hash, &key, r)) return;
+    char *labels = print_labels(s), *text = json_print(s->normalised);
+    queue_submission submission = {
+        .name = s->name,
+        .owner = request->caller->user,
+        .labels = labels,
+        .trace = read_trace(request),
+        .spec = text,
+        .priority = s->priority,
+        .max_attempts = s->max_attempts > 0 ? s->max_attempts : c->max_attempts,
+        .threads = s->threads,
+        .memory_mb = s->memory_mb,
+        .retention_s = s->retention_s > 0 ? s->retention_s : c->retention_s,
+        .frames = s->frame,
+        .frame_count = s->frame_count,
+        .depends_on = (const char *const *)s->depends_on,
+        .depends_on_count = s->depends_on_count,
+        .most_waiting = c->most_waiting,
+        .key = key,
+        .body_hash = key ? hash : NULL,
+    };
+    if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e))
+        reply_set_error(r, &e, NULL);
+    else if (!queue_put(c->q, &submission, &receipt, &e))
+        reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
+    else
+        answer_receipt(c, request, &submission, &receipt, r);
+    free(labels);
+    free(text);
+}
+
+void jobs_submit(const http_context *c, const http_request *request, reply *r)
+{
+    if (!executor_takes_jobs(c->x)) {
+        reply_set_unavailable(r, "the service drains and takes no jobs now");
         return;
     }
     spec *s = read_spec(request, r);
-    if (!s) return;
-    if (!check_inputs(c, s, r)) {
-        spec_free(s);
-        return;
-    }
-    error e = {0};
-    char id[ULID_SIZE];
-    char *labels = print_labels(s), *text = json_print(s->normalised);
-    queue_submission submission = {s->name, labels, text, s->priority,
-                                   s->max_attempts > 0 ? s->max_attempts : c->max_attempts};
-    if (queue_put(c->q, &submission, id, &e)) {
-        executor_wake(c->x);
-        log_write(LOG_LEVEL_INFO, "job accepted job=%s", id);
-        show_accepted(c, id, &submission, r);
-        char *location = mem_printf("/v1/jobs/%s", id);
-        reply_add_header(r, "Location", location);
-        free(location);
-    } else {
-        refuse_for_now(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
-    }
-    free(labels);
-    free(text);
+    if (s && check_inputs(c, s, r) && check_output(c, s, r)) put_in_queue(c, request, s, r);
     spec_free(s);
 }
 
-static bool read_integer(const char *text, int64_t low, int64_t high, int64_t *value)
+void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
-    if (!text || !*text || strspn(text, "0123456789") != strlen(text) || strlen(text) > 18)
-        return false;
-    int64_t read = strtoll(text, NULL, 10);
-    if (read < low || read > high) return false;
-    *value = read;
-    return true;
+    spec *s = read_spec(request, r);
+    if (!s) return;
+    if (check_inputs(c, s, r) && check_output(c, s, r)) {
+        json *document = json_new_object();
+        json_put(document, "spec", json_copy(s->normalised));
+        reply_set_json(r, 200, document);
+    }
+    spec_free(s);
 }
 
-/* Reads the query of a listing, or answers what is wrong with it. */
-static bool read_filter(const jobs_request *request, queue_filter *filter, reply *r)
+/* The same listing from where this page ends, for the header Link. */
+static void add_next(const http_request *request, const char *cursor, reply *r)
 {
-    int64_t limit = LIST_DEFAULT;
-    *filter = (queue_filter){.state = -1};
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    fprintf(out, "</v1/jobs?cursor=%s", cursor);
     for (size_t i = 0; i < request->query_count; i++) {
-        const char *key = request->query[i].key, *value = request->query[i].value;
-        queue_state state = QUEUE_QUEUED;
-        for (size_t other = 0; other < i; other++) {
-            if (strcmp(key, request->query[other].key) != 0) continue;
-            reply_set_problem(r, "request_invalid", NULL, "query %.100s stands twice", key);
-            return false;
-        }
-        if (strcmp(key, "state") == 0 && value && queue_state_from_name(value, &state)) {
-            filter->state = (int)state;
-        } else if (strcmp(key, "limit") == 0 && read_integer(value, 1, LIST_MOST, &limit)) {
-            continue;
-        } else if (strcmp(key, "cursor") == 0 &&
-                   read_integer(value, 1, INT64_MAX, &filter->before_seq)) {
-            continue;
-        } else {
-            reply_set_problem(
-                r, "request_invalid", NULL,
-                "query %.100s=%.100s: known are state (one of the states), limit (1 to %d) and"
-                " cursor (the next of an earlier answer)",
-                key, value ? value : "", LIST_MOST);
-            return false;
+        if (strcmp(request->query[i].key, "cursor") == 0) continue;
+        fprintf(out, "&%s=", request->query[i].key);
+        for (const char *t = request->query[i].value; *t; t++) {
+            bool plain = isalnum((unsigned char)*t) || strchr("-._~", *t);
+            fprintf(out, plain ? "%c" : "%%%02X", (unsigned char)*t);
         }
     }
-    filter->limit = (int)limit;
-    return true;
+    fputs(">; rel=\"next\"", out);
+    fclose(out);
+    reply_add_header(r, "Link", text);
+    free(text);
 }
 
-void jobs_list(const jobs_context *c, const jobs_request *request, reply *r)
+void jobs_list(const http_context *c, const http_request *request, reply *r)
 {
-    queue_filter filter;
-    if (!read_filter(request, &filter, r)) return;
+    queue_state state;
+    queue_filter filter = {
+        .state = queue_state_from_name(parameter_text(request, "state", ""), &state) ? (int)state : -1,
+        .owner = parameter_text(request, "owner", NULL),
+        .label = parameter_text(request, "label", NULL),
+        .before_seq = parameter_integer(request, "cursor", 0),
+        .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
+    };
     error e = {0};
     queue_job *jobs = NULL;
     size_t count = 0, limit = (size_t)filter.limit;
@@ -304,172 +452,66 @@ void jobs_list(const jobs_context *c, const jobs_request *request, reply *r)
         reply_set_error(r, &e, NULL);
         return;
     }
+    char cursor[24] = "";
     json *document = json_new_object();
     json *list = json_put_array(document, "jobs");
-    for (size_t i = 0; i < count && i < limit; i++) json_append(list, describe_job(c, &jobs[i]));
-    if (count > limit) {
-        char cursor[24];
-        snprintf(cursor, sizeof cursor, "%lld", (long long)jobs[limit - 1].seq);
-        json_put_string(document, "next", cursor);
-    } else {
-        json_put_null(document, "next");
+    for (size_t i = 0; i < count && i < limit; i++) {
+        char *progress = progress_of(c, &jobs[i]);
+        json_append(list, describe_job(&jobs[i], progress));
+        free(progress);
     }
+    if (count > limit) snprintf(cursor, sizeof cursor, "%lld", (long long)jobs[limit - 1].seq);
+    json_put_string(document, "next", *cursor ? cursor : NULL);
     queue_jobs_free(jobs, count);
     reply_set_json(r, 200, document);
+    if (*cursor) add_next(request, cursor, r);
 }
 
-void jobs_show(const jobs_context *c, const jobs_request *request, reply *r)
+/* Seconds that the client would wait for an answer, of `Prefer: wait=30`; 0: none. */
+static int64_t read_wait_ms(const http_context *c, const http_request *request)
+{
+    const char *prefer = request->header[HTTP_PREFER];
+    const char *wait = prefer ? strstr(prefer, "wait=") : NULL;
+    if (!wait || (wait > prefer && !strchr(" ,;", wait[-1])) || !isdigit((unsigned char)wait[5])) return 0;
+    double seconds = strtod(wait + 5, NULL);
+    return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
+}
+
+/* Whether an If-None-Match knows this revision, of whatever progress. */
+static bool knows_revision(const char *known, const queue_job *job)
+{
+    int64_t revision = 0;
+    return jobs_read_tag(known, &revision) && revision == job->revision;
+}
+
+void jobs_show(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    if (!find_job(c, request, &job, r)) return;
-    show_job(c, job.id, 200, r);
+    char tag[JOBS_TAG_SIZE];
+    if (!jobs_find(c, request, &job, r)) return;
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    int64_t until_ms = request->came_ms + read_wait_ms(c, request);
+    bool patient = !request->last && clock_monotonic_ms() < until_ms;
+    char *progress = progress_of(c, &job);
+    print_tag(&job, progress, tag);
+    free(progress);
+    if (patient && (known ? knows_revision(known, &job) : !queue_state_is_final(job.state))) {
+        reply_set_waiting(r, job.id, until_ms);
+    } else if (known && condition_names(known, tag, true)) {
+        reply_set_empty(r, 304);
+        reply_add_header(r, "ETag", tag);
+    } else {
+        answer_job(c, request, &job, 200, r);
+    }
     queue_job_clear(&job);
 }
 
-void jobs_cancel(const jobs_context *c, const jobs_request *request, reply *r)
+bool jobs_read_tag(const char *tag, int64_t *revision)
 {
-    error e = {0};
-    bool found = false, changed = false;
-    queue_state now = QUEUE_QUEUED;
-    const char *id = request->parameter[0];
-    if (ulid_is_valid(id) && !executor_cancel(c->x, id, &found, &changed, &now, &e))
-        reply_set_error(r, &e, NULL);
-    else if (!found)
-        reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
-    else if (!changed && queue_state_is_final(now))
-        reply_set_problem(r, "conflict", NULL, "the job %s has ended already: %s", id,
-                          queue_state_name(now));
-    else
-        show_job(c, id, now == QUEUE_CANCELLED ? 200 : 202, r);
-}
-
-static const char *content_type_of(const char *name)
-{
-    static const struct {
-        const char *ending, *type;
-    } types[] = {
-        {".json", "application/json"},
-        {".png", "image/png"},
-        {".exr", "image/x-exr"},
-        {".ply", "model/ply"},
-    };
-    size_t length = strlen(name);
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
-        size_t n = strlen(types[i].ending);
-        if (length > n && strcmp(name + length - n, types[i].ending) == 0) return types[i].type;
-    }
-    return "application/octet-stream";
-}
-
-/* Finds the result of the job that the path names, or answers why there is none. *directory is to
- * be freed, *found to be cleared. */
-static bool find_result(const jobs_context *c, const jobs_request *request, char **directory,
-                        result *found, reply *r)
-{
-    error e = {0};
-    queue_job job = {0};
-    if (!find_job(c, request, &job, r)) return false;
-    bool ok = false;
-    char *path = result_directory(c->state_dir, job.id);
-    if (!queue_state_is_final(job.state))
-        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
-                          queue_state_name(job.state));
-    else if (job.state != QUEUE_SUCCEEDED)
-        reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
-                          queue_state_name(job.state));
-    else if (!result_read(path, found, &e))
-        reply_set_error(r, &e, NULL);
-    else
-        ok = true;
-    queue_job_clear(&job);
-    if (ok)
-        *directory = path;
-    else
-        free(path);
-    return ok;
-}
-
-static void append_result(json *list, const char *id, const char *name, int64_t bytes,
-                          const char *sha256)
-{
-    json *o = json_append_object(list);
-    char *href = mem_printf("/v1/jobs/%s/results/%s", id, name);
-    json_put_string(o, "name", name);
-    json_put_integer(o, "bytes", bytes);
-    json_put_string(o, "sha256", sha256);
-    json_put_string(o, "content_type", content_type_of(name));
-    json_put_string(o, "href", href);
-    free(href);
-}
-
-void jobs_list_results(const jobs_context *c, const jobs_request *request, reply *r)
-{
-    char *directory = NULL;
-    result found = {0};
-    error e = {0};
-    if (!find_result(c, request, &directory, &found, r)) return;
-    json *document = json_new_object();
-    json *list = json_put_array(document, "results");
-    for (size_t i = 0; i < found.output_count; i++)
-        append_result(list, request->parameter[0], found.output[i].name, found.output[i].bytes,
-                      found.output[i].sha256);
-    /* the report cannot list its own hash */
-    int64_t size = 0;
-    uint64_t bytes = 0;
-    char sha256[STORE_HASH_SIZE];
-    int fd = result_open_file(directory, RESULT_REPORT_NAME, &size, &e);
-    if (fd >= 0 && store_file_hash(fd, sha256, &bytes, &e)) {
-        append_result(list, request->parameter[0], RESULT_REPORT_NAME, (int64_t)bytes, sha256);
-        reply_set_json(r, 200, document);
-    } else {
-        json_free(document);
-        reply_set_error(r, &e, NULL);
-    }
-    if (fd >= 0) close(fd);
-    result_clear(&found);
-    free(directory);
-}
-
-void jobs_send_result(const jobs_context *c, const jobs_request *request, reply *r)
-{
-    char *directory = NULL;
-    result found = {0};
-    error e = {0};
-    const char *name = request->parameter[1];
-    if (!find_result(c, request, &directory, &found, r)) return;
-    bool listed = strcmp(name, RESULT_REPORT_NAME) == 0;
-    for (size_t i = 0; i < found.output_count && !listed; i++)
-        listed = strcmp(name, found.output[i].name) == 0;
-    if (!listed) {
-        reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
-                          request->parameter[0], name);
-    } else {
-        int64_t bytes = 0;
-        int fd = result_open_file(directory, name, &bytes, &e);
-        if (fd >= 0)
-            reply_set_file(r, content_type_of(name), fd, bytes);
-        else
-            reply_set_error(r, &e, NULL);
-    }
-    result_clear(&found);
-    free(directory);
-}
-
-void jobs_health(const jobs_context *c, const jobs_request *request, reply *r)
-{
-    (void)request;
-    json *document = json_new_object();
-    json_put_string(document, "status", executor_is_draining(c->x) ? "draining" : "ok");
-    reply_set_json(r, 200, document);
-}
-
-void jobs_version(const jobs_context *c, const jobs_request *request, reply *r)
-{
-    (void)c;
-    (void)request;
-    json *document = json_new_object();
-    json_put_string(document, "name", PACKAGE_NAME);
-    json_put_string(document, "version", PACKAGE_VERSION);
-    json_put_string(document, "api", "v1");
-    reply_set_json(r, 200, document);
+    char *end = NULL;
+    if (strncmp(tag, "W/", 2) == 0) tag += 2;
+    if (*tag != '"' || !isdigit((unsigned char)tag[1])) return false;
+    *revision = strtoll(tag + 1, &end, 10);
+    if (*end == '.') end += 1 + strspn(end + 1, "0123456789abcdef");
+    return end[0] == '"' && !end[1];
 }

@@ -1,40 +1,25 @@
-/* jobs: the handlers of the REST interface, from a request to a reply, without a socket. */
+/* jobs: the handlers that submit, list and show jobs.
+ *
+ * Who may read sees that a job is there, whose it is and how it fares: one queue serves them all. Its spec, its
+ * results, its log and its events are its owner's and the admins', and so is what changes it.
+ */
 #ifndef HEXAD_HTTP_JOBS_H
 #define HEXAD_HTTP_JOBS_H
 
-#include <stddef.h>
+#include "http/handler.h"
 
-#include "executor/executor.h"
-#include "http/reply.h"
-#include "queue/queue.h"
-#include "store/root.h"
+http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
 
-/* What handlers work on; borrowed, and outlives the server. */
-typedef struct jobs_context {
-    queue *q;
-    executor *x;
-    const store_roots *roots;
-    const char *state_dir;
-    int max_attempts; /* of a job that names no number */
-} jobs_context;
+/* Finds the job that the path names, or answers why not. *job is the caller's to clear. */
+bool jobs_find(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
-#define JOBS_MAX_PARAMETERS 2
-#define JOBS_MAX_QUERY 8
+/* As jobs_find, and a refusal of callers who are neither its owner nor admins. */
+bool jobs_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r);
 
-typedef struct jobs_request {
-    const char *parameter[JOBS_MAX_PARAMETERS]; /* the {..} of the route, in order */
-    size_t query_count;
-    struct {
-        const char *key, *value; /* value may be NULL */
-    } query[JOBS_MAX_QUERY];
-    const char *body; /* NUL-terminated */
-    size_t length;
-} jobs_request;
+/* Answers with the document of a job as it is now. */
+void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r);
 
-/* Each fills an empty reply whose fd is -1. Any thread. */
-typedef void jobs_handler(const jobs_context *c, const jobs_request *request, reply *r);
-
-jobs_handler jobs_submit, jobs_list, jobs_show, jobs_cancel, jobs_list_results, jobs_send_result;
-jobs_handler jobs_health, jobs_version;
+/* Reads the revision out of the ETag of a job. */
+bool jobs_read_tag(const char *tag, int64_t *revision);
 
 #endif

@@ -34,11 +34,9 @@ static bool is_loopback(const struct sockaddr *address)
 static bool split(const char *where, char **host, char **port)
 {
     const char *colon = strrchr(where, ':');
-    if (!colon || colon == where || !colon[1] ||
-        strspn(colon + 1, "0123456789") != strlen(colon + 1))
+    if (!colon || colon == where || !colon[1] || strspn(colon + 1, "0123456789") != strlen(colon + 1))
         return false;
-    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535)
-        return false; /* getaddrinfo would wrap it */
+    if (strlen(colon + 1) > 5 || atoi(colon + 1) > 65535) return false; /* getaddrinfo would wrap it */
     size_t length = (size_t)(colon - where);
     if (where[0] == '[' && where[length - 1] == ']')
         *host = mem_strndup(where + 1, length - 2);
@@ -66,8 +64,8 @@ static char *describe(int fd)
     return mem_printf("%s:%d", text, ntohs(a.v4.sin_port));
 }
 
-static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size,
-                            const char *where, error *e)
+static bool bind_and_listen(int fd, const struct sockaddr *address, socklen_t size, const char *where,
+                            error *e)
 {
     if (bind(fd, address, size) != 0) return fail(e, where, "bind");
     return listen(fd, BACKLOG) == 0 || fail(e, where, "listen");
@@ -80,6 +78,7 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
                     *found = NULL;
     bool ok = false;
     int fd = -1, one = 1;
+    listen_reach reach = LISTEN_LOOPBACK;
     if (!split(where, &host, &port))
         return error_set(e, ERROR_SPEC_INVALID, "listen %s: not HOST:PORT or unix:/path", where);
     int why = getaddrinfo(host, port, &hints, &found);
@@ -87,22 +86,15 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
         error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
         goto done;
     }
-    for (const struct addrinfo *a = found; a; a = a->ai_next) {
-        if (is_loopback(a->ai_addr)) continue;
-        error_set(e, ERROR_SPEC_INVALID,
-                  "listen %s: not a loopback address, and there is no authentication yet: anyone "
-                  "who reaches"
-                  " the port could run jobs. Listen on 127.0.0.1 or unix:/path",
-                  where);
-        goto done;
-    }
+    for (const struct addrinfo *a = found; a; a = a->ai_next)
+        if (!is_loopback(a->ai_addr)) reach = LISTEN_NETWORK;
     fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one) != 0) {
         fail(e, where, "socket");
         goto done;
     }
     ok = bind_and_listen(fd, found->ai_addr, found->ai_addrlen, where, e);
-    if (ok) *s = (listen_socket){fd, describe(fd), NULL};
+    if (ok) *s = (listen_socket){fd, describe(fd), reach, NULL};
 done:
     if (!ok && fd >= 0) close(fd);
     if (found) freeaddrinfo(found);
@@ -117,41 +109,64 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     struct stat info;
     if (lstat(address->sun_path, &info) != 0) return true;
     if (!S_ISSOCK(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: there is something that is not a socket", where);
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: there is something that is not a socket", where);
     int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (probe < 0) return fail(e, where, "socket");
-    bool alive = connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 ||
-                 errno != ECONNREFUSED;
+    bool alive =
+        connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 || errno != ECONNREFUSED;
     close(probe);
-    if (alive)
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
+    if (alive) return error_set(e, ERROR_SPEC_INVALID, "listen %s: another process serves it", where);
     return unlink(address->sun_path) == 0 || fail(e, where, "unlink");
 }
 
-static bool open_unix(const char *where, listen_socket *s, error *e)
+static bool open_unix(const char *where, bool shared, listen_socket *s, error *e)
 {
     const char *path = where + strlen("unix:");
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (*path != '/' || strlen(path) >= sizeof address.sun_path)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: not an absolute path of at most %zu bytes", where,
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: not an absolute path of at most %zu bytes", where,
                          sizeof address.sun_path - 1);
     strcpy(address.sun_path, path);
     if (!remove_stale(&address, where, e)) return false;
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (fd < 0) return fail(e, where, "socket");
-    if (!bind_and_listen(fd, (struct sockaddr *)&address, sizeof address, where, e)) {
+    bool ok = bind_and_listen(fd, (struct sockaddr *)&address, sizeof address, where, e);
+    /* the kernel tells who connects, so all may */
+    if (ok && shared && chmod(path, 0666) != 0) ok = fail(e, where, "chmod");
+    if (!ok) {
         close(fd);
         return false;
     }
-    *s = (listen_socket){fd, mem_strdup(where), mem_strdup(path)};
+    *s = (listen_socket){fd, mem_strdup(where), LISTEN_UNIX, mem_strdup(path)};
     return true;
 }
 
-bool listen_open(const char *where, listen_socket *s, error *e)
+bool listen_open(const char *where, bool shared, listen_socket *s, error *e)
 {
-    return strncmp(where, "unix:", 5) == 0 ? open_unix(where, s, e) : open_tcp(where, s, e);
+    return strncmp(where, "unix:", 5) == 0 ? open_unix(where, shared, s, e) : open_tcp(where, s, e);
+}
+
+bool listen_adopt(int fd, listen_socket *s, error *e)
+{
+    union {
+        struct sockaddr any;
+        struct sockaddr_un local;
+    } a = {.any.sa_family = AF_UNSPEC};
+    socklen_t size = sizeof a, flag_size = sizeof(int);
+    int listens = 0, type = 0;
+    if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &flag_size) != 0 ||
+        getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &flag_size) != 0 || !listens || type != SOCK_STREAM ||
+        getsockname(fd, &a.any, &size) != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "the socket that was handed over is no stream socket that listens");
+    } else if (a.any.sa_family == AF_UNIX) {
+        *s = (listen_socket){fd, mem_printf("unix:%s", a.local.sun_path), LISTEN_UNIX, NULL};
+        return true;
+    } else {
+        *s = (listen_socket){fd, describe(fd), is_loopback(&a.any) ? LISTEN_LOOPBACK : LISTEN_NETWORK, NULL};
+        return true;
+    }
+    close(fd);
+    return false;
 }
 
 void listen_close(listen_socket *s)

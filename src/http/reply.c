@@ -10,32 +10,46 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-typedef struct problem {
-    const char *code;
-    int status;
-    const char *title;
-} problem;
+/* Clients are told to come again after that long; a restarted daemon is back by then. */
+#define RETRY_AFTER_S "5"
 
-static const problem problems[] = {
+static const reply_problem problems[] = {
     {"json_invalid", 400, "The body is not valid JSON"},
     {"request_invalid", 400, "The request cannot be understood"},
+    {"unauthorized", 401, "The caller is not known"},
+    {"forbidden", 403, "The caller may not do this"},
     {"path_forbidden", 403, "The path is not open to jobs"},
     {"not_found", 404, "There is no such thing"},
     {"method_not_allowed", 405, "The method does not apply here"},
     {"conflict", 409, "The state of the job does not admit this"},
+    {"precondition_failed", 412, "The thing is not as the client knows it"},
     {"body_too_large", 413, "The body is too large"},
     {"media_type_unsupported", 415, "The media type is not supported"},
+    {"range_not_satisfiable", 416, "The range lies behind the end"},
+    {"idempotency_mismatch", 422, "The key was used for another request"},
+    {"digest_mismatch", 422, "The bytes are not those that were announced"},
     {"spec_invalid", 422, "The job spec is not valid"},
     {"not_supported", 422, "The job spec asks for something not built yet"},
     {"input_missing", 422, "The input file is missing"},
     {"input_unsupported", 422, "The input is not of a kind that can be read"},
-    {"unavailable", 503, "The service takes no jobs now"},
+    {"too_many_requests", 429, "The client asks too much at once"},
+    {"unavailable", 503, "The service cannot do this now"},
+    {"limit_memory", 422, "The job needs more memory than there is"},
+    {"too_many_jobs", 429, "The user has too many jobs"},
+    {"storage_full", 507, "There is no room left"},
     {"internal", 500, "The service failed"}, /* the last one: also for a code not listed */
 };
 
-static const problem *find_problem(const char *code)
+#define COUNT (sizeof problems / sizeof *problems)
+
+const reply_problem *reply_problem_at(size_t index)
 {
-    size_t last = sizeof problems / sizeof *problems - 1, i = 0;
+    return index < COUNT ? &problems[index] : NULL;
+}
+
+const reply_problem *reply_find_problem(const char *code)
+{
+    size_t last = COUNT - 1, i = 0;
     while (i < last && strcmp(problems[i].code, code) != 0) i++;
     return &problems[i];
 }
@@ -44,6 +58,7 @@ void reply_clear(reply *r)
 {
     free(r->body);
     if (r->fd >= 0) close(r->fd);
+    if (r->source) r->source->free(r->source);
     for (size_t i = 0; i < r->header_count; i++) free(r->header[i].value);
     *r = (reply){.fd = -1};
 }
@@ -57,12 +72,46 @@ void reply_add_header(reply *r, const char *name, const char *value)
 
 void reply_set_json(reply *r, int status, json *document)
 {
+    reply_set_text(r, "application/json", json_print(document));
+    r->status = status;
+    json_free(document);
+}
+
+void reply_set_text(reply *r, const char *content_type, char *text)
+{
+    reply_clear(r);
+    r->status = 200;
+    r->content_type = content_type;
+    r->body = text;
+    r->length = strlen(text);
+}
+
+void reply_set_empty(reply *r, int status)
+{
     reply_clear(r);
     r->status = status;
-    r->content_type = "application/json";
-    r->body = json_print(document);
-    r->length = strlen(r->body);
-    json_free(document);
+}
+
+static void set_topic(reply *r, const char *topic)
+{
+    assert(strlen(topic) < sizeof r->topic);
+    strcpy(r->topic, topic);
+}
+
+void reply_set_source(reply *r, const char *content_type, const char *topic, reply_source *source)
+{
+    reply_clear(r);
+    r->status = 200;
+    r->content_type = content_type;
+    r->source = source;
+    set_topic(r, topic);
+}
+
+void reply_set_waiting(reply *r, const char *topic, int64_t again_ms)
+{
+    reply_clear(r);
+    r->again_ms = again_ms;
+    set_topic(r, topic);
 }
 
 void reply_set_file(reply *r, const char *content_type, int fd, int64_t bytes)
@@ -81,7 +130,7 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
     va_start(arguments, format);
     vsnprintf(detail, sizeof detail, format, arguments);
     va_end(arguments);
-    const problem *p = find_problem(code);
+    const reply_problem *p = reply_find_problem(code);
     char *type = mem_printf("urn:hexad:problem:%s", p->code);
     json *document = json_new_object();
     json_put_string(document, "type", type);
@@ -95,10 +144,15 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
     r->content_type = "application/problem+json";
 }
 
+void reply_set_unavailable(reply *r, const char *why)
+{
+    reply_set_problem(r, "unavailable", NULL, "%s", why);
+    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+}
+
 void reply_set_error(reply *r, const error *e, json *errors)
 {
     const char *code = error_code_name(e->code);
-    if (find_problem(code)->status == 500)
-        log_write(LOG_LEVEL_ERROR, "request failed: %s", e->message);
+    if (reply_find_problem(code)->status == 500) log_write(LOG_LEVEL_ERROR, "request failed: %s", e->message);
     reply_set_problem(r, code, errors, "%s", e->message);
 }

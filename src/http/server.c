@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
+#include <strings.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -16,58 +16,70 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "http/crew.h"
+#include "http/lounge.h"
+#include "http/parameter.h"
 #include "http/route.h"
 
-/* Headers of one request, and the library's own needs. */
-#define CONNECTION_MEMORY_BYTES (32 * 1024)
+/* A client that sends a long body must bring that much of it in the time of a request. */
+#define UPLOAD_STEP_BYTES (1 << 20)
+/* A stream says at least so often that it is there, so that an end of the other side is noticed. */
+#define STREAM_TICK_MS 15000
+#define STREAM_BLOCK_BYTES 16384
 /* How long a stop waits for replies on their way. */
 #define STOP_MS 5000
-/* How late the watch may notice an overdue connection. */
-#define WATCH_MS 250
-#define NEVER INT64_MAX
-
-/* A connection, from accept to close. Guarded by the server's mutex. */
-typedef struct peer {
-    int fd;
-    int64_t since_ms; /* idle since, or in a request since its first line; NEVER while answered */
-    struct peer *previous, *next;
-} peer;
+/* As many submissions may share a flush of the queue. They sleep most of the time. */
+#define CREW_THREADS 32
 
 struct server {
     server_settings settings;
-    const jobs_context *context;
+    access_control *access;
+    const http_context *context;
     struct MHD_Daemon *daemon;
-    pthread_t watch;
+    peers *peers;
+    crew *crew;
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* monotonic clock */
-    peer *peers;
-    size_t busy; /* requests between their headers and their end */
-    bool stopping;
+    size_t busy;            /* requests between their headers and their end */
 };
 
 /* A request, from its headers to its end. */
 typedef struct exchange {
+    crew_work work; /* first: the crew's view of it */
+    server *s;
+    struct MHD_Connection *connection;
     route_match route;
+    access_caller caller;
+    http_request request;
     char *body;
-    size_t length, room;
+    size_t room;
+    size_t step;    /* of a long body, since the client's time began anew */
     bool too_large; /* the body: what still comes is thrown away */
+    bool answered;  /* what still comes of the body is thrown away */
+    reply answer;
 } exchange;
 
-static void peer_mark(server *s, struct MHD_Connection *connection, int64_t since_ms)
+static const char *const header_names[HTTP_HEADER_COUNT] = {
+    [HTTP_ACCEPT] = "Accept",           [HTTP_IDEMPOTENCY_KEY] = "Idempotency-Key",
+    [HTTP_IF_MATCH] = "If-Match",       [HTTP_IF_NONE_MATCH] = "If-None-Match",
+    [HTTP_IF_RANGE] = "If-Range",       [HTTP_LAST_EVENT_ID] = "Last-Event-ID",
+    [HTTP_PREFER] = "Prefer",           [HTTP_RANGE] = "Range",
+    [HTTP_TRACEPARENT] = "traceparent",
+};
+
+static peer *peer_of(struct MHD_Connection *connection)
 {
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
-    if (!info || !info->socket_context) return;
-    pthread_mutex_lock(&s->mutex);
-    ((peer *)info->socket_context)->since_ms = since_ms;
-    pthread_mutex_unlock(&s->mutex);
+    return info ? info->socket_context : NULL;
 }
 
 /* A request line has come: the time that the connection stood idle is not the request's. */
 static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
 {
     (void)uri;
-    peer_mark(context, connection, clock_monotonic_ms());
+    server *s = context;
+    peers_begin_time(s->peers, peer_of(connection));
     return NULL;
 }
 
@@ -75,68 +87,69 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
                             enum MHD_ConnectionNotificationCode code)
 {
     server *s = context;
-    pthread_mutex_lock(&s->mutex);
     if (code == MHD_CONNECTION_NOTIFY_STARTED) {
-        peer *p = mem_alloc(sizeof *p);
-        p->fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-        p->since_ms = clock_monotonic_ms();
-        p->next = s->peers;
-        if (p->next) p->next->previous = p;
-        s->peers = p;
-        *socket_context = p;
-        pthread_cond_broadcast(&s->changed);
-    } else if (*socket_context) { /* the library closes the descriptor after this */
-        peer *p = *socket_context;
-        if (p->previous)
-            p->previous->next = p->next;
-        else
-            s->peers = p->next;
-        if (p->next) p->next->previous = p->previous;
-        free(p);
+        int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+        *socket_context = peers_add(s->peers, fd);
+        s->context->counters->connections++;
+        if (peers_standing(*socket_context) != PEER_WELCOME) s->context->counters->refused++;
+    } else { /* the library closes the descriptor after this */
+        peers_remove(s->peers, *socket_context);
+        s->context->counters->connections--;
         *socket_context = NULL;
     }
-    pthread_mutex_unlock(&s->mutex);
 }
 
-static void wait_at_most(server *s, int64_t ms)
+/* A reply that is sent while it comes to be. */
+typedef struct stream {
+    lounge *lounge;
+    struct MHD_Connection *connection;
+    reply_source *source;
+    char topic[REPLY_TOPIC_SIZE];
+} stream;
+
+static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_t size)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_sec += ms / 1000;
-    until.tv_nsec += ms % 1000 * 1000000;
-    if (until.tv_nsec >= 1000000000) {
-        until.tv_nsec -= 1000000000;
-        until.tv_sec++;
+    (void)position;
+    stream *t = context;
+    for (;;) {
+        uint64_t seen = lounge_seen(t->lounge);
+        if (lounge_is_dismissed(t->lounge)) return MHD_CONTENT_READER_END_OF_STREAM;
+        ssize_t count = t->source->read(t->source, buffer, size);
+        if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
+        if (lounge_wait(t->lounge, t->connection, seen, t->topic, clock_monotonic_ms() + STREAM_TICK_MS))
+            return 0;
     }
-    pthread_cond_timedwait(&s->changed, &s->mutex, &until);
 }
 
-static void *watch(void *argument)
+static void free_stream(void *context)
 {
-    server *s = argument;
-    int64_t limit_ms = (int64_t)(s->settings.timeout_s * 1000);
-    pthread_mutex_lock(&s->mutex);
-    while (!s->stopping) {
-        int64_t now = clock_monotonic_ms();
-        for (peer *p = s->peers; p; p = p->next) {
-            if (p->since_ms == NEVER || now - p->since_ms < limit_ms) continue;
-            shutdown(p->fd, SHUT_RDWR); /* the serving thread sees the end and cleans up */
-            p->since_ms = NEVER;
-        }
-        if (s->peers)
-            wait_at_most(s, limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
-        else
-            pthread_cond_wait(&s->changed, &s->mutex);
-    }
-    pthread_mutex_unlock(&s->mutex);
-    return NULL;
+    stream *t = context;
+    t->source->free(t->source);
+    free(t);
 }
 
-static enum MHD_Result queue_reply(struct MHD_Connection *connection, reply *r)
+static struct MHD_Response *open_stream(const exchange *x, reply *r)
+{
+    stream *t = mem_alloc(sizeof *t);
+    *t = (stream){.lounge = x->s->context->lounge, .connection = x->connection, .source = r->source};
+    memcpy(t->topic, r->topic, sizeof t->topic);
+    struct MHD_Response *response =
+        MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);
+    if (response)
+        r->source = NULL;
+    else
+        free(t);
+    return response;
+}
+
+static enum MHD_Result queue_reply(const exchange *x, reply *r)
 {
     struct MHD_Response *response;
-    if (r->fd >= 0) {
-        response = MHD_create_response_from_fd64((uint64_t)r->fd_bytes, r->fd);
+    if (r->source) {
+        response = open_stream(x, r);
+    } else if (r->fd >= 0) {
+        response =
+            MHD_create_response_from_fd_at_offset64((uint64_t)r->fd_bytes, r->fd, (uint64_t)r->fd_offset);
         if (response) r->fd = -1; /* the response closes it */
     } else {
         response = MHD_create_response_from_buffer(r->length, r->body, MHD_RESPMEM_MUST_FREE);
@@ -144,12 +157,13 @@ static enum MHD_Result queue_reply(struct MHD_Connection *connection, reply *r)
     }
     enum MHD_Result done = MHD_NO;
     if (response) {
-        MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, r->content_type);
-        MHD_add_response_header(response, MHD_HTTP_HEADER_CACHE_CONTROL, "no-store");
+        if (r->content_type) MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, r->content_type);
         MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+        MHD_add_response_header(response, MHD_HTTP_HEADER_CACHE_CONTROL,
+                                r->cache_control ? r->cache_control : "no-store");
         for (size_t i = 0; i < r->header_count; i++)
             MHD_add_response_header(response, r->header[i].name, r->header[i].value);
-        done = MHD_queue_response(connection, (unsigned)r->status, response);
+        done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
     }
     reply_clear(r);
@@ -157,13 +171,13 @@ static enum MHD_Result queue_reply(struct MHD_Connection *connection, reply *r)
 }
 
 typedef struct framing {
-    int lengths, codings;
+    int lengths, codings, authorizations;
     bool chunked;
     const char *length;
 } framing;
 
-static enum MHD_Result read_header(void *context, enum MHD_ValueKind kind, const char *key,
-                                   const char *value)
+static enum MHD_Result read_framing(void *context, enum MHD_ValueKind kind, const char *key,
+                                    const char *value)
 {
     (void)kind;
     framing *f = context;
@@ -173,6 +187,8 @@ static enum MHD_Result read_header(void *context, enum MHD_ValueKind kind, const
     } else if (strcasecmp(key, MHD_HTTP_HEADER_TRANSFER_ENCODING) == 0) {
         f->codings++;
         f->chunked = value && strcasecmp(value, "chunked") == 0;
+    } else if (strcasecmp(key, MHD_HTTP_HEADER_AUTHORIZATION) == 0) {
+        f->authorizations++;
     }
     return MHD_YES;
 }
@@ -186,121 +202,258 @@ static bool is_json(const char *type)
            (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
 }
 
+/* Too many connections: told at the first request of each. */
+static bool refuse_crowd(const peer *p, reply *r)
+{
+    peer_standing standing = peers_standing(p);
+    if (standing == PEER_WELCOME) return false;
+    bool own = standing == PEER_TOO_MANY_OF_CLIENT;
+    reply_set_problem(r, own ? "too_many_requests" : "unavailable", NULL,
+                      own ? "this client has as many connections as one may have"
+                          : "there are as many connections as there may be");
+    reply_add_header(r, MHD_HTTP_HEADER_RETRY_AFTER, "1");
+    return true;
+}
+
+/* Finds out who asks, and whether they may. */
+static bool refuse_caller(exchange *x, const framing *f, reply *r)
+{
+    const route_match *match = &x->route;
+    const char *shown =
+        MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_AUTHORIZATION);
+    bool known = f->authorizations < 2 &&
+                 access_identify(x->s->access, peers_access(peer_of(x->connection)), shown, &x->caller);
+    if (match->found && !match->found->scope) return false; /* open to all */
+    if (!known) {
+        reply_set_problem(r, "unauthorized", NULL,
+                          shown ? "the token is not known: it may have been revoked"
+                                : "a token is needed here: Authorization: Bearer TOKEN");
+        reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
+                         shown ? "Bearer realm=\"hexad\", error=\"invalid_token\""
+                               : "Bearer realm=\"hexad\"");
+        return true;
+    }
+    if (!match->found || x->caller.scopes & match->found->scope) return false;
+    reply_set_problem(r, "forbidden", NULL, "this needs the scope %s, which %s does not have",
+                      scope_name(match->found->scope), x->caller.user);
+    return true;
+}
+
+static bool refuse_body(const exchange *x, const framing *f, reply *r)
+{
+    size_t limit = x->s->settings.body_limit_bytes;
+    if (x->route.found->opener) return false;
+    if (f->length && strtoull(f->length, NULL, 10) > limit) {
+        reply_set_problem(r, "body_too_large", NULL, "the body has %.24s bytes and the limit is %zu",
+                          f->length, limit);
+        return true;
+    }
+    if (x->route.found->body &&
+        !is_json(MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE))) {
+        reply_set_problem(r, "media_type_unsupported", NULL, "the body must be application/json");
+        return true;
+    }
+    return false;
+}
+
+static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
+{
+    (void)kind;
+    http_request *request = context;
+    request->query[request->query_count].key = key;
+    request->query[request->query_count++].value = value;
+    return MHD_YES;
+}
+
+/* Gathers what handlers may look at, except for the body; false when *r says why that is too much. */
+static bool read_request(exchange *x, const char *method, reply *r)
+{
+    http_request *request = &x->request;
+    if (MHD_get_connection_values(x->connection, MHD_GET_ARGUMENT_KIND, NULL, NULL) > HTTP_MAX_QUERY) {
+        reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters",
+                          HTTP_MAX_QUERY);
+        return false;
+    }
+    request->caller = &x->caller;
+    request->came_ms = clock_monotonic_ms();
+    request->announced = -1;
+    memcpy(request->parameter, x->route.parameter, sizeof request->parameter);
+    for (size_t i = 0; i < HTTP_HEADER_COUNT; i++)
+        request->header[i] = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, header_names[i]);
+    if (strcmp(method, MHD_HTTP_METHOD_HEAD) == 0)
+        request->header[HTTP_RANGE] = NULL; /* defined for GET only */
+    MHD_get_connection_values(x->connection, MHD_GET_ARGUMENT_KIND, read_query, request);
+    return parameter_check_query(x->route.found->query, request, r);
+}
+
+/* Opens the sink of a long body; false when *r says why not. */
+static bool open_sink(exchange *x, const framing *f, reply *r)
+{
+    http_request *request = &x->request;
+    if (!x->route.found->opener) return true;
+    if (f->length) request->announced = (int64_t)strtoull(f->length, NULL, 10);
+    request->waits =
+        MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
+    request->sink = x->route.found->opener(x->s->context, request, r);
+    return request->sink != NULL;
+}
+
 /* Answers from the headers alone what needs no body; true when *r was filled. */
-static bool refuse_early(const server *s, struct MHD_Connection *connection, const char *method,
-                         const char *path, exchange *x, reply *r)
+static bool refuse(exchange *x, const framing *f, const char *method, const char *path, reply *r)
+{
+    const route_match *match = &x->route;
+    if (refuse_caller(x, f, r)) return true;
+    if (!match->known) {
+        reply_set_problem(r, "not_found", NULL, "nothing is served at %.200s", path);
+        return true;
+    }
+    if (!match->found) {
+        reply_set_problem(r, "method_not_allowed", NULL, "%.32s does not apply to %.200s", method, path);
+        reply_add_header(r, MHD_HTTP_HEADER_ALLOW, match->allow);
+        return true;
+    }
+    return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
+}
+
+/* As refuse; *early says whether the answer may not wait for the body, which then is never read. Otherwise it does:
+ * many a client sends all before it reads. */
+static bool refuse_early(exchange *x, const char *method, const char *path, bool *early, reply *r)
 {
     framing f = {0};
-    MHD_get_connection_values(connection, MHD_HEADER_KIND, read_header, &f);
+    MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_framing, &f);
     route_find(method, path, &x->route);
-    const route_match *route = &x->route;
+    bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
+    *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     if (f.lengths > 1 || f.codings > 1 || (f.lengths && f.codings) || (f.codings && !f.chunked)) {
         reply_set_problem(r, "request_invalid", NULL,
                           "the length of the body is given more than once or not at all");
-    } else if (!route->known) {
-        reply_set_problem(r, "not_found", NULL, "nothing is served at %.200s", path);
-    } else if (!route->handler) {
-        reply_set_problem(r, "method_not_allowed", NULL, "%.32s does not apply to %.200s", method,
-                          path);
-        reply_add_header(r, MHD_HTTP_HEADER_ALLOW, route->allow);
-    } else if (f.length && strtoull(f.length, NULL, 10) > s->settings.body_limit_bytes) {
-        reply_set_problem(r, "body_too_large", NULL,
-                          "the body has %.24s bytes and the limit is %zu", f.length,
-                          s->settings.body_limit_bytes);
-    } else if (route->takes_body &&
-               !is_json(MHD_lookup_connection_value(connection, MHD_HEADER_KIND,
-                                                    MHD_HTTP_HEADER_CONTENT_TYPE))) {
-        reply_set_problem(r, "media_type_unsupported", NULL, "the body must be application/json");
+        *early = true;
+    } else if (refuse_crowd(peer_of(x->connection), r)) {
+        *early = true;
+    } else if (!refuse(x, &f, method, path, r)) {
+        return false;
     }
-    if (!r->status) return false;
     /* whatever follows on this connection is not to be taken for a request */
-    reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
+    if (*early) reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
     return true;
+}
+
+static void note_answer(const exchange *x, const char *method, const char *path, const reply *r)
+{
+    x->s->context->counters->answers[r->status / 100]++;
+    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d user=%s", method, path, r->status,
+              *x->caller.user ? x->caller.user : "-");
 }
 
 static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const char *method,
                              const char *path, void **slot)
 {
     exchange *x = mem_alloc(sizeof *x);
-    reply r = {.fd = -1};
+    *x = (exchange){.s = s, .connection = connection, .answer.fd = -1};
     *slot = x;
     pthread_mutex_lock(&s->mutex);
     s->busy++;
     pthread_mutex_unlock(&s->mutex);
-    if (!refuse_early(s, connection, method, path, x, &r)) return MHD_YES;
-    peer_mark(s, connection, NEVER);
-    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path,
-              r.status);
-    return queue_reply(connection, &r);
+    bool early = false;
+    x->answered = refuse_early(x, method, path, &early, &x->answer);
+    if (!x->answered || !early) return MHD_YES;
+    peers_end_time(s->peers, peer_of(connection));
+    note_answer(x, method, path, &x->answer);
+    return queue_reply(x, &x->answer);
 }
 
-/* Takes a piece of the body. Over the limit nothing is kept any more; the answer has to wait for the
+/* Takes a piece of the body. A long one goes to its sink. Over the limit nothing is kept any more; the answer has to wait for the
  * end, since the library sends replies before a body or after it, and the watch bounds that. */
-static enum MHD_Result take_body(const server *s, exchange *x, const char *data, size_t *size)
+static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {
-    if (x->too_large || *size > s->settings.body_limit_bytes - x->length) {
+    size_t *length = &x->request.length;
+    if (x->answered) {
+        *size = 0;
+        return MHD_YES;
+    }
+    if (x->request.sink) {
+        x->request.sink->take(x->request.sink, data, *size);
+        x->step += *size;
+        if (x->step >= UPLOAD_STEP_BYTES) peers_begin_time(x->s->peers, peer_of(x->connection));
+        x->step %= UPLOAD_STEP_BYTES;
+        *size = 0;
+        return MHD_YES;
+    }
+    if (x->too_large || *size > x->s->settings.body_limit_bytes - *length) {
         free(x->body);
         x->body = NULL;
-        x->length = x->room = 0;
+        *length = x->room = 0;
         x->too_large = true;
         *size = 0;
         return MHD_YES;
     }
-    if (x->length + *size + 1 > x->room) {
-        x->room = (x->length + *size) * 2 + 1;
+    if (*length + *size + 1 > x->room) {
+        x->room = (*length + *size) * 2 + 1;
         x->body = mem_resize(x->body, x->room);
     }
-    memcpy(x->body + x->length, data, *size);
-    x->length += *size;
+    memcpy(x->body + *length, data, *size);
+    *length += *size;
     *size = 0;
     return MHD_YES;
 }
 
-static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const char *key,
-                                  const char *value)
+/* The body that came; false when *r says that it was too long. */
+static bool read_body(exchange *x, reply *r)
 {
-    (void)kind;
-    jobs_request *request = context;
-    request->query[request->query_count].key = key;
-    request->query[request->query_count++].value = value;
-    return MHD_YES;
+    if (x->too_large) {
+        reply_set_problem(r, "body_too_large", NULL, "the body is longer than the limit of %zu bytes",
+                          x->s->settings.body_limit_bytes);
+        reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
+        return false;
+    }
+    if (x->body) x->body[x->request.length] = '\0';
+    x->request.body = x->body ? x->body : "";
+    return true;
 }
 
-static enum MHD_Result finish(server *s, struct MHD_Connection *connection, const char *method,
-                              const char *path, exchange *x)
+static void run_in_crew(crew_work *work)
 {
-    reply r = {.fd = -1};
-    jobs_request request = {.body = x->body ? x->body : "", .length = x->length};
-    if (x->body) x->body[x->length] = '\0';
-    memcpy(request.parameter, x->route.parameter, sizeof request.parameter);
-    peer_mark(s, connection, NEVER);
-    if (x->too_large) {
-        reply_set_problem(&r, "body_too_large", NULL,
-                          "the body is longer than the limit of %zu bytes",
-                          s->settings.body_limit_bytes);
-        reply_add_header(&r, MHD_HTTP_HEADER_CONNECTION, "close");
-    } else if (MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, NULL, NULL) >
-               JOBS_MAX_QUERY) {
-        reply_set_problem(&r, "request_invalid", NULL, "the query has more than %d parameters",
-                          JOBS_MAX_QUERY);
-    } else {
-        MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, read_query, &request);
-        x->route.handler(s->context, &request, &r);
+    exchange *x = (exchange *)(void *)work;
+    x->route.found->handler(x->s->context, &x->request, &x->answer);
+    x->answered = true;
+    MHD_resume_connection(x->connection);
+}
+
+/* Asks the handler until it has an answer. False: it has none yet, and the connection is suspended. */
+static bool ask_handler(exchange *x)
+{
+    const http_context *c = x->s->context;
+    if (x->route.found->waits) {
+        MHD_suspend_connection(x->connection);
+        x->work.run = run_in_crew;
+        crew_give(x->s->crew, &x->work);
+        return false;
     }
-    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d", method, path,
-              r.status);
-    return queue_reply(connection, &r);
+    for (;;) {
+        uint64_t seen = lounge_seen(c->lounge);
+        x->request.last = lounge_is_dismissed(c->lounge);
+        x->route.found->handler(c, &x->request, &x->answer);
+        if (x->answer.status) return true;
+        if (lounge_wait(c->lounge, x->connection, seen, x->answer.topic, x->answer.again_ms)) return false;
+    }
+}
+
+static enum MHD_Result finish(exchange *x, const char *method, const char *path)
+{
+    peers_end_time(x->s->peers, peer_of(x->connection));
+    if (!x->answered && read_body(x, &x->answer) && !ask_handler(x)) return MHD_YES;
+    note_answer(x, method, path, &x->answer);
+    return queue_reply(x, &x->answer);
 }
 
 static enum MHD_Result answer(void *context, struct MHD_Connection *connection, const char *path,
-                              const char *method, const char *version, const char *data,
-                              size_t *size, void **slot)
+                              const char *method, const char *version, const char *data, size_t *size,
+                              void **slot)
 {
     (void)version;
-    server *s = context;
-    if (!*slot) return begin(s, connection, method, path, slot);
-    if (*size) return take_body(s, *slot, data, size);
-    return finish(s, connection, method, path, *slot);
+    if (!*slot) return begin(context, connection, method, path, slot);
+    if (*size) return take_body(*slot, data, size);
+    return finish(*slot, method, path);
 }
 
 static int hex_digit(char c)
@@ -334,8 +487,10 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     (void)why;
     server *s = context;
     exchange *x = *slot;
-    peer_mark(s, connection, clock_monotonic_ms());
+    peers_begin_time(s->peers, peer_of(connection));
     if (!x) return;
+    reply_clear(&x->answer);
+    if (x->request.sink) x->request.sink->drop(x->request.sink);
     free(x->body);
     free(x);
     *slot = NULL;
@@ -351,18 +506,36 @@ static void write_library_log(void *context, const char *format, va_list argumen
     log_write_list(LOG_LEVEL_DEBUG, format, arguments);
 }
 
-static void server_free(server *s)
+/* NULL when the library does not start. */
+static struct MHD_Daemon *start_daemon(server *s, int fd)
 {
-    pthread_cond_destroy(&s->changed);
-    pthread_mutex_destroy(&s->mutex);
-    free(s);
+    const server_settings *settings = &s->settings;
+    /* the library knows whole seconds; the watch over the peers is exact, this is behind it */
+    unsigned idle_s = (unsigned)settings->peers.timeout_s + 1;
+    struct MHD_OptionItem options[] = {
+        {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, NULL},
+        {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
+        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)peers_room(&settings->peers), NULL},
+        {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
+        {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
+        {MHD_OPTION_STRICT_FOR_CLIENT, 1, NULL},
+        {MHD_OPTION_NOTIFY_COMPLETED, (intptr_t)complete, s},
+        {MHD_OPTION_URI_LOG_CALLBACK, (intptr_t)note_request, s},
+        {MHD_OPTION_UNESCAPE_CALLBACK, (intptr_t)unescape, NULL},
+        {MHD_OPTION_NOTIFY_CONNECTION, (intptr_t)note_connection, s},
+        {MHD_OPTION_END, 0, NULL},
+    };
+    return MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME |
+                                MHD_USE_ERROR_LOG,
+                            0, NULL, NULL, answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
-server *server_start(const server_settings *settings, const listen_socket *socket,
-                     const jobs_context *context, error *e)
+server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
+                     const http_context *context, error *e)
 {
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
+    s->access = access;
     s->context = context;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
@@ -370,46 +543,44 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_cond_init(&s->changed, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&s->mutex, NULL);
-    int why = pthread_create(&s->watch, NULL, watch, s);
-    if (why != 0) {
-        error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
-        server_free(s);
-        return NULL;
-    }
-    /* the library knows whole seconds; the watch is exact, this is behind it */
-    unsigned idle_s = (unsigned)settings->timeout_s + 1;
+    s->peers = peers_start(&settings->peers, access, e);
+    s->crew = s->peers ? crew_start(CREW_THREADS, e) : NULL;
+    if (!s->crew) goto failed;
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
-    s->daemon = fd < 0 ? NULL
-                       : MHD_start_daemon(
-                             MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_USE_ERROR_LOG, 0,
-                             NULL, NULL, answer, s, MHD_OPTION_EXTERNAL_LOGGER, write_library_log,
-                             NULL, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
-                             settings->connection_limit, MHD_OPTION_CONNECTION_TIMEOUT, idle_s,
-                             MHD_OPTION_CONNECTION_MEMORY_LIMIT, (size_t)CONNECTION_MEMORY_BYTES,
-                             MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, complete,
-                             s, MHD_OPTION_URI_LOG_CALLBACK, note_request, s,
-                             MHD_OPTION_UNESCAPE_CALLBACK, unescape, NULL, MHD_OPTION_NOTIFY_CONNECTION, note_connection, s, MHD_OPTION_END);
+    if (fd >= 0) s->daemon = start_daemon(s, fd);
     if (s->daemon) return s;
     error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
               strerror(errno));
     if (fd >= 0) close(fd);
+failed:
     server_stop(s);
     return NULL;
+}
+
+/* Waits until no request is being answered, but not for ever. */
+static void wait_for_replies(server *s)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_sec += STOP_MS / 1000;
+    pthread_mutex_lock(&s->mutex);
+    while (s->busy && pthread_cond_timedwait(&s->changed, &s->mutex, &until) == 0) {
+    }
+    pthread_mutex_unlock(&s->mutex);
 }
 
 void server_stop(server *s)
 {
     if (!s) return;
     int fd = s->daemon ? MHD_quiesce_daemon(s->daemon) : -1;
-    int64_t until = clock_monotonic_ms() + STOP_MS;
-    pthread_mutex_lock(&s->mutex);
-    while (s->busy && clock_monotonic_ms() < until) wait_at_most(s, until - clock_monotonic_ms());
-    s->stopping = true;
-    pthread_cond_broadcast(&s->changed);
-    pthread_mutex_unlock(&s->mutex);
-    pthread_join(s->watch, NULL);
+    lounge_dismiss(s->context->lounge);
+    wait_for_replies(s);
+    crew_stop(s->crew); /* nothing is suspended any more */
     if (s->daemon) MHD_stop_daemon(s->daemon);
     if (fd >= 0) close(fd);
-    server_free(s);
+    peers_stop(s->peers);
+    pthread_cond_destroy(&s->changed);
+    pthread_mutex_destroy(&s->mutex);
+    free(s);
 }

@@ -1,28 +1,29 @@
 /* server: HTTP/1.1 over libmicrohttpd, whose only user this is.
  *
- * One thread serves all connections with epoll; a second one ends connections whose client takes
- * longer than timeout_s to begin a request or, from its first line on, to bring all of it, however
- * it drips (the library itself only knows idle time). Bodies over the limit are answered 413:
- * before they are read when their length is announced, at its end for a chunked one, of which
- * nothing is kept. A request with two lengths is refused.
+ * One thread serves all connections with epoll and runs the handlers that only look; those that write are run
+ * by a crew, while their connection is suspended. How many connections there may be and how slow they may
+ * be is of http/peers. Bodies over the limit are answered 413: before they are read when their length is
+ * announced, at its end for a chunked one, of which nothing is kept. A request with two lengths is refused.
+ * What the library refuses itself (a request line or headers that are none, headers over header_limit_bytes)
+ * has an answer in HTML of its own; every other error is a problem document.
  */
 #ifndef HEXAD_HTTP_SERVER_H
 #define HEXAD_HTTP_SERVER_H
 
-#include "http/jobs.h"
+#include "http/handler.h"
 #include "http/listen.h"
+#include "http/peers.h"
 
 typedef struct server server;
 
 typedef struct server_settings {
-    size_t body_limit_bytes;
-    unsigned connection_limit;
-    double timeout_s;
+    peers_settings peers;
+    size_t body_limit_bytes, header_limit_bytes;
 } server_settings;
 
-/* Serves until server_stop. The socket stays the caller's; the context outlives the server. */
-server *server_start(const server_settings *settings, const listen_socket *s,
-                     const jobs_context *context, error *e);
+/* Serves until server_stop. The socket stays the caller's; access and context outlive the server. */
+server *server_start(const server_settings *settings, const listen_socket *s, access_control *access,
+                     const http_context *context, error *e);
 
 /* Takes no more connections, lets replies that are on their way end, and stops. Accepts NULL. */
 void server_stop(server *s);

@@ -14,13 +14,17 @@
 
 #include "base/error.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "json/json.h"
 #include "run/run.h"
 #include "sampler/energy.h"
+#include "spec/schema.h"
 #include "spec/spec.h"
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
+#include "volume/exr_reader.h"
+#include "volume/header.h"
 #include "volume/mesh_reader.h"
 
 enum exit_code {
@@ -50,18 +54,25 @@ static const char help_text[] =
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
+    "       hexad-worker schema\n"
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
+    "schema: the same as a JSON Schema.\n"
     "\n"
     "  --output DIR       where results go; made if missing (required)\n"
     "  --progress         a progress bar on standard error\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
     "  --input-root DIR   input files must lie below DIR; may be given several times\n"
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
+    "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
+    "                     (default: no bound, and one per processor)\n"
+    "  --frame N          the frame of a spec with queue.frames\n"
+    "  --sandbox MODE     required, available or off (default): without network, programs, and files but\n"
+    "                     those below the input roots and DIR; available: as far as the kernel can\n"
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
@@ -127,7 +138,8 @@ typedef struct arguments {
     const char **roots;
     size_t root_count;
     bool progress;
-    long progress_fd, memory_mb;
+    long progress_fd, memory_mb, threads, frame; /* -1: none */
+    sandbox_mode sandbox;
 } arguments;
 
 static bool parse_number(const char *option, const char *text, long low, long *out, error *e)
@@ -142,13 +154,31 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
+/* Of a sequence one frame is run, and of any other spec none. */
+static bool choose_frame(spec *s, long frame, error *e)
+{
+    if (!s->frames && frame < 0) return true;
+    if (!s->frames) return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
+    for (size_t i = 0; i < s->frame_count; i++) {
+        if (s->frame[i] != frame) continue;
+        spec_set_frame(s, (int)frame);
+        return true;
+    }
+    return error_set(e, ERROR_SPEC_INVALID,
+                     "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
+                     " which of them to run",
+                     s->frames);
+}
+
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {NULL, 0, NULL, 0}};
-    *a = (arguments){.progress_fd = -1, .memory_mb = DEFAULT_MEMORY_MB};
+        {"memory-mb", required_argument, NULL, 'm'},
+        {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
+        {"sandbox", required_argument, NULL, 's'},     {NULL, 0, NULL, 0}};
+    *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         if (c == 'o')
@@ -161,6 +191,14 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
             if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+        } else if (c == 's') {
+            if (!sandbox_mode_from_name(optarg, &a->sandbox))
+                return error_set(e, ERROR_SPEC_INVALID,
+                                 "--sandbox takes required, available or off, not '%s'", optarg);
+        } else if (c == 't') {
+            if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
+        } else if (c == 'n') {
+            if (!parse_number("frame", optarg, 0, &a->frame, e)) return false;
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -171,15 +209,16 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     return true;
 }
 
-/* The whole text of a spec; NULL and an error when it cannot be read. */
-static char *read_spec(const char *path, size_t *length, error *e)
+static FILE *open_spec(const char *path, error *e)
 {
-    bool standard = strcmp(path, "-") == 0;
-    FILE *file = standard ? stdin : fopen(path, "rb");
-    if (!file) {
-        error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
-        return NULL;
-    }
+    FILE *file = strcmp(path, "-") == 0 ? stdin : fopen(path, "rb");
+    if (!file) error_set(e, ERROR_SPEC_INVALID, "cannot open the spec %s: %s", path, strerror(errno));
+    return file;
+}
+
+/* The whole text of a spec; NULL and an error when it cannot be read. */
+static char *read_spec(FILE *file, const char *path, size_t *length, error *e)
+{
     char *text = NULL;
     size_t room = 0;
     *length = 0;
@@ -189,17 +228,16 @@ static char *read_spec(const char *path, size_t *length, error *e)
         *length += fread(text + *length, 1, room - *length, file);
     } while (*length == room && room <= SPEC_LIMIT);
     bool failed = ferror(file) != 0;
-    if (!standard) fclose(file);
     if (!failed && *length <= SPEC_LIMIT) return text;
     free(text);
     error_set(e, ERROR_SPEC_INVALID, failed ? "cannot read the spec %s" : "the spec %s is too large", path);
     return NULL;
 }
 
-static spec *load_spec(const char *path, spec_faults *faults, error *e)
+static spec *load_spec(FILE *file, const char *path, spec_faults *faults, error *e)
 {
     size_t length;
-    char *text = read_spec(path, &length, e);
+    char *text = read_spec(file, path, &length, e);
     if (!text) return NULL;
     json *document = json_parse(text, length, e);
     free(text);
@@ -216,6 +254,7 @@ static void handle_signals(void)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGALRM, &action, NULL);
     signal(SIGPIPE, SIG_IGN); /* a reader of progress that went away is no reason to stop */
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
 }
 
 /* limits.timeout_s, as a signal like that of a cancellation. */
@@ -227,6 +266,23 @@ static void start_timer(double seconds)
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
+/* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
+ * roots no file is one to be read. */
+static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, error *e)
+{
+    const sandbox_places places = {a->roots, a->root_count, a->output};
+    if (!(*spec_file = open_spec(a->spec_path, e))) return false;
+    if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
+        !(*roots = store_roots_open(a->roots, a->root_count, e)))
+        return false;
+    if (a->sandbox == SANDBOX_OFF) return true;
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_describe(a->sandbox, text); /* inside nobody can ask */
+    if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
+    fprintf(stderr, "sandbox: %s\n", text);
+    return true;
+}
+
 static int run_command(int argc, char **argv)
 {
     error e = {0};
@@ -234,14 +290,24 @@ static int run_command(int argc, char **argv)
     arguments a;
     spec *s = NULL;
     store_roots *roots = NULL;
+    FILE *spec_file = NULL;
     run_summary summary;
     int code;
     handle_signals();
-    if (!parse_arguments(argc, argv, &a, &e)) goto fail;
-    if (!(s = load_spec(a.spec_path, &faults, &e))) goto fail;
-    if (a.root_count > 0 && !(roots = store_roots_open(a.roots, a.root_count, &e))) goto fail;
+    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &e)) goto fail;
+    if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
+    if (!choose_frame(s, a.frame, &e)) goto fail;
     start_timer(s->timeout_s);
-    run_options options = {a.output, roots, a.memory_mb, (int)a.progress_fd, a.progress, &cancel_requested, leave};
+    run_options options = {
+        .output = a.output,
+        .roots = roots,
+        .memory_mb = a.memory_mb,
+        .threads = (int)a.threads,
+        .progress_fd = (int)a.progress_fd,
+        .progress_bar = a.progress,
+        .cancel = &cancel_requested,
+        .leave = leave,
+    };
     if (!run_job(s, &options, &summary, &e)) goto fail;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
            summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
@@ -251,6 +317,7 @@ static int run_command(int argc, char **argv)
 fail:
     code = fail(&e, &faults);
 done:
+    if (spec_file && spec_file != stdin) fclose(spec_file);
     spec_free(s);
     store_roots_close(roots);
     free(a.roots);
@@ -282,15 +349,28 @@ static int print_energies(void)
     return puts("") < 0;
 }
 
+static int print_schema(void)
+{
+    json *schema = schema_new();
+    char *text = json_print_pretty(schema);
+    bool ok = fputs(text, stdout) >= 0;
+    free(text);
+    json_free(schema);
+    return !ok;
+}
+
 int main(int argc, char **argv)
 {
     const char *command = argc > 1 ? argv[1] : "--help";
     if (strcmp(command, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
+    if (strcmp(command, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
+    if (strcmp(command, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) command = "--help";
     if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
     if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(command, "energies") == 0) return print_energies();
+    if (strcmp(command, "schema") == 0) return print_schema();
     if (strcmp(command, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;

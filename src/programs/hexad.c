@@ -2,38 +2,69 @@
  * to stop. */
 #include <errno.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "config.h"
 
+#include "auth/access.h"
+#include "base/clock.h"
 #include "base/log.h"
+#include "base/manager.h"
 #include "base/memory.h"
+#include "base/sandbox.h"
 #include "config/config.h"
 #include "executor/executor.h"
+#include "http/herald.h"
 #include "http/server.h"
 #include "queue/queue.h"
 #include "store/file.h"
+#include "store/inputs.h"
+#include "store/output.h"
 #include "store/root.h"
+
+/* In the state directory, or where systemd makes a place for it. */
+#define LISTEN_SOCKET_NAME "hexad.sock"
+/* What a loopback port without tokens means, spelt out by whoever wants it. */
+#define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
+/* How often the service manager is told how many jobs there are, where it asks for no sign of life. */
+static const int STATUS_MS = 10000;
+/* After what drain_s and grace_s allow: to end what has been killed and to write it down. */
+static const double LAST_WORDS_S = 10;
 
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
+    int argc;
+    char **argv; /* where the settings come from */
     config settings;
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
+    store_inputs *inputs;
+    const char **input_roots; /* the directory of inputs, and those of the settings */
+    size_t input_root_count;
+    char *inputs_dir;
     store_roots *roots;
+    store_outputs outputs;
     executor *x;
     listen_socket socket;
-    jobs_context context;
+    access_control *access;
+    http_counters counters;
+    lounge *lounge;
+    herald *herald;
+    http_context context;
     server *http;
+    uint64_t turns; /* of the supervisor, when it was last looked at; UINT64_MAX: never */
+    bool stuck;
 } service;
 
 static bool init_signals(service *s, error *e)
@@ -42,6 +73,7 @@ static bool init_signals(service *s, error *e)
     sigemptyset(&wanted);
     sigaddset(&wanted, SIGTERM);
     sigaddset(&wanted, SIGINT);
+    sigaddset(&wanted, SIGHUP);
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
@@ -78,21 +110,56 @@ static void fini_queue(service *s)
     queue_close(s->q);
 }
 
+static bool init_inputs(service *s, error *e)
+{
+    s->inputs_dir = mem_printf("%s/inputs", s->state_dir);
+    s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
+    if (!s->inputs) free(s->inputs_dir);
+    return s->inputs != NULL;
+}
+
+static void fini_inputs(service *s)
+{
+    store_inputs_close(s->inputs);
+    free(s->inputs_dir);
+}
+
 static bool init_roots(service *s, error *e)
 {
-    s->roots = store_roots_open((const char *const *)s->settings.input_roots.item,
-                                s->settings.input_roots.count, e);
+    const config_list *given = &s->settings.input_roots;
+    s->input_roots = mem_alloc((given->count + 1) * sizeof *s->input_roots);
+    s->input_roots[s->input_root_count++] = s->inputs_dir; /* before others: what it has was verified */
+    for (size_t i = 0; i < given->count; i++) s->input_roots[s->input_root_count++] = given->item[i];
+    s->roots = store_roots_open(s->input_roots, s->input_root_count, e);
+    if (!s->roots) free(s->input_roots);
     return s->roots != NULL;
 }
 
 static void fini_roots(service *s)
 {
     store_roots_close(s->roots);
+    free(s->input_roots);
 }
 
 static bool init_socket(service *s, error *e)
 {
-    return listen_open(s->settings.listen, &s->socket, e);
+    const config *c = &s->settings;
+    int fd;
+    if (!manager_socket(&fd, e)) return false;
+    if (fd >= 0) {
+        bool adopted = listen_adopt(fd, &s->socket, e);
+        if (adopted && *c->listen)
+            log_write(LOG_LEVEL_WARNING, "listen = %s is not served: %s was handed over by a socket unit", c->listen,
+                      s->socket.address);
+        return adopted;
+    }
+    const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
+    char *where = *c->listen ? mem_strdup(c->listen)
+                             : mem_printf("unix:%s/" LISTEN_SOCKET_NAME, runtime ? runtime : s->state_dir);
+    bool shared = c->unix_users.count || c->unix_groups.count || c->unix_admins.count;
+    bool ok = listen_open(where, shared, &s->socket, e);
+    free(where);
+    return ok;
 }
 
 static void fini_socket(service *s)
@@ -100,22 +167,124 @@ static void fini_socket(service *s)
     listen_close(&s->socket);
 }
 
-static bool init_executor(service *s, error *e)
+/* Whether those who can reach the socket can be told apart. */
+static bool check_reach(const service *s, error *e)
+{
+    const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
+    bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
+    if (!open && *s->settings.tcp_without_tokens)
+        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only words for it are " OPEN_TCP);
+    if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
+    if (s->socket.reach == LISTEN_NETWORK)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
+                         " token add (setting token_file), or listen on unix:/path",
+                         where);
+    return open || error_set(e, ERROR_SPEC_INVALID,
+                             "listen %s: every user of this machine reaches that, and there are no tokens: make some"
+                             " with hexadctl token add (setting token_file), listen on unix:/path, or set"
+                             " tcp_without_tokens = " OPEN_TCP,
+                             where);
+}
+
+static access_names names_of(const config_list *list)
+{
+    return (access_names){(const char *const *)list->item, list->count};
+}
+
+/* As set, else what systemd hands over, else in the state directory. To be freed. */
+static char *token_file_of(const service *s)
+{
+    const char *credentials = getenv("CREDENTIALS_DIRECTORY");
+    if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
+    return mem_printf("%s/tokens", credentials ? credentials : s->state_dir);
+}
+
+static bool init_access(service *s, error *e)
 {
     const config *c = &s->settings;
-    executor_settings settings = {
+    char *file = token_file_of(s);
+    access_settings settings = {
+        .users = names_of(&c->unix_users),
+        .groups = names_of(&c->unix_groups),
+        .admins = names_of(&c->unix_admins),
+        .token_file = file,
+        .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
+    };
+    s->access = access_open(&settings, e);
+    free(file);
+    if (s->access && check_reach(s, e)) return true;
+    access_close(s->access);
+    return false;
+}
+
+static void fini_access(service *s)
+{
+    access_close(s->access);
+}
+
+static bool init_outputs(service *s, error *e)
+{
+    const config *c = &s->settings;
+    char *end;
+    unsigned long mode = strtoul(c->output_mode, &end, 8);
+    if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
+        return error_set(e, ERROR_SPEC_INVALID, "output_mode %s: must be octal and give the owner read and write",
+                         c->output_mode);
+    const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
+    if (*c->output_group && !group)
+        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
+    for (size_t i = 0; i < c->output_roots.count; i++)
+        if (c->output_roots.item[i][0] != '/')
+            return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
+                             c->output_roots.item[i]);
+    s->outputs = (store_outputs){
+        .roots = (const char *const *)c->output_roots.item,
+        .root_count = c->output_roots.count,
+        .mode = (mode_t)mode,
+        .group = group ? group->gr_gid : (gid_t)-1,
+    };
+    return true;
+}
+
+static void fini_outputs(service *s)
+{
+    s->outputs = (store_outputs){0};
+}
+
+static executor_settings executor_settings_of(const service *s)
+{
+    const config *c = &s->settings;
+    return (executor_settings){
         .state_dir = s->state_dir,
         .worker = c->worker,
-        .input_roots = (const char *const *)c->input_roots.item,
-        .input_root_count = c->input_roots.count,
+        .input_roots = s->input_roots,
+        .input_root_count = s->input_root_count,
+        .outputs = s->outputs,
         .workers = (int)c->workers,
+        .threads = (int)c->threads,
+        .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
+        .cache = c->cache != 0,
+        .file_mb = c->file_mb,
+        .sandbox = c->sandbox,
+        .most_of_owner = (int)c->user_running,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
+        .retry_s = c->retry_s,
+        .retry_most_s = c->retry_most_s,
     };
-    if (!config_find_worker(&s->settings, e)) return false;
-    settings.worker = c->worker;
+}
+
+static bool init_executor(service *s, error *e)
+{
+    char text[SANDBOX_TEXT_SIZE];
+    sandbox_mode mode = s->settings.sandbox;
+    if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
+    log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
+              sandbox_describe(mode, text));
+    executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
     return s->x != NULL;
 }
@@ -125,22 +294,54 @@ static void fini_executor(service *s)
     executor_stop(s->x);
 }
 
+static bool init_lounge(service *s, error *e)
+{
+    s->lounge = lounge_open(e);
+    return s->lounge != NULL;
+}
+
+static void fini_lounge(service *s)
+{
+    lounge_close(s->lounge);
+}
+
+static bool init_herald(service *s, error *e)
+{
+    s->herald = herald_start(s->q, s->x, s->lounge, e);
+    return s->herald != NULL;
+}
+
+static void fini_herald(service *s)
+{
+    herald_stop(s->herald);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
     server_settings settings = {
+        .peers = {.connection_limit = (unsigned)c->connection_limit,
+                  .client_limit = (unsigned)c->client_connection_limit,
+                  .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
-        .connection_limit = (unsigned)c->connection_limit,
-        .timeout_s = c->connection_timeout_s,
+        .header_limit_bytes = (size_t)c->header_limit_bytes,
     };
-    s->context = (jobs_context){
+    s->context = (http_context){
         .q = s->q,
         .x = s->x,
         .roots = s->roots,
+        .inputs = s->inputs,
+        .outputs = &s->outputs,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
+        .most_waiting = c->user_queued,
+        .retention_s = (int64_t)c->retention_s,
+        .wait_s = c->wait_limit_s,
+        .started_ms = clock_wall_ms(),
+        .counters = &s->counters,
+        .lounge = s->lounge,
     };
-    s->http = server_start(&settings, &s->socket, &s->context, e);
+    s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
     return s->http != NULL;
 }
 
@@ -169,32 +370,106 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals}, {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},       {"roots", init_roots, fini_roots},
-    {"socket", init_socket, fini_socket},    {"executor", init_executor, fini_executor},
-    {"http", init_http, fini_http},          {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
+    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
+    {"executor", init_executor, fini_executor}, {"lounge", init_lounge, fini_lounge},
+    {"herald", init_herald, fini_herald},       {"http", init_http, fini_http},
+    {"port_file", init_port_file, fini_port_file},
 };
+
+/* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
+ * service manager is left to do what it does about that. */
+static void tell_manager(service *s)
+{
+    int64_t count[QUEUE_STATE_COUNT];
+    uint64_t turns = executor_turns(s->x);
+    bool stuck = turns == s->turns;
+    s->turns = turns;
+    executor_wake(s->x);
+    if (stuck && !s->stuck)
+        log_write(LOG_LEVEL_ERROR, "the supervisor is stuck: no sign of life to the service manager");
+    s->stuck = stuck;
+    if (stuck) {
+        manager_tell_status("stuck");
+        return;
+    }
+    manager_tell_alive();
+    if (queue_count(s->q, count, NULL))
+        manager_tell_status("%s%lld queued, %lld running", executor_is_draining(s->x) ? "draining: " : "",
+                            (long long)count[QUEUE_QUEUED],
+                            (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
+}
+
+/* Between two of them: twice within what the watchdog allows. */
+static int sign_interval_ms(void)
+{
+    int64_t watchdog = manager_watchdog_ms();
+    if (watchdog > 0) return watchdog / 2 < INT32_MAX ? (int)(watchdog / 2) : INT32_MAX;
+    return manager_is_there() ? STATUS_MS : -1;
+}
+
+static void reload(service *s)
+{
+    config fresh = {0};
+    config_action action;
+    error e = {0};
+    manager_tell_reloading();
+    if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e)) {
+        config_take_over(&s->settings, &fresh);
+        log_set_level(s->settings.log_level);
+        executor_settings settings = executor_settings_of(s);
+        executor_change(s->x, &settings);
+        log_write(LOG_LEVEL_INFO, "settings reloaded");
+    } else {
+        log_write(LOG_LEVEL_ERROR, "settings stay as they were: %s", e.message);
+    }
+    config_clear(&fresh);
+    manager_tell_ready();
+}
+
+static void drain(service *s, bool *draining)
+{
+    const config *c = &s->settings;
+    manager_tell_stopping((*draining ? 0 : c->drain_s) + c->grace_s + LAST_WORDS_S);
+    if (*draining)
+        executor_force(s->x);
+    else
+        executor_drain(s->x, c->drain_s);
+    *draining = true;
+}
 
 /* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
 static void serve(service *s)
 {
     bool draining = false;
+    int interval_ms = sign_interval_ms();
+    int64_t due_ms = clock_monotonic_ms();
+    manager_tell_ready();
     for (;;) {
         struct pollfd fds[] = {{.fd = s->signals, .events = POLLIN},
                                {.fd = executor_drained_fd(s->x), .events = POLLIN}};
-        if (poll(fds, 2, -1) < 0 && errno != EINTR) return;
+        int64_t wait_ms = due_ms - clock_monotonic_ms();
+        if (poll(fds, 2, interval_ms < 0 ? -1 : wait_ms > 0 ? (int)wait_ms : 0) < 0 && errno != EINTR) return;
         struct signalfd_siginfo info;
         if (read(s->signals, &info, sizeof info) == sizeof info) {
-            log_write(LOG_LEVEL_INFO, "%s signal=%u", draining ? "stopping at once" : "draining",
+            bool again = info.ssi_signo == SIGHUP;
+            log_write(LOG_LEVEL_INFO, "%s signal=%u",
+                      again      ? "reloading"
+                      : draining ? "stopping at once"
+                                 : "draining",
                       info.ssi_signo);
-            if (draining)
-                executor_force(s->x);
+            if (again)
+                reload(s);
             else
-                executor_drain(s->x, s->settings.drain_s);
-            draining = true;
+                drain(s, &draining);
         } else if (draining && fds[1].revents) {
             return;
         }
+        if (interval_ms < 0 || clock_monotonic_ms() < due_ms) continue;
+        tell_manager(s);
+        due_ms = clock_monotonic_ms() + interval_ms;
     }
 }
 
@@ -224,10 +499,20 @@ static void open_standard_descriptors(void)
     if (fd >= 0) close(fd);
 }
 
+/* A connection is a descriptor, and the usual limit is that of programs that call select. */
+static void raise_descriptor_limit(void)
+{
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 int main(int argc, char **argv)
 {
     open_standard_descriptors();
-    service s = {.signals = -1, .socket.fd = -1};
+    raise_descriptor_limit();
+    service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};
     if (!config_parse(argc, argv, &s.settings, &action, &e)) {

@@ -2,13 +2,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "config.h"
 
 #include "client/client.h"
 #include "client/command.h"
 
-#define DEFAULT_SERVER "http://127.0.0.1:8642"
+/* Where the service has its socket when systemd runs it, and where it has it otherwise. */
+#define SYSTEM_SOCKET "/run/hexad/hexad.sock"
+#define STATE_SOCKET HEXAD_STATEDIR "/hexad.sock"
+#define DEFAULT_TOKENS HEXAD_STATEDIR "/tokens"
 
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
@@ -20,10 +24,26 @@ static const char usage[] =
     "  cancel ID                        take a job out of the queue, or stop it\n"
     "  fetch ID [--output DIR]          the results, verified; into DIR, else into ./ID\n"
     "\n"
-    "  --server URL   http://HOST:PORT or unix:/path; default: $HEXAD_SERVER, else " DEFAULT_SERVER
+    "  pause ID, resume ID              start no attempt of a job; and again\n"
+    "  retry ID                         run what failed of a job again\n"
+    "  delete ID                        forget a job that has ended, with its results\n"
+    "  priority ID --priority N         change its place in the queue\n"
+    "  watch ID                         what happens to a job, as it happens; a JSON object a line\n"
+    "  log ID                           what its last worker said\n"
+    "  workers                          what runs, and what may\n"
+    "  drain, undrain                   take no more jobs and start none; and again\n"
+    "  token add USER [--scopes LIST]   make a token for the REST interface; prints it, once\n"
+    "  token list                       the tokens that there are\n"
+    "  token revoke ID                  forget a token; holds at once\n"
     "\n"
+    "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, else\n"
+    "                 unix:" SYSTEM_SOCKET " if it is there, else unix:" STATE_SOCKET "\n"
+    "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
+    "  --file FILE    the daemon's token_file; default: " DEFAULT_TOKENS "\n"
     "  --json         print documents as the server gives them\n"
     "  --help, --version\n"
+    "\n"
+    "A token to be shown to the server is taken from $HEXAD_TOKEN.\n"
     "\n"
     "Exit status: 0 done (a job waited for: succeeded and converged), 1 the job failed or ran out "
     "of\n"
@@ -36,13 +56,30 @@ static const struct entry {
     command *run;
     bool argument;
 } commands[] = {
-    {"submit", command_submit, true}, {"list", command_list, false},
-    {"show", command_show, true},     {"wait", command_wait, true},
-    {"cancel", command_cancel, true}, {"fetch", command_fetch, true},
+    {"submit", command_submit, true},
+    {"list", command_list, false},
+    {"show", command_show, true},
+    {"wait", command_wait, true},
+    {"cancel", command_cancel, true},
+    {"fetch", command_fetch, true},
+    {"pause", command_pause, true},
+    {"resume", command_resume, true},
+    {"retry", command_retry, true},
+    {"delete", command_delete, true},
+    {"priority", command_priority, true},
+    {"watch", command_watch, true},
+    {"log", command_log, true},
+    {"workers", command_workers, false},
+    {"drain", command_drain, false},
+    {"undrain", command_undrain, false},
+    {"token add", command_token_add, true},
+    {"token list", command_token_list, false},
+    {"token revoke", command_token_revoke, true},
 };
 
 typedef struct line {
     const struct entry *entry;
+    const char *group; /* the first of a command's two words */
     const char *argument, *server;
     command_options options;
 } line;
@@ -73,9 +110,24 @@ static bool take_option(line *l, int argc, char **argv, int *index)
         l->options.limit = value;
     else if ((value = option_value("--output", argc, argv, index)))
         l->options.output = value;
+    else if ((value = option_value("--priority", argc, argv, index)))
+        l->options.priority = value;
+    else if ((value = option_value("--file", argc, argv, index)))
+        l->options.file = value;
+    else if ((value = option_value("--scopes", argc, argv, index)))
+        l->options.scopes = value;
     else
         return false;
     return true;
+}
+
+/* Whether the command's name is the word, behind that of its group if it has one. */
+static bool is_named(const struct entry *entry, const char *group, const char *word)
+{
+    size_t length = group ? strlen(group) : 0;
+    if (!group) return strcmp(entry->name, word) == 0;
+    return strncmp(entry->name, group, length) == 0 && entry->name[length] == ' ' &&
+           strcmp(entry->name + length + 1, word) == 0;
 }
 
 static bool take_word(line *l, const char *word)
@@ -86,24 +138,41 @@ static bool take_word(line *l, const char *word)
         return true;
     }
     for (size_t i = 0; i < sizeof commands / sizeof *commands && !l->entry; i++)
-        if (strcmp(commands[i].name, word) == 0) l->entry = &commands[i];
-    return l->entry != NULL;
+        if (is_named(&commands[i], l->group, word)) l->entry = &commands[i];
+    if (l->entry || l->group) return l->entry != NULL;
+    l->group = word;
+    size_t length = strlen(word);
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
+        if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
+    return false;
 }
 
 static bool is_print_only(int argc, char **argv)
 {
     for (int i = 1; i < argc; i++) {
-        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0)
-            return fputs(usage, stdout) >= 0;
+        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(usage, stdout) >= 0;
         if (strcmp(argv[i], "--version") == 0) return puts(PACKAGE_STRING) >= 0;
     }
     return false;
 }
 
+/* The value of an environment variable; NULL when it has none. */
+static const char *environment(const char *name)
+{
+    const char *value = getenv(name);
+    return value && *value ? value : NULL;
+}
+
+static const char *default_server(void)
+{
+    const char *server = environment("HEXAD_SERVER");
+    if (server) return server;
+    return access(SYSTEM_SOCKET, F_OK) == 0 ? "unix:" SYSTEM_SOCKET : "unix:" STATE_SOCKET;
+}
+
 int main(int argc, char **argv)
 {
-    const char *environment = getenv("HEXAD_SERVER");
-    line l = {.server = environment && *environment ? environment : DEFAULT_SERVER};
+    line l = {.server = default_server(), .options.file = DEFAULT_TOKENS};
     if (is_print_only(argc, argv)) return COMMAND_OK;
     for (int i = 1; i < argc; i++) {
         bool option = argv[i][0] == '-' && argv[i][1];
@@ -116,7 +185,7 @@ int main(int argc, char **argv)
         return COMMAND_USAGE;
     }
     error e = {0};
-    client *c = client_open(l.server, &e);
+    client *c = client_open(l.server, environment("HEXAD_TOKEN"), &e);
     if (!c) {
         fprintf(stderr, "hexadctl: %s\n", e.message);
         return COMMAND_USAGE;

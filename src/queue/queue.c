@@ -1,93 +1,22 @@
+/* What can be asked of the queue without changing it. */
 #include "queue/queue.h"
 
-#include <errno.h>
-#include <fcntl.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
-#include <unistd.h>
 
-#include <sqlite3.h>
-
-#include "base/clock.h"
-#include "base/log.h"
 #include "base/memory.h"
-#include "queue/schema.h"
-
-/* At a start somebody may still look with the sqlite3 program. */
-#define OPEN_PATIENCE_MS 5000
-
-#define HEAD_COLUMNS                                                                               \
-    "seq, id, name, labels, state, outcome, priority, created_ms, started_ms, finished_ms,"        \
-    " attempt, spent, max_attempts, error_code, error_message"
-
-enum statement {
-    BEGIN,
-    COMMIT,
-    ROLLBACK,
-    PUT,
-    GET,
-    LIST,
-    LIST_STATE,
-    LIST_UNSETTLED,
-    LIST_ATTEMPTS,
-    CLAIM,
-    ADD_ATTEMPT,
-    FINISH,
-    REQUEUE,
-    END_ATTEMPT,
-    CANCEL,
-    STATEMENT_COUNT
-};
-
-static const char *const sql[STATEMENT_COUNT] = {
-    [BEGIN] = "BEGIN IMMEDIATE",
-    [COMMIT] = "COMMIT",
-    [ROLLBACK] = "ROLLBACK",
-    [PUT] = "INSERT INTO job (id, name, labels, priority, max_attempts, created_ms, spec)"
-            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
-    [GET] = "SELECT " HEAD_COLUMNS ", spec FROM job WHERE id = ?1",
-    [LIST] = "SELECT " HEAD_COLUMNS ", NULL FROM job WHERE seq < ?1 ORDER BY seq DESC LIMIT ?2",
-    [LIST_STATE] = "SELECT " HEAD_COLUMNS ", NULL FROM job WHERE seq < ?1 AND state = ?3"
-                   " ORDER BY seq DESC LIMIT ?2",
-    [LIST_UNSETTLED] = "SELECT " HEAD_COLUMNS ", NULL FROM job"
-                       " WHERE state IN ('running', 'cancelling') ORDER BY seq",
-    [LIST_ATTEMPTS] = "SELECT number, a.started_ms, a.finished_ms, exit_status, signal,"
-                      " peak_memory_bytes, reason FROM attempt a JOIN job ON job = seq"
-                      " WHERE id = ?1 ORDER BY number",
-    [CLAIM] = "UPDATE job SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
-              " started_ms = coalesce(started_ms, ?1) WHERE seq = (SELECT seq FROM job"
-              " WHERE state = 'queued' ORDER BY priority DESC, seq LIMIT 1)"
-              " RETURNING " HEAD_COLUMNS ", spec",
-    [ADD_ATTEMPT] = "INSERT INTO attempt (job, number, started_ms) VALUES (?1, ?2, ?3)",
-    [FINISH] = "UPDATE job SET state = ?3, outcome = ?4, error_code = ?5, error_message = ?6,"
-               " finished_ms = ?7"
-               " WHERE id = ?1 AND attempt = ?2 AND state IN ('running', 'cancelling')",
-    [REQUEUE] = "UPDATE job SET state = 'queued', spent = spent - ?3"
-                " WHERE id = ?1 AND attempt = ?2 AND state = 'running'",
-    [END_ATTEMPT] = "UPDATE attempt SET finished_ms = ?3, exit_status = ?4, signal = ?5,"
-                    " peak_memory_bytes = ?6, reason = ?7"
-                    " WHERE job = (SELECT seq FROM job WHERE id = ?1) AND number = ?2",
-    [CANCEL] =
-        "UPDATE job SET state = CASE state WHEN 'queued' THEN 'cancelled' ELSE 'cancelling' END,"
-        " finished_ms = CASE state WHEN 'queued' THEN ?2 END"
-        " WHERE id = ?1 AND state IN ('queued', 'running')",
-};
-
-struct queue {
-    pthread_mutex_t mutex;
-    int lock; /* descriptor that holds the lock on the state directory */
-    sqlite3 *database;
-    sqlite3_stmt *statement[STATEMENT_COUNT];
-    char *trouble; /* what kept the last change from being stored; NULL: nothing did */
-};
+#include "queue/record.h"
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
-    [QUEUE_QUEUED] = "queued",       [QUEUE_RUNNING] = "running", [QUEUE_CANCELLING] = "cancelling",
-    [QUEUE_SUCCEEDED] = "succeeded", [QUEUE_FAILED] = "failed",   [QUEUE_CANCELLED] = "cancelled",
-    [QUEUE_TIMED_OUT] = "timed_out",
+    [QUEUE_QUEUED] = "queued",   [QUEUE_BLOCKED] = "blocked",       [QUEUE_PAUSED] = "paused",
+    [QUEUE_RUNNING] = "running", [QUEUE_CANCELLING] = "cancelling", [QUEUE_SUCCEEDED] = "succeeded",
+    [QUEUE_FAILED] = "failed",   [QUEUE_CANCELLED] = "cancelled",   [QUEUE_TIMED_OUT] = "timed_out",
+};
+
+static const char *const event_names[QUEUE_EVENT_TYPE_COUNT] = {
+    [QUEUE_EVENT_STATE] = "state", [QUEUE_EVENT_TASK] = "task",     [QUEUE_EVENT_STARTED] = "started",
+    [QUEUE_EVENT_ENDED] = "ended", [QUEUE_EVENT_EDITED] = "edited",
 };
 
 const char *queue_state_name(queue_state state)
@@ -108,7 +37,7 @@ bool queue_state_from_name(const char *name, queue_state *state)
 
 bool queue_state_is_final(queue_state state)
 {
-    return state != QUEUE_QUEUED && state != QUEUE_RUNNING && state != QUEUE_CANCELLING;
+    return state >= QUEUE_SUCCEEDED;
 }
 
 const char *queue_outcome_name(queue_outcome outcome)
@@ -118,13 +47,21 @@ const char *queue_outcome_name(queue_outcome outcome)
                                             : NULL;
 }
 
+const char *queue_event_type_name(queue_event_type type)
+{
+    return event_names[type];
+}
+
 void queue_job_clear(queue_job *job)
 {
     free(job->name);
+    free(job->owner);
     free(job->labels);
+    free(job->trace);
     free(job->spec);
     free(job->error_code);
     free(job->error_message);
+    free(job->cached_from);
     *job = (queue_job){0};
 }
 
@@ -134,196 +71,100 @@ void queue_jobs_free(queue_job *jobs, size_t count)
     free(jobs);
 }
 
+void queue_task_clear(queue_task *task)
+{
+    free(task->error_code);
+    free(task->error_message);
+    *task = (queue_task){0};
+}
+
+void queue_tasks_free(queue_task *tasks, size_t count)
+{
+    for (size_t i = 0; i < count; i++) queue_task_clear(&tasks[i]);
+    free(tasks);
+}
+
 void queue_attempts_free(queue_attempt *attempts, size_t count)
 {
-    for (size_t i = 0; i < count; i++) free(attempts[i].reason);
+    for (size_t i = 0; i < count; i++) {
+        free(attempts[i].host);
+        free(attempts[i].reason);
+    }
     free(attempts);
 }
 
-/* Says so when changes can no longer be stored, and when they can again; not at every try. */
-static void note_stored(queue *q)
+void queue_claimed_clear(queue_claimed *claimed)
 {
-    if (!q->trouble) return;
-    log_write(LOG_LEVEL_INFO, "the queue stores again");
-    free(q->trouble);
-    q->trouble = NULL;
+    queue_job_clear(&claimed->job);
+    queue_task_clear(&claimed->task);
 }
 
-static void note_trouble(queue *q)
+void queue_claimed_free(queue_claimed *claimed, size_t count)
 {
-    const char *why = sqlite3_errmsg(q->database);
-    if (q->trouble && strcmp(q->trouble, why) == 0) return;
-    log_write(LOG_LEVEL_ERROR, "the queue cannot store: %s", why);
-    free(q->trouble);
-    q->trouble = mem_strdup(why);
+    for (size_t i = 0; i < count; i++) queue_claimed_clear(&claimed[i]);
+    free(claimed);
 }
 
-static bool fail(queue *q, error *e)
+bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 {
-    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", sqlite3_errmsg(q->database));
-}
-
-static bool take_lock(queue *q, const char *state_dir, error *e)
-{
-    char *path = mem_printf("%s/lock", state_dir);
-    q->lock = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    bool ok = q->lock >= 0 && flock(q->lock, LOCK_EX | LOCK_NB) == 0;
-    if (!ok && q->lock >= 0 && errno == EWOULDBLOCK) {
-        char holder[16] = "";
-        ssize_t got = pread(q->lock, holder, sizeof holder - 1, 0);
-        holder[got > 0 ? got : 0] = '\0';
-        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s",
-                  holder, state_dir);
-    } else if (!ok) {
-        error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
-    } else if (ftruncate(q->lock, 0) != 0 || dprintf(q->lock, "%d", (int)getpid()) < 0) {
-        ok = error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", path, strerror(errno));
-    }
-    free(path);
-    return ok;
-}
-
-queue *queue_open(const char *state_dir, error *e)
-{
-    queue *q = mem_alloc(sizeof *q);
-    pthread_mutex_init(&q->mutex, NULL);
-    q->lock = -1;
-    char *path = mem_printf("%s/queue.db", state_dir);
-    bool ok = take_lock(q, state_dir, e);
-    if (ok && sqlite3_open_v2(path, &q->database,
-                              SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
-                              NULL) != SQLITE_OK)
-        ok = q->database ? fail(q, e)
-                         : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
-    if (ok) sqlite3_busy_timeout(q->database, OPEN_PATIENCE_MS);
-    ok = ok && schema_prepare(q->database, e);
-    /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */
-    if (ok) sqlite3_busy_timeout(q->database, 0);
-    for (int i = 0; ok && i < STATEMENT_COUNT; i++)
-        if (sqlite3_prepare_v3(q->database, sql[i], -1, SQLITE_PREPARE_PERSISTENT, &q->statement[i],
-                               NULL) != SQLITE_OK)
-            ok = fail(q, e);
-    if (!ok) {
-        error_prefix(e, "%s", path);
-        queue_close(q);
-        q = NULL;
-    }
-    free(path);
-    return q;
-}
-
-void queue_close(queue *q)
-{
-    if (!q) return;
-    for (int i = 0; i < STATEMENT_COUNT; i++) sqlite3_finalize(q->statement[i]);
-    sqlite3_close(q->database);
-    if (q->lock >= 0) close(q->lock);
-    pthread_mutex_destroy(&q->mutex);
-    free(q->trouble);
-    free(q);
-}
-
-/* Binds a text that outlives the statement's run. */
-static void bind_text(sqlite3_stmt *s, int index, const char *text)
-{
-    sqlite3_bind_text(s, index, text, -1, SQLITE_STATIC); /* NULL binds NULL */
-}
-
-static void bind_known(sqlite3_stmt *s, int index, int64_t value, bool known)
-{
-    if (known)
-        sqlite3_bind_int64(s, index, value);
-    else
-        sqlite3_bind_null(s, index);
-}
-
-static void reset(sqlite3_stmt *s)
-{
-    sqlite3_reset(s);
-    sqlite3_clear_bindings(s);
-}
-
-/* Runs a statement that gives no rows. */
-static bool run(queue *q, enum statement which, error *e)
-{
-    sqlite3_stmt *s = q->statement[which];
-    bool ok = sqlite3_step(s) == SQLITE_DONE || fail(q, e);
-    if (!ok) note_trouble(q);
-    reset(s);
-    return ok;
-}
-
-/* Ends a transaction: commits when all went well; in any other case nothing has happened. */
-static bool end(queue *q, bool ok, error *e)
-{
-    if (ok && run(q, COMMIT, e)) return true;
-    if (!sqlite3_get_autocommit(q->database)) run(q, ROLLBACK, NULL);
-    return false;
-}
-
-static char *column_text(sqlite3_stmt *s, int column)
-{
-    const char *text = (const char *)sqlite3_column_text(s, column);
-    return text ? mem_strdup(text) : NULL;
-}
-
-static void read_job(sqlite3_stmt *s, queue_job *job)
-{
-    *job = (queue_job){.seq = sqlite3_column_int64(s, 0)};
-    snprintf(job->id, sizeof job->id, "%s", (const char *)sqlite3_column_text(s, 1));
-    job->name = column_text(s, 2);
-    job->labels = column_text(s, 3);
-    queue_state_from_name((const char *)sqlite3_column_text(s, 4), &job->state);
-    const char *outcome = (const char *)sqlite3_column_text(s, 5);
-    if (outcome)
-        job->outcome = strcmp(outcome, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
-    job->priority = sqlite3_column_int(s, 6);
-    job->created_ms = sqlite3_column_int64(s, 7);
-    job->started_ms = sqlite3_column_int64(s, 8);
-    job->finished_ms = sqlite3_column_int64(s, 9);
-    job->attempt = sqlite3_column_int(s, 10);
-    job->spent = sqlite3_column_int(s, 11);
-    job->max_attempts = sqlite3_column_int(s, 12);
-    job->error_code = column_text(s, 13);
-    job->error_message = column_text(s, 14);
-    job->spec = column_text(s, 15);
-}
-
-/* Runs a statement that gives at most one job. */
-static bool read_one(queue *q, enum statement which, queue_job *job, bool *found, error *e)
-{
-    sqlite3_stmt *s = q->statement[which];
-    int status = sqlite3_step(s);
     queue_job read = {0};
-    bool got = status == SQLITE_ROW;
-    if (got) {
-        read_job(s, &read);
-        status = sqlite3_step(s);
+    bool ok = false, got = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(
+        q, e, "SELECT " JOB_COLUMNS ", spec FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
+    while (database_next(q, s, &ok, e)) {
+        got = true;
+        record_read_job(s, 0, &read);
+        read.spec = database_text(s, JOB_COLUMN_COUNT);
     }
-    bool ok = status == SQLITE_DONE || fail(q, e);
-    reset(s);
-    if (!ok) {
+    database_unlock(q);
+    if (ok && got)
+        *job = read;
+    else
         queue_job_clear(&read);
-        return false;
-    }
-    if (got) *job = read;
-    *found = got;
-    return true;
+    if (ok) *found = got;
+    return ok;
 }
 
-/* Runs a statement that gives any number of jobs. */
-static bool read_many(queue *q, enum statement which, queue_job **jobs, size_t *count, error *e)
+/* Which of the conditions a listing has; each combination has a statement of its own, so that each has its
+ * index. */
+enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
+
+#define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
+#define LABELLED                                                                                             \
+    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < "  \
+                          "?1"
+#define NEWEST " ORDER BY seq DESC LIMIT ?2"
+#define NEWEST_LABELLED " ORDER BY label.job DESC LIMIT ?2"
+
+static const char *const listings[] = {
+    [0] = LISTED NEWEST,
+    [BY_STATE] = LISTED " AND state = ?3" NEWEST,
+    [BY_OWNER] = LISTED " AND owner = ?4" NEWEST,
+    [BY_OWNER | BY_STATE] = LISTED " AND owner = ?4 AND state = ?3" NEWEST,
+    [BY_LABEL] = LABELLED NEWEST_LABELLED,
+    [BY_LABEL | BY_STATE] = LABELLED " AND state = ?3" NEWEST_LABELLED,
+    [BY_LABEL | BY_OWNER] = LABELLED " AND owner = ?4" NEWEST_LABELLED,
+    [BY_LABEL | BY_OWNER | BY_STATE] = LABELLED " AND owner = ?4 AND state = ?3" NEWEST_LABELLED,
+};
+
+bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
 {
-    sqlite3_stmt *s = q->statement[which];
+    int which =
+        (filter->state < 0 ? 0 : BY_STATE) | (filter->owner ? BY_OWNER : 0) | (filter->label ? BY_LABEL : 0);
     queue_job *read = NULL;
     size_t used = 0, room = 0;
-    int status;
-    while ((status = sqlite3_step(s)) == SQLITE_ROW) {
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
+            integer(filter->limit), text(filter->state < 0 ? NULL : state_names[filter->state]),
+            text(filter->owner), text(filter->label));
+    while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        read_job(s, &read[used++]);
+        record_read_job(s, 0, &read[used++]);
     }
-    bool ok = status == SQLITE_DONE || fail(q, e);
-    reset(s);
+    database_unlock(q);
     if (!ok) {
         queue_jobs_free(read, used);
         return false;
@@ -333,86 +174,104 @@ static bool read_many(queue *q, enum statement which, queue_job **jobs, size_t *
     return true;
 }
 
-bool queue_put(queue *q, const queue_submission *submission, char id[ULID_SIZE], error *e)
+bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
 {
-    char made[ULID_SIZE];
-    pthread_mutex_lock(&q->mutex);
-    int64_t now = clock_wall_ms();
-    ulid_make(now, made);
-    sqlite3_stmt *s = q->statement[PUT];
-    bind_text(s, 1, made);
-    bind_text(s, 2, submission->name);
-    bind_text(s, 3, submission->labels);
-    sqlite3_bind_int(s, 4, submission->priority);
-    sqlite3_bind_int(s, 5, submission->max_attempts);
-    sqlite3_bind_int64(s, 6, now);
-    bind_text(s, 7, submission->spec);
-    bool ok = run(q, PUT, e);
-    if (ok) note_stored(q);
-    pthread_mutex_unlock(&q->mutex);
-    if (ok) memcpy(id, made, sizeof made);
+    int64_t read[QUEUE_STATE_COUNT] = {0};
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e, "SELECT state, count(*) FROM job WHERE ?1 GROUP BY state", integer(1));
+    while (database_next(q, s, &ok, e)) {
+        queue_state state = QUEUE_QUEUED;
+        if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
+            read[state] = sqlite3_column_int64(s, 1);
+    }
+    database_unlock(q);
+    if (ok) memcpy(count, read, sizeof read);
     return ok;
 }
 
-bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
+bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
+                      error *e)
 {
-    pthread_mutex_lock(&q->mutex);
-    bind_text(q->statement[GET], 1, id);
-    bool ok = read_one(q, GET, job, found, e);
-    pthread_mutex_unlock(&q->mutex);
+    queue_task *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e,
+                          "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
+                          " AND number > ?2 ORDER BY number LIMIT ?3",
+                          text(id), integer(after), integer(limit));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        record_read_task(s, 0, &read[used++]);
+    }
+    database_unlock(q);
+    if (!ok) {
+        queue_tasks_free(read, used);
+        return false;
+    }
+    *tasks = read;
+    *count = used;
+    return true;
+}
+
+bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool *found, error *e)
+{
+    queue_task read = {0};
+    bool ok = false, got = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e,
+                          "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
+                          " AND frame = ?2",
+                          text(id), integer(frame));
+    while (database_next(q, s, &ok, e)) {
+        got = true;
+        record_read_task(s, 0, &read);
+    }
+    database_unlock(q);
+    if (ok && got)
+        *task = read;
+    else
+        queue_task_clear(&read);
+    if (ok) *found = got;
     return ok;
 }
 
-bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
+static int column_or(sqlite3_stmt *s, int column, int otherwise)
 {
-    pthread_mutex_lock(&q->mutex);
-    enum statement which = filter->state < 0 ? LIST : LIST_STATE;
-    sqlite3_stmt *s = q->statement[which];
-    sqlite3_bind_int64(s, 1, filter->before_seq > 0 ? filter->before_seq : INT64_MAX);
-    sqlite3_bind_int(s, 2, filter->limit);
-    if (which == LIST_STATE) bind_text(s, 3, state_names[filter->state]);
-    bool ok = read_many(q, which, jobs, count, e);
-    pthread_mutex_unlock(&q->mutex);
-    return ok;
-}
-
-bool queue_list_unsettled(queue *q, queue_job **jobs, size_t *count, error *e)
-{
-    pthread_mutex_lock(&q->mutex);
-    bool ok = read_many(q, LIST_UNSETTLED, jobs, count, e);
-    pthread_mutex_unlock(&q->mutex);
-    return ok;
-}
-
-static int column_known(sqlite3_stmt *s, int column)
-{
-    return sqlite3_column_type(s, column) == SQLITE_NULL ? -1 : sqlite3_column_int(s, column);
+    return sqlite3_column_type(s, column) == SQLITE_NULL ? otherwise : sqlite3_column_int(s, column);
 }
 
 bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count,
                          error *e)
 {
-    pthread_mutex_lock(&q->mutex);
-    sqlite3_stmt *s = q->statement[LIST_ATTEMPTS];
-    bind_text(s, 1, id);
     queue_attempt *read = NULL;
-    size_t used = 0;
-    int status;
-    while ((status = sqlite3_step(s)) == SQLITE_ROW) {
-        read = mem_resize(read, (used + 1) * sizeof *read);
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
+            " peak_memory_bytes, host, reason FROM attempt a"
+            " JOIN task t ON t.job = a.job AND t.number = a.task"
+            " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
+            text(id));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){
-            .number = sqlite3_column_int(s, 0),
-            .started_ms = sqlite3_column_int64(s, 1),
-            .finished_ms = sqlite3_column_int64(s, 2),
-            .exit_status = column_known(s, 3),
-            .signal = column_known(s, 4),
-            .peak_memory_bytes = sqlite3_column_int64(s, 5),
-            .reason = column_text(s, 6),
+            .task = sqlite3_column_int(s, 0),
+            .frame = column_or(s, 1, QUEUE_NO_FRAME),
+            .number = sqlite3_column_int(s, 2),
+            .started_ms = sqlite3_column_int64(s, 3),
+            .finished_ms = sqlite3_column_int64(s, 4),
+            .exit_status = column_or(s, 5, -1),
+            .signal = column_or(s, 6, -1),
+            .peak_memory_bytes = sqlite3_column_int64(s, 7),
+            .host = database_text(s, 8),
+            .reason = database_text(s, 9),
         };
     }
-    bool ok = status == SQLITE_DONE || fail(q, e);
-    reset(s);
-    pthread_mutex_unlock(&q->mutex);
+    database_unlock(q);
     if (!ok) {
         queue_attempts_free(read, used);
         return false;
@@ -422,118 +281,124 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
     return true;
 }
 
-bool queue_claim(queue *q, queue_job *job, bool *found, error *e)
+/* As for listings. */
+enum { OF_JOB = 1, OF_OWNER = 2 };
+
+#define EVENTS                                                                                               \
+    "SELECT event.seq, at_ms, id, type, event.state, event.outcome, frame, attempt FROM event"               \
+    " CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1" /* in this order: by the number of the event */
+#define OLDEST " ORDER BY event.seq LIMIT ?2"
+#define EVENTS_OF_JOB EVENTS " AND event.job = (SELECT seq FROM job WHERE id = ?3)"
+
+static const char *const event_listings[] = {
+    [0] = EVENTS OLDEST,
+    [OF_JOB] = EVENTS_OF_JOB OLDEST,
+    [OF_OWNER] = EVENTS " AND owner = ?4" OLDEST,
+    [OF_JOB | OF_OWNER] = EVENTS_OF_JOB " AND owner = ?4" OLDEST,
+};
+
+static queue_event_type event_type_from_name(const char *name)
 {
-    queue_job claimed = {0};
-    bool got = false;
-    pthread_mutex_lock(&q->mutex);
-    int64_t now = clock_wall_ms();
-    bool ok = run(q, BEGIN, e);
-    if (ok) {
-        sqlite3_bind_int64(q->statement[CLAIM], 1, now);
-        ok = read_one(q, CLAIM, &claimed, &got, e);
-        if (ok && got) {
-            sqlite3_stmt *s = q->statement[ADD_ATTEMPT];
-            sqlite3_bind_int64(s, 1, claimed.seq);
-            sqlite3_bind_int(s, 2, claimed.attempt);
-            sqlite3_bind_int64(s, 3, now);
-            ok = run(q, ADD_ATTEMPT, e);
-        }
-        ok = end(q, ok, e);
+    int type = 0;
+    while (type + 1 < QUEUE_EVENT_TYPE_COUNT && strcmp(event_names[type], name) != 0) type++;
+    return (queue_event_type)type;
+}
+
+static void read_event(sqlite3_stmt *s, queue_event *event)
+{
+    *event = (queue_event){
+        .seq = sqlite3_column_int64(s, 0),
+        .at_ms = sqlite3_column_int64(s, 1),
+        .type = event_type_from_name((const char *)sqlite3_column_text(s, 3)),
+        .outcome = record_outcome(s, 5),
+        .frame = column_or(s, 6, QUEUE_NO_FRAME),
+        .attempt = sqlite3_column_int(s, 7),
+    };
+    snprintf(event->id, sizeof event->id, "%s", (const char *)sqlite3_column_text(s, 2));
+    queue_state_from_name((const char *)sqlite3_column_text(s, 4), &event->state);
+}
+
+bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event **events, size_t *count,
+                       error *e)
+{
+    int which = (filter->id ? OF_JOB : 0) | (filter->owner ? OF_OWNER : 0);
+    queue_event *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e, event_listings[which], integer(filter->after_seq), integer(filter->limit),
+                          text(filter->id), text(filter->owner));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        read_event(s, &read[used++]);
     }
-    if (ok && got) note_stored(q);
-    pthread_mutex_unlock(&q->mutex);
+    database_unlock(q);
     if (!ok) {
-        queue_job_clear(&claimed);
+        free(read);
         return false;
     }
-    if (got) *job = claimed;
-    *found = got;
+    *events = read;
+    *count = used;
     return true;
 }
 
-/* Writes how the attempt ended; the caller holds the mutex inside a transaction. */
-static bool end_attempt(queue *q, const char *id, int attempt, const queue_ending *ending,
-                        int64_t now, error *e)
+bool queue_last_event(queue *q, int64_t *seq, error *e)
 {
-    sqlite3_stmt *s = q->statement[END_ATTEMPT];
-    bind_text(s, 1, id);
-    sqlite3_bind_int(s, 2, attempt);
-    sqlite3_bind_int64(s, 3, now);
-    bind_known(s, 4, ending->exit_status, ending->exit_status >= 0);
-    bind_known(s, 5, ending->signal, ending->signal >= 0);
-    bind_known(s, 6, ending->peak_memory_bytes, ending->peak_memory_bytes > 0);
-    bind_text(s, 7, ending->reason);
-    return run(q, END_ATTEMPT, e);
+    static const char sql[] = "SELECT coalesce(max(seq), 0) FROM event";
+    bool ok = false;
+    int64_t read = 0;
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_unlock(q);
+    if (ok) *seq = read;
+    return ok;
 }
 
-/* Runs FINISH or REQUEUE, whose own parameters are bound, and the attempt's record with it. */
-static bool settle(queue *q, enum statement which, const char *id, int attempt,
-                   const queue_ending *ending, int64_t now, bool *accepted, error *e)
+/* One time, INT64_MAX where there is none. */
+static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {
-    sqlite3_stmt *s = q->statement[which];
-    bind_text(s, 1, id);
-    sqlite3_bind_int(s, 2, attempt);
-    bool ok = run(q, BEGIN, e);
+    int64_t read = INT64_MAX;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_unlock(q);
+    if (ok) *wall_ms = read;
+    return ok;
+}
+
+bool queue_next_due(queue *q, int64_t *wall_ms, error *e)
+{
+    static const char sql[] =
+        "SELECT not_before_ms FROM task WHERE state = 'delayed' ORDER BY not_before_ms LIMIT 1";
+    return read_time(q, sql, wall_ms, e);
+}
+
+bool queue_next_expiry(queue *q, int64_t *wall_ms, error *e)
+{
+    static const char sql[] =
+        "SELECT expires_ms FROM job WHERE expires_ms IS NOT NULL ORDER BY expires_ms LIMIT 1";
+    return read_time(q, sql, wall_ms, e);
+}
+
+bool queue_list_expired(queue *q, int64_t wall_ms, int limit, char (**ids)[ULID_SIZE], size_t *count,
+                        error *e)
+{
+    char(*read)[ULID_SIZE] = mem_alloc((size_t)limit * sizeof *read);
+    size_t used = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e, "SELECT id FROM job WHERE expires_ms <= ?1 ORDER BY expires_ms LIMIT ?2",
+                          integer(wall_ms), integer(limit));
+    while (database_next(q, s, &ok, e))
+        snprintf(read[used++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    database_unlock(q);
     if (!ok) {
-        reset(s);
+        free(read);
         return false;
     }
-    ok = run(q, which, e);
-    bool changed = ok && sqlite3_changes(q->database) > 0;
-    if (changed) ok = end_attempt(q, id, attempt, ending, now, e);
-    ok = end(q, ok, e);
-    if (ok && changed) note_stored(q);
-    if (ok) *accepted = changed;
-    return ok;
-}
-
-bool queue_finish(queue *q, const char *id, int attempt, const queue_ending *ending, bool *accepted,
-                  error *e)
-{
-    pthread_mutex_lock(&q->mutex);
-    int64_t now = clock_wall_ms();
-    sqlite3_stmt *s = q->statement[FINISH];
-    bind_text(s, 3, state_names[ending->state]);
-    bind_text(s, 4, queue_outcome_name(ending->outcome));
-    bind_text(s, 5, ending->error_code);
-    bind_text(s, 6, ending->error_message);
-    sqlite3_bind_int64(s, 7, now);
-    bool ok = settle(q, FINISH, id, attempt, ending, now, accepted, e);
-    pthread_mutex_unlock(&q->mutex);
-    return ok;
-}
-
-bool queue_requeue(queue *q, const char *id, int attempt, bool counts, const queue_ending *ending,
-                   bool *accepted, error *e)
-{
-    pthread_mutex_lock(&q->mutex);
-    sqlite3_bind_int(q->statement[REQUEUE], 3, counts ? 0 : 1);
-    bool ok = settle(q, REQUEUE, id, attempt, ending, clock_wall_ms(), accepted, e);
-    pthread_mutex_unlock(&q->mutex);
-    return ok;
-}
-
-bool queue_cancel(queue *q, const char *id, bool *found, bool *changed, queue_state *now, error *e)
-{
-    queue_job job = {0};
-    bool there = false, did = false;
-    pthread_mutex_lock(&q->mutex);
-    sqlite3_stmt *s = q->statement[CANCEL];
-    bind_text(s, 1, id);
-    sqlite3_bind_int64(s, 2, clock_wall_ms());
-    bool ok = run(q, CANCEL, e);
-    if (ok) {
-        did = sqlite3_changes(q->database) > 0;
-        bind_text(q->statement[GET], 1, id);
-        ok = read_one(q, GET, &job, &there, e);
-    }
-    pthread_mutex_unlock(&q->mutex);
-    if (ok) {
-        *found = there;
-        *changed = did;
-        if (there) *now = job.state;
-    }
-    queue_job_clear(&job);
-    return ok;
+    *ids = read;
+    *count = used;
+    return true;
 }

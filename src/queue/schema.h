@@ -1,7 +1,8 @@
 /* schema: the tables of the queue's database, and their version.
  *
- * The version is SQLite's user_version. A database without tables is given them; one of a newer
- * version is refused, since writing to it could lose what that version keeps there.
+ * The version is SQLite's user_version. A database without tables is given them, one of an older version
+ * is carried over; one of a newer version is refused, since writing to it could lose what that version
+ * keeps there.
  */
 #ifndef HEXAD_QUEUE_SCHEMA_H
 #define HEXAD_QUEUE_SCHEMA_H
@@ -10,7 +11,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 1
+#define SCHEMA_VERSION 2
 
 bool schema_prepare(sqlite3 *database, error *e);
 

@@ -19,9 +19,9 @@
 #include "sampler/surface.h"
 #include "store/file.h"
 
-/* What a particle takes at the peak, from particles and neighbour lists: measured at 300 bytes on smooth
+/* What a particle takes at the peak, from particles and neighbour lists: measured at 200 bytes on smooth
  * surfaces; where they crowd their lists are longer. */
-static const double BYTES_PER_PARTICLE = 450;
+static const double BYTES_PER_PARTICLE = 300;
 /* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
  * kB. */
 static const double BYTES_PER_PARTICLE_SWARM = 5000;
@@ -134,7 +134,9 @@ static bool load(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_LOAD);
     j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
     if (!fits_memory(j, (double)s->count, e)) return false;
-    int workers = s->threads > 0 ? s->threads : threads_available();
+    int most = j->options->threads, workers = s->threads;
+    if (workers <= 0) workers = most > 0 ? most : threads_available();
+    if (most > 0 && workers > most) workers = most;
     if (workers > THREADS_MAX) workers = THREADS_MAX;
     j->pool = threads_new(workers, j->options->cancel, e);
     return j->pool && choose_isa(s, &j->isa, e) &&
@@ -218,7 +220,7 @@ static bool place(const job *j, solution *out, error *e)
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         .count_limit = (size_t)(particle_memory(j) / bytes_per_particle(j)),
         .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
-        .random_in_cells = j->source.volume != NULL,
+        .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
         .graded = s->has_alpha,
         .d = s->alpha.d,

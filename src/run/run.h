@@ -20,6 +20,7 @@ typedef struct run_options {
     const char *output;                  /* directory; made if missing */
     const store_roots *roots;            /* where inputs may lie; NULL: anywhere */
     int64_t memory_mb;                   /* when the spec does not say */
+    int threads; /* at most, and when the spec does not say; 0: the processors there are */
     int progress_fd;                     /* -1: no progress lines */
     bool progress_bar;                   /* on standard error */
     const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */

@@ -1,9 +1,38 @@
 #include "run/source.h"
 
+#include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
+#include "base/memory.h"
 #include "volume/coefficients.h"
+#include "volume/exr_stack.h"
+#include "volume/stored.h"
+
+/* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
+ */
+static const double ANGLE_ROUNDING = 1e-6;
+
+/* Opens an input; the first time it is hashed and noted. Returns a descriptor, or -1. */
+static int open_input(void *context, const char *path, error *e)
+{
+    source *s = context;
+    source_input input = {0};
+    int fd = store_open_input(s->roots, path, e);
+    for (size_t k = s->input_count; fd >= 0 && k > 0;
+         k--) /* a file beside others is asked for in their order */
+        if (strcmp(s->inputs[k - 1].path, path) == 0) return fd;
+    if (fd < 0) return -1;
+    if (!store_file_hash(fd, input.sha256, &input.bytes, e)) {
+        close(fd);
+        return -1;
+    }
+    input.path = mem_strdup(path);
+    s->inputs = mem_resize(s->inputs, (s->input_count + 1) * sizeof *s->inputs);
+    s->inputs[s->input_count++] = input;
+    return fd;
+}
 
 static analytic_shape shape_of(spec_shape shape)
 {
@@ -15,9 +44,49 @@ static analytic_shape shape_of(spec_shape shape)
     return shapes[shape];
 }
 
-static bool open_analytic(const spec_analytic *a, threads *pool, source *out, error *e)
+/* What opening a surface needs beside its spec. */
+typedef struct opening {
+    size_t memory;
+    isa kernels;
+    threads *pool;
+    source *source; /* for its inputs, and what it holds already */
+} opening;
+
+static size_t memory_left(const opening *o)
 {
-    const analytic_params params = {
+    size_t held = source_memory(o->source);
+    return o->memory > held ? o->memory - held : 0;
+}
+
+/* The shape at a distance, where its formula is one of distances. */
+static bool offset_shape(analytic_params *p, double by, error *e)
+{
+    double least = fmin(p->half_size.x, fmin(p->half_size.y, p->half_size.z)), size;
+    switch (p->shape) {
+    case ANALYTIC_SPHERE:
+        size = p->radius += by;
+        break;
+    case ANALYTIC_TORUS:
+        size = p->minor_radius += by;
+        if (p->minor_radius < p->major_radius) break;
+        return error_set(e, ERROR_NOT_SUPPORTED, "at an offset of %g the torus has no hole any more", by);
+    case ANALYTIC_BOX:
+        size = least + by;
+        p->half_size = vec3_add(p->half_size, vec3_make(by, by, by));
+        p->rounding = fmax(p->rounding + by, 0);
+        break;
+    default:
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "an offset moves distances, and the formula of this shape has none: use a sphere, "
+                         "torus or box, or "
+                         "a level set of it");
+    }
+    return size > 0 || error_set(e, ERROR_NO_SURFACE, "at an offset of %g nothing is left of the shape", by);
+}
+
+static bool open_analytic(const spec_analytic *a, double offset, const opening *o, source_part *out, error *e)
+{
+    analytic_params params = {
         .shape = shape_of(a->shape),
         .center = a->center,
         .radius = a->radius,
@@ -31,13 +100,19 @@ static bool open_analytic(const spec_analytic *a, threads *pool, source *out, er
         .size = a->size,
         .period = a->period,
     };
-    out->analytic = analytic_new(&params, pool, e);
+    if (offset != 0 && !offset_shape(&params, offset, e)) return false;
+    out->analytic = analytic_new(&params, o->pool, e);
     if (!out->analytic) return false;
     out->field = &out->analytic->base;
     return true;
 }
 
-static volume *open_grid(const spec_vdb *v, int fd, size_t memory, isa kernels, error *e)
+static volume_reconstruction reconstruction_of(spec_reconstruction how)
+{
+    return how == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING;
+}
+
+static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening *o, error *e)
 {
     const volume_request request = {
         .fd = fd,
@@ -45,15 +120,15 @@ static volume *open_grid(const spec_vdb *v, int fd, size_t memory, isa kernels, 
         .grid = v->grid,
         .has_isovalue = v->has_isovalue,
         .isovalue = v->isovalue,
-        .reconstruction =
-            v->reconstruction == SPEC_RECONSTRUCTION_SMOOTHING ? VOLUME_SMOOTHING : VOLUME_INTERPOLATING,
-        .memory_limit = memory,
-        .isa = kernels,
+        .offset = offset,
+        .reconstruction = reconstruction_of(v->reconstruction),
+        .memory_limit = memory_left(o),
+        .isa = o->kernels,
     };
     return volume_open(&request, e);
 }
 
-static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, isa kernels, threads *pool, error *e)
+static volume *open_mesh(const spec_mesh *m, double offset, int fd, const opening *o, error *e)
 {
     const volume_mesh_request request = {
         .fd = fd,
@@ -61,102 +136,248 @@ static volume *open_mesh(const spec_mesh *m, int fd, size_t memory, isa kernels,
         .voxel_size = m->voxel_size,
         .resolution = m->resolution,
         .band_vox = m->band_vox,
-        .memory_limit = memory,
-        .pool = pool,
-        .isa = kernels,
+        .offset = offset,
+        .memory_limit = memory_left(o),
+        .pool = o->pool,
+        .isa = o->kernels,
     };
     return volume_open_mesh(&request, e);
 }
 
-static bool open_volume(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
-                        source *out, error *e)
+/* Takes over the slices, which may be NULL. */
+static volume *open_dense(slices *from, const char *path, double isovalue, spec_reconstruction how,
+                          const opening *o, error *e)
 {
-    spec_input input;
-    if (!spec_input_at(s, 0, &input)) return error_set(e, ERROR_INTERNAL, "a volume without a file");
-    int fd = store_open_input(roots, input.path, e);
-    if (fd < 0) return false;
-    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e);
-    if (ok)
-        out->volume = s->surface_kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, fd, memory, kernels, pool, e)
-                                                           : open_grid(&s->vdb, fd, memory, kernels, e);
-    ok = out->volume != NULL;
-    if (ok && s->has_grid)
-        ok = (out->map = map_open(fd, input.path, s->grid.name, memory - source_memory(out), e)) != NULL;
-    close(fd);
-    if (!ok) return false;
-    out->input_path = input.path;
-    out->field = volume_field(out->volume);
-    return true;
+    if (!from) {
+        error_prefix(e, "%s", path);
+        return NULL;
+    }
+    const volume_dense_request request = {from,           path,      isovalue, reconstruction_of(how),
+                                          memory_left(o), o->kernels};
+    volume *v = volume_open_dense(&request, e);
+    from->ops->close(from);
+    return v;
 }
 
-static bool read_coefficients(const spec_bspline *b, const store_roots *roots, size_t memory, source *out,
-                              error *e)
+static volume *open_stored(const spec_volume *v, int fd, const opening *o, error *e)
 {
-    int fd = store_open_input(roots, b->path, e);
+    const slices_files files = {open_input, o->source};
+    return open_dense(stored_open(fd, v->path, NULL, &files, e), v->path, v->isovalue, v->reconstruction, o,
+                      e);
+}
+
+static volume *open_exr(const spec_exr *x, const opening *o, error *e)
+{
+    const slices_files files = {open_input, o->source};
+    const exr_stack_params params = {x->count,       (const char *const *)x->files,
+                                     x->numbers,     x->part,
+                                     x->channel,     x->voxel_size,
+                                     x->origin,      NULL,
+                                     memory_left(o), &files};
+    return open_dense(exr_stack_open(&params, e), x->path, x->isovalue, x->reconstruction, o, e);
+}
+
+/* Rims lie on faces of boxes that are aligned with the world's axes; oblique data must not end within `box`.
+ */
+static bool check_ends(const volume *v, bbox box, const char *path, error *e)
+{
+    size_t loose = v ? volume_loose_ends(v, box) : 0;
+    if (loose == 0) return true;
+    return error_set(
+        e, ERROR_INPUT_UNSUPPORTED,
+        "%s: its surface meets the end of the data in %zu cells, and the data lie obliquely in world "
+        "space: give a region (a box along the world's axes) that keeps clear of the end of the data, or "
+        "another isovalue",
+        path, loose);
+}
+
+/* A volume of one file, or of the files of a stack. */
+static bool open_volume(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
+{
+    bool dense = s->kind == SPEC_SURFACE_VOLUME || s->kind == SPEC_SURFACE_EXR;
+    if (dense && offset != 0)
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "an offset moves distances, and a dense volume has none: give another isovalue");
+    if (s->kind == SPEC_SURFACE_EXR) {
+        out->volume = open_exr(&s->exr, o, e);
+    } else {
+        const char *path = s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
+                           : s->kind == SPEC_SURFACE_MESH ? s->mesh.path
+                                                          : s->volume.path;
+        int fd = open_input(o->source, path, e);
+        if (fd < 0) return false;
+        out->volume = s->kind == SPEC_SURFACE_VDB    ? open_grid(&s->vdb, offset, fd, o, e)
+                      : s->kind == SPEC_SURFACE_MESH ? open_mesh(&s->mesh, offset, fd, o, e)
+                                                     : open_stored(&s->volume, fd, o, e);
+        close(fd);
+    }
+    if (!out->volume) return false;
+    out->field = volume_field(out->volume);
+    /* a region may yet cut off the ends of what is the whole */
+    return out == &o->source->whole ||
+           check_ends(out->volume, out->field->domain, o->source->inputs[0].path, e);
+}
+
+static bool read_coefficients(const spec_bspline *b, const opening *o, source_part *out, error *e)
+{
+    int fd = open_input(o->source, b->path, e);
     if (fd < 0) return false;
-    bool ok = store_file_hash(fd, out->input_sha256, &out->input_bytes, e) &&
-              (out->coefficients = coefficients_read(fd, b->path, b->dims, memory, e)) != NULL;
+    bool ok = (out->coefficients = coefficients_read(fd, b->path, b->dims, memory_left(o), e)) != NULL;
     close(fd);
-    out->input_path = b->path;
     return ok;
 }
 
-static bool open_bspline(const spec_bspline *b, const store_roots *roots, size_t memory, isa kernels,
-                         threads *pool, source *out, error *e)
+static bool open_bspline(const spec_bspline *b, double offset, const opening *o, source_part *out, error *e)
 {
-    if (b->path && !read_coefficients(b, roots, memory, out, e)) return false;
+    if (offset != 0)
+        return error_set(e, ERROR_NOT_SUPPORTED, "an offset moves distances, and a B-spline has none");
+    if (b->path && !read_coefficients(b, o, out, e)) return false;
     const bspline_params params = {{b->dims[0], b->dims[1], b->dims[2]},
                                    {b->domain.min, b->domain.max},
                                    b->path ? out->coefficients : b->coefficients,
-                                   kernels};
-    out->bspline = bspline_new(&params, pool, e);
+                                   o->kernels};
+    out->bspline = bspline_new(&params, o->pool, e);
     if (!out->bspline) return b->path ? error_prefix(e, "%s", b->path) : false;
     out->field = &out->bspline->base;
     return true;
 }
 
-static bool open_whole(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
-                       source *out, error *e)
+/* ---- surfaces of surfaces. An offset goes down to the leaves: min and max of distances are moved with them.
+ */
+
+static bool open_part(const spec_surface *s, double offset, const opening *o, source_part *out, error *e);
+
+static bool open_combination(const spec_surface *s, double offset, const opening *o, source_part *out,
+                             error *e)
 {
-    switch (s->surface_kind) {
+    const combination_kind kind = s->kind == SPEC_SURFACE_UNION          ? COMBINATION_UNION
+                                  : s->kind == SPEC_SURFACE_INTERSECTION ? COMBINATION_INTERSECTION
+                                                                         : COMBINATION_DIFFERENCE;
+    for (size_t k = 0; k < s->part_count; k++) {
+        double by = kind == COMBINATION_DIFFERENCE && k > 0 ? -offset : offset;
+        if (!open_part(s->parts[k], by, o, &out->parts[k], e)) return false;
+    }
+    const field **fields = mem_alloc(s->part_count * sizeof(const field *));
+    for (size_t k = 0; k < s->part_count; k++) fields[k] = out->parts[k].field;
+    out->combination = combination_new(kind, fields, s->part_count, o->pool, e);
+    free(fields);
+    if (!out->combination) return false;
+    out->field = combination_field(out->combination);
+    return true;
+}
+
+/* By how much a matrix scales all lengths; 0 when it does not keep angles. */
+static double scale_of(const double m[16])
+{
+    double scale2 = 0, most = 0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j <= i; j++) {
+            double product = m[i] * m[j] + m[4 + i] * m[4 + j] + m[8 + i] * m[8 + j];
+            if (i == 0) scale2 = product;
+            most = fmax(most, fabs(product - (i == j ? scale2 : 0)));
+        }
+    return most <= ANGLE_ROUNDING * scale2 ? sqrt(scale2) : 0;
+}
+
+static bool open_placement(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
+{
+    double scale = scale_of(s->matrix);
+    if (offset != 0 && scale == 0)
+        return error_set(e, ERROR_NOT_SUPPORTED,
+                         "an offset moves distances, and the transform within it does not keep them: "
+                         "its matrix must be a rotation or mirror, times a number");
+    if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, o, &out->parts[0], e)) return false;
+    out->placement = placement_new(out->parts[0].field, s->matrix, e);
+    if (!out->placement) return false;
+    out->field = placement_field(out->placement);
+    return true;
+}
+
+static bool open_part(const spec_surface *s, double offset, const opening *o, source_part *out, error *e)
+{
+    out->part_count = s->part_count;
+    out->parts = mem_alloc(s->part_count * sizeof *out->parts);
+    switch (s->kind) {
+    case SPEC_SURFACE_ANALYTIC:
+        return open_analytic(&s->analytic, offset, o, out, e);
+    case SPEC_SURFACE_BSPLINE:
+        return open_bspline(&s->bspline, offset, o, out, e);
     case SPEC_SURFACE_VDB:
     case SPEC_SURFACE_MESH:
-        return open_volume(s, roots, memory, kernels, pool, out, e);
-    case SPEC_SURFACE_BSPLINE:
-        return open_bspline(&s->bspline, roots, memory, kernels, pool, out, e);
-    case SPEC_SURFACE_ANALYTIC:
-        return open_analytic(&s->analytic, pool, out, e);
+    case SPEC_SURFACE_VOLUME:
+    case SPEC_SURFACE_EXR:
+        return open_volume(s, offset, o, out, e);
+    case SPEC_SURFACE_UNION:
+    case SPEC_SURFACE_INTERSECTION:
+    case SPEC_SURFACE_DIFFERENCE:
+        return open_combination(s, offset, o, out, e);
+    case SPEC_SURFACE_OFFSET:
+        if (!open_part(s->parts[0], offset + s->distance, o, &out->parts[0], e)) return false;
+        out->field = out->parts[0].field;
+        return true;
+    case SPEC_SURFACE_TRANSFORM:
+        return open_placement(s, offset, o, out, e);
     }
     return false;
+}
+
+static bool open_map(const spec *s, const opening *o, error *e)
+{
+    int fd = open_input(o->source, s->surface.vdb.path, e);
+    if (fd < 0) return false;
+    o->source->map = map_open(fd, s->surface.vdb.path, s->grid.name, memory_left(o), e);
+    close(fd);
+    return o->source->map != NULL;
 }
 
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e)
 {
-    *out = (source){0};
-    if (!open_whole(s, roots, memory, kernels, pool, out, e)) return false;
-    if (!s->has_region) return true;
-    out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
-    if (!out->region) return out->input_path ? error_prefix(e, "%s", out->input_path) : false;
-    out->field = region_field(out->region);
-    return true;
+    *out = (source){.roots = roots};
+    const opening o = {memory, kernels, pool, out};
+    if (!open_part(&s->surface, 0, &o, &out->whole, e) || (s->has_grid && !open_map(s, &o, e))) return false;
+    out->field = out->whole.field;
+    if (s->has_region) {
+        out->region = region_new(out->field, (bbox){s->region.min, s->region.max}, e);
+        if (!out->region) return out->input_count ? error_prefix(e, "%s", out->inputs[0].path) : false;
+        out->field = region_field(out->region);
+    }
+    return check_ends(out->whole.volume, out->field->domain, out->input_count ? out->inputs[0].path : "", e);
+}
+
+static void close_part(source_part *p)
+{
+    combination_free(p->combination);
+    placement_free(p->placement);
+    analytic_free(p->analytic);
+    bspline_free(p->bspline);
+    volume_close(p->volume);
+    free(p->coefficients);
+    for (size_t k = 0; k < p->part_count; k++) close_part(&p->parts[k]);
+    free(p->parts);
 }
 
 void source_close(source *s)
 {
     region_free(s->region);
-    analytic_free(s->analytic);
-    bspline_free(s->bspline);
-    volume_close(s->volume);
+    close_part(&s->whole);
     map_close(s->map);
-    free(s->coefficients);
+    for (size_t k = 0; k < s->input_count; k++) free(s->inputs[k].path);
+    free(s->inputs);
     *s = (source){0};
 }
 
 static void describe_volume(const volume_info *info, json *surface, json *warnings)
 {
     json_put_integer(surface, "voxels", (int64_t)info->active_voxels);
-    if (info->triangles == 0) {
+    if (*info->format) {
+        json *dense = json_put_object(surface, "volume");
+        json *size = json_put_array(dense, "size");
+        json_put_string(dense, "format", info->format);
+        for (int k = 0; k < 3; k++) json_append_number(size, (double)info->size[k]);
+        if (*info->space) json_put_string(dense, "space", info->space);
+        json_put_number(surface, "isovalue", info->isovalue);
+    } else if (info->triangles == 0) {
         json_put_string(surface, "grid", info->grid);
         json_put_number(surface, "isovalue", info->isovalue);
     } else {
@@ -173,22 +394,46 @@ static void describe_volume(const volume_info *info, json *surface, json *warnin
     for (size_t k = 0; k < info->warning_count; k++) json_append_string(warnings, info->warning[k]);
 }
 
+/* The parts' volumes as a list, in the order of the spec. */
+static void describe_parts(const source_part *p, json *surface, json **list, json *warnings)
+{
+    for (size_t k = 0; k < p->part_count; k++) {
+        const source_part *part = &p->parts[k];
+        if (part->volume && !*list) *list = json_put_array(surface, "parts");
+        if (part->volume) describe_volume(volume_describe(part->volume), json_append_object(*list), warnings);
+        describe_parts(part, surface, list, warnings);
+    }
+}
+
 void source_describe(const source *s, json *report, json *surface, json *warnings)
 {
-    json *inputs = json_put_array(report, "inputs");
-    if (s->volume) describe_volume(volume_describe(s->volume), surface, warnings);
-    if (!s->input_path) return;
-    json *input = json_append_object(inputs);
-    json_put_string(input, "path", s->input_path);
-    json_put_integer(input, "bytes", (int64_t)s->input_bytes);
-    json_put_string(input, "sha256", s->input_sha256);
+    json *inputs = json_put_array(report, "inputs"), *list = NULL;
+    if (s->whole.volume) describe_volume(volume_describe(s->whole.volume), surface, warnings);
+    describe_parts(&s->whole, surface, &list, warnings);
+    for (size_t k = 0; k < s->input_count; k++) {
+        json *input = json_append_object(inputs);
+        json_put_string(input, "path", s->inputs[k].path);
+        json_put_integer(input, "bytes", (int64_t)s->inputs[k].bytes);
+        json_put_string(input, "sha256", s->inputs[k].sha256);
+    }
+}
+
+static size_t memory_of_part(const source_part *p)
+{
+    size_t bytes = p->combination ? combination_bytes(p->combination) : 0;
+    if (p->volume) bytes += volume_describe(p->volume)->memory_bytes;
+    if (p->analytic) bytes += cell_grid_bytes(&p->analytic->grid);
+    if (p->bspline) bytes += bspline_bytes(p->bspline);
+    for (size_t k = 0; k < p->part_count; k++) bytes += memory_of_part(&p->parts[k]);
+    return bytes;
 }
 
 size_t source_memory(const source *s)
 {
-    size_t bytes = s->region ? region_bytes(s->region) : 0;
-    if (s->volume) bytes += volume_describe(s->volume)->memory_bytes + map_memory(s->map);
-    if (s->analytic) bytes += cell_grid_bytes(&s->analytic->grid);
-    if (s->bspline) bytes += bspline_bytes(s->bspline);
-    return bytes;
+    return (s->region ? region_bytes(s->region) : 0) + map_memory(s->map) + memory_of_part(&s->whole);
+}
+
+bool source_starts_in_cells(const source *s)
+{
+    return !s->whole.analytic && !s->whole.bspline;
 }

@@ -32,18 +32,22 @@ static const double GROWTH = 2;
 /* Twins start this far from where their particle was, of the new spacing. */
 static const double TWIN_OFFSET = 0.25;
 
-/* The support under which the particles, where they are, have the ideal energy: Newton's method on log E
- * against log sigma (6.1: a one-dimensional optimisation), no farther than the lists cover. */
+/* A step of Newton's method on log E against log sigma, from a support and the energy under it. */
+static double nearer_support(const sampler *s, double sigma, double energy)
+{
+    return sigma * pow(energy / s->params.energy->ideal, -1 / s->params.energy->ideal_slope);
+}
+
+/* The support under which the particles, where they are, have the ideal energy (6.1: a one-dimensional
+ * optimisation), no farther than the lists cover. */
 static double ideal_support(const sampler *s)
 {
     double low = SHRINK_LIMIT * s->sigma, high = relax_max_support(s->relax), sigma = s->sigma;
     for (int k = 0; k < SUPPORT_STEPS; k++) {
         double energy = relax_mean_energy(s->relax, s->p, sigma);
         if (!(energy > 0)) return high;
-        double ratio = energy / s->params.energy->ideal;
-        if (fabs(ratio - 1) < SUPPORT_TOLERANCE) break;
-        sigma *= pow(ratio, -1 / s->params.energy->ideal_slope);
-        sigma = fmin(fmax(sigma, low), high);
+        if (fabs(energy / s->params.energy->ideal - 1) < SUPPORT_TOLERANCE) break;
+        sigma = fmin(fmax(nearer_support(s, sigma, energy), low), high);
     }
     return sigma;
 }
@@ -173,7 +177,10 @@ bool sampler_control(sampler *s, error *e)
     bool changed = false, again = false;
     if (s->level == 0 && s->levels > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
-    if (last_stage && s->level < s->levels - 1) return sampler_refine(s, e);
+    if (last_stage && s->level < s->levels - 1) { /* the next level starts nearer to its ideal */
+        if (energy > 0) s->sigma = nearer_support(s, s->sigma, energy);
+        return sampler_refine(s, e);
+    }
     bool good = last_stage && sampler_is_on_target(s, energy);
     if (s->round_count == SAMPLER_MAX_ROUNDS || (good && !bounded)) {
         s->outcome = good && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;

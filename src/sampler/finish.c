@@ -30,11 +30,6 @@ static void requested_spacing(sampler *s, double *spacing)
     for (size_t i = 0; i < s->p->count; i++) spacing[i] *= scale;
 }
 
-typedef struct finish_job {
-    sampler *s;
-    double *residual; /* over h; inf: not on the surface */
-} finish_job;
-
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
 static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
@@ -49,24 +44,23 @@ static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 
     return project_bisect(s->field, *normal, farthest, x, normal);
 }
 
-static void finish_particle(const finish_job *job, size_t i)
+/* Until energies are known their place holds residuals: over h, inf for what is not on the surface. */
+static void finish_particle(sampler *s, size_t i)
 {
-    sampler *s = job->s;
-    size_t n = s->p->count;
     vec3 x = s->p->position[i], normal = s->p->normal[i];
     field_sample sample;
-    job->residual[i] = INFINITY;
-    double h = s->spacing * s->p->size[i];
+    s->p->energy[i] = INFINITY;
+    double h = s->spacing * s->p->size[i], kappa1, kappa2;
+    field_order order = s->params.graded ? FIELD_HESSIAN : FIELD_GRADIENT;
     if (!settle_on_surface(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
-        !field_sample_at(s->field, x, FIELD_HESSIAN, &sample))
+        !field_sample_at(s->field, x, order, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
-    job->residual[i] = residual;
+    s->p->energy[i] = residual;
     s->p->position[i] = x;
     s->p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-    s->column[i] = field_curvature(&sample, &s->column[n + i], &s->column[2 * n + i]);
-    if (s->params.graded) s->p->alpha[i] = sampler_amplitude(s, s->column[i]);
+    if (s->params.graded) s->p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
 }
 
 static void finish_chunk(void *context, int worker, size_t begin, size_t end)
@@ -77,12 +71,11 @@ static void finish_chunk(void *context, int worker, size_t begin, size_t end)
 
 /* Takes away the particles that are not on the surface and puts each on a new place there: of several drawn
  * the one that is farthest from its nearest particle. */
-static void replace_lost(finish_job *job)
+static void replace_lost(sampler *s)
 {
-    sampler *s = job->s;
     rng r = rng_seed(s->params.seed, 2);
     for (size_t i = 0; i < s->p->count && !threads_stopped(s->pool); i++) {
-        if (job->residual[i] != INFINITY) continue;
+        if (s->p->energy[i] != INFINITY) continue;
         double best = -1;
         vec3 x = s->p->position[i], normal = s->p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
@@ -100,58 +93,77 @@ static void replace_lost(finish_job *job)
         s->p->position[i] = x;
         s->p->normal[i] = normal;
         s->removed++;
-        finish_particle(job, i);
+        finish_particle(s, i);
     }
 }
 
-static void describe_result(sampler *s, const double *residual)
+static void count_lost(sampler *s)
 {
-    size_t n = s->p->count;
-    s->out = (sampler_points){
-        .count = n,
-        .position = s->p->position,
-        .normal = s->p->normal,
-        .kappa = s->column,
-        .kappa1 = s->column + n,
-        .kappa2 = s->column + 2 * n,
-        .alpha = s->p->alpha,
-        .energy = s->p->energy,
-        .spacing = s->column + 3 * n,
-        .sigma = s->sigma,
-        .ideal_energy = s->params.energy->ideal,
-    };
-    for (size_t i = 0; i < n; i++) {
-        if (residual[i] == INFINITY)
+    for (size_t i = 0; i < s->p->count; i++) {
+        if (s->p->energy[i] == INFINITY)
             s->out.lost++;
         else
-            s->out.max_residual = fmax(s->out.max_residual, residual[i]);
+            s->out.max_residual = fmax(s->out.max_residual, s->p->energy[i]);
     }
+}
+
+static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    sampler *s = context;
+    size_t n = s->p->count;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        field_sample sample;
+        if (!field_sample_at(s->field, s->p->position[i], FIELD_HESSIAN, &sample)) continue;
+        s->column[i] = field_curvature(&sample, &s->column[n + i], &s->column[2 * n + i]);
+    }
+}
+
+/* Energies need the lists, which are given up before there is anything else: together they would be the most
+ * memory that a job takes. */
+static bool describe_energies(sampler *s, error *e)
+{
+    if (!relax_build(s->relax, s->p, s->sigma, 0, e)) return false;
     s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma);
     s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
+    relax_free(s->relax);
+    s->relax = NULL;
+    return true;
+}
+
+static bool describe_points(sampler *s, error *e)
+{
+    size_t n = s->p->count;
+    s->column = mem_array(4 * n, sizeof *s->column, "the result", e);
+    if (!s->column) return false;
+    threads_run(s->pool, n, 256, curvature_chunk, s);
     requested_spacing(s, s->column + 3 * n);
+    s->out.count = n;
+    s->out.position = s->p->position;
+    s->out.normal = s->p->normal;
+    s->out.kappa = s->column;
+    s->out.kappa1 = s->column + n;
+    s->out.kappa2 = s->column + 2 * n;
+    s->out.alpha = s->p->alpha;
+    s->out.energy = s->p->energy;
+    s->out.spacing = s->column + 3 * n;
+    s->out.sigma = s->sigma;
+    s->out.ideal_energy = s->params.energy->ideal;
+    return true;
 }
 
 bool sampler_finish(sampler *s, error *e)
 {
     while (s->level < s->levels - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
-    size_t n = s->p->count;
-    finish_job job = {s, mem_array(n, sizeof *job.residual, "the result", e)};
-    bool ok = false;
-    if (!s->column) s->column = mem_array(4 * n, sizeof *s->column, "the result", e);
-    if (!s->column || !job.residual) goto done;
-    threads_run(s->pool, n, 256, finish_chunk, &job);
-    replace_lost(&job);
+    threads_run(s->pool, s->p->count, 256, finish_chunk, s);
+    replace_lost(s);
+    count_lost(s);
     sampler_resize(s);
-    if (!relax_build(s->relax, s->p, s->sigma, 0, e)) goto done;
-    describe_result(s, job.residual);
-    if (!s->method->describe(s, e)) goto done;
+    if (!describe_energies(s, e) || !describe_points(s, e) || !s->method->describe(s, e)) return false;
     if (s->outcome == SAMPLER_CONVERGED && (s->out.lost > 0 || !sampler_is_on_target(s, s->out.mean_energy)))
         s->outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
-    ok = true;
-done:
-    free(job.residual);
-    return ok;
+    return true;
 }
 
 const sampler_points *sampler_result_points(const sampler *s)

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 #include "sampler/levels.h"
 #include "sampler/project.h"
@@ -40,6 +41,7 @@ static const size_t GRAIN = 256;
 #define NO_NODE UINT32_MAX
 /* Around the surface's box: cubes beside cubes, and beside points that stray by a few. */
 #define MARGIN_CUBES 16
+enum { SPOTS = 32 }; /* places that are looked up together */
 
 typedef struct node {
     uint64_t key;
@@ -63,6 +65,7 @@ struct grading {
     node *node;
     uint32_t *table; /* open addressing: node + 1, or 0 */
     size_t table_size;
+    uint32_t *beside;      /* 27 a node: those around it, or NO_NODE */
     double *points_before; /* cells + 1, as area_before */
     grading_facts facts;
 };
@@ -264,9 +267,8 @@ static bool make_nodes(grading *g, const surface *scan, const vec3 *position, co
 typedef struct making {
     grading *g;
     threads *pool;
-    uint32_t *beside; /* 27 a node: those around it, or NO_NODE */
-    uint32_t *heap;   /* nodes whose spacing may force others down, smallest first */
-    uint32_t *at;     /* node k's place in it is at[k] - 1; 0: not in it */
+    uint32_t *heap; /* nodes whose spacing may force others down, smallest first */
+    uint32_t *at;   /* node k's place in it is at[k] - 1; 0: not in it */
     size_t heap_count;
     double *from, *to; /* logarithms of spacings, before and after an average */
     double *change;    /* of each node in the last average */
@@ -274,7 +276,6 @@ typedef struct making {
 
 static void making_free(making *m)
 {
-    free(m->beside);
     free(m->heap);
     free(m->at);
     free(m->from);
@@ -284,23 +285,24 @@ static void making_free(making *m)
 
 static void link_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const making *m = context;
+    const grading *g = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
-        for (int i = 0; i < 27; i++) m->beside[27 * k + (size_t)i] = node_beside(m->g, &m->g->node[k], i);
+        for (int i = 0; i < 27; i++) g->beside[27 * k + (size_t)i] = node_beside(g, &g->node[k], i);
 }
 
 static bool making_begin(making *m, grading *g, threads *pool, error *e)
 {
     const char *what = "the grading";
-    *m = (making){.g = g, .pool = pool, .beside = mem_array(27 * g->count, sizeof *m->beside, what, e)};
+    *m = (making){.g = g, .pool = pool};
+    g->beside = mem_array(27 * g->count, sizeof *g->beside, what, e);
     m->heap = mem_array(g->count, sizeof *m->heap, what, e);
     m->at = mem_array(g->count, sizeof *m->at, what, e);
     m->from = mem_array(g->count, sizeof *m->from, what, e);
     m->to = mem_array(g->count, sizeof *m->to, what, e);
     m->change = mem_array(g->count, sizeof *m->change, what, e);
-    if (!m->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
-    threads_run(pool, g->count, GRAIN, link_chunk, m);
+    if (!g->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
+    threads_run(pool, g->count, GRAIN, link_chunk, g);
     return true;
 }
 
@@ -346,7 +348,7 @@ static bool hold_down(making *m, uint32_t k, bool look)
 {
     const node *n = &m->g->node[k];
     for (int i = 0; i < 27; i++) {
-        uint32_t other = m->beside[27 * (size_t)k + (size_t)i];
+        uint32_t other = m->g->beside[27 * (size_t)k + (size_t)i];
         if (other == NO_NODE) continue;
         node *o = &m->g->node[other];
         double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
@@ -439,7 +441,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
         for (int i = 0; i < 27; i++) {
-            uint32_t other = m->beside[27 * k + (size_t)i];
+            uint32_t other = m->g->beside[27 * k + (size_t)i];
             if (other == NO_NODE) continue;
             sum += nodes[other].area * m->from[other];
             weights += nodes[other].area;
@@ -488,7 +490,7 @@ static void model_node(const making *links, size_t index)
     sym3 m = {0};
     vec3 b = {0, 0, 0};
     for (int k = 0; k < 27; k++) {
-        uint32_t other = links->beside[27 * index + (size_t)k];
+        uint32_t other = g->beside[27 * index + (size_t)k];
         if (other == NO_NODE || other == index) continue;
         vec3 d = vec3_sub(g->node[other].position, n->position);
         double weight = g->node[other].area / vec3_norm2(d);
@@ -532,53 +534,113 @@ static const node *nearest_node(const grading *g, vec3 x)
     return nearest;
 }
 
-/* Adds a node's model to a blend. */
-static void blend(const node *n, double weight, vec3 x, double *spacing, vec3 *gradient, double *weights)
-{
-    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position)), most = MODEL_LIMIT * n->spacing;
-    *spacing += weight * (n->spacing + fmin(fmax(rise, -most), most));
-    *gradient = vec3_axpy(weight, n->gradient, *gradient);
-    *weights += weight;
-}
+/* The eight cubes whose middles surround a place. */
+typedef struct spot {
+    bool inside;       /* of all cubes; the rest is set only then */
+    uint64_t low;      /* the key of the lowest */
+    double t[3];       /* how far the place is from its middle to that of the highest */
+    uint64_t own;      /* the key of the cube that the place is in, one of the eight */
+    int beside;        /* the lowest, among the cubes around that */
+    uint32_t node;     /* of its own cube, or NO_NODE */
+    uint32_t around[8]; /* the nodes of all, or NO_NODE */
+} spot;
 
-/* The cube whose middle is the lowest of the eight around x; false: outside of all. */
-static bool surrounding_cubes(const grading *g, vec3 x, uint64_t *key, double t[3])
+static void find_cubes(const grading *g, vec3 x, spot *s)
 {
     vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
-    *key = 0;
-    for (int a = 0; a < 3; a++) {
+    s->low = s->own = 0;
+    s->beside = 0;
+    s->inside = true;
+    for (int a = 2; a >= 0; a--) {
         double v = vec3_get(u, a);
-        if (!(v >= 0 && v < (1 << AXIS_BITS) - 2)) return false;
-        *key |= (uint64_t)v << a * AXIS_BITS;
-        t[a] = v - floor(v);
+        s->inside = s->inside && v >= 0 && v < (1 << AXIS_BITS) - 2;
+        if (!s->inside) return;
+        uint64_t low = (uint64_t)v;
+        s->t[a] = v - (double)low;
+        int high = s->t[a] >= 0.5; /* its own is the higher one */
+        s->low |= low << a * AXIS_BITS;
+        s->own |= (low + (uint64_t)high) << a * AXIS_BITS;
+        s->beside = 3 * s->beside + 1 - high;
     }
-    return true;
 }
 
-/* The models of the eight cubes whose middles surround x. */
+/* The nodes of those cubes: when the place's own has one, that knows the others. */
+static void find_nodes(const grading *g, spot *s)
+{
+    const uint32_t *row = g->beside + (s->node == NO_NODE ? 0 : 27 * (size_t)s->node + (size_t)s->beside);
+    for (int c = 0; c < 8; c++)
+        s->around[c] = s->node == NO_NODE ? node_at(g, key_beside(s->low, c & 1, c >> 1 & 1, c >> 2))
+                                          : row[(c & 1) + 3 * (c >> 1 & 1) + 9 * (c >> 2)];
+}
+
+/* What models ask for at a place. */
+typedef struct blend {
+    double spacing, weights;
+    vec3 gradient;
+} blend;
+
+ISA_INLINE void add_model(const node *n, double weight, vec3 x, bool steep, blend *b)
+{
+    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position)), most = MODEL_LIMIT * n->spacing;
+    rise = rise > most ? most : rise;
+    b->spacing += weight * (n->spacing + (rise < -most ? -most : rise));
+    if (steep) b->gradient = vec3_axpy(weight, n->gradient, b->gradient);
+    b->weights += weight;
+}
+
+/* The models of the eight cubes. Any node stands in for one that is not there, with no weight: on a surface
+ * half of them are missing, and a branch would guess wrongly as often as not. */
+ISA_INLINE double blend_models(const grading *g, vec3 x, const spot *s, vec3 *gradient)
+{
+    blend b = {0};
+    for (int c = 0; s->inside && c < 8; c++) {
+        double weight = (c & 1 ? s->t[0] : 1 - s->t[0]) * (c & 2 ? s->t[1] : 1 - s->t[1]) *
+                        (c & 4 ? s->t[2] : 1 - s->t[2]);
+        bool missing = s->around[c] == NO_NODE;
+        add_model(&g->node[missing ? 0 : s->around[c]], missing ? 0 : weight, x, gradient != NULL, &b);
+    }
+    if (!(b.weights > 0)) add_model(nearest_node(g, x), 1, x, true, &b);
+    if (gradient) *gradient = vec3_scale(b.gradient, 1 / b.weights);
+    double least = g->params.min_spacing, most = g->params.max_spacing, spacing = b.spacing / b.weights;
+    spacing = spacing < least ? least : spacing;
+    return most > 0 && spacing > most ? most : spacing;
+}
+
+/* Each step waits for memory: those of several places wait together. */
+static void find_spots(const grading *g, size_t count, const vec3 *x, spot *s)
+{
+    for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
+    for (size_t k = 0; k < count; k++)
+        if (s[k].inside) s[k].node = node_at(g, s[k].own);
+    for (size_t k = 0; k < count; k++)
+        if (s[k].inside) find_nodes(g, &s[k]);
+}
+
 double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
 {
-    double sum = 0, weights = 0, t[3];
-    vec3 slope = {0, 0, 0};
-    uint64_t key;
-    bool inside = surrounding_cubes(g, x, &key, t);
-    for (int c = 0; inside && c < 8; c++) {
-        uint32_t index = node_at(g, key_beside(key, c & 1, c >> 1 & 1, c >> 2));
-        double weight = (c & 1 ? t[0] : 1 - t[0]) * (c & 2 ? t[1] : 1 - t[1]) * (c & 4 ? t[2] : 1 - t[2]);
-        if (index != NO_NODE) blend(&g->node[index], weight, x, &sum, &slope, &weights);
+    spot s;
+    find_spots(g, 1, &x, &s);
+    return blend_models(g, x, &s, gradient);
+}
+
+void grading_spacings(const grading *g, size_t count, const vec3 *x, double *out)
+{
+    spot s[SPOTS];
+    for (size_t first = 0; first < count; first += SPOTS) {
+        size_t spots = count - first < SPOTS ? count - first : SPOTS;
+        find_spots(g, spots, x + first, s);
+        for (size_t k = 0; k < spots; k++) out[first + k] = blend_models(g, x[first + k], &s[k], NULL);
     }
-    if (!(weights > 0)) blend(nearest_node(g, x), 1, x, &sum, &slope, &weights);
-    if (gradient) *gradient = vec3_scale(slope, 1 / weights);
-    double most = g->params.max_spacing > 0 ? g->params.max_spacing : INFINITY;
-    return fmin(fmax(sum / weights, g->params.min_spacing), most);
 }
 
 /* The points that the models ask for, summed over the cells. */
 static double sum_points(grading *g, const surface *scan, const vec3 *position)
 {
+    grading_spacings(g, scan->cells, position, g->points_before + 1);
     for (size_t k = 0; k < scan->cells; k++) {
-        double area = cell_area(scan, k), spacing = area > 0 ? grading_spacing(g, position[k], NULL) : 1;
-        g->points_before[k + 1] = g->points_before[k] + area / (sqrt(3) / 2 * spacing * spacing);
+        double area = cell_area(scan, k), spacing = g->points_before[k + 1];
+        double points = area > 0 ? area / (sqrt(3) / 2 * spacing * spacing) : 0;
+        g->points_before[k + 1] = g->points_before[k] + points;
     }
     return g->points_before[scan->cells];
 }
@@ -681,6 +743,7 @@ void grading_free(grading *g)
     if (!g) return;
     free(g->node);
     free(g->table);
+    free(g->beside);
     free(g->points_before);
     free(g);
 }

@@ -52,6 +52,9 @@ void grading_free(grading *g);
  * it. */
 double grading_spacing(const grading *g, vec3 x, vec3 *gradient);
 
+/* The same of many places. */
+void grading_spacings(const grading *g, size_t count, const vec3 *x, double *out);
+
 /* What the request was multiplied by to meet the count, and the ends of the result. */
 typedef struct grading_facts {
     double scale, least, largest;

@@ -3,10 +3,10 @@
  *
  * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points
  * are binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is
- * the cutoff for that size. Cubes nest, and are hashed, so that only those with points below them cost
- * memory.
+ * the cutoff for that size. Cubes nest; they are gathered in blocks, which are hashed and each have a table of
+ * their cubes, so that only where points are memory is taken.
  *
- * Bins of one level are gathered in blocks, and blocks whose coordinates agree in parity have one colour.
+ * Blocks are of one level, and blocks whose coordinates agree in parity have one colour.
  * Two points in different blocks of one colour are farther apart than their cutoff, so neither is in the
  * other's list: the blocks of a colour may be updated at once, the colours one after the other, and the
  * result is that of one thread (Gauss-Seidel). The lists stay valid while no point has moved farther than
@@ -42,26 +42,29 @@ typedef struct neighbours {
     size_t bin_capacity, bin_count;
     uint32_t *bin_begin; /* bin_count + 1: the bin's points in `bin_item` */
     uint32_t *bin_item;  /* points by bin, ascending within a bin */
-    uint64_t *bin_key;
-    bool *bin_split;   /* bins of the level below lie in it */
-    uint32_t *bin_of;  /* of each point */
-    uint32_t *table;   /* open addressing: bin + 1, or 0 */
-    size_t table_size; /* a power of two */
+    uint32_t *bin_cell;  /* where it is: its entry in `cell` */
+    bool *bin_split;     /* bins of the level below lie in it */
     vec3 origin;
     double unit, per_unit;   /* of places, world; its inverse */
     neighbours_place *place; /* of each point, at the build or since neighbours_move */
 
-    size_t blocks;
-    uint32_t *block_of, *block_rank; /* of each bin with points; place of a block in the order below */
-    uint32_t *block_begin;           /* blocks + 1: the block's bins in `block_bin` */
-    uint32_t *block_bin;             /* bins with points by block, ascending within a block */
+    size_t block_capacity, blocks;
+    uint32_t *table;       /* open addressing: block + 1, or 0 */
+    size_t table_size;     /* a power of two */
+    uint64_t *block_key;   /* where it is */
+    uint32_t *cell;        /* of each block its bins + 1, or 0, in rows along x */
+    uint32_t *block_rank;  /* place of a block in the order below */
+    uint32_t *block_begin; /* blocks + 1: the block's bins in `block_bin` */
+    uint32_t *block_bin;   /* bins with points by block, ascending within a block */
     int colours;                     /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */
-    size_t stride;        /* room for this many entries per point */
-    uint32_t *list;       /* entry k of point i at [i * stride + k] */
-    uint32_t *list_count; /* of each point */
+    size_t list_room;     /* entries there is memory for */
+    uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
+    uint32_t *list_begin; /* of each point */
+    uint32_t *list_count;
+    size_t longest; /* count */
 } neighbours;
 
 /* Room for `capacity` points, whose lists may take `list_limit` bytes. Error: limit_memory. */
@@ -76,7 +79,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
 
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {
-    return n->list + i * n->stride;
+    return n->list + n->list_begin[i];
 }
 
 /* Notes where point i has moved to, for those who look at places; bins and lists stay. */

@@ -105,7 +105,7 @@ static bool grow(relax *r, error *e)
         r->parts = parts;
         r->part_capacity = 2 * r->near->blocks;
     }
-    size_t length = (r->near->stride + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
+    size_t length = (r->near->longest + PAIR_LANES - 1) / PAIR_LANES * PAIR_LANES;
     if (length <= r->scratch_entries) return true;
     for (int k = 0; k < threads_count(r->pool); k++) {
         double *m = mem_array(9 * length, sizeof *m, "a gathered list", e);
@@ -137,8 +137,10 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(near, i);
         double least = 1;
-        for (uint32_t k = 0; k < near->list_count[i]; k++)
-            least = fmin(least, vec3_dot(p->normal[i], p->normal[list[k]]));
+        for (uint32_t k = 0; k < near->list_count[i]; k++) {
+            double cosine = vec3_dot(p->normal[i], p->normal[list[k]]);
+            least = cosine < least ? cosine : least;
+        }
         job->r->flat[i] = least > FLAT_COSINE;
         job->r->moved[i] = 0;
     }

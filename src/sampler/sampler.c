@@ -26,9 +26,9 @@ static const double FINE_BEGINS = 0.4;
  * that. A round that is longer than this many sweeps asks for ten times the gain, and again after each so
  * many. */
 static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE = 50;
-/* Lists are built anew when more than this share of the particles cannot move as they would, and for any one
- * after so many sweeps. */
-static const double CRAMPED_SHARE = 0.01;
+/* Lists are built anew when more than this share of the particles cannot move as they would, a larger one on
+ * levels that are refined again, and for any one after so many sweeps. */
+static const double CRAMPED_SHARE = 0.01, CRAMPED_SHARE_COARSE = 0.04;
 static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_GLIDING = 12; /* where sweeps cost less than lists */
 /* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a
  * few sweeps of their steps are less. */
@@ -91,7 +91,7 @@ static bool amplitudes_are_due(const sampler *s)
 }
 
 /* Sums are made of at most so many parts, by the count alone. */
-enum { SIZE_PARTS = 256 };
+enum { SIZE_PARTS = 256, SIZE_BATCH = 64 };
 
 typedef struct size_job {
     sampler *s;
@@ -103,12 +103,16 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
 {
     size_job *job = context;
     sampler *s = job->s;
-    double h = levels_spacing(s->scan->area, s->params.count), squares = 0;
+    double over_h = 1 / levels_spacing(s->scan->area, s->params.count), squares = 0, spacing[SIZE_BATCH];
     (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        double size = grading_spacing(s->params.grading, s->p->position[i], NULL) / h;
-        squares += (s->p->size[i] / size - 1) * (s->p->size[i] / size - 1);
-        s->p->size[i] = size;
+    for (size_t first = begin; first < end; first += SIZE_BATCH) {
+        size_t count = end - first < SIZE_BATCH ? end - first : SIZE_BATCH;
+        grading_spacings(s->params.grading, count, s->p->position + first, spacing);
+        for (size_t k = 0; k < count; k++) {
+            double *size = &s->p->size[first + k], change = *size / (spacing[k] * over_h) - 1;
+            squares += change * change;
+            *size = spacing[k] * over_h;
+        }
     }
     job->squares[begin / job->grain] = squares;
 }
@@ -342,9 +346,11 @@ static void estimate_fraction(sampler *s, const relax_sums *sums)
     s->fraction = fmax(s->fraction, low + (high - low) * climb);
 }
 
-/* At rest under sizes of a while ago, most of all: with those of now there may be more to do. */
+/* At rest under sizes of a while ago, most of all: with those of now there may be more to do, unless the next
+ * level does it. */
 static bool sizes_are_settled(sampler *s)
 {
+    if (s->level > 0 && s->level < s->levels - 1) return true;
     if (sampler_resize(s) < SIZE_SETTLED || s->resizes == RESIZES_MAX) return true;
     s->resizes++;
     s->lists_stale = true;
@@ -381,7 +387,8 @@ static bool relax_step(sampler *s, error *e)
     int over = s->sweeps_in_round - round_patience[s->stage];
     if (over >= 0 && over % PATIENCE_MORE == 0) s->gain *= 10;
     s->list_age++;
-    s->lists_stale = sums.cramped > CRAMPED_SHARE * (double)s->p->count || amplitudes_are_due(s) ||
+    double cramped_share = s->level < s->levels - 1 ? CRAMPED_SHARE_COARSE : CRAMPED_SHARE;
+    s->lists_stale = (double)sums.cramped > cramped_share * (double)s->p->count || amplitudes_are_due(s) ||
                      (sums.cramped > 0 && s->list_age >= (s->forces ? CRAMPED_WAIT_GLIDING : CRAMPED_WAIT));
     s->skin = fmin(SAMPLER_SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
     if (is_at_rest(s, &sums) && sizes_are_settled(s) && !sampler_control(s, e)) return false;

@@ -5,19 +5,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/frames.h"
 #include "base/memory.h"
+#include "geometry/affine.h"
 #include "spec/spec_table.h"
+#include "spec/surface.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
 enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
-enum { LABEL_LENGTH_MAX = 100 }; /* characters */
 
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
 static const double UPRIGHT_LEAST = 1e-6;
 
 typedef struct reading {
     spec *s;
+    spec_surface *surface; /* the spec's, or the part of it that is being read */
+    int depth;             /* surfaces within surfaces */
+    size_t surfaces;       /* read so far */
     spec_faults faults;
     size_t total;     /* faults found, kept or not */
     bool any_invalid; /* a fault that is spec_invalid was found */
@@ -106,6 +111,9 @@ static void wrong(reading *r, const json_at *at, const spec_row *row, const char
 
 static void *target(reading *r, size_t offset)
 {
+    size_t first = offsetof(spec, surface);
+    if (offset >= first && offset < first + sizeof(spec_surface))
+        return (char *)r->surface + (offset - first);
     return (char *)r->s + offset;
 }
 
@@ -227,7 +235,7 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
     for (int i = 0; spec_word(row->words, (size_t)i, word, sizeof word); i++) {
         if (strcmp(word, text) == 0) {
             if (row->offset != SPEC_NOWHERE) memcpy(target(r, row->offset), &i, sizeof i);
-            if (row->offset == offsetof(spec, analytic.shape)) r->shape_known = true;
+            if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
             json_put_string(normal, spec_row_key(row), word);
             return;
         }
@@ -299,15 +307,62 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     for (size_t i = 0; i < count; i++) {
         json_at element = json_element(at, i);
         const char *text = json_string(element, NULL);
-        if (!text || !*text || characters(text) > LABEL_LENGTH_MAX) {
+        if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
             char given[SHOWN_MAX + 8];
             describe(element, given);
             add_fault(r, &element, ERROR_SPEC_INVALID,
-                      "must be a string of 1 to %d characters (given %s)", LABEL_LENGTH_MAX, given);
+                      "must be a string of 1 to %d characters (given %s)", SPEC_LABEL_LENGTH_MAX, given);
             continue;
         }
         labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);
         json_append_string(list, text);
+    }
+}
+
+/* One more part of the surface at hand. */
+static void read_part(reading *r, const json_at *at, json *normal)
+{
+    enum { DEEPEST = 16, MOST_SURFACES = 256 };
+    spec_surface *whole = r->surface, *part;
+    if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
+        add_fault(r, at, ERROR_SPEC_INVALID, "there are more than %d surfaces, or %d within each other",
+                  MOST_SURFACES, DEEPEST);
+        return;
+    }
+    part = mem_alloc(sizeof *part);
+    whole->parts = mem_resize(whole->parts, (whole->part_count + 1) * sizeof *whole->parts);
+    whole->parts[whole->part_count++] = part;
+    r->surface = part;
+    r->shape_known = false;
+    r->depth++;
+    r->surfaces++;
+    read_group(r, at, "/surface", normal);
+    r->depth--;
+    r->surface = whole;
+}
+
+static void read_parts(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    static const struct {
+        const char *key;
+        spec_surface_kind kind;
+    } kinds[] = {{"union", SPEC_SURFACE_UNION},
+                 {"intersection", SPEC_SURFACE_INTERSECTION},
+                 {"difference", SPEC_SURFACE_DIFFERENCE}};
+    size_t count = json_size(*at);
+    if (json_type_of(*at) != JSON_ARRAY || (double)count < row->low || (double)count > row->high) {
+        char given[SHOWN_MAX + 8];
+        describe(*at, given);
+        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of %.0f to %.0f surfaces (given %s)", row->low,
+                  row->high, given);
+        return;
+    }
+    for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++)
+        if (strcmp(spec_row_key(row), kinds[k].key) == 0) r->surface->kind = kinds[k].kind;
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (size_t k = 0; k < count; k++) {
+        json_at element = json_element(at, k);
+        read_part(r, &element, json_append_object(list));
     }
 }
 
@@ -340,6 +395,12 @@ static void read_value(reading *r, const json_at *at, const spec_row *row, json 
         break;
     case SPEC_TYPE_LABELS:
         read_labels(r, at, row, normal);
+        break;
+    case SPEC_TYPE_SURFACE:
+        read_part(r, at, json_put_object(normal, spec_row_key(row)));
+        break;
+    case SPEC_TYPE_SURFACES:
+        read_parts(r, at, row, normal);
         break;
     case SPEC_TYPE_GROUP:
     case SPEC_TYPE_LATER:
@@ -451,7 +512,8 @@ static const char *default_of(const reading *r, const spec_row *row)
     if (row->offset == offsetof(spec, step) && r->s->minimiser != SPEC_MINIMISER_GRADIENT) return NULL;
     if (row->offset == offsetof(spec, curvature.exponent) && !(r->s->curvature.ratio > 0)) return NULL;
     if (row->offset == offsetof(spec, gradation) && !r->s->has_curvature && !r->s->has_grid) return NULL;
-    if (row->offset == offsetof(spec, mesh.resolution) && r->s->mesh.voxel_size > 0) return NULL;
+    if (row->offset == offsetof(spec, surface.mesh.resolution) && r->surface->mesh.voxel_size > 0)
+        return NULL;
     if (row->offset == offsetof(spec, preview_color))
         return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
@@ -505,10 +567,10 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
     }
     if (row->shapes) {
         if (!r->shape_known) return; /* what belongs here is not known; the shape's fault says so */
-        if (!(row->shapes & 1u << r->s->analytic.shape)) {
+        if (!(row->shapes & 1u << r->surface->analytic.shape)) {
             char shape[SHOWN_MAX] = "";
-            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->s->analytic.shape,
-                      shape, sizeof shape);
+            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->surface->analytic.shape, shape,
+                      sizeof shape);
             if (at.node)
                 add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the shape \"%s\"", shape);
             return;
@@ -525,7 +587,7 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
 /* What no single row can say; only of values that are good by themselves. */
 static void check_analytic(reading *r, const json_at *at)
 {
-    const spec_analytic *a = &r->s->analytic;
+    const spec_analytic *a = &r->surface->analytic;
     json_at minor = json_member(at, "minor_radius"), axis = json_member(at, "axis"),
             rounding = json_member(at, "rounding");
     double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
@@ -560,7 +622,7 @@ static void check_sampling(reading *r, const json_at *at)
                   s->max_spacing);
     if (exponent.node && !(s->curvature.ratio > 0))
         add_fault(r, &exponent, ERROR_SPEC_INVALID, "belongs to ratio");
-    if (s->has_grid && s->surface_kind != SPEC_SURFACE_VDB)
+    if (s->has_grid && s->surface.kind != SPEC_SURFACE_VDB)
         add_fault(r, &grid, ERROR_SPEC_INVALID, "is a grid of the surface's VDB file: this surface has none");
 }
 
@@ -587,7 +649,7 @@ static void check_box(reading *r, const json_at *at, const spec_box *box)
 
 static void check_bspline(reading *r, const json_at *at)
 {
-    const spec_bspline *b = &r->s->bspline;
+    const spec_bspline *b = &r->surface->bspline;
     json_at coefficients = json_member(at, "coefficients");
     double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
     if (b->coefficients && (double)b->coefficient_count != count)
@@ -624,6 +686,84 @@ static void check_camera(reading *r, const json_at *at)
                   "up must not be zero, nor point along the line from position to target");
 }
 
+static void check_frames(reading *r, const json_at *at)
+{
+    spec *s = r->s;
+    json_at frames = json_member(at, "frames");
+    error e = {0};
+    bool any = false;
+    if (!s->frames) return;
+    if (!(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
+        add_fault(r, &frames, ERROR_SPEC_INVALID, "%s", e.message);
+        return;
+    }
+    spec_input input;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
+    if (!any)
+        add_fault(r, &frames, ERROR_SPEC_INVALID,
+                  "no path of the surface has a place for the frame's number: write it as #### or %%04d");
+    if (s->directory && !frames_is_pattern(s->directory))
+        add_fault(r, &frames, ERROR_SPEC_INVALID,
+                  "output.directory has no place for the frame's number, so that frames would replace each other:"
+                  " write it as #### or %%04d");
+}
+
+static void check_exr(reading *r, const json_at *at)
+{
+    spec_exr *x = &r->surface->exr;
+    json_at slices = json_member(at, "slices"), path = json_member(at, "path");
+    if (!surface_parse_slices(x))
+        add_fault(r, &slices, ERROR_SPEC_INVALID,
+                  "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
+                  "(given \"%s\")",
+                  SURFACE_MOST_SLICES, x->slices);
+    else if (!surface_name_slices(x))
+        add_fault(r, &path, ERROR_SPEC_INVALID, "must have one #### or %%04d, the number of the slice");
+}
+
+static void check_transform(reading *r, const json_at *at)
+{
+    const double *m = r->surface->matrix;
+    json_at matrix = json_member(at, "matrix");
+    if (r->surface->matrix_count != 16) {
+        add_fault(r, &matrix, ERROR_SPEC_INVALID, "must be 16 numbers (given %zu)", r->surface->matrix_count);
+        return;
+    }
+    if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+        add_fault(r, &matrix, ERROR_SPEC_INVALID,
+                  "must end in 0, 0, 0, 1: it is row by row, for column vectors");
+    double to[3][4], back[3][4];
+    for (int k = 0; k < 12; k++) to[k / 4][k % 4] = m[k];
+    if (!isfinite(1 / affine_invert(to, back)))
+        add_fault(r, &matrix, ERROR_SPEC_INVALID, "cannot be inverted");
+}
+
+/* What a member of /surface is, and what no single row can say of it. */
+static void finish_surface(reading *r, const json_at *at, const char *group, bool good)
+{
+    static const struct {
+        const char *group;
+        spec_surface_kind kind;
+        void (*check)(reading *, const json_at *);
+    } kinds[] = {{"/surface/vdb", SPEC_SURFACE_VDB, NULL},
+                 {"/surface/mesh", SPEC_SURFACE_MESH, NULL},
+                 {"/surface/analytic", SPEC_SURFACE_ANALYTIC, check_analytic},
+                 {"/surface/bspline", SPEC_SURFACE_BSPLINE, check_bspline},
+                 {"/surface/volume", SPEC_SURFACE_VOLUME, NULL},
+                 {"/surface/exr", SPEC_SURFACE_EXR, check_exr},
+                 {"/surface/offset", SPEC_SURFACE_OFFSET, NULL},
+                 {"/surface/transform", SPEC_SURFACE_TRANSFORM, check_transform}};
+    json_at path = json_member(at, "path");
+    for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++) {
+        if (strcmp(group, kinds[k].group) != 0) continue;
+        r->surface->kind = kinds[k].kind;
+        if (good && kinds[k].check) kinds[k].check(r, at);
+        if (!path.node || r->surface->input_pointer) return;
+        r->surface->input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
+        json_pointer(&path, r->surface->input_pointer, sizeof((spec_fault *)0)->pointer);
+    }
+}
+
 /* Reads the members of a group; a place without a node stands for an object without members. */
 static void read_group(reading *r, const json_at *at, const char *group, json *normal)
 {
@@ -638,22 +778,15 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) check_choice(r, at, group, c);
     for (size_t i = 0; i < spec_row_count; i++)
         if (spec_row_is_member(&spec_rows[i], group)) read_row(r, at, &spec_rows[i], normal);
-    if (strcmp(group, "/surface/mesh") == 0) r->s->surface_kind = SPEC_SURFACE_MESH;
-    if (strcmp(group, "/surface/analytic") == 0) {
-        r->s->surface_kind = SPEC_SURFACE_ANALYTIC;
-        if (r->total == before) check_analytic(r, at);
-    }
+    finish_surface(r, at, group, r->total == before);
     if (strcmp(group, "/sampling") == 0 && r->total == before) check_sampling(r, at);
     if (strcmp(group, "/sampling/control") == 0 && r->total == before) check_control(r, at);
-    if (strcmp(group, "/surface/bspline") == 0) {
-        r->s->surface_kind = SPEC_SURFACE_BSPLINE;
-        if (r->total == before) check_bspline(r, at);
-    }
     if (strcmp(group, "/surface/bspline/domain") == 0 && r->total == before)
-        check_box(r, at, &r->s->bspline.domain);
+        check_box(r, at, &r->surface->bspline.domain);
     if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
     if (strcmp(group, "/output/preview/camera") == 0 && r->total == before) check_camera(r, at);
+    if (strcmp(group, "/queue") == 0 && r->total == before) check_frames(r, at); /* the surface stands before it */
 }
 
 /* ---- the whole ---- */
@@ -674,6 +807,7 @@ static void sum_up(const reading *r, error *e)
 spec *spec_parse(const json *document, spec_faults *faults, error *e)
 {
     reading r = {.s = mem_alloc(sizeof(spec))};
+    r.surface = &r.s->surface;
     json_at root = json_root(document);
     r.s->normalised = json_new_object();
     if (document)
@@ -689,29 +823,27 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e)
 
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
-    const spec_input inputs[] = {{"/surface/vdb/path", s->vdb.path},
-                                 {"/surface/mesh/path", s->mesh.path},
-                                 {"/surface/bspline/path", s->bspline.path}};
-    for (size_t k = 0; k < sizeof inputs / sizeof inputs[0]; k++) {
-        if (!inputs[k].path || index-- > 0) continue;
-        *out = inputs[k];
-        return true;
-    }
-    return false;
+    return surface_input_at(&s->surface, &index, out);
+}
+
+void spec_set_frame(spec *s, int frame)
+{
+    surface_set_frame(&s->surface, frame);
 }
 
 void spec_free(spec *s)
 {
     if (!s) return;
     free(s->name);
-    free(s->vdb.path);
-    free(s->vdb.grid);
+    surface_free_parts(&s->surface);
     free(s->grid.name);
-    free(s->bspline.coefficients);
-    free(s->bspline.path);
-    free(s->mesh.path);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
+    for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);
+    free(s->depends_on);
+    free(s->frames);
+    free(s->frame);
+    free(s->directory);
     json_free(s->normalised);
     free(s);
 }

@@ -20,7 +20,14 @@ typedef enum spec_surface_kind {
     SPEC_SURFACE_VDB,
     SPEC_SURFACE_ANALYTIC,
     SPEC_SURFACE_BSPLINE,
-    SPEC_SURFACE_MESH
+    SPEC_SURFACE_MESH,
+    SPEC_SURFACE_VOLUME,
+    SPEC_SURFACE_EXR,
+    SPEC_SURFACE_UNION,
+    SPEC_SURFACE_INTERSECTION,
+    SPEC_SURFACE_DIFFERENCE,
+    SPEC_SURFACE_OFFSET,
+    SPEC_SURFACE_TRANSFORM
 } spec_surface_kind;
 
 typedef enum spec_reconstruction {
@@ -35,6 +42,25 @@ typedef struct spec_vdb {
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_vdb;
+
+typedef struct spec_volume {
+    char *path;
+    double isovalue;
+    spec_reconstruction reconstruction;
+} spec_volume;
+
+typedef struct spec_exr {
+    char *path;    /* with #### or %04d */
+    char *slices;  /* "1-93" or "1-93x2" */
+    char **files;  /* of the slices, from the first on */
+    int *numbers;  /* of each */
+    size_t count;  /* of them */
+    char *part;    /* NULL: the only one, or the only one with the channel */
+    char *channel; /* NULL: the only one */
+    vec3 voxel_size, origin;
+    double isovalue;
+    spec_reconstruction reconstruction;
+} spec_exr;
 
 typedef struct spec_mesh {
     char *path;
@@ -80,6 +106,25 @@ typedef struct spec_bspline {
     size_t coefficient_count;
     char *path; /* of their file, or NULL */
 } spec_bspline;
+
+/* Of the members that are surfaces' kinds only the one of `kind` is set. */
+typedef struct spec_surface spec_surface;
+
+struct spec_surface {
+    spec_surface_kind kind;
+    char *input_pointer; /* JSON Pointer of its path, or NULL */
+    spec_vdb vdb;
+    spec_analytic analytic;
+    spec_bspline bspline;
+    spec_mesh mesh;
+    spec_volume volume;
+    spec_exr exr;
+    spec_surface **parts; /* what is combined: two or more; what is offset or transformed: one */
+    size_t part_count;
+    double distance; /* of an offset, outwards */
+    double *matrix;  /* of a transform: 16 numbers, row-major, column vectors, invertible, last row 0 0 0 1 */
+    size_t matrix_count;
+};
 
 typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
@@ -144,13 +189,9 @@ typedef struct spec_camera {
 typedef struct spec {
     char *name; /* NULL: none */
 
-    spec_surface_kind surface_kind;
-    spec_vdb vdb;
-    spec_analytic analytic;
-    spec_bspline bspline;
+    spec_surface surface;
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
-    spec_mesh mesh;
 
     /* the target: one is given, the others are 0 */
     int64_t count; /* sampling.count, 4 .. 1e8 */
@@ -191,6 +232,8 @@ typedef struct spec {
     int turntable;                        /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_mesh;
 
+    char *directory; /* NULL: no copy */
+
     int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
     double timeout_s, stall_s;
     int max_attempts;
@@ -198,6 +241,12 @@ typedef struct spec {
     int priority;
     char **labels;
     size_t label_count;
+    char **depends_on; /* ids of jobs */
+    size_t depends_on_count;
+    char *frames; /* as given, NULL: the job is no sequence; their numbers: */
+    int *frame;
+    size_t frame_count;
+    int64_t retention_s; /* 0: the service's */
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;
@@ -230,6 +279,10 @@ typedef struct spec_input {
 
 /* The index-th of the files that a job reads; false when there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);
+
+/* Puts the number of a frame into the paths of the spec's files; the normalised document stays as it is. Before any
+ * other thread reads the spec. */
+void spec_set_frame(spec *s, int frame);
 
 /* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);

@@ -13,19 +13,21 @@
 #include "spec/spec.h"
 
 typedef enum spec_type {
-    SPEC_TYPE_GROUP,   /* an object with members of its own */
-    SPEC_TYPE_NUMBER,  /* double */
-    SPEC_TYPE_INTEGER, /* int */
-    SPEC_TYPE_LARGE,   /* integer to 2^53: int64_t or uint64_t */
-    SPEC_TYPE_BOOL,    /* bool */
-    SPEC_TYPE_WORD,    /* one of `words`; an enum, in the order of the words */
-    SPEC_TYPE_STRING,  /* char *; low and high bound its length in characters */
-    SPEC_TYPE_VECTOR,  /* three numbers: vec3; the bounds hold for each */
-    SPEC_TYPE_TRIPLE,  /* three integers: int[3]; the bounds hold for each */
-    SPEC_TYPE_NUMBERS, /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
-    SPEC_TYPE_SIZE,    /* pixels: one integer or [width, height]; two ints */
-    SPEC_TYPE_LABELS,  /* array of strings: char ** and, at `has`, their number */
-    SPEC_TYPE_LATER    /* in the contract but not built: refused with not_supported */
+    SPEC_TYPE_GROUP,    /* an object with members of its own */
+    SPEC_TYPE_NUMBER,   /* double */
+    SPEC_TYPE_INTEGER,  /* int */
+    SPEC_TYPE_LARGE,    /* integer to 2^53: int64_t or uint64_t */
+    SPEC_TYPE_BOOL,     /* bool */
+    SPEC_TYPE_WORD,     /* one of `words`; an enum, in the order of the words */
+    SPEC_TYPE_STRING,   /* char *; low and high bound its length in characters */
+    SPEC_TYPE_VECTOR,   /* three numbers: vec3; the bounds hold for each */
+    SPEC_TYPE_TRIPLE,   /* three integers: int[3]; the bounds hold for each */
+    SPEC_TYPE_NUMBERS,  /* array of numbers: double * and, at `has`, their number; the bounds hold for each */
+    SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
+    SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface */
+    SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
+    SPEC_TYPE_LABELS,   /* array of strings: char ** and, at `has`, their number */
+    SPEC_TYPE_LATER     /* in the contract but not built: refused with not_supported */
 } spec_type;
 
 /* "Exactly one of" and "at most one of" among the members of a group. */
@@ -48,6 +50,8 @@ enum {
     SPEC_SWITCH = 8    /* group: true or false may stand for it; `has` notes which */
 };
 
+#define SPEC_LABEL_LENGTH_MAX 100 /* characters */
+
 #define SPEC_NOWHERE ((size_t)-1) /* not stored: only checked */
 
 typedef struct spec_row {
@@ -61,7 +65,8 @@ typedef struct spec_row {
     const char *otherwise;   /* the default as JSON; NULL: none */
     const char *words;       /* "a|b" */
     const char *words_later; /* in the contract, not built */
-    size_t offset, has;      /* into struct spec; `has` is a bool (labels: a size_t) */
+    size_t offset,
+        has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
     const char *unit;        /* NULL: none */
     const char *prose;
 } spec_row;

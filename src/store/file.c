@@ -167,6 +167,21 @@ char *store_file_read(const char *path, size_t limit, size_t *count, error *e)
     return text;
 }
 
+static void print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE])
+{
+    uint8_t digest[SHA256_DIGEST_SIZE];
+    sha256_digest(context, sizeof digest, digest);
+    for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+}
+
+void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
+{
+    struct sha256_ctx context;
+    sha256_init(&context);
+    sha256_update(&context, count, bytes);
+    print_digest(&context, hex);
+}
+
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e)
 {
     struct sha256_ctx context;
@@ -186,9 +201,7 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     if (got < 0)
         return error_set(e, ERROR_INTERNAL, "a file cannot be read for its hash: %s",
                          strerror(why));
-    uint8_t digest[SHA256_DIGEST_SIZE];
-    sha256_digest(&context, sizeof digest, digest);
-    for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+    print_digest(&context, hex);
     *bytes = total;
     return true;
 }

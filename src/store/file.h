@@ -37,8 +37,10 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
  */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
 
-/* SHA-256 and length of an open file from its beginning; the offset of `fd` is not moved. */
+/* SHA-256 of bytes; and of an open file, with its length, from its beginning; the offset of `fd` is not
+ * moved. */
 #define STORE_HASH_SIZE 65
+void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE]);
 bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *e);
 
 /* Makes a directory, and what is missing above it, with mode 0777 less the umask; one that is there

@@ -17,6 +17,7 @@
 #endif
 
 #include "base/memory.h"
+#include "store/inputs.h"
 
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */
 #define OPEN_FLAGS (O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK)
@@ -161,8 +162,20 @@ static const char *inside(const root *r, const char *path)
     return rest ? rest : below(path, r->resolved);
 }
 
+/* A file that was sent has its hash for a name; an ending behind it, which tells readers of meshes what it is, is no
+ * part of that. */
+static bool is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
+{
+    size_t prefix = strlen(STORE_INPUT_PREFIX), length = STORE_INPUT_NAME_SIZE - 1;
+    if (strncmp(path, STORE_INPUT_PREFIX, prefix) != 0 || strlen(path) < length) return false;
+    memcpy(name, path, length);
+    name[length] = '\0';
+    return store_inputs_is_hash(name + prefix) && path[length] == '.' && !strchr(path, '/');
+}
+
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
 {
+    char name[STORE_INPUT_NAME_SIZE];
     bool found_root = false;
     int why = ENOENT;
     if (has_parent_step(path)) {
@@ -170,7 +183,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         return -1;
     }
     for (size_t i = 0; i < roots->count; i++) {
-        const char *rest = inside(&roots->item[i], path);
+        const char *rest = is_sent(path, name) ? name : inside(&roots->item[i], path);
         if (!rest) continue;
         found_root = true;
         int fd = open_beneath(roots->item[i].directory, *rest ? rest : ".");

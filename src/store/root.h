@@ -5,6 +5,9 @@
  * walks (openat2 with RESOLVE_BENEATH), so there is no moment between check and use. A kernel
  * without openat2 gets a walk that follows no symbolic link at all, which is stricter.
  *
+ * The directory of files that clients have sent (store/inputs.h) is a root like others. A path `sha256:HEX` may
+ * have an ending, `sha256:HEX.obj`, which is not looked at here.
+ *
  * Roots are immutable once opened and may be used by any thread.
  */
 #ifndef HEXAD_STORE_ROOT_H

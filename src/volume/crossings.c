@@ -77,6 +77,7 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
         for (int y = 0; y < LATTICE_SIDE; y++) {
             const int row = CORNERS * x + y;
             unsigned bits = some(inside + row) & ~all(inside + row);
+            if (c->known_only) bits &= all(known + row);
             if (!bits) continue;
             for (int axis = 0; axis < 3; axis++)
                 if (block[axis] > farthest_block || block[axis] < -farthest_block)
@@ -170,14 +171,23 @@ static bool add_candidates(const lattice *l, size_t memory_limit, blockmap *cand
     return true;
 }
 
+static int by_place(const void *a, const void *b)
+{
+    const int32_t *p = ((const crossing_block *)a)->block, *q = ((const crossing_block *)b)->block;
+    for (int axis = 0; axis < 3; axis++)
+        if (p[axis] != q[axis]) return p[axis] < q[axis] ? -1 : 1;
+    return 0;
+}
+
 bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error *e)
 {
     blockmap candidates;
-    crossings found = {0};
+    crossings found = {.known_only = l->kind == LATTICE_DENSE};
     bool ok = blockmap_init(&candidates, 2 * (size_t)l->leaves.count, e) &&
               add_candidates(l, memory_limit, &candidates, e);
     for (uint32_t n = 0; ok && n < candidates.count; n++) ok = look_at(l, candidates.blocks[n], &found, e);
     blockmap_free(&candidates);
+    if (ok && found.count > 0) qsort(found.blocks, found.count, sizeof *found.blocks, by_place);
     if (ok) *out = found;
     else crossings_free(&found);
     return ok;

@@ -2,7 +2,8 @@
  *
  * A cell is the cube between voxels (i, j, k) and (i+1, j+1, k+1) and belongs to the block of its
  * lowest voxel; it is crossed when F has both signs among its corners, zero counting as outside.
- * Blocks come in an order that depends on the grid alone. Threads: none of its own; no shared state.
+ * Blocks come in the order of their coordinates, so that it does not matter how the file had them. Threads:
+ * none of its own; no shared state.
  */
 #ifndef HEXAD_VOLUME_CROSSINGS_H
 #define HEXAD_VOLUME_CROSSINGS_H
@@ -24,6 +25,7 @@ typedef struct crossings {
     crossing_block *blocks;
     size_t count, room;
     uint64_t cells;
+    bool known_only;       /* cells with a corner that is not known do not count: the data end there */
     uint64_t open_cells;   /* crossed cells with a corner that is not known */
     int32_t open_at[3];    /* the first of them */
 } crossings;

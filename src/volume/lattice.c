@@ -13,7 +13,7 @@ static const int tile_shift[LATTICE_TILE_LEVELS] = {0, 4, 9}; /* block coordinat
 
 static float to_f(const lattice *l, float value)
 {
-    return (float)(l->level_set ? (double)value - l->isovalue : l->isovalue - (double)value);
+    return (float)(l->kind == LATTICE_LEVEL_SET ? (double)value - l->isovalue : l->isovalue - (double)value);
 }
 
 static int level_of(int32_t side)
@@ -47,7 +47,7 @@ static void set_clamp(lattice *l)
     float b = fabsf(l->grid->background);
     l->clamp_below = -INFINITY;
     l->clamp_above = INFINITY;
-    if (!l->level_set || !(b > 0)) return;
+    if (l->kind != LATTICE_LEVEL_SET || !(b > 0)) return;
     if (l->lowest >= -b * (1 + half_step)) l->clamp_below = -b * (1 - half_step);
     if (l->highest <= b * (1 + half_step)) l->clamp_above = b * (1 - half_step);
 }
@@ -73,11 +73,11 @@ static bool add_tiles(lattice *l, error *e)
     return true;
 }
 
-bool lattice_init(lattice *l, const vdb_grid *grid, bool level_set, double isovalue, error *e)
+bool lattice_init(lattice *l, const vdb_grid *grid, lattice_kind kind, double isovalue, error *e)
 {
     memset(l, 0, sizeof *l);
     l->grid = grid;
-    l->level_set = level_set;
+    l->kind = kind;
     l->isovalue = isovalue;
     scan_range(l);
     set_clamp(l);
@@ -136,12 +136,15 @@ void lattice_read(const lattice *l, lattice_block b, float f[LATTICE_VOXELS], ui
 {
     if (b.leaf == BLOCKMAP_NONE) {
         for (int i = 0; i < LATTICE_VOXELS; i++) f[i] = b.constant;
-        memset(known, l->level_set ? 0 : 0xFF, LATTICE_SIDE * sizeof *known);
+        memset(known, l->kind == LATTICE_FOG ? 0xFF : 0, LATTICE_SIDE * sizeof *known);
         return;
     }
     const float *values = l->grid->leaf_values + (size_t)b.leaf * LATTICE_VOXELS;
     for (int i = 0; i < LATTICE_VOXELS; i++) f[i] = to_f(l, values[i]);
-    for (int x = 0; x < LATTICE_SIDE; x++)
-        known[x] = l->level_set ? l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x] & ~clamped_bits(l, values + 64 * x)
-                                : ~(uint64_t)0;
+    for (int x = 0; x < LATTICE_SIDE; x++) {
+        uint64_t active = l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x];
+        known[x] = l->kind == LATTICE_FOG     ? ~(uint64_t)0
+                   : l->kind == LATTICE_DENSE ? active
+                                              : active & ~clamped_bits(l, values + 64 * x);
+    }
 }

@@ -2,9 +2,10 @@
  *
  * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. A
  * voxel of a level set is known when it is active and not at the clamp, +-background; the others say
- * only on which side they lie. Every voxel of another grid is known: outside the leaves it has its
- * tile's or the background's value. Voxel (x, y, z) of a block has offset 64 x + 8 y + z and bit
- * 8 y + z of word x, as in vdb.h. Units: index space; F in the grid's own unit.
+ * only on which side they lie. Every voxel of a fog is known: outside the leaves it has its tile's or the
+ * background's value. Of the leaves of a dense volume the active voxels are known, and no others. Voxel
+ * (x, y, z) of a block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F
+ * in the grid's own unit.
  * Threads: reading is safe in any number.
  */
 #ifndef HEXAD_VOLUME_LATTICE_H
@@ -22,10 +23,12 @@
 #define LATTICE_VOXELS 512
 #define LATTICE_TILE_LEVELS 3
 
+typedef enum lattice_kind { LATTICE_LEVEL_SET, LATTICE_FOG, LATTICE_DENSE } lattice_kind;
+
 typedef struct lattice {
     const vdb_grid *grid; /* the caller's, as long as the lattice lives */
     double isovalue;
-    bool level_set;
+    lattice_kind kind;
     float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
     float background;            /* as F */
     blockmap leaves;
@@ -41,7 +44,7 @@ typedef struct lattice_block {
     float constant; /* F */
 } lattice_block;
 
-bool lattice_init(lattice *l, const vdb_grid *grid, bool level_set, double isovalue, error *e);
+bool lattice_init(lattice *l, const vdb_grid *grid, lattice_kind kind, double isovalue, error *e);
 void lattice_free(lattice *l);
 
 lattice_block lattice_find(const lattice *l, int32_t x, int32_t y, int32_t z);

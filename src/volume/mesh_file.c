@@ -1,19 +1,13 @@
 #include "volume/mesh_file.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "base/memory.h"
 #include "volume/mesh_reader.h"
+#include "volume/reader.h"
 
 /* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is
  * granted. */
@@ -43,49 +37,15 @@ static void ending_of(const char *path, char out[16])
     out[n] = '\0';
 }
 
-static bool check_head(int fd, off_t *size, error *e)
+/* Starts the process with the file as its input. */
+static bool start(const mesh_file *file, off_t size, reader *out, error *e)
 {
-    static const char lfs[] = "version https://git-lfs";
-    struct stat st;
-    char head[sizeof lfs] = {0};
-    if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
-        return error_set(e, ERROR_INPUT_DAMAGED, "is not a regular file");
-    if (st.st_size == 0) return error_set(e, ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
-    if (pread(fd, head, sizeof lfs - 1, 0) < 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "cannot be read: %s", strerror(errno));
-    if (strcmp(head, lfs) == 0)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "is a Git-LFS pointer, not the mesh itself: run `git lfs pull` where it came from");
-    *size = st.st_size;
-    return true;
-}
-
-/* Starts the process with the file as its input; *out reads what it writes. */
-static bool start(const mesh_file *file, off_t size, pid_t *pid, FILE **out, error *e)
-{
-    static char program[] = "hexad-worker", command[] = MESH_READER_COMMAND, *environment[] = {NULL};
-    char ending[16], memory[32], seconds[32];
+    char ending[16];
     ending_of(file->path, ending);
-    snprintf(memory, sizeof memory, "%zu", file->memory_limit);
-    snprintf(seconds, sizeof seconds, "%lld", (long long)(seconds_at_least + size / bytes_per_second));
-    char *arguments[] = {program, command, ending, memory, seconds, NULL};
-    int ends[2];
-    if (pipe2(ends, O_CLOEXEC) != 0)
-        return error_set(e, ERROR_INTERNAL, "no pipe to read the mesh through: %s", strerror(errno));
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, file->fd, STDIN_FILENO);
-    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
-    int why = posix_spawn(pid, file->program ? file->program : "/proc/self/exe", &actions, NULL, arguments,
-                          environment);
-    posix_spawn_file_actions_destroy(&actions);
-    close(ends[1]);
-    if (why == 0 && (*out = fdopen(ends[0], "rb"))) return true;
-    close(ends[0]);
-    return error_set(e, ERROR_INTERNAL, "the process that reads meshes could not be started: %s",
-                     strerror(why ? why : errno));
+    const reader_params params = {
+        file->program, MESH_READER_COMMAND, ending,
+        file->fd,      file->memory_limit,  seconds_at_least + (unsigned)(size / bytes_per_second)};
+    return reader_start(&params, out, e);
 }
 
 static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
@@ -161,36 +121,16 @@ static bool read_answer(answer *a, size_t limit, mesh *m, error *e)
            error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer more than it announced");
 }
 
-/* Waits for the process. One that a signal ended explains more than the answer that it could not finish;
- * one that has begun to answer and is not wanted any more is ended here. */
-static bool end(pid_t pid, bool begun, bool ok, error *e)
-{
-    int status;
-    pid_t ended;
-    if (!ok && begun) kill(pid, SIGKILL);
-    do ended = waitpid(pid, &status, 0);
-    while (ended < 0 && errno == EINTR);
-    if (ended != pid) return error_set(e, ERROR_INTERNAL, "the process that reads meshes was lost");
-    if (!ok && begun) return false;
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to be read: its reader was ended");
-    if (WIFSIGNALED(status))
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader crash (%s): it is damaged",
-                         strsignal(WTERMSIG(status)));
-    return ok &&
-           (WEXITSTATUS(status) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end"));
-}
-
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh m = {0};
     answer a = {0};
     off_t size = 0;
-    pid_t pid;
-    if (!check_head(file->fd, &size, e) || !start(file, size, &pid, &a.stream, e)) return false;
+    reader r;
+    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, size, &r, e)) return false;
+    a.stream = r.stream;
     bool ok = read_answer(&a, file->memory_limit, &m, e);
-    fclose(a.stream);
-    ok = end(pid, a.header.magic == MESH_READER_MAGIC, ok, e);
+    ok = reader_end(&r, a.header.magic == MESH_READER_MAGIC, ok, e);
     if (ok && a.header.others)
         mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
                   (unsigned long long)a.header.others);

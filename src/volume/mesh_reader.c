@@ -1,13 +1,10 @@
 #include "volume/mesh_reader.h"
 
 #include <errno.h>
-#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,6 +14,7 @@
 #include <assimp/scene.h>
 
 #include "base/error.h"
+#include "volume/reader.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -173,41 +171,6 @@ static int answer_scene(const struct aiScene *scene)
 
 /* ---- the program */
 
-static rlim_t mapped_now(void)
-{
-    unsigned long pages = 0;
-    FILE *file = fopen("/proc/self/statm", "r");
-    if (file && fscanf(file, "%lu", &pages) != 1) pages = 0;
-    if (file) fclose(file);
-    return (rlim_t)pages * (rlim_t)sysconf(_SC_PAGESIZE);
-}
-
-/* A limit can only be lowered: what is set already stays if it is less. */
-static void set_limit(int which, rlim_t soft, rlim_t hard)
-{
-    struct rlimit limit;
-    if (getrlimit(which, &limit) != 0) return;
-    if (limit.rlim_max < hard) hard = limit.rlim_max;
-    if (hard < soft) soft = hard;
-    limit = (struct rlimit){soft, hard};
-    setrlimit(which, &limit);
-}
-
-static void set_limits(rlim_t memory, rlim_t seconds)
-{
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    set_limit(RLIMIT_CORE, 0, 0);
-    set_limit(RLIMIT_CPU, seconds, seconds + 1); /* first a signal of its own, by which the parent knows */
-#ifdef __SANITIZE_ADDRESS__
-    (void)memory, (void)mapped_now; /* the sanitizer reserves more address space than any limit */
-#else
-    memory += mapped_now();
-    set_limit(RLIMIT_AS, memory, memory);
-#endif
-    set_limit(RLIMIT_FSIZE, 0, 0); /* a pipe has no size */
-    set_limit(RLIMIT_NOFILE, STDERR_FILENO + 1, STDERR_FILENO + 1);
-}
-
 static bool read_bytes(bytes *b)
 {
     struct stat st;
@@ -244,10 +207,9 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
 __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
 {
     bytes b = {0};
-    if (argc != 4) return 2;
-    size_t memory = (size_t)strtoull(argv[2], NULL, 10);
+    size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
+    if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
-    set_limits((rlim_t)memory, (rlim_t)strtoull(argv[3], NULL, 10));
     if (!read_bytes(&b))
         return answer_fault(ERROR_LIMIT_MEMORY, "is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};

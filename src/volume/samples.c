@@ -311,3 +311,18 @@ void samples_corners(const samples *s, const int32_t block[3], bool smooth, floa
         for (int y = 0; y < 9; y++)
             for (int z = 0; z < 9; z++) *corners++ = c[((x + 1) * 11 + y + 1) * 11 + z + 1];
 }
+
+void samples_known(const samples *s, const int32_t block[3], uint16_t known[81])
+{
+    memset(known, 0, 81 * sizeof *known);
+    for (int k = 0; k < 8; k++) {
+        const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
+        uint32_t n = blockmap_find(&s->map, block[0] + upper[0], block[1] + upper[1], block[2] + upper[2]);
+        for (int x = upper[0] * SIDE; n != BLOCKMAP_NONE && x < (upper[0] ? 9 : SIDE); x++)
+            for (int y = upper[1] * SIDE; y < (upper[1] ? 9 : SIDE); y++) {
+                unsigned row =
+                    (unsigned)(s->known[(size_t)n * SIDE + (size_t)(x & 7)] >> (8 * (y & 7))) & 0xFF;
+                known[9 * x + y] = (uint16_t)(known[9 * x + y] | (upper[2] ? (row & 1) << SIDE : row));
+            }
+    }
+}

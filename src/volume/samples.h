@@ -50,4 +50,7 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
  * that has the samples as coefficients. */
 void samples_corners(const samples *s, const int32_t block[3], bool smooth, float corners[729]);
 
+/* Which corners of its cells are known, as crossings_add wants it. */
+void samples_known(const samples *s, const int32_t block[3], uint16_t known[81]);
+
 #endif

@@ -12,6 +12,7 @@
 #include "vdb/vdb.h"
 #include "volume/choice.h"
 #include "volume/crossings.h"
+#include "volume/dense.h"
 #include "volume/lattice.h"
 #include "volume/mesh_file.h"
 #include "volume/samples.h"
@@ -25,6 +26,9 @@
  * or more from a coefficient that a crossed cell uses, and 0.268^11 = 5e-7 of what is wrong at the end
  * arrives there. */
 #define REACH (MARGIN + 9)
+
+/* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
+#define NEAR (MARGIN - 1)
 
 /* A brick holds the coefficients that the 8^3 cells of a block need: from -1 to +9 along each axis relative
  * to the block's lowest voxel, contiguous, the third axis fastest. Floats, to halve the memory that sampling
@@ -44,9 +48,12 @@ struct volume {
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
     blockmap map;
     float *coefficients; /* BRICK_SIZE a block of the map */
+    uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
+    uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
+    bool loose; /* dense data whose faces are not aligned with the world's axes */
     volume_info info;
 };
 
@@ -55,6 +62,8 @@ typedef struct loading {
     char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
     size_t memory_limit;
     vdb_grid *grid;
+    lattice_kind kind;
+    dense_facts facts; /* of a dense volume */
     lattice lattice;
     crossings crossings;
     blockmap reach;
@@ -63,22 +72,6 @@ typedef struct loading {
 } loading;
 
 /* ---- sampling */
-
-/* g' = W^T g, W the matrix from world to index */
-static inline vec3 to_world_gradient(const double w[3][4], const double g[3])
-{
-    return (vec3){w[0][0] * g[0] + w[1][0] * g[1] + w[2][0] * g[2], w[0][1] * g[0] + w[1][1] * g[1] + w[2][1] * g[2],
-                  w[0][2] * g[0] + w[1][2] * g[1] + w[2][2] * g[2]};
-}
-
-/* H' = W^T H W */
-static inline sym3 to_world_hessian(const double w[3][4], const spline_jet *j)
-{
-    const sym3 h = {j->xx, j->yy, j->zz, j->xy, j->xz, j->yz};
-    const vec3 a = {w[0][0], w[1][0], w[2][0]}, b = {w[0][1], w[1][1], w[2][1]}, c = {w[0][2], w[1][2], w[2][2]};
-    const vec3 ha = sym3_apply(h, a), hb = sym3_apply(h, b), hc = sym3_apply(h, c);
-    return (sym3){vec3_dot(a, ha), vec3_dot(b, hb), vec3_dot(c, hc), vec3_dot(a, hb), vec3_dot(a, hc), vec3_dot(b, hc)};
-}
 
 static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
 {
@@ -103,12 +96,13 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
         v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
-        out->hessian = to_world_hessian(v->to_index, &jet);
+        out->hessian =
+            affine_pull_hessian(v->to_index, (sym3){jet.xx, jet.yy, jet.zz, jet.xy, jet.xz, jet.yz});
     } else {
         v->spline->gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
     }
     out->value = jet.f;
-    out->gradient = to_world_gradient(v->to_index, jet.d);
+    out->gradient = affine_pull_gradient(v->to_index, (vec3){jet.d[0], jet.d[1], jet.d[2]});
     return true;
 }
 
@@ -128,7 +122,52 @@ static void cell(const field *f, size_t k, field_cell *out)
     }
 }
 
-static const field_ops volume_ops = {sample, cell_count, cell};
+/* Whether a cell within NEAR voxels of this one, which lies in a brick, is crossed. */
+static bool is_near(const volume *v, const int32_t cell[3])
+{
+    for (int32_t x = cell[0] - NEAR; x <= cell[0] + NEAR; x++)
+        for (int32_t y = cell[1] - NEAR; y <= cell[1] + NEAR; y++)
+            for (int32_t z = cell[2] - NEAR; z <= cell[2] + NEAR;) {
+                uint32_t n = blockmap_find(&v->map, x >> 3, y >> 3, z >> 3);
+                int32_t end =
+                    (z | 7) < cell[2] + NEAR ? z | 7 : cell[2] + NEAR; /* the row's last in this block */
+                unsigned row = (2u << (end & 7)) - (1u << (z & 7));
+                if (n != BLOCKMAP_NONE &&
+                    v->crossed[64 * (size_t)n + 8 * (size_t)(x & 7) + (size_t)(y & 7)] & row)
+                    return true;
+                z = end + 1;
+            }
+    return false;
+}
+
+/* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
+ * on any straight way to one. Splines are no judge far from the surface, where the continuation of a band may
+ * ring. */
+static double side(const field *f, vec3 x)
+{
+    const volume *v = (const volume *)f;
+    const vec3 from = affine_apply(v->to_index, x.x, x.y, x.z);
+    const int32_t *cell_to = v->cells[0].at;
+    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
+    for (int axis = 0; axis < 3; axis++) {
+        double at = vec3_get(from, axis);
+        if (!(fabs(at) < INT32_MAX / 2)) return 1;
+        if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
+    }
+    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
+    for (double k = 0; k <= steps; k++) {
+        const vec3 p = vec3_axpy(k / steps, way, from);
+        const int32_t at[3] = {(int32_t)floor(p.x), (int32_t)floor(p.y), (int32_t)floor(p.z)};
+        uint32_t n = blockmap_find(&v->map, at[0] >> 3, at[1] >> 3, at[2] >> 3);
+        if (n == BLOCKMAP_NONE) continue;
+        if (k == 0 && is_near(v, at)) return 0;
+        int bit = 8 * (at[1] & 7) + (at[2] & 7);
+        return v->inside[8 * (size_t)n + (size_t)(at[0] & 7)] >> bit & 1 ? -1 : 1;
+    }
+    return 1;
+}
+
+static const field_ops volume_ops = {sample, cell_count, cell, side};
 
 /* ---- opening, step by step */
 
@@ -153,11 +192,17 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     v->info.level_set = class == VDB_LEVEL_SET;
+    l->kind = v->info.level_set ? LATTICE_LEVEL_SET : LATTICE_FOG;
     if (!v->info.level_set && !r->has_isovalue)
         return error_set(e, ERROR_ISOVALUE_REQUIRED,
                          "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0", v->info.grid,
                          class == VDB_FOG ? "a fog volume" : "not marked as a level set");
-    v->info.isovalue = r->has_isovalue ? r->isovalue : 0;
+    if (!v->info.level_set && r->offset != 0)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "grid \"%s\" is no level set, so an offset means nothing: its values are "
+                         "no distances",
+                         v->info.grid);
+    v->info.isovalue = (r->has_isovalue ? r->isovalue : 0) + r->offset;
     if (!isfinite(v->info.isovalue)) return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
     if (class == VDB_UNKNOWN || class == VDB_STAGGERED)
         warn(&v->info, "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
@@ -200,10 +245,14 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
-    if (!lattice_init(&l->lattice, l->grid, v->info.level_set, v->info.isovalue, e) ||
+    if (!lattice_init(&l->lattice, l->grid, l->kind, v->info.isovalue, e) ||
         !crossings_find(&l->lattice, l->memory_limit, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
+    if (l->kind == LATTICE_DENSE) { /* not those of the voxels beyond the data's end */
+        l->lattice.lowest = l->facts.lowest;
+        l->lattice.highest = l->facts.highest;
+    }
     if (c->cells == 0) return no_crossing(l, v, e);
     if (c->open_cells == 0) return true;
     double band = fabs((double)l->grid->background);
@@ -217,8 +266,8 @@ static bool find_crossings(loading *l, volume *v, error *e)
 
 static size_t held_bytes(size_t bricks, size_t cells)
 {
-    return sizeof(volume) + bricks * BRICK_SIZE * sizeof(float) + blockmap_bytes(bricks) +
-           cells * sizeof(crossed_cell);
+    return sizeof(volume) + bricks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 64) +
+           blockmap_bytes(bricks) + cells * sizeof(crossed_cell);
 }
 
 static bool plan(loading *l, volume *v, error *e)
@@ -240,11 +289,13 @@ static bool plan(loading *l, volume *v, error *e)
 static bool find_smooth_crossings(loading *l, volume *v, error *e)
 {
     float corners[729];
-    crossings found = {0};
+    uint16_t known[81];
+    crossings found = {.known_only = l->kind == LATTICE_DENSE};
     bool ok = true;
     for (uint32_t n = 0; ok && n < v->map.count; n++) {
         samples_corners(&l->samples, v->map.blocks[n], true, corners);
-        ok = crossings_add(&found, v->map.blocks[n], corners, NULL, e);
+        samples_known(&l->samples, v->map.blocks[n], known);
+        ok = crossings_add(&found, v->map.blocks[n], corners, known, e);
     }
     crossings_free(&l->crossings);
     l->crossings = found;
@@ -264,7 +315,8 @@ static bool read_samples(loading *l, volume *v, error *e)
     lattice_free(&l->lattice);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (v->info.level_set && !samples_extend(&l->samples, e))) return error_prefix(e, "%s", l->name);
+    if (!ok || (l->kind == LATTICE_LEVEL_SET && !samples_extend(&l->samples, e)))
+        return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
@@ -286,6 +338,26 @@ static bool make_cells(loading *l, volume *v, error *e)
             for (int corner = 0; corner < 8; corner++)
                 c->value[corner] = corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
         }
+    }
+    return true;
+}
+
+/* What tells far from the surface on which side of it one is. */
+static bool note_sides(const loading *l, volume *v, error *e)
+{
+    v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
+    v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
+    if (!v->inside || !v->crossed) return false;
+    for (uint32_t n = 0; n < v->map.count; n++) {
+        float f[LATTICE_VOXELS];
+        samples_window(&l->samples, v->map.blocks[n], 0, LATTICE_SIDE, f);
+        for (int k = 0; k < LATTICE_VOXELS; k++)
+            if (f[k] < 0) v->inside[8 * (size_t)n + (size_t)(k >> 6)] |= (uint64_t)1 << (k & 63);
+    }
+    for (size_t k = 0; k < l->crossings.count; k++) {
+        const crossing_block *b = &l->crossings.blocks[k];
+        uint32_t n = blockmap_find(&v->map, b->block[0], b->block[1], b->block[2]);
+        memcpy(v->crossed + 64 * (size_t)n, b->rows, sizeof b->rows);
     }
     return true;
 }
@@ -336,7 +408,7 @@ static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
-        !make_bricks(l, v, e))
+        !note_sides(l, v, e) || !make_bricks(l, v, e))
         return false;
     measure(v);
     return true;
@@ -370,6 +442,9 @@ volume *volume_open(const volume_request *request, error *e)
 /* What the level set does not follow is said from this share of the area on: less is a crease here or there. */
 static const double unresolved_from = 0.001;
 
+/* Voxels of the band that must be left on either side of a surface at an offset. */
+#define MESH_BAND_LEAST 3
+
 static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh *m, mesh_notes *notes,
                       error *e)
 {
@@ -377,7 +452,15 @@ static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh 
     const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit, r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
+    l->kind = LATTICE_LEVEL_SET;
     if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;
+    double band = (double)l->grid->background, voxel = band / r->band_vox;
+    if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "an offset of %g is %.3g voxels and needs a band of %.0f: give band_vox (at most "
+                         "32), or larger voxels",
+                         r->offset, fabs(r->offset) / voxel, ceil(fabs(r->offset) / voxel) + MESH_BAND_LEAST);
+    v->info.isovalue = r->offset;
     size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
     l->memory_limit = r->memory_limit > held ? r->memory_limit - held : 0;
     v->info.active_voxels = l->grid->active_voxels;
@@ -406,9 +489,127 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
     v->base.ops = &volume_ops;
     bool ok = load_mesh(request, &l, v, &m, &notes, e) && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
-    if (ok) compare_mesh(v, &m);
+    if (ok && request->offset == 0) compare_mesh(v, &m);
     loading_free(&l);
     mesh_free(&m);
+    if (ok) return v;
+    error_prefix(e, "%s", request->path);
+    volume_close(v);
+    return NULL;
+}
+
+/* ---- dense volumes */
+
+/* Data whose corners stray this far, of a voxel, from a box aligned with the world's axes count as aligned:
+ * matrices are stored in single precision, and a rim that is off by as much shows in no measure. */
+static const double stray_limit = 1e-3;
+
+/* Along which world axis each axis of the data lies, 0 to 2, or false. */
+static bool find_axes(const volume *v, int world_of[3])
+{
+    bool used[3] = {false, false, false};
+    for (int k = 0; k < 3; k++) {
+        int along = 0;
+        double stray = 0;
+        for (int i = 1; i < 3; i++)
+            if (fabs(v->to_world[i][k]) > fabs(v->to_world[along][k])) along = i;
+        for (int i = 0; i < 3; i++)
+            if (i != along) stray = fmax(stray, fabs(v->to_world[i][k]));
+        if (used[along] || stray * (double)v->info.size[k] > stray_limit * fabs(v->to_world[along][k]))
+            return false;
+        used[along] = true;
+        world_of[k] = along;
+    }
+    return true;
+}
+
+/* The faces of the data, 2 axis + end, that the surface meets in a cell. */
+static unsigned faces_met(const volume *v, const crossed_cell *c)
+{
+    unsigned faces = 0;
+    for (int face = 0; face < 6; face++) {
+        int axis = face >> 1, high = face & 1, inside = 0;
+        if (c->at[axis] != (high ? v->info.size[axis] - 2 : 0)) continue;
+        for (int k = 0; k < 8; k++) inside += (k >> axis & 1) == high && c->value[k] < 0;
+        if (inside > 0 && inside < 4) faces |= 1u << face;
+    }
+    return faces;
+}
+
+/* The domain ends where the surface meets the end of the data. */
+static void set_ends(volume *v)
+{
+    int world_of[3];
+    unsigned met = 0, rims = 0;
+    for (size_t k = 0; k < v->cell_count; k++) met |= faces_met(v, &v->cells[k]);
+    v->loose = !find_axes(v, world_of);
+    for (int face = 0; face < 6 && !v->loose; face++) {
+        if (!(met >> face & 1)) continue;
+        int axis = face >> 1, along = world_of[axis];
+        double at = v->to_world[along][3] +
+                    (face & 1 ? v->to_world[along][axis] * (double)(v->info.size[axis] - 1) : 0);
+        bool high = (v->to_world[along][axis] > 0) == (face & 1);
+        vec3_set(high ? &v->base.domain.max : &v->base.domain.min, along, at);
+        rims |= 1u << (2 * along + high);
+    }
+    field_set_rims(&v->base, rims);
+}
+
+size_t volume_loose_ends(const volume *v, bbox box)
+{
+    size_t count = 0;
+    for (size_t k = 0; v->loose && k < v->cell_count; k++) {
+        if (!faces_met(v, &v->cells[k])) continue;
+        field_cell c;
+        bbox reach = bbox_empty();
+        cell(&v->base, k, &c);
+        for (int corner = 0; corner < 8; corner++) reach = bbox_include(reach, c.corner[corner]);
+        count += bbox_overlap(reach, box);
+    }
+    return count;
+}
+
+static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
+{
+    const dense_facts *facts = &l->facts;
+    const double *m = r->source->index_to_world;
+    double to_world[3][4], to_index[3][4];
+    for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = m[k];
+    double determinant = affine_invert(to_world, to_index);
+    if (!isfinite(1 / determinant))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "has axes that lie in one plane: its orientation cannot be inverted");
+    snprintf(l->name, sizeof l->name, "the volume");
+    l->kind = LATTICE_DENSE;
+    l->memory_limit = r->memory_limit;
+    l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    v->info.isovalue = r->isovalue;
+    memcpy(v->info.size, r->source->size, sizeof v->info.size);
+    memcpy(v->info.format, r->source->format, sizeof v->info.format);
+    memcpy(v->info.space, r->source->space, sizeof v->info.space);
+    l->grid = dense_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
+    if (!l->grid) return false;
+    v->info.active_voxels = l->grid->active_voxels;
+    if (*r->source->warning) warn(&v->info, "%s", r->source->warning);
+    if (facts->not_finite)
+        warn(&v->info,
+             "%llu values are not finite, the first at (%lld, %lld, %lld): NaN and -Inf were taken for the "
+             "lowest value, %g, Inf for the highest, %g",
+             (unsigned long long)facts->not_finite, (long long)facts->not_finite_at[0],
+             (long long)facts->not_finite_at[1], (long long)facts->not_finite_at[2], (double)facts->lowest,
+             (double)facts->highest);
+    return true;
+}
+
+volume *volume_open_dense(const volume_dense_request *request, error *e)
+{
+    loading l = {0};
+    volume *v = mem_alloc(sizeof *v);
+    v->spline = spline_for(request->isa);
+    v->base.ops = &volume_ops;
+    bool ok = load_dense(request, &l, v, e) && build(&l, v, e);
+    if (ok) set_ends(v);
+    loading_free(&l);
     if (ok) return v;
     error_prefix(e, "%s", request->path);
     volume_close(v);
@@ -420,6 +621,8 @@ void volume_close(volume *v)
     if (!v) return;
     blockmap_free(&v->map);
     free(v->coefficients);
+    free(v->inside);
+    free(v->crossed);
     free(v->cells);
     free(v);
 }

@@ -18,6 +18,7 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "volume/levelset.h"
+#include "volume/slices.h"
 
 typedef struct volume volume;
 
@@ -32,6 +33,7 @@ typedef struct volume_request {
     const char *grid;   /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
     bool has_isovalue;
     double isovalue;    /* in the grid's own unit */
+    double offset;      /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
     isa isa;             /* what sampling runs on */
@@ -44,10 +46,20 @@ typedef struct volume_mesh_request {
     double voxel_size;   /* world units; 0: from the resolution */
     int resolution;      /* voxels along the longest side of the mesh's box */
     int band_vox;        /* half-width of the band of distances */
+    double offset;       /* of the surface from the mesh, outwards */
     size_t memory_limit; /* as above, the process that reads included */
     threads *pool;       /* as in levelset_params */
     isa isa;             /* as above */
 } volume_mesh_request;
+
+typedef struct volume_dense_request {
+    slices *source;   /* the caller's, and done with when the volume is open */
+    const char *path; /* as above */
+    double isovalue;  /* above it is inside */
+    volume_reconstruction reconstruction;
+    size_t memory_limit;
+    isa isa;
+} volume_dense_request;
 
 #define VOLUME_MAX_WARNINGS 12
 
@@ -64,6 +76,8 @@ typedef struct volume_info {
     bbox surface_box;        /* of the crossing cells */
     size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
     levelset_fidelity fidelity; /* of a mesh */
+    int64_t size[3];            /* samples of a dense volume; 0 for another */
+    char format[8], space[64];  /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
@@ -77,6 +91,16 @@ volume *volume_open(const volume_request *request, error *e);
  * the warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
+
+/* The same for a dense volume. Where the surface meets the end of the data it is open, with a rim on that
+ * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).
+ * Errors: those of the slices; no_surface; limit_memory; input_damaged for a transform that cannot be
+ * inverted. */
+volume *volume_open_dense(const volume_dense_request *request, error *e);
+
+/* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
+ * world's axes, so that rims cannot lie there. */
+size_t volume_loose_ends(const volume *v, bbox box);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);
 const volume_info *volume_describe(const volume *v);

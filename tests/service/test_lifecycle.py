@@ -110,7 +110,9 @@ def test_a_daemon_killed_between_rename_and_commit(new_service):
     job = service.submit(sphere())
     service.wait_state(job, "succeeded")
     service.end()
-    back = ("UPDATE job SET state = 'running', outcome = NULL, finished_ms = NULL;"
+    back = ("UPDATE job SET state = 'running', outcome = NULL, finished_ms = NULL, succeeded = 0, running = 1,"
+            " not_converged = 0; UPDATE task SET state = 'running', outcome = NULL, finished_ms = NULL;"
+            "INSERT INTO owner VALUES ('', 1, 1);"
             "UPDATE attempt SET finished_ms = NULL, exit_status = NULL;")
     with sqlite3.connect(service.state / "queue.db") as database:
         database.executescript(back)
@@ -216,7 +218,7 @@ def run_hexad(build, *options):
 def test_closed_standard_descriptors(build, tmp_path):
     """They must not become the log's, the lock's or the database's."""
     port = tmp_path / "other-port"
-    words = [build / "hexad", "--listen", "127.0.0.1:0", "--state_dir", tmp_path / "other", "--port_file", port]
+    words = [build / "hexad", "--state_dir", tmp_path / "other", "--port_file", port]
     process = subprocess.Popen(["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *words])
     try:
         wait_until(lambda: port.exists() or process.poll() is not None, "the daemon")
@@ -228,7 +230,7 @@ def test_closed_standard_descriptors(build, tmp_path):
 
 
 def test_two_daemons_on_one_state_directory(service, build):
-    second = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", service.state)
+    second = run_hexad(build, "--state_dir", service.state)
     assert second.returncode == 1
     assert "another hexad" in second.stderr and str(service.process.pid) in second.stderr
     assert service.get("/healthz").status == 200
@@ -246,16 +248,15 @@ def test_settings_that_are_refused(build, tmp_path):
     bad.write_text("workers = 2\nwrokers = 3\n")
     tried = run_hexad(build, "--config", bad)
     assert tried.returncode == 2 and f"{bad}:2" in tried.stderr and "wrokers" in tried.stderr
-    tried = run_hexad(build, "--worker", "/nonexistent", "--listen", "127.0.0.1:0", "--state_dir", tmp_path / "state")
+    tried = run_hexad(build, "--worker", "/nonexistent", "--state_dir", tmp_path / "state")
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
-    tried = run_hexad(build, "--input_roots", "/nonexistent", "--listen", "127.0.0.1:0", "--state_dir",
-                      tmp_path / "state")
+    tried = run_hexad(build, "--input_roots", "/nonexistent", "--state_dir", tmp_path / "state")
     assert tried.returncode == 1 and "/nonexistent" in tried.stderr
 
 
 def test_help_and_sample(build, source):
     text = run_hexad(build, "--help").stdout
-    assert "--listen" in text and "--state_dir" in text and "Default: 127.0.0.1:8642" in text
+    assert "--listen" in text and "--state_dir" in text and "Default: 3 attempts" in text
     assert run_hexad(build, "--print-config").stdout == pathlib.Path(source / "etc/hexad.conf").read_text()
     assert run_hexad(build, "--version").stdout.startswith("hexad ")
 

@@ -23,14 +23,6 @@ def source():
     return pathlib.Path(os.environ["HEXAD_SOURCE"])
 
 
-def free_port():
-    import socket
-
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
-
-
 def test_the_first_job(build, source, tmp_path):
     build = pathlib.Path(build)
     (tmp_path / "build" / "example").mkdir(parents=True)
@@ -38,14 +30,9 @@ def test_the_first_job(build, source, tmp_path):
         (tmp_path / "build" / program).symlink_to(build / program)
     (tmp_path / "examples").symlink_to(source / "examples")
     subprocess.run([build / "hexad-worker", "make-example", tmp_path / "build/example/trefoil.vdb"], check=True)
-    port = free_port()
 
     def here(block):
-        return (
-            block.replace("127.0.0.1:8642", f"127.0.0.1:{port}")
-            .replace("/tmp/hexad-state", str(tmp_path / "state"))
-            .replace("/tmp/quartic", str(tmp_path / "quartic"))
-        )
+        return block.replace("/tmp/hexad-state", str(tmp_path / "state")).replace("/tmp/quartic", str(tmp_path / "quartic"))
 
     shell, *rest = [here(b) for b in blocks(source) if BOOTSTRAP not in b]
     daemon = subprocess.Popen(
@@ -54,7 +41,7 @@ def test_the_first_job(build, source, tmp_path):
     try:
         wait_until(
             lambda: subprocess.run(
-                ["curl", "-sf", f"http://127.0.0.1:{port}/healthz"], capture_output=True
+                ["curl", "-sf", "--unix-socket", tmp_path / "state/hexad.sock", "http://hexad/healthz"], capture_output=True
             ).returncode == 0,
             "the daemon of the README",
         )

@@ -274,7 +274,8 @@ BAD_SPECS = {
     "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),
     "a wrong type": (sphere(count="many"), "spec_invalid", "/sampling/count"),
     "two targets": (sphere(sampling={"count": 5, "spacing": 1}), None, None),
-    "a part not built": (sphere(queue={"frames": "1-2"}), "not_supported", "/queue/frames"),
+    "a part not built": (sphere(queue={"coherent": True}), "not_supported", "/queue/coherent"),
+    "frames of nothing": (sphere(queue={"frames": "1-2"}), "spec_invalid", "/queue/frames"),
 }
 
 

@@ -67,7 +67,7 @@ static void test_defaults(void **state)
     (void)state;
     char *argv[] = {"hexad"};
     config c = parse(COUNT(argv), argv);
-    assert_string_equal(c.listen, "127.0.0.1:8642");
+    assert_string_equal(c.listen, "");
     assert_int_equal(c.max_attempts, 3);
     assert_int_equal(c.memory_mb, 4096);
     assert_int_equal(c.body_limit_bytes, 1048576);

@@ -19,6 +19,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/executor.h"
+#include "executor/host.h"
 #include "executor/result.h"
 #include "executor/settlement.h"
 #include "store/file.h"
@@ -66,25 +67,34 @@ static int tear_down(void **state)
     return 0;
 }
 
-static void start(place *p, const char *script, int workers)
+static const executor_settings usual = {
+    .workers = 1, .threads = 8, .memory_mb = 1024, .grace_s = 0.2, .retry_s = 0.01, .retry_most_s = 0.02};
+
+static void start_with(place *p, const char *script, executor_settings settings)
 {
     assert_true(store_file_write(p->worker, script, strlen(script), NULL));
     assert_int_equal(chmod(p->worker, 0700), 0);
-    executor_settings settings = {.state_dir = p->base,
-                                  .worker = p->worker,
-                                  .workers = workers,
-                                  .memory_mb = 1024,
-                                  .grace_s = 0.2};
+    settings.state_dir = p->base;
+    settings.worker = p->worker;
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
 }
 
+static void start(place *p, const char *script, int workers)
+{
+    executor_settings settings = usual;
+    settings.workers = workers;
+    start_with(p, script, settings);
+}
+
 static void put(place *p, const char *spec, int max_attempts, char id[ULID_SIZE])
 {
-    queue_submission s = {"test", "[]", spec, 0, max_attempts};
+    queue_submission s = {.name = "test", .labels = "[]", .spec = spec, .max_attempts = max_attempts};
+    queue_receipt receipt;
     error e = {0};
-    if (!queue_put(p->q, &s, id, &e)) fail_msg("%s", e.message);
+    if (!queue_put(p->q, &s, &receipt, &e)) fail_msg("%s", e.message);
+    memcpy(id, receipt.id, sizeof receipt.id);
     if (p->x) executor_wake(p->x);
 }
 
@@ -151,7 +161,7 @@ static void test_success_is_delivered(void **state)
     assert_int_equal(job.outcome, QUEUE_CONVERGED);
     assert_null(job.error_code);
     queue_job_clear(&job);
-    char *results = result_directory(p->base, id);
+    char *results = result_directory(p->base, id, QUEUE_NO_FRAME);
     result r = {0};
     error e = {0};
     if (!result_read(results, &r, &e)) fail_msg("%s", e.message);
@@ -168,7 +178,8 @@ static void test_success_is_delivered(void **state)
     free(results);
 }
 
-/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it can. */
+/* The worker is done, the disk is not: nothing can move into results/. The job waits, and succeeds once it
+ * can. */
 static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
@@ -213,6 +224,9 @@ static void test_a_crash_is_tried_again(void **state)
     assert_int_equal(attempts[0].signal, SIGSEGV);
     assert_int_equal(attempts[1].exit_status, 0);
     assert_true(attempts[1].peak_memory_bytes > 0);
+    char host[256];
+    host_name(host, sizeof host);
+    assert_string_equal(attempts[1].host, host);
     queue_attempts_free(attempts, count);
 }
 
@@ -254,7 +268,7 @@ static void test_garbage_does_no_harm(void **state)
     queue_job job = get(p, id);
     assert_non_null(strstr(job.error_message, "not JSON"));
     queue_job_clear(&job);
-    char *directory = result_attempt_directory(p->base, id, 1);
+    char *directory = result_attempt_directory(p->base, id, QUEUE_NO_FRAME, 1);
     int64_t bytes;
     int fd = result_open_file(directory, "worker.log", &bytes, NULL);
     assert_true(fd >= 0);
@@ -270,7 +284,7 @@ static void test_success_without_a_report_is_none(void **state)
     start(p, PROLOGUE "exit 0\n", 1);
     put(p, "{}", 1, id);
     expect_end(p, id, QUEUE_FAILED, "internal", "no valid result");
-    char *results = result_directory(p->base, id);
+    char *results = result_directory(p->base, id, QUEUE_NO_FRAME);
     assert_int_equal(access(results, F_OK), -1);
     free(results);
 }
@@ -294,7 +308,7 @@ static void test_a_missing_worker_costs_no_job(void **state)
     put(p, "{}", 1, id);
     for (int64_t since = clock_monotonic_ms();; look_again(since, "the first try")) {
         queue_job job = get(p, id);
-        bool tried = job.attempt > 0 && job.state == QUEUE_QUEUED;
+        bool tried = job.attempts > 0 && job.state == QUEUE_QUEUED;
         queue_job_clear(&job);
         if (tried) break;
     }
@@ -384,7 +398,7 @@ static void test_cancel_of_a_deaf_worker(void **state)
     wait_file(p, "child");
     bool found, changed;
     queue_state now;
-    assert_true(executor_cancel(p->x, id, &found, &changed, &now, NULL));
+    assert_true(executor_tell(p->x, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_true(found && changed && now == QUEUE_CANCELLING);
     expect_end(p, id, QUEUE_CANCELLED, "cancelled", NULL);
     expect_child_gone(p);
@@ -409,39 +423,165 @@ static void test_drain_puts_back_uncounted(void **state)
     wait_drained(p);
     queue_job job = get(p, running);
     assert_int_equal(job.state, QUEUE_QUEUED);
-    assert_int_equal(job.spent, 0);
-    assert_int_equal(job.attempt, 1);
+    assert_int_equal(job.attempts, 1);
     queue_job_clear(&job);
+    queue_task *task;
+    size_t count;
+    assert_true(queue_list_tasks(p->q, running, -1, 9, &task, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_int_equal(task->spent, 0);
+    queue_tasks_free(task, count);
     assert_int_equal(count_attempts(p, waiting), 0);
     expect_child_gone(p);
 }
 
-static void test_slots_bound_what_runs(void **state)
+/* A worker that finds a third one beside it leaves a mark. */
+#define CROWD                                                                                                \
+    PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"                                            \
+             "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT
+
+static void expect_no_crowd(place *p, int workers, int threads, int64_t memory_mb)
 {
-    place *p = *state;
     char id[6][ULID_SIZE];
-    /* a worker that finds a third one beside it leaves a mark */
-    start(
-        p,
-        PROLOGUE
-        "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"
-        "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT,
-        2);
-    for (int i = 0; i < 6; i++) put(p, "{}", 1, id[i]);
+    executor_settings settings = usual;
+    settings.workers = workers;
+    settings.threads = threads;
+    settings.host_memory_mb = memory_mb;
+    start_with(p, CROWD, settings);
+    for (int i = 0; i < 6; i++) {
+        queue_submission s = {.name = "one of six", .labels = "[]", .spec = "{}", .max_attempts = 1};
+        queue_receipt receipt;
+        s.threads = 2;
+        assert_true(executor_size(p->x, &s.threads, &s.memory_mb, NULL));
+        assert_true(queue_put(p->q, &s, &receipt, NULL));
+        memcpy(id[i], receipt.id, sizeof receipt.id);
+    }
+    executor_wake(p->x);
     for (int i = 0; i < 6; i++) expect_end(p, id[i], QUEUE_SUCCEEDED, NULL, NULL);
     char *crowd = mem_printf("%s/crowd", p->base);
     assert_int_equal(access(crowd, F_OK), -1);
     free(crowd);
 }
 
+static void test_workers_bound_what_runs(void **state)
+{
+    expect_no_crowd(*state, 2, 64, 65536);
+}
+
+static void test_threads_bound_what_runs(void **state)
+{
+    expect_no_crowd(*state, 6, 5, 65536);
+}
+
+static void test_memory_bounds_what_runs(void **state)
+{
+    expect_no_crowd(*state, 6, 64, 3000);
+}
+
+/* Both were taken in when the host was larger. */
+static void test_a_host_that_shrank(void **state)
+{
+    place *p = *state;
+    queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .threads = 1, .memory_mb = 2049};
+    queue_receipt large, wide;
+    assert_true(queue_put(p->q, &s, &large, NULL));
+    s.threads = 99;
+    s.memory_mb = 100;
+    assert_true(queue_put(p->q, &s, &wide, NULL));
+    executor_settings settings = usual;
+    settings.host_memory_mb = 2048;
+    start_with(p, PROLOGUE "echo \"$@\" > \"$D/words\"\n" REPORT, settings);
+    expect_end(p, large.id, QUEUE_FAILED, "limit_memory", "2049 MiB");
+    expect_end(p, wide.id, QUEUE_SUCCEEDED, NULL, NULL);
+    char *results = result_directory(p->base, wide.id, QUEUE_NO_FRAME),
+         *path = mem_printf("%s/words", results);
+    size_t length;
+    char *words = store_file_read(path, 4096, &length, NULL);
+    assert_non_null(strstr(words, "--threads 8"));
+    assert_non_null(strstr(words, "--memory-mb 100"));
+    free(words);
+    free(path);
+    free(results);
+    int threads = 0;
+    int64_t memory_mb = 0;
+    error e = {0};
+    assert_true(executor_size(p->x, &threads, &memory_mb, &e));
+    assert_int_equal(threads, 8); /* all of them, for the one worker */
+    assert_int_equal(memory_mb, 1024);
+    memory_mb = 2049;
+    assert_false(executor_size(p->x, &threads, &memory_mb, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+}
+
+static void test_a_crashed_job_holds_nobody_up(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    executor_settings settings = usual;
+    settings.retry_s = 1000;
+    settings.retry_most_s = 3000;
+    start_with(p, PROLOGUE "case $spec in *crash*) kill -KILL $$;; esac\n" REPORT, settings);
+    put(p, "{\"crash\":1}", 9, id);
+    for (int64_t since = clock_monotonic_ms();; look_again(since, "the crash")) {
+        queue_job job = get(p, id);
+        bool crashed = job.attempts == 1 && job.state == QUEUE_QUEUED;
+        queue_job_clear(&job);
+        if (crashed) break;
+    }
+    put(p, "{}", 1, other);
+    expect_end(p, other, QUEUE_SUCCEEDED, NULL, NULL);
+    queue_task *task;
+    size_t count;
+    assert_true(queue_list_tasks(p->q, id, -1, 1, &task, &count, NULL));
+    int64_t wait = task->not_before_ms - clock_wall_ms();
+    assert_true(wait > (1000 - 60) * 1000 && wait <= 1000 * 1000);
+    assert_int_equal(task->attempt, 1);
+    queue_tasks_free(task, count);
+}
+
+/* 1, 2, 4 ... seconds, up to the bound. */
+static void test_waits_double(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    static const int64_t expected_s[] = {1000, 2000, 4000, 5000, 5000};
+    const settlement_place where = {.q = p->q, .state_dir = p->base, .backoff = {1000, 5000}};
+    const queue_room room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
+    put(p, "{}", 99, id);
+    for (int i = 0; i < 5; i++) {
+        queue_claimed claimed = {0};
+        bool found = false, changed;
+        queue_state now;
+        if (i > 0) { /* its time has not come: a cancellation and a retry take the wait away, and the count */
+            assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+            assert_false(found);
+            assert_true(queue_tell(p->q, id, QUEUE_CANCEL, &found, &changed, &now, NULL));
+            assert_true(queue_tell(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL));
+        }
+        assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
+        assert_true(found);
+        claimed.task.spent = i + 1;
+        settlement s = {.requeue = true, .counts = true, .wait = true};
+        int64_t before = clock_wall_ms();
+        assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
+        queue_task *task;
+        size_t count;
+        assert_true(queue_list_tasks(p->q, id, -1, 1, &task, &count, NULL));
+        assert_true(task->not_before_ms >= before + expected_s[i] * 1000);
+        assert_true(task->not_before_ms <= clock_wall_ms() + expected_s[i] * 1000);
+        queue_tasks_free(task, count);
+        queue_claimed_clear(&claimed);
+    }
+}
+
 /* Claims a job as a daemon does that dies of it. */
 static void claim_and_die(place *p, const char *id)
 {
-    queue_job job = {0};
+    queue_claimed claimed = {0};
     bool found;
-    assert_true(queue_claim(p->q, &job, &found, NULL));
-    assert_string_equal(job.id, id);
-    queue_job_clear(&job);
+    assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
+    assert_true(found);
+    queue_claimed_clear(&claimed);
 }
 
 static void put_file(const char *directory, const char *name, const char *text)
@@ -460,17 +600,17 @@ static void test_recovery(void **state)
     queue_state now;
     put(p, "{}", 3, done);
     claim_and_die(p, done);
-    char *results = result_directory(p->base, done);
+    char *results = result_directory(p->base, done, QUEUE_NO_FRAME);
     put_file(results, "report.json", "{\"outcome\":\"not_converged\",\"count\":1,\"outputs\":[]}");
     put(p, "{}", 3, lost);
     claim_and_die(p, lost);
-    char *orphan = result_attempt_directory(p->base, lost, 1);
+    char *orphan = result_attempt_directory(p->base, lost, QUEUE_NO_FRAME, 1);
     put_file(orphan, "points.ply", "half");
     put(p, "{}", 1, worn);
     claim_and_die(p, worn);
     put(p, "{}", 3, cancelled);
     claim_and_die(p, cancelled);
-    assert_true(queue_cancel(p->q, cancelled, &found, &changed, &now, NULL));
+    assert_true(queue_tell(p->q, cancelled, QUEUE_CANCEL, &found, &changed, &now, NULL));
     start(p, PROLOGUE REPORT, 1);
     expect_end(p, done, QUEUE_SUCCEEDED, NULL, NULL);
     queue_job job = get(p, done);
@@ -504,7 +644,12 @@ int main(void)
         CASE(test_a_stall_is_noticed),
         CASE(test_cancel_of_a_deaf_worker),
         CASE(test_drain_puts_back_uncounted),
-        CASE(test_slots_bound_what_runs),
+        CASE(test_workers_bound_what_runs),
+        CASE(test_threads_bound_what_runs),
+        CASE(test_memory_bounds_what_runs),
+        CASE(test_a_host_that_shrank),
+        CASE(test_a_crashed_job_holds_nobody_up),
+        CASE(test_waits_double),
         CASE(test_recovery),
     };
     log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */

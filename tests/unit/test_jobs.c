@@ -30,7 +30,7 @@ typedef struct place {
     char base[64];
     queue *q;
     executor *x;
-    jobs_context context;
+    http_context context;
 } place;
 
 static int set_up(void **state)
@@ -46,7 +46,7 @@ static int set_up(void **state)
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
     p->context =
-        (jobs_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
+        (http_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
     get_fails = false;
     *state = p;
     return 0;
@@ -71,7 +71,8 @@ static const char body[] =
 static void test_an_accepted_job_is_answered_201(void **state)
 {
     place *p = *state;
-    jobs_request request = {.body = body, .length = sizeof body - 1};
+    const access_caller caller = {.user = "alice", .scopes = SCOPE_USER};
+    http_request request = {.body = body, .length = sizeof body - 1, .caller = &caller};
     reply r = {.fd = -1};
     get_fails = true;
     jobs_submit(&p->context, &request, &r);
@@ -82,6 +83,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
     const char *id = json_string(json_member(&root, "id"), "");
     assert_string_equal(json_string(json_member(&root, "state"), ""), "queued");
     assert_string_equal(json_string(json_member(&root, "name"), ""), "ball");
+    assert_string_equal(json_string(json_member(&root, "owner"), ""), "alice");
     assert_int_equal((int)json_number(json_member(&root, "priority"), 0), 4);
     assert_int_equal((int)json_number(json_member(&root, "max_attempts"), 0), 3);
     assert_int_equal(json_size(json_member(&root, "labels")), 1);
@@ -89,7 +91,7 @@ static void test_an_accepted_job_is_answered_201(void **state)
     json_at spec = json_member(&root, "spec");
     assert_int_equal((int)json_number(json_member(&spec, "version"), 0), 1);
     /* the time of arrival is the one that the queue keeps */
-    jobs_request look = {.parameter = {id}};
+    http_request look = {.parameter = {id}, .caller = &caller};
     reply shown = {.fd = -1};
     jobs_show(&p->context, &look, &shown);
     assert_int_equal(shown.status, 200);

@@ -26,8 +26,8 @@ static volume *open_bytes(const void *bytes, size_t count, const char *path, int
                           error *e)
 {
     int fd = fixture_bytes(bytes, count);
-    const volume_mesh_request request = {fd,        path, NULL, 0, resolution, 4, memory, mesh_fixture_pool(),
-                                         isa_best()};
+    const volume_mesh_request request = {
+        fd, path, NULL, 0, resolution, 4, 0, memory, mesh_fixture_pool(), isa_best()};
     volume *v = volume_open_mesh(&request, e);
     close(fd);
     return v;
@@ -325,7 +325,7 @@ static void answers_are_not_believed(void **state)
                      words[kind]);
     }
     const volume_mesh_request request = {
-        fixture_bytes("x", 1), "a.obj",   "/nowhere/at/all", 0, 32, 4, FIXTURE_MEMORY,
+        fixture_bytes("x", 1), "a.obj",   "/nowhere/at/all", 0, 32, 4, 0, FIXTURE_MEMORY,
         mesh_fixture_pool(),   isa_best()};
     assert_null(volume_open_mesh(&request, &e));
     assert_int_equal(e.code, ERROR_INTERNAL);

@@ -41,7 +41,7 @@ static void lists_hold_every_pair_within_the_cutoff(void **state)
             uint32_t wanted[COUNT], count = 0;
             for (uint32_t j = 0; j < COUNT; j++)
                 if (j != i && vec3_norm2(vec3_sub(x[i], x[j])) < cutoff * cutoff) wanted[count++] = j;
-            uint32_t *list = n->list + i * n->stride;
+            uint32_t *list = n->list + n->list_begin[i];
             assert_int_equal(n->list_count[i], count);
             qsort(list, count, sizeof *list, compare_index);
             for (uint32_t k = 0; k < count; k++) assert_int_equal(list[k], wanted[k]);
@@ -67,7 +67,7 @@ static void lists_hold_every_pair_within_its_own_cutoff(void **state)
         assert_true(neighbours_build(n, COUNT, x, size, cutoff, pool, &e));
         assert_true(n->levels > 7);
         for (uint32_t i = 0; i < COUNT; i++) {
-            uint32_t *list = n->list + i * n->stride, k = 0;
+            uint32_t *list = n->list + n->list_begin[i], k = 0;
             qsort(list, n->list_count[i], sizeof *list, compare_index);
             for (uint32_t j = 0; j < COUNT; j++) {
                 double reach = 0.5 * cutoff * (size[i] + size[j]);

@@ -4,119 +4,39 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include <sqlite3.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include "base/memory.h"
-#include "queue/queue.h"
-#include "store/file.h"
-
-typedef struct place {
-    char base[64];
-    queue *q;
-} place;
-
-static int set_up(void **state)
-{
-    place *p = mem_alloc(sizeof *p);
-    strcpy(p->base, "/tmp/hexad-queue-XXXXXX");
-    assert_non_null(mkdtemp(p->base));
-    error e = {0};
-    p->q = queue_open(p->base, &e);
-    if (!p->q) fail_msg("%s", e.message);
-    *state = p;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    place *p = *state;
-    queue_close(p->q);
-    assert_true(store_remove(p->base, NULL));
-    free(p);
-    return 0;
-}
-
-static void put(place *p, const char *name, int priority, char id[ULID_SIZE])
-{
-    queue_submission s = {name, "[\"a\"]", "{\"version\":1}", priority, 3};
-    error e = {0};
-    if (!queue_put(p->q, &s, id, &e)) fail_msg("%s", e.message);
-    assert_true(ulid_is_valid(id));
-}
-
-static queue_job get(place *p, const char *id)
-{
-    queue_job job = {0};
-    bool found = false;
-    assert_true(queue_get(p->q, id, &job, &found, NULL));
-    assert_true(found);
-    return job;
-}
-
-static void expect_state(place *p, const char *id, queue_state state)
-{
-    queue_job job = get(p, id);
-    assert_string_equal(queue_state_name(job.state), queue_state_name(state));
-    queue_job_clear(&job);
-}
-
-/* Claims the next job, which has to be `id`; returns the attempt's number. */
-static int claim(place *p, const char *id)
-{
-    queue_job job = {0};
-    bool found = false;
-    assert_true(queue_claim(p->q, &job, &found, NULL));
-    assert_true(found);
-    assert_string_equal(job.id, id);
-    assert_int_equal(job.state, QUEUE_RUNNING);
-    assert_non_null(job.spec);
-    int attempt = job.attempt;
-    queue_job_clear(&job);
-    return attempt;
-}
-
-static const queue_ending success = {.state = QUEUE_SUCCEEDED,
-                                     .outcome = QUEUE_CONVERGED,
-                                     .exit_status = 0,
-                                     .signal = -1,
-                                     .peak_memory_bytes = 4096,
-                                     .reason = "ended"};
-static const queue_ending crash = {.state = QUEUE_FAILED,
-                                   .exit_status = -1,
-                                   .signal = 9,
-                                   .error_code = "internal",
-                                   .error_message = "killed",
-                                   .reason = "signal 9"};
-
-static void reopen(place *p)
-{
-    queue_close(p->q);
-    error e = {0};
-    p->q = queue_open(p->base, &e);
-    if (!p->q) fail_msg("%s", e.message);
-}
+#include "queue_place.h"
 
 static void test_a_job_survives_a_reopening(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    put(p, "näme", 7, id);
+    queue_submission s = plain;
+    s.name = "näme";
+    s.owner = "ann";
+    s.trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+    s.priority = 7;
+    s.retention_s = 60;
+    submit_for(p, &s, id);
     reopen(p);
     queue_job job = get(p, id);
     assert_string_equal(job.name, "näme");
+    assert_string_equal(job.owner, "ann");
     assert_string_equal(job.labels, "[\"a\"]");
+    assert_string_equal(job.trace, s.trace);
     assert_string_equal(job.spec, "{\"version\":1}");
     assert_int_equal(job.priority, 7);
+    assert_int_equal(job.threads, 1);
+    assert_int_equal(job.memory_mb, 100);
+    assert_int_equal(job.retention_s, 60);
     assert_int_equal(job.state, QUEUE_QUEUED);
-    assert_int_equal(job.attempt, 0);
+    assert_int_equal(job.tasks.all, 1);
+    assert_int_equal(job.tasks.waiting, 1);
+    assert_false(job.array);
+    assert_int_equal(job.attempts, 0);
     assert_true(job.created_ms > 0);
     assert_int_equal(job.started_ms, 0);
     queue_job_clear(&job);
+    assert_int_equal(get_task(p, id, 0).frame, QUEUE_NO_FRAME);
     bool found = true;
     assert_true(queue_get(p->q, "01aaaaaaaaaaaaaaaaaaaaaaaa", &job, &found, NULL));
     assert_false(found);
@@ -134,16 +54,15 @@ static void test_claims_go_by_priority_then_age(void **state)
     claim(p, first);
     claim(p, second);
     claim(p, low);
-    queue_job job = {0};
-    bool found = true;
-    assert_true(queue_claim(p->q, &job, &found, NULL));
-    assert_false(found);
-    queue_job *jobs;
+    claim(p, NULL);
+    queue_claimed *left;
     size_t count;
-    assert_true(queue_list_unsettled(p->q, &jobs, &count, NULL));
+    assert_true(queue_list_unsettled(p->q, &left, &count, NULL));
     assert_int_equal(count, 4);
-    assert_string_equal(jobs[0].id, low);
-    queue_jobs_free(jobs, count);
+    assert_string_equal(left[0].job.id, low);
+    assert_int_equal(left[0].task.attempt, 1);
+    assert_non_null(left[0].job.spec);
+    queue_claimed_free(left, count);
 }
 
 static void test_only_the_current_attempt_settles(void **state)
@@ -151,27 +70,23 @@ static void test_only_the_current_attempt_settles(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "fenced", 0, id);
-    bool accepted = true;
-    assert_true(queue_finish(p->q, id, 0, &success, &accepted, NULL)); /* not running at all */
-    assert_false(accepted);
+    assert_false(finish(p, id, 0, 0, &success)); /* not running at all */
     int old = claim(p, id);
-    assert_true(queue_requeue(p->q, id, old, true, &crash, &accepted, NULL));
-    assert_true(accepted);
+    assert_true(requeue(p, id, old, true, 0, &crash));
     int current = claim(p, id);
     assert_true(current > old);
-    assert_true(queue_finish(p->q, id, old, &success, &accepted, NULL));
-    assert_false(accepted);
+    assert_false(finish(p, id, 0, old, &success));
+    assert_false(finish(p, id, 1, current, &success)); /* there is no such task */
     expect_state(p, id, QUEUE_RUNNING);
-    assert_true(queue_finish(p->q, id, current, &success, &accepted, NULL));
-    assert_true(accepted);
-    assert_true(queue_finish(p->q, id, current, &crash, &accepted, NULL)); /* once is enough */
-    assert_false(accepted);
+    assert_true(finish(p, id, 0, current, &success));
+    assert_false(finish(p, id, 0, current, &crash)); /* once is enough */
     queue_job job = get(p, id);
     assert_int_equal(job.state, QUEUE_SUCCEEDED);
     assert_int_equal(job.outcome, QUEUE_CONVERGED);
-    assert_int_equal(job.spent, 2);
+    assert_int_equal(job.attempts, 2);
     assert_true(job.finished_ms >= job.started_ms && job.started_ms >= job.created_ms);
     queue_job_clear(&job);
+    assert_int_equal(get_task(p, id, 0).spent, 2);
     queue_attempt *attempts;
     size_t count;
     assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
@@ -181,6 +96,7 @@ static void test_only_the_current_attempt_settles(void **state)
     assert_string_equal(attempts[0].reason, "signal 9");
     assert_int_equal(attempts[1].exit_status, 0);
     assert_int_equal(attempts[1].peak_memory_bytes, 4096);
+    assert_string_equal(attempts[1].host, "farm1");
     queue_attempts_free(attempts, count);
 }
 
@@ -189,15 +105,40 @@ static void test_an_attempt_given_back_does_not_count(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "drained", 0, id);
-    bool accepted = false;
     int attempt = claim(p, id);
-    assert_true(queue_requeue(p->q, id, attempt, false, &crash, &accepted, NULL));
-    assert_true(accepted);
-    queue_job job = get(p, id);
-    assert_int_equal(job.spent, 0);
-    assert_int_equal(job.attempt, attempt); /* the fence never goes back */
-    queue_job_clear(&job);
+    assert_true(requeue(p, id, attempt, false, 0, &crash));
+    queue_task task = get_task(p, id, 0);
+    assert_int_equal(task.spent, 0);
+    assert_int_equal(task.attempt, attempt); /* the fence never goes back */
     assert_int_equal(claim(p, id), attempt + 1);
+}
+
+/* Years away, and long past. */
+static void test_who_crashed_waits_and_holds_nobody_up(void **state)
+{
+    place *p = *state;
+    char crashed[ULID_SIZE], other[ULID_SIZE];
+    int64_t due = 0, later = INT64_C(1) << 42;
+    put(p, "crashed", 9, crashed);
+    put(p, "other", 0, other);
+    assert_true(queue_next_due(p->q, &due, NULL));
+    assert_true(due == INT64_MAX);
+    assert_true(requeue(p, crashed, claim(p, crashed), true, later, &crash));
+    expect_state(p, crashed, QUEUE_QUEUED);
+    assert_true(get_task(p, crashed, 0).not_before_ms == later);
+    assert_true(queue_next_due(p->q, &due, NULL));
+    assert_true(due == later);
+    claim(p, other);
+    claim(p, NULL);
+    reopen(p); /* it is no matter of memory */
+    claim(p, NULL);
+    assert_int_equal(tell(p, crashed, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_true(queue_next_due(p->q, &due, NULL));
+    assert_true(due == INT64_MAX);
+    char soon[ULID_SIZE];
+    put(p, "soon", 0, soon);
+    assert_true(requeue(p, soon, claim(p, soon), true, 1, &crash)); /* that time is over */
+    claim(p, soon);
 }
 
 static void test_cancel(void **state)
@@ -207,24 +148,337 @@ static void test_cancel(void **state)
     put(p, "running", 1, running);
     put(p, "waiting", 0, waiting);
     int attempt = claim(p, running);
-    bool found, changed, accepted;
-    queue_state now;
-    assert_true(queue_cancel(p->q, waiting, &found, &changed, &now, NULL));
-    assert_true(found && changed && now == QUEUE_CANCELLED);
-    assert_true(queue_cancel(p->q, waiting, &found, &changed, &now, NULL));
-    assert_true(found && !changed && now == QUEUE_CANCELLED);
+    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(tell(p, waiting, QUEUE_CANCEL, false), QUEUE_CANCELLED);
     queue_job job = get(p, waiting);
     assert_true(job.finished_ms > 0);
     queue_job_clear(&job);
-    assert_true(queue_cancel(p->q, running, &found, &changed, &now, NULL));
-    assert_true(found && changed && now == QUEUE_CANCELLING);
-    assert_true(queue_requeue(p->q, running, attempt, true, &crash, &accepted, NULL));
-    assert_false(accepted); /* would undo the cancellation */
+    assert_int_equal(tell(p, running, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    assert_int_equal(tell(p, running, QUEUE_CANCEL, false), QUEUE_CANCELLING);
+    assert_false(requeue(p, running, attempt, true, 0, &crash)); /* would undo the cancellation */
     queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
-    assert_true(queue_finish(p->q, running, attempt, &ending, &accepted, NULL));
-    assert_true(accepted);
-    assert_true(queue_cancel(p->q, "nobody", &found, &changed, &now, NULL));
+    assert_true(finish(p, running, 0, attempt, &ending));
+    expect_state(p, running, QUEUE_CANCELLED);
+    bool found = true, changed = true;
+    queue_state now;
+    assert_true(queue_tell(p->q, "nobody", QUEUE_CANCEL, &found, &changed, &now, NULL));
     assert_false(found || changed);
+}
+
+static void test_pause_and_resume(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    put(p, "paused", 0, id);
+    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_PAUSED);
+    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_PAUSED);
+    claim(p, NULL);
+    assert_int_equal(tell(p, id, QUEUE_RESUME, true), QUEUE_QUEUED);
+    int attempt = claim(p, id);
+    assert_int_equal(tell(p, id, QUEUE_PAUSE, true), QUEUE_RUNNING); /* what runs goes on */
+    assert_true(requeue(p, id, attempt, true, 0, &crash));
+    expect_state(p, id, QUEUE_PAUSED);
+    claim(p, NULL);
+    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLED);
+    assert_int_equal(tell(p, id, QUEUE_PAUSE, false), QUEUE_CANCELLED);
+}
+
+static void test_the_same_key_is_the_same_job(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    s.key = "k";
+    s.body_hash = "abc";
+    queue_receipt first = submit(p, &s), again = submit(p, &s);
+    assert_int_equal(first.verdict, QUEUE_CREATED);
+    assert_int_equal(again.verdict, QUEUE_REPLAYED);
+    assert_string_equal(again.id, first.id);
+    reopen(p);
+    s.body_hash = "def";
+    assert_int_equal(submit(p, &s).verdict, QUEUE_MISMATCH);
+    s.owner = "somebody else";
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    s.key = NULL;
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+}
+
+static void test_a_user_has_so_many_jobs(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    s.owner = "ann";
+    s.most_waiting = 2;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    submit_for(p, &s, first);
+    submit_for(p, &s, second);
+    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    int attempt = claim(p, first);
+    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_true(finish(p, first, 0, attempt, &success));
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    s.owner = "bob";
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED);
+}
+
+static void test_a_user_runs_so_many(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char ann[3][ULID_SIZE], bob[ULID_SIZE];
+    s.owner = "ann";
+    for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
+    s.owner = "bob";
+    submit_for(p, &s, bob);
+    queue_room room = wide;
+    room.most_of_owner = 1;
+    queue_task task = claim_in(p, &room, ann[0]);
+    claim_in(p, &room, bob);
+    claim_in(p, &room, NULL);
+    assert_true(finish(p, ann[0], 0, task.attempt, &success));
+    claim_in(p, &room, ann[1]);
+    claim_in(p, &room, NULL);
+}
+
+static void test_what_fits_passes_by_but_not_for_ever(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char large[ULID_SIZE], hungry[ULID_SIZE], small[QUEUE_OVERTAKE_MOST + 1][ULID_SIZE];
+    s.threads = 99; /* more than there are: those */
+    submit_for(p, &s, large);
+    s.threads = 1;
+    for (int i = 0; i <= QUEUE_OVERTAKE_MOST; i++) submit_for(p, &s, small[i]);
+    queue_room room = {.threads = 3, .all_threads = 4, .memory_mb = 1000, .all_memory_mb = 1000};
+    for (int i = 0; i < QUEUE_OVERTAKE_MOST; i++) claim_in(p, &room, small[i]);
+    claim_in(p, &room, NULL); /* from here on all wait for the large one */
+    room.threads = 4;
+    claim_in(p, &room, large);
+    room.memory_mb = 99;
+    claim_in(p, &room, NULL);
+    s.memory_mb = 1001;
+    submit_for(p, &s, hungry);
+    claim_in(p, &room, hungry); /* which will never fit, and is to be told */
+}
+
+static void test_jobs_wait_for_others(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE], third[ULID_SIZE];
+    put(p, "first", 0, first);
+    put(p, "second", 0, second);
+    const char *needs[] = {first, second, first};
+    s.depends_on = needs;
+    s.depends_on_count = 3;
+    queue_receipt receipt = submit(p, &s);
+    assert_int_equal(receipt.state, QUEUE_BLOCKED);
+    memcpy(third, receipt.id, sizeof third);
+    int attempt = claim(p, first);
+    claim(p, second);
+    claim(p, NULL);
+    assert_true(finish(p, first, 0, attempt, &success));
+    reopen(p);
+    expect_state(p, third, QUEUE_BLOCKED);
+    assert_true(finish(p, second, 0, 1, &success));
+    expect_state(p, third, QUEUE_QUEUED);
+    claim(p, third);
+    needs[2] = "01aaaaaaaaaaaaaaaaaaaaaaaa";
+    receipt = submit(p, &s);
+    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.dependency, 2);
+    s.depends_on_count = 2; /* both have succeeded */
+    assert_int_equal(submit(p, &s).state, QUEUE_QUEUED);
+}
+
+static void test_who_depends_on_a_failure_fails(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[3][ULID_SIZE];
+    put(p, "first", 0, id[0]);
+    for (int i = 1; i < 3; i++) {
+        const char *needs[] = {id[i - 1]};
+        s.depends_on = needs;
+        s.depends_on_count = 1;
+        submit_for(p, &s, id[i]);
+    }
+    assert_true(finish(p, id[0], 0, claim(p, id[0]), &crash));
+    for (int i = 1; i < 3; i++) {
+        queue_job job = get(p, id[i]);
+        assert_int_equal(job.state, QUEUE_FAILED);
+        assert_string_equal(job.error_code, "dependency_failed");
+        assert_non_null(strstr(job.error_message, id[i - 1]));
+        queue_job_clear(&job);
+    }
+    const char *needs[] = {id[2]};
+    s.depends_on = needs;
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* at once */
+    assert_int_equal(tell(p, id[1], QUEUE_RETRY, false), QUEUE_FAILED);
+    assert_int_equal(tell(p, id[0], QUEUE_RETRY, true), QUEUE_QUEUED);
+    assert_int_equal(tell(p, id[1], QUEUE_RETRY, true), QUEUE_BLOCKED);
+    assert_true(finish(p, id[0], 0, claim(p, id[0]), &success));
+    claim(p, id[1]);
+}
+
+static const int frames[] = {1, 3, 5};
+
+static void test_an_array_has_one_state(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE];
+    s.frames = frames;
+    s.frame_count = 3;
+    submit_for(p, &s, id);
+    queue_task first = claim_in(p, &wide, id), second = claim_in(p, &wide, id);
+    assert_int_equal(first.frame, 1);
+    assert_int_equal(second.frame, 3);
+    assert_true(finish(p, id, 0, first.attempt, &success));
+    assert_true(finish(p, id, 1, second.attempt, &crash));
+    expect_state(p, id, QUEUE_RUNNING); /* between two frames */
+    queue_task third = claim_in(p, &wide, id);
+    queue_ending vague = success;
+    vague.outcome = QUEUE_NOT_CONVERGED;
+    assert_true(finish(p, id, 2, third.attempt, &vague));
+    queue_job job = get(p, id);
+    assert_true(job.array);
+    assert_int_equal(job.state, QUEUE_FAILED);
+    assert_int_equal(job.outcome, QUEUE_NO_OUTCOME);
+    assert_int_equal(job.tasks.succeeded, 2);
+    assert_int_equal(job.tasks.failed, 1);
+    assert_string_equal(job.error_message, "1 of 3 frames failed; frame 3: killed");
+    queue_job_clear(&job);
+    bool found;
+    queue_task task = {0};
+    assert_true(queue_get_frame(p->q, id, 3, &task, &found, NULL));
+    assert_true(found);
+    assert_int_equal(task.state, QUEUE_FAILED);
+    assert_string_equal(task.error_message, "killed");
+    queue_task_clear(&task);
+    assert_true(queue_get_frame(p->q, id, 2, &task, &found, NULL));
+    assert_false(found);
+    /* only what failed is tried again, with all its attempts, under a new number */
+    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    second = claim_in(p, &wide, id);
+    assert_int_equal(second.frame, 3);
+    assert_int_equal(second.attempt, 2);
+    assert_int_equal(second.spent, 1);
+    claim(p, NULL);
+    assert_true(finish(p, id, 1, second.attempt, &success));
+    job = get(p, id);
+    assert_int_equal(job.state, QUEUE_SUCCEEDED);
+    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
+    assert_null(job.error_message);
+    assert_int_equal(job.attempts, 4);
+    queue_job_clear(&job);
+    assert_int_equal(tell(p, id, QUEUE_RETRY, false), QUEUE_SUCCEEDED);
+}
+
+static void test_cancel_of_an_array(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE];
+    s.frames = frames;
+    s.frame_count = 3;
+    submit_for(p, &s, id);
+    int attempt = claim(p, id);
+    assert_int_equal(tell(p, id, QUEUE_CANCEL, true), QUEUE_CANCELLING);
+    claim(p, NULL);
+    assert_true(finish(p, id, 0, attempt, &crash));
+    expect_state(p, id, QUEUE_CANCELLED);
+    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_QUEUED);
+    claim(p, id);
+}
+
+static void test_edits_have_revisions(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    put(p, "edited", 0, id);
+    put(p, "other", 1, other);
+    queue_job job = get(p, id);
+    int64_t revision = job.revision, retention = 1;
+    queue_job_clear(&job);
+    int priority = 2;
+    queue_edit edit = {.priority = &priority, .labels = "[\"b\",\"c\"]"};
+    queue_edited edited;
+    assert_true(queue_change(p->q, id, revision, &edit, &edited, NULL));
+    assert_int_equal(edited, QUEUE_EDITED);
+    assert_true(queue_change(p->q, id, revision, &edit, &edited, NULL));
+    assert_int_equal(edited, QUEUE_STALE);
+    assert_true(queue_change(p->q, "nobody", -1, &edit, &edited, NULL));
+    assert_int_equal(edited, QUEUE_NOT_THERE);
+    job = get(p, id);
+    assert_int_equal(job.revision, revision + 1);
+    assert_int_equal(job.priority, 2);
+    assert_string_equal(job.labels, "[\"b\",\"c\"]");
+    queue_job_clear(&job);
+    int attempt = claim(p, id); /* before the other now */
+    job = get(p, id);
+    assert_int_equal(job.revision, revision + 2);
+    queue_job_clear(&job);
+    assert_true(finish(p, id, 0, attempt, &success));
+    int64_t at = 0;
+    assert_true(queue_next_expiry(p->q, &at, NULL));
+    assert_true(at == INT64_MAX);
+    edit = (queue_edit){.retention_s = &retention};
+    assert_true(queue_change(p->q, id, -1, &edit, &edited, NULL));
+    job = get(p, id);
+    assert_true(queue_next_expiry(p->q, &at, NULL));
+    assert_true(at == job.finished_ms + 1000);
+    assert_true(job.retention_s == 1);
+    queue_job_clear(&job);
+}
+
+static void test_what_is_over_is_forgotten(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE], kept[ULID_SIZE], dependent[ULID_SIZE];
+    s.retention_s = 10;
+    s.key = "k";
+    s.body_hash = "abc";
+    submit_for(p, &s, id);
+    put(p, "kept", 0, kept);
+    const char *needs[] = {id};
+    s.key = NULL;
+    s.depends_on = needs;
+    s.depends_on_count = 1;
+    submit_for(p, &s, dependent);
+    bool found, deleted;
+    assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
+    assert_true(found && !deleted);
+    assert_true(finish(p, id, 0, claim(p, id), &success));
+    assert_true(finish(p, kept, 0, claim(p, kept), &success));
+    queue_job job = get(p, id);
+    int64_t over = job.finished_ms + 10000;
+    queue_job_clear(&job);
+    char(*ids)[ULID_SIZE];
+    size_t count;
+    assert_true(queue_list_expired(p->q, over - 1, 9, &ids, &count, NULL));
+    assert_int_equal(count, 0);
+    free(ids);
+    assert_true(queue_list_expired(p->q, over, 9, &ids, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_string_equal(ids[0], id);
+    free(ids);
+    assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
+    assert_true(found && deleted);
+    assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
+    assert_false(found);
+    queue_event *events;
+    queue_event_filter filter = {.id = id, .limit = 100};
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_int_equal(count, 0);
+    free(events);
+    claim(p, dependent); /* what it waited for had come */
+    s = plain;
+    s.key = "k";
+    s.body_hash = "def";
+    assert_int_equal(submit(p, &s).verdict, QUEUE_CREATED); /* the key is free again */
 }
 
 static void test_list_pages_newest_first(void **state)
@@ -233,110 +487,184 @@ static void test_list_pages_newest_first(void **state)
     char id[5][ULID_SIZE];
     for (int i = 0; i < 5; i++) put(p, NULL, 0, id[i]);
     claim(p, id[0]);
-    queue_job *jobs;
-    size_t count;
-    queue_filter filter = {.state = -1, .limit = 3};
-    assert_true(queue_list(p->q, &filter, &jobs, &count, NULL));
-    assert_int_equal(count, 3);
-    assert_string_equal(jobs[0].id, id[4]);
-    assert_null(jobs[0].spec);
-    filter.before_seq = jobs[2].seq;
-    queue_jobs_free(jobs, count);
-    assert_true(queue_list(p->q, &filter, &jobs, &count, NULL));
-    assert_int_equal(count, 2);
-    assert_string_equal(jobs[1].id, id[0]);
-    queue_jobs_free(jobs, count);
-    filter = (queue_filter){.state = QUEUE_QUEUED, .limit = 100};
-    assert_true(queue_list(p->q, &filter, &jobs, &count, NULL));
-    assert_int_equal(count, 4);
-    queue_jobs_free(jobs, count);
+    expect_listed(p, &(queue_filter){.state = -1, .limit = 3}, (const char *[]){id[4], id[3], id[2]}, 3);
+    queue_job job = get(p, id[2]);
+    queue_filter next = {.state = -1, .limit = 3, .before_seq = job.seq};
+    queue_job_clear(&job);
+    expect_listed(p, &next, (const char *[]){id[1], id[0]}, 2);
+    queue_filter queued = {.state = QUEUE_QUEUED, .limit = 100};
+    expect_listed(p, &queued, (const char *[]){id[4], id[3], id[2], id[1]}, 4);
+    int64_t in_state[QUEUE_STATE_COUNT];
+    assert_true(queue_count(p->q, in_state, NULL));
+    assert_int_equal(in_state[QUEUE_QUEUED], 4);
+    assert_int_equal(in_state[QUEUE_RUNNING], 1);
+    assert_int_equal(in_state[QUEUE_FAILED], 0);
 }
 
-static void test_a_second_owner_is_refused(void **state)
+/* All eight combinations of conditions. */
+static void test_list_by_owner_and_label(void **state)
 {
     place *p = *state;
-    error e = {0};
-    assert_null(queue_open(p->base, &e));
-    assert_non_null(strstr(e.message, "another hexad"));
-    assert_non_null(strstr(e.message, p->base));
+    queue_submission s = plain;
+    char ann[ULID_SIZE], bob[ULID_SIZE], shot[ULID_SIZE];
+    s.owner = "ann";
+    submit_for(p, &s, ann);
+    s.labels = "[\"shot\",\"x\",\"shot\"]";
+    submit_for(p, &s, shot);
+    s.owner = "bob";
+    submit_for(p, &s, bob);
+    claim(p, ann);
+    const queue_filter any = {.state = -1, .limit = 9};
+    queue_filter f = any;
+    expect_listed(p, &f, (const char *[]){bob, shot, ann}, 3);
+    f.state = QUEUE_QUEUED;
+    expect_listed(p, &f, (const char *[]){bob, shot}, 2);
+    f.owner = "ann";
+    expect_listed(p, &f, (const char *[]){shot}, 1);
+    f.state = -1;
+    expect_listed(p, &f, (const char *[]){shot, ann}, 2);
+    f.label = "shot";
+    expect_listed(p, &f, (const char *[]){shot}, 1);
+    f.state = QUEUE_QUEUED;
+    expect_listed(p, &f, (const char *[]){shot}, 1);
+    f.owner = NULL;
+    expect_listed(p, &f, (const char *[]){bob, shot}, 2);
+    f.state = -1;
+    f.limit = 1;
+    expect_listed(p, &f, (const char *[]){bob}, 1);
+    queue_job job = get(p, bob);
+    f.before_seq = job.seq;
+    queue_job_clear(&job);
+    expect_listed(p, &f, (const char *[]){shot}, 1);
+    f.label = "nothing";
+    expect_listed(p, &f, NULL, 0);
 }
 
-/* Another program at the database neither gets in nor makes anybody wait. */
-static void test_the_database_has_one_owner(void **state)
+static void test_events_tell_what_happened(void **state)
 {
     place *p = *state;
-    char id[ULID_SIZE];
-    char *path = mem_printf("%s/queue.db", p->base);
-    sqlite3 *other;
-    assert_int_equal(sqlite3_open(path, &other), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_BUSY);
-    put(p, "undisturbed", 0, id);
-    sqlite3_close(other);
-    free(path);
+    queue_submission s = plain;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    s.owner = "ann";
+    submit_for(p, &s, id);
+    put(p, "other", -1, other);
+    assert_true(requeue(p, id, claim(p, id), true, 0, &crash));
+    assert_true(finish(p, id, 0, claim(p, id), &success));
+    static const struct {
+        queue_event_type type;
+        queue_state state;
+        int attempt;
+    } expected[] = {
+        {QUEUE_EVENT_STATE, QUEUE_QUEUED, 0},    {QUEUE_EVENT_STATE, QUEUE_RUNNING, 0},
+        {QUEUE_EVENT_STARTED, QUEUE_RUNNING, 1}, {QUEUE_EVENT_ENDED, QUEUE_QUEUED, 1},
+        {QUEUE_EVENT_STATE, QUEUE_QUEUED, 0},    {QUEUE_EVENT_STATE, QUEUE_RUNNING, 0},
+        {QUEUE_EVENT_STARTED, QUEUE_RUNNING, 2}, {QUEUE_EVENT_ENDED, QUEUE_SUCCEEDED, 2},
+        {QUEUE_EVENT_STATE, QUEUE_SUCCEEDED, 0},
+    };
+    queue_event *events;
+    size_t count, wanted = sizeof expected / sizeof *expected;
+    queue_event_filter filter = {.id = id, .limit = 100};
+    reopen(p);
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_int_equal(count, wanted);
+    for (size_t i = 0; i < wanted; i++) {
+        assert_string_equal(events[i].id, id);
+        assert_int_equal(events[i].type, expected[i].type);
+        assert_int_equal(events[i].state, expected[i].state);
+        assert_int_equal(events[i].attempt, expected[i].attempt);
+        assert_true(i == 0 || events[i].seq > events[i - 1].seq);
+    }
+    assert_int_equal(events[wanted - 1].outcome, QUEUE_CONVERGED);
+    filter.after_seq = events[wanted - 2].seq;
+    free(events);
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_int_equal(count, 1);
+    free(events);
+    filter = (queue_event_filter){.limit = 2}; /* of all jobs */
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_string_equal(events[1].id, other);
+    free(events);
+    filter = (queue_event_filter){.owner = "ann", .limit = 2};
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_string_equal(events[1].id, id);
+    free(events);
+    filter = (queue_event_filter){.id = id, .owner = "bob", .limit = 2};
+    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
+    assert_int_equal(count, 0);
+    free(events);
 }
 
-static void test_a_newer_schema_is_refused(void **state)
+static queue_delivery next_delivery(place *p, const char *id)
+{
+    queue_delivery delivery = {0};
+    bool found = false;
+    assert_true(queue_next_delivery(p->q, &delivery, &found, NULL));
+    assert_int_equal(found, id != NULL);
+    if (id) assert_string_equal(delivery.id, id);
+    return delivery;
+}
+
+static void test_ends_are_told(void **state)
 {
     place *p = *state;
-    queue_close(p->q);
-    p->q = NULL;
-    char *path = mem_printf("%s/queue.db", p->base);
-    sqlite3 *database;
-    assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL),
-                     SQLITE_OK);
-    sqlite3_close(database);
-    free(path);
-    error e = {0};
-    assert_null(queue_open(p->base, &e));
-    assert_non_null(strstr(e.message, "version 99"));
-}
-
-static void test_a_damaged_database_is_refused(void **state)
-{
-    place *p = *state;
-    queue_close(p->q);
-    p->q = NULL;
-    char *path = mem_printf("%s/queue.db", p->base);
-    assert_true(store_file_write(path, "this is no database, only text that stands in its place",
-                                 54, NULL));
-    free(path);
-    error e = {0};
-    assert_null(queue_open(p->base, &e));
-    assert_non_null(strstr(e.message, "queue.db"));
-}
-
-static void test_ulids(void **state)
-{
-    (void)state;
-    char early[ULID_SIZE], late[ULID_SIZE];
-    ulid_make(1000, early);
-    ulid_make(1001, late);
-    assert_true(strcmp(early, late) < 0);
-    ulid_make(1469918176385, early); /* the example of the specification */
-    assert_memory_equal(early, "01aryz6s41", 10);
-    assert_int_equal(ulid_time_ms(early), 1469918176385);
-    assert_false(ulid_is_valid(""));
-    assert_false(ulid_is_valid("../../../../etc/passwd0000"));
-    assert_false(ulid_is_valid("01ARYPYB610000000000000000"));
-    assert_false(ulid_is_valid("01arypyb6100000000000000000"));
+    queue_submission s = plain;
+    char told[ULID_SIZE], quiet[ULID_SIZE], failed[ULID_SIZE];
+    s.webhook = "https://farm/done";
+    submit_for(p, &s, told);
+    put(p, "quiet", 0, quiet);
+    submit_for(p, &s, failed);
+    next_delivery(p, NULL);
+    assert_true(finish(p, told, 0, claim(p, told), &success));
+    assert_true(finish(p, quiet, 0, claim(p, quiet), &success));
+    reopen(p);
+    queue_delivery delivery = next_delivery(p, told);
+    assert_string_equal(delivery.url, "https://farm/done");
+    assert_int_equal(delivery.state, QUEUE_SUCCEEDED);
+    assert_int_equal(delivery.outcome, QUEUE_CONVERGED);
+    assert_int_equal(delivery.tries, 0);
+    assert_true(queue_end_delivery(p->q, delivery.number, INT64_C(1) << 42, NULL));
+    queue_delivery_clear(&delivery);
+    delivery = next_delivery(p, told);
+    assert_true(delivery.due_ms == INT64_C(1) << 42);
+    assert_int_equal(delivery.tries, 1);
+    queue_delivery_clear(&delivery);
+    assert_true(finish(p, failed, 0, claim(p, failed), &crash));
+    delivery = next_delivery(p, failed); /* which is due before */
+    assert_int_equal(delivery.state, QUEUE_FAILED);
+    assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
+    queue_delivery_clear(&delivery);
+    delivery = next_delivery(p, told);
+    queue_delivery_clear(&delivery);
+    bool found, deleted;
+    assert_true(queue_delete(p->q, told, &found, &deleted, NULL));
+    next_delivery(p, NULL);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_a_job_survives_a_reopening, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_claims_go_by_priority_then_age, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_only_the_current_attempt_settles, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_an_attempt_given_back_does_not_count, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(test_cancel, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_list_pages_newest_first, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_second_owner_is_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_the_database_has_one_owner, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_newer_schema_is_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_damaged_database_is_refused, set_up, tear_down),
-        cmocka_unit_test(test_ulids),
+        CASE(test_a_job_survives_a_reopening),
+        CASE(test_claims_go_by_priority_then_age),
+        CASE(test_only_the_current_attempt_settles),
+        CASE(test_an_attempt_given_back_does_not_count),
+        CASE(test_who_crashed_waits_and_holds_nobody_up),
+        CASE(test_cancel),
+        CASE(test_pause_and_resume),
+        CASE(test_the_same_key_is_the_same_job),
+        CASE(test_a_user_has_so_many_jobs),
+        CASE(test_a_user_runs_so_many),
+        CASE(test_what_fits_passes_by_but_not_for_ever),
+        CASE(test_jobs_wait_for_others),
+        CASE(test_who_depends_on_a_failure_fails),
+        CASE(test_an_array_has_one_state),
+        CASE(test_cancel_of_an_array),
+        CASE(test_edits_have_revisions),
+        CASE(test_what_is_over_is_forgotten),
+        CASE(test_list_pages_newest_first),
+        CASE(test_list_by_owner_and_label),
+        CASE(test_events_tell_what_happened),
+        CASE(test_ends_are_told),
     };
+    sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);
 }

@@ -6,18 +6,22 @@
 
 #include <string.h>
 
+#include "http/change.h"
+#include "http/jobs.h"
+#include "http/results.h"
 #include "http/route.h"
+#include "http/status.h"
 
 static void test_parameters(void **state)
 {
     (void)state;
     route_match m;
     route_find("GET", "/v1/jobs/abc/results/points.ply", &m);
-    assert_true(m.handler == jobs_send_result);
+    assert_true(m.found->handler == results_send);
     assert_string_equal(m.parameter[0], "abc");
     assert_string_equal(m.parameter[1], "points.ply");
     route_find("POST", "/v1/jobs/abc/cancel", &m);
-    assert_true(m.handler == jobs_cancel && !m.takes_body);
+    assert_true(m.found->handler == change_cancel && !m.found->body && m.found->scope == SCOPE_CANCEL);
     assert_string_equal(m.parameter[0], "abc");
     assert_null(m.parameter[1]);
 }
@@ -27,11 +31,11 @@ static void test_methods(void **state)
     (void)state;
     route_match m;
     route_find("HEAD", "/healthz", &m);
-    assert_true(m.handler == jobs_health);
+    assert_true(m.found->handler == status_health);
     route_find("POST", "/v1/jobs", &m);
-    assert_true(m.handler == jobs_submit && m.takes_body);
+    assert_true(m.found->handler == jobs_submit && m.found->body);
     route_find("PATCH", "/v1/jobs", &m);
-    assert_true(m.known && !m.handler);
+    assert_true(m.known && !m.found);
     assert_string_equal(m.allow, "POST, GET, HEAD");
 }
 

@@ -21,6 +21,14 @@
 #define GRADED(grading)                                                                                      \
     "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"                       \
     "\"sampling\":{\"count\":100," grading "}}"
+#define EXR(path, slices)                                                                                    \
+    "{\"version\":1,\"surface\":{\"exr\":{\"path\":" path ",\"slices\":" slices ",\"isovalue\":1}},"         \
+    "\"sampling\":{\"count\":100}}"
+
+#define COMBINED(kind)                                                                                       \
+    "{\"version\":1,\"surface\":{\"" kind "\":[{\"analytic\":{\"shape\":\"quartic\"}},"                      \
+    "{\"mesh\":{\"path\":\"a.ply\"}}]},\"sampling\":{\"count\":100}}"
+
 static json *document(const char *text)
 {
     error e = {0};
@@ -105,6 +113,18 @@ static json *document_for(const spec_row *row)
         {"/region", SPHERE ",\"region\":{\"min\":[-1e12,-1e12,-1e12],\"max\":[1e12,1e12,1e12]}}"},
         {"/surface/mesh",
          "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a.ply\"}},\"sampling\":{\"count\":100}}"},
+        {"/surface/volume", "{\"version\":1,\"surface\":{\"volume\":{\"path\":\"a.nrrd\",\"isovalue\":1}},"
+                            "\"sampling\":{\"count\":100}}"},
+        {"/surface/union", COMBINED("union")},
+        {"/surface/intersection", COMBINED("intersection")},
+        {"/surface/difference", COMBINED("difference")},
+        {"/surface/offset", "{\"version\":1,\"surface\":{\"offset\":{\"surface\":{\"analytic\":{\"shape\":"
+                            "\"quartic\"}},\"distance\":1}},"
+                            "\"sampling\":{\"count\":100}}"},
+        {"/surface/transform",
+         "{\"version\":1,\"surface\":{\"transform\":{\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
+         "\"matrix\":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}},\"sampling\":{\"count\":100}}"},
+        {"/surface/exr", EXR("\"a.####.exr\"", "\"1-9\"")},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
@@ -201,7 +221,7 @@ static bool is_bound_by_another(const spec_row *row)
     const char *key = spec_row_key(row);
     return strcmp(key, "minor_radius") == 0 || strcmp(key, "major_radius") == 0 ||
            strcmp(key, "rounding") == 0 || strcmp(key, "min") == 0 || strcmp(key, "max") == 0 ||
-           strcmp(key, "start_count") == 0;
+           strcmp(key, "start_count") == 0 || strcmp(key, "matrix") == 0;
 }
 
 static bool has_fractions(const spec_row *row)
@@ -269,7 +289,8 @@ static void test_defaults_and_presence(void **state)
         if (row->type == SPEC_TYPE_LATER || row->type == SPEC_TYPE_GROUP) continue;
         json *root = document_for(row);
         if (row->choice == SPEC_CHOICE_TARGET) put_at(root, "/sampling/count", number_of(100));
-        if (row->type == SPEC_TYPE_NUMBERS) put_at(root, row->pointer, numbers(1, 64));
+        if (row->type == SPEC_TYPE_NUMBERS && !is_bound_by_another(row))
+            put_at(root, row->pointer, numbers(1, 64));
         spec *s = spec_parse(root, NULL, NULL);
         assert_non_null(s);
         double value;
@@ -380,12 +401,12 @@ static void test_fields(void **state)
              "\"color\":\"curvature\"}},\"limits\":{\"memory_mb\":512,\"timeout_s\":1.5,\"max_"
              "attempts\":2},"
              "\"queue\":{\"priority\":-7,\"labels\":[\"a\",\"b\xc3\xa4\"]}}");
-    assert_int_equal(s->surface_kind, SPEC_SURFACE_VDB);
+    assert_int_equal(s->surface.kind, SPEC_SURFACE_VDB);
     assert_string_equal(s->name, "n");
-    assert_string_equal(s->vdb.path, "p");
-    assert_string_equal(s->vdb.grid, "g");
-    assert_true(s->vdb.has_isovalue && s->vdb.isovalue == 0.5);
-    assert_int_equal(s->vdb.reconstruction, SPEC_RECONSTRUCTION_SMOOTHING);
+    assert_string_equal(s->surface.vdb.path, "p");
+    assert_string_equal(s->surface.vdb.grid, "g");
+    assert_true(s->surface.vdb.has_isovalue && s->surface.vdb.isovalue == 0.5);
+    assert_int_equal(s->surface.vdb.reconstruction, SPEC_RECONSTRUCTION_SMOOTHING);
     assert_int_equal(s->count, 5000);
     assert_true(s->has_alpha && s->alpha.d == 3 && s->alpha.gamma == 0.1 && s->alpha.nu == 0.75 &&
                 s->alpha.kappa_max == 20);
@@ -405,9 +426,10 @@ static void test_fields(void **state)
     s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"torus\",\"axis\":[0,2,0],\"major_"
              "radius\":2,"
              "\"minor_radius\":1}},\"sampling\":{\"count\":4},\"output\":{\"preview\":{\"size\":64}}}");
-    assert_int_equal(s->surface_kind, SPEC_SURFACE_ANALYTIC);
-    assert_int_equal(s->analytic.shape, SPEC_SHAPE_TORUS);
-    assert_true(s->analytic.axis.y == 2 && s->analytic.center.x == 0.5 && s->analytic.radius == 0);
+    assert_int_equal(s->surface.kind, SPEC_SURFACE_ANALYTIC);
+    assert_int_equal(s->surface.analytic.shape, SPEC_SHAPE_TORUS);
+    assert_true(s->surface.analytic.axis.y == 2 && s->surface.analytic.center.x == 0.5 &&
+                s->surface.analytic.radius == 0);
     assert_int_equal(s->preview_height, 64);
     assert_int_equal(s->preview_color, SPEC_COLOR_CURVATURE);
     assert_true(!s->has_alpha && !s->name);
@@ -469,11 +491,13 @@ static void test_bspline(void **state)
     char *members = mem_printf("%s,\"domain\":{\"min\":[-1,-2,-3]}", list);
     char *text = bspline("[4,5,4]", members);
     spec *s = good(text);
-    assert_int_equal(s->surface_kind, SPEC_SURFACE_BSPLINE);
-    assert_true(s->bspline.dims[0] == 4 && s->bspline.dims[1] == 5 && s->bspline.dims[2] == 4);
-    assert_int_equal(s->bspline.coefficient_count, 80);
-    assert_true(s->bspline.coefficients[7] == -1250 && s->bspline.coefficients[79] == 49);
-    assert_true(s->bspline.domain.min.z == -3 && s->bspline.domain.max.z == 1 && !s->bspline.path);
+    assert_int_equal(s->surface.kind, SPEC_SURFACE_BSPLINE);
+    assert_true(s->surface.bspline.dims[0] == 4 && s->surface.bspline.dims[1] == 5 &&
+                s->surface.bspline.dims[2] == 4);
+    assert_int_equal(s->surface.bspline.coefficient_count, 80);
+    assert_true(s->surface.bspline.coefficients[7] == -1250 && s->surface.bspline.coefficients[79] == 49);
+    assert_true(s->surface.bspline.domain.min.z == -3 && s->surface.bspline.domain.max.z == 1 &&
+                !s->surface.bspline.path);
     spec_free(s);
     expect_bspline_fault("[4,4,4]", members, "/surface/bspline/coefficients", "4 x 4 x 4 = 64 (given 80)");
     free(text);
@@ -481,8 +505,8 @@ static void test_bspline(void **state)
     free(list);
     text = bspline("[9,4,4096]", ",\"path\":\"c.raw\"");
     s = good(text);
-    assert_string_equal(s->bspline.path, "c.raw");
-    assert_null(s->bspline.coefficients);
+    assert_string_equal(s->surface.bspline.path, "c.raw");
+    assert_null(s->surface.bspline.coefficients);
     spec_free(s);
     free(text);
     static const char *const bad_values[] = {"null", "\"1\"", "[1]", "1e31", "1e999"};
@@ -513,7 +537,7 @@ static void test_many_coefficients(void **state)
     put_at(root, "/surface/bspline/dims", numbers(64, 3));
     spec *s = spec_parse(root, NULL, NULL);
     assert_non_null(s);
-    assert_int_equal(s->bspline.coefficient_count, 64 * 64 * 64);
+    assert_int_equal(s->surface.bspline.coefficient_count, 64 * 64 * 64);
     spec_free(s);
     json_free(root);
 }
@@ -532,7 +556,7 @@ static void test_preview_switch(void **state)
     }
     spec *s = good("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
                    "\"sampling\":{\"count\":100,\"alpha\":{}}}");
-    assert_true(s->has_preview && s->preview_color == SPEC_COLOR_ALPHA && s->analytic.r == 0.13);
+    assert_true(s->has_preview && s->preview_color == SPEC_COLOR_ALPHA && s->surface.analytic.r == 0.13);
     spec_free(s);
 }
 
@@ -574,7 +598,7 @@ static void test_normalised_is_idempotent(void **state)
               "\"points_vdb\":false,"
               "\"mesh\":false},"
               "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
-              "\"queue\":{\"priority\":0,\"labels\":[]}}");
+              "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"retention_s\":0}}");
     free(text);
     spec_free(s);
 }
@@ -596,11 +620,11 @@ static void test_mesh(void **state)
         json *root = document(text);
         spec *s = spec_parse(root, NULL, NULL);
         assert_non_null(s);
-        assert_int_equal(s->surface_kind, SPEC_SURFACE_MESH);
-        assert_string_equal(s->mesh.path, "a/b.obj");
-        assert_true(s->mesh.voxel_size == cases[k].voxel_size);
-        assert_int_equal(s->mesh.resolution, cases[k].resolution);
-        assert_int_equal(s->mesh.band_vox, cases[k].band_vox);
+        assert_int_equal(s->surface.kind, SPEC_SURFACE_MESH);
+        assert_string_equal(s->surface.mesh.path, "a/b.obj");
+        assert_true(s->surface.mesh.voxel_size == cases[k].voxel_size);
+        assert_int_equal(s->surface.mesh.resolution, cases[k].resolution);
+        assert_int_equal(s->surface.mesh.band_vox, cases[k].band_vox);
         spec_free(s);
         json_free(root);
         free(text);
@@ -634,6 +658,75 @@ static void test_inputs(void **state)
     assert_false(spec_input_at(s, 0, &input));
     spec_free(s);
     json_free(root);
+}
+
+static void test_slices(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        const char *first, *last;
+        size_t count;
+        int step;
+    } cases[] = {{EXR("\"d/a.####.exr\"", "\"1-93\""), "d/a.0001.exr", "d/a.0093.exr", 93, 1},
+                 {EXR("\"a%04d.exr\"", "\"0-10x5\""), "a0000.exr", "a0010.exr", 3, 5},
+                 {EXR("\"#\"", "\"9-11\""), "9", "11", 3, 1},
+                 {EXR("\"a.%d\"", "\"8-13x2\""), "a.8", "a.12", 3, 2}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        spec *s = good(cases[k].text);
+        spec_input input;
+        assert_int_equal(s->surface.kind, SPEC_SURFACE_EXR);
+        assert_int_equal(s->surface.exr.count, cases[k].count);
+        assert_int_equal(s->surface.exr.numbers[1] - s->surface.exr.numbers[0], cases[k].step);
+        assert_true(spec_input_at(s, 0, &input));
+        assert_string_equal(input.path, cases[k].first);
+        assert_true(spec_input_at(s, cases[k].count - 1, &input));
+        assert_string_equal(input.path, cases[k].last);
+        assert_string_equal(input.pointer, "/surface/exr/path");
+        assert_false(spec_input_at(s, cases[k].count, &input));
+        spec_free(s);
+    }
+    static const char *const slices[] = {"\"1\"",    "\"1-\"",   "\"3-3\"",   "\"9-1\"",    "\"1-9x0\"",
+                                         "\"1-9x\"", "\"1-9 \"", "\"1-3x5\"", "\"0-65536\""};
+    for (size_t k = 0; k < sizeof slices / sizeof *slices; k++) {
+        char *text =
+            mem_printf("{\"surface\":{\"exr\":{\"path\":\"#\",\"slices\":%s,\"isovalue\":1}}}", slices[k]);
+        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/slices", "must be");
+        free(text);
+    }
+    static const char *const paths[] = {"a", "a#b#", "%04d%d", "#%d", "%s", "%", "%1234d", "%5.d"};
+    for (size_t k = 0; k < sizeof paths / sizeof *paths; k++) {
+        char *text = mem_printf("{\"surface\":{\"exr\":{\"path\":\"%s\",\"slices\":\"1-3\",\"isovalue\":1}}}",
+                                paths[k]);
+        expect_fault(text, ERROR_SPEC_INVALID, "/surface/exr/path", "must have one #### or %04d");
+        free(text);
+    }
+}
+
+static void test_surfaces_of_surfaces(void **state)
+{
+    (void)state;
+    spec *s = good(
+        "{\"version\":1,\"surface\":{\"difference\":[{\"vdb\":{\"path\":\"a.vdb\"}},{\"offset\":{\"surface\":"
+        "{\"union\":[{\"mesh\":{\"path\":\"b.ply\"}},{\"analytic\":{\"shape\":\"sphere\",\"radius\":2}}]},"
+        "\"distance\":-0.5}}]},\"sampling\":{\"count\":100}}");
+    const spec_surface *whole = &s->surface, *offset = whole->parts[1], *both = offset->parts[0];
+    spec_input input;
+    assert_int_equal(whole->kind, SPEC_SURFACE_DIFFERENCE);
+    assert_int_equal(whole->part_count, 2);
+    assert_int_equal(whole->parts[0]->kind, SPEC_SURFACE_VDB);
+    assert_int_equal(offset->kind, SPEC_SURFACE_OFFSET);
+    assert_true(offset->distance == -0.5);
+    assert_int_equal(both->kind, SPEC_SURFACE_UNION);
+    assert_int_equal(both->parts[0]->mesh.resolution, 256);
+    assert_true(both->parts[1]->analytic.radius == 2 && both->parts[1]->analytic.center.x == 0.5);
+    assert_true(spec_input_at(s, 0, &input));
+    assert_string_equal(input.pointer, "/surface/difference/0/vdb/path");
+    assert_true(spec_input_at(s, 1, &input));
+    assert_string_equal(input.pointer, "/surface/difference/1/offset/surface/union/0/mesh/path");
+    assert_string_equal(input.path, "b.ply");
+    assert_false(spec_input_at(s, 2, &input));
+    spec_free(s);
 }
 
 static void test_faults(void **state)
@@ -702,8 +795,9 @@ static void test_all_faults_are_collected(void **state)
     (void)state;
     error e = {0};
     spec_faults faults =
-        bad("{\"version\":1,\"surface\":{\"exr\":{}},\"sampling\":{\"count\":1,\"counts\":1},"
-            "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}}}",
+        bad("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},\"sampling\":{\"count\":1,"
+            "\"counts\":1},"
+            "\"solver\":{\"seed\":-1,\"threads\":\"x\"},\"output\":{\"mesh\":{}},\"queue\":{\"webhook\":{}}}",
             &e);
     assert_int_equal(faults.count, 6);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
@@ -727,13 +821,40 @@ static void test_invalid_fault_behind_others(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults = bad(SPHERE ",\"output\":{\"directory\":1},\"queue\":{\"frames\":1,\"coherent\":1,"
-                                    "\"retention_s\":1,\"webhook\":1,\"priority\":5000}}",
+    spec_faults faults = bad(SPHERE ",\"queue\":{\"coherent\":1,\"webhook\":1,\"priority\":5000}}",
                              &e);
     assert_true(faults.count > 1);
     assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_non_null(strstr(e.message, "/queue/priority"));
+}
+
+static void test_frames(void **state)
+{
+    (void)state;
+    error e = {0};
+    static const char sequence[] =
+        "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"sampling\":"
+        "{\"count\":9},\"queue\":{\"frames\":\"8-12x2\",\"depends_on\":[\"x\"],"
+        "\"retention_s\":60}}";
+    json *document = json_parse(sequence, sizeof sequence - 1, NULL);
+    spec *s = spec_parse(document, NULL, &e);
+    json_free(document);
+    if (!s) fail_msg("%s", e.message);
+    assert_int_equal(s->frame_count, 3);
+    assert_int_equal(s->frame[2], 12);
+    assert_int_equal(s->depends_on_count, 1);
+    assert_string_equal(s->depends_on[0], "x");
+    assert_int_equal(s->retention_s, 60);
+    spec_set_frame(s, 10);
+    assert_string_equal(s->vdb.path, "a.0010.vdb");
+    spec_free(s);
+    spec_faults faults = bad(SPHERE ",\"queue\":{\"frames\":\"1-3\"}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/frames");
+    assert_non_null(strstr(e.message, "####"));
+    faults = bad(SPHERE ",\"queue\":{\"frames\":\"3-1\"}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/frames");
+    assert_non_null(strstr(e.message, "3-1"));
 }
 
 static void test_lengths(void **state)
@@ -782,6 +903,7 @@ int main(void)
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),
         cmocka_unit_test(test_every_later_member_is_not_supported),
+        cmocka_unit_test(test_frames),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),
         cmocka_unit_test(test_region),
@@ -791,6 +913,8 @@ int main(void)
         cmocka_unit_test(test_normalised_is_idempotent),
         cmocka_unit_test(test_mesh),
         cmocka_unit_test(test_inputs),
+        cmocka_unit_test(test_slices),
+        cmocka_unit_test(test_surfaces_of_surfaces),
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
         cmocka_unit_test(test_invalid_fault_behind_others),

@@ -96,8 +96,9 @@ static void derivatives_are_those_of_the_values(void **state)
 {
     (void)state;
     /* The second derivative has kinks at cell faces: a difference across one sees the mean of two
-     * third derivatives, of about 1 a voxel, times the step. */
-    const double gradient_tolerance = 1e-6, hessian_tolerance = 1e-3;
+     * third derivatives, of about 1 a voxel, times the step. In the gradient that is a sixth of the step's square,
+     * held against as little as a hundredth where F is flat. */
+    const double gradient_tolerance = 1e-5, hessian_tolerance = 1e-3;
     uint64_t seed = SEED;
     for (size_t t = 0; t < TRANSFORMS; t++)
         for (int how = 0; how < 2; how++) {

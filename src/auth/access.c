@@ -1,0 +1,210 @@
+#include "auth/access.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <grp.h>
+#include <pthread.h>
+#include <pwd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "auth/token.h"
+#include "base/log.h"
+#include "base/memory.h"
+
+#define NAME_BYTES 16384 /* for a user's or a group's record, of which a large group's is long */
+
+typedef struct numbers {
+    unsigned *item;
+    size_t count;
+} numbers;
+
+struct access_control {
+    numbers users, groups, admins;
+    bool open_tcp;
+    char *token_file;
+    pthread_mutex_t mutex; /* for what follows */
+    token_set tokens;
+    struct stat seen; /* of the file that the tokens are from; zero: there was none */
+};
+
+typedef bool resolver(const char *name, unsigned *number);
+
+static bool resolve_user(const char *name, unsigned *number)
+{
+    char room[NAME_BYTES];
+    struct passwd record, *found = NULL;
+    if (getpwnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    *number = found->pw_uid;
+    return true;
+}
+
+static bool resolve_group(const char *name, unsigned *number)
+{
+    char room[NAME_BYTES];
+    struct group record, *found = NULL;
+    if (getgrnam_r(name, &record, room, sizeof room, &found) != 0 || !found) return false;
+    *number = found->gr_gid;
+    return true;
+}
+
+static bool resolve(const access_names *names, const char *what, resolver *by_name, numbers *out, error *e)
+{
+    out->item = mem_alloc(names->count * sizeof *out->item);
+    for (size_t i = 0; i < names->count; i++) {
+        char *end = NULL;
+        const char *name = names->item[i];
+        unsigned long number = strtoul(name, &end, 10);
+        bool numeric = isdigit((unsigned char)*name) && !*end && number < (unsigned)-1;
+        if (numeric)
+            out->item[out->count++] = (unsigned)number;
+        else if (by_name(name, &out->item[out->count]))
+            out->count++;
+        else
+            return error_set(e, ERROR_SPEC_INVALID, "there is no %s %s", what, name);
+    }
+    return true;
+}
+
+static bool holds(const numbers *n, unsigned number)
+{
+    for (size_t i = 0; i < n->count; i++)
+        if (n->item[i] == number) return true;
+    return false;
+}
+
+static bool is_same(const struct stat *a, const struct stat *b)
+{
+    return a->st_dev == b->st_dev && a->st_ino == b->st_ino && a->st_size == b->st_size &&
+           a->st_ctim.tv_sec == b->st_ctim.tv_sec && a->st_ctim.tv_nsec == b->st_ctim.tv_nsec;
+}
+
+/* Reads the tokens if their file is another than last time. Held: the mutex. */
+static bool refresh(access_control *a, error *e)
+{
+    struct stat now = {0};
+    if (stat(a->token_file, &now) != 0) now = (struct stat){0};
+    if (is_same(&now, &a->seen)) return true;
+    a->seen = now;
+    token_set_clear(&a->tokens);
+    return token_set_read(a->token_file, &a->tokens, e);
+}
+
+access_control *access_open(const access_settings *settings, error *e)
+{
+    access_control *a = mem_alloc(sizeof *a);
+    pthread_mutex_init(&a->mutex, NULL);
+    a->open_tcp = settings->open_tcp;
+    a->token_file = mem_strdup(settings->token_file);
+    if (resolve(&settings->users, "user", resolve_user, &a->users, e) &&
+        resolve(&settings->groups, "group", resolve_group, &a->groups, e) &&
+        resolve(&settings->admins, "user", resolve_user, &a->admins, e) && refresh(a, e))
+        return a;
+    access_close(a);
+    return NULL;
+}
+
+void access_close(access_control *a)
+{
+    if (!a) return;
+    token_set_clear(&a->tokens);
+    pthread_mutex_destroy(&a->mutex);
+    free(a->users.item);
+    free(a->groups.item);
+    free(a->admins.item);
+    free(a->token_file);
+    free(a);
+}
+
+bool access_has_tokens(access_control *a)
+{
+    pthread_mutex_lock(&a->mutex);
+    bool some = a->tokens.count > 0;
+    pthread_mutex_unlock(&a->mutex);
+    return some;
+}
+
+/* Whether the process that connected was in one of the groups. */
+static bool in_groups(const access_control *a, int fd, gid_t primary)
+{
+    gid_t groups[1024]; /* of NGROUPS_MAX there are more; whoever has so many is let in by name */
+    socklen_t size = sizeof groups;
+    if (holds(&a->groups, primary)) return true;
+    if (!a->groups.count || getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, groups, &size) != 0) return false;
+    for (size_t i = 0; i < size / sizeof *groups; i++)
+        if (holds(&a->groups, groups[i])) return true;
+    return false;
+}
+
+static void name_user(uid_t uid, char user[ACCESS_USER_SIZE])
+{
+    char room[NAME_BYTES];
+    struct passwd record, *found = NULL;
+    if (getpwuid_r(uid, &record, room, sizeof room, &found) == 0 && found &&
+        strlen(found->pw_name) < ACCESS_USER_SIZE)
+        strcpy(user, found->pw_name);
+    else
+        snprintf(user, ACCESS_USER_SIZE, "uid:%u", (unsigned)uid);
+}
+
+void access_look(access_control *a, int fd, access_peer *peer)
+{
+    struct ucred who;
+    socklen_t size = sizeof who;
+    struct sockaddr_storage address = {0};
+    socklen_t length = sizeof address;
+    *peer = (access_peer){.uid = (uid_t)-1};
+    if (getsockname(fd, (struct sockaddr *)&address, &length) != 0) return;
+    peer->local = address.ss_family == AF_UNIX;
+    if (!peer->local) {
+        if (!a->open_tcp) return;
+        peer->scopes = SCOPE_USER;
+        strcpy(peer->user, ACCESS_ANYONE);
+        return;
+    }
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) != 0) return;
+    peer->uid = who.uid;
+    if (who.uid == 0 || who.uid == geteuid() || holds(&a->admins, who.uid))
+        peer->scopes = SCOPE_ALL;
+    else if (holds(&a->users, who.uid) || in_groups(a, fd, who.gid))
+        peer->scopes = SCOPE_USER;
+    if (peer->scopes) name_user(who.uid, peer->user);
+}
+
+static bool identify_token(access_control *a, const char *authorization, access_caller *caller)
+{
+    static const char scheme[] = "Bearer ";
+    error e = {0};
+    if (strncasecmp(authorization, scheme, sizeof scheme - 1) != 0) return false;
+    const char *text = authorization + sizeof scheme - 1 + strspn(authorization + sizeof scheme - 1, " ");
+    pthread_mutex_lock(&a->mutex);
+    if (!refresh(a, &e)) log_write(LOG_LEVEL_ERROR, "no token is known: %s", e.message);
+    const token *t = token_set_find(&a->tokens, text);
+    if (t) {
+        strcpy(caller->user, t->user);
+        caller->scopes = t->scopes;
+    }
+    pthread_mutex_unlock(&a->mutex);
+    return t != NULL;
+}
+
+bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
+                     access_caller *caller)
+{
+    *caller = (access_caller){0};
+    if (authorization) return identify_token(a, authorization, caller);
+    if (!peer->scopes) return false;
+    strcpy(caller->user, peer->user);
+    caller->scopes = peer->scopes;
+    return true;
+}
+
+bool access_is_owner(const access_caller *caller, const char *owner)
+{
+    return caller->scopes & SCOPE_ADMIN || (owner && strcmp(caller->user, owner) == 0);
+}

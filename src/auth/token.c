@@ -1,0 +1,201 @@
+#include "auth/token.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <nettle/memops.h>
+#include <nettle/sha2.h>
+
+#include "auth/scope.h"
+#include "base/clock.h"
+#include "base/memory.h"
+#include "store/file.h"
+
+#define SECRET_BYTES 32
+#define LINE_BYTES 512
+
+static const char user_letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._@-";
+
+static void print_hex(const uint8_t *bytes, size_t count, char *text)
+{
+    for (size_t i = 0; i < count; i++) sprintf(text + 2 * i, "%02x", bytes[i]);
+}
+
+static bool read_hex(const char *text, uint8_t *bytes, size_t count)
+{
+    if (strlen(text) != 2 * count || strspn(text, "0123456789abcdef") != 2 * count) return false;
+    for (size_t i = 0; i < count; i++) {
+        const char pair[3] = {text[2 * i], text[2 * i + 1], '\0'};
+        bytes[i] = (uint8_t)strtoul(pair, NULL, 16);
+    }
+    return true;
+}
+
+static void hash_text(const char *text, uint8_t hash[32])
+{
+    struct sha256_ctx context;
+    sha256_init(&context);
+    sha256_update(&context, strlen(text), (const uint8_t *)text);
+    sha256_digest(&context, 32, hash);
+}
+
+static bool is_user(const char *text)
+{
+    size_t length = strlen(text);
+    return length > 0 && length < TOKEN_USER_SIZE && strspn(text, user_letters) == length;
+}
+
+static token *append(token_set *set, const token *t)
+{
+    set->item = mem_resize(set->item, (set->count + 1) * sizeof *set->item);
+    set->item[set->count] = *t;
+    return &set->item[set->count++];
+}
+
+/* A line that is neither empty nor a comment. */
+static bool read_token(char *line, token *t)
+{
+    char *rest = NULL, *word[5], *end = NULL;
+    size_t count = 0;
+    for (char *w = strtok_r(line, " \t", &rest); w; w = strtok_r(NULL, " \t", &rest)) {
+        if (count == 5) return false;
+        word[count++] = w;
+    }
+    if (count != 5 || !is_user(word[1]) || !scope_parse(word[2], &t->scopes) ||
+        !read_hex(word[3], t->hash, 32))
+        return false;
+    if (strlen(word[0]) != TOKEN_ID_SIZE - 1 || strncmp(word[0], word[3], TOKEN_ID_SIZE - 1) != 0)
+        return false;
+    strcpy(t->id, word[0]);
+    strcpy(t->user, word[1]);
+    errno = 0;
+    t->created_ms = strtoll(word[4], &end, 10);
+    return !errno && !*end;
+}
+
+static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
+{
+    char line[LINE_BYTES];
+    for (int number = 1; fgets(line, sizeof line, file); number++) {
+        token t = {0};
+        size_t length = strcspn(line, "\n");
+        bool whole = line[length] == '\n' || feof(file);
+        line[length] = '\0';
+        if (whole && line[strspn(line, " \t")] == '\0') continue;
+        if (whole && *line == '#') continue;
+        if (!whole || !read_token(line, &t))
+            return error_set(e, ERROR_SPEC_INVALID, "%s:%d: not \"ID USER SCOPES SHA256 CREATED\"", path,
+                             number);
+        append(set, &t);
+    }
+    return !ferror(file) || error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+}
+
+/* Whether nobody but the service and root can have had a hand in it, or a look. */
+static bool check_reach(int fd, const char *path, error *e)
+{
+    struct stat info;
+    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
+        return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
+    if (info.st_uid != geteuid() && info.st_uid != 0)
+        return error_set(e, ERROR_SPEC_INVALID, "%s belongs to user %u, not to the one that runs the service",
+                         path, (unsigned)info.st_uid);
+    return !(info.st_mode & 077) ||
+           error_set(e, ERROR_SPEC_INVALID, "%s can be reached by others (mode %04o): chmod 600 it", path,
+                     (unsigned)info.st_mode & 07777);
+}
+
+bool token_set_read(const char *path, token_set *set, error *e)
+{
+    token_set read = {0};
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0 && errno == ENOENT) {
+        *set = read;
+        return true;
+    }
+    FILE *file = fd < 0 ? NULL : fdopen(fd, "r");
+    if (!file) {
+        error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+        if (fd >= 0) close(fd);
+        return false;
+    }
+    bool ok = check_reach(fd, path, e) && read_lines(file, path, &read, e);
+    fclose(file);
+    if (ok)
+        *set = read;
+    else
+        token_set_clear(&read);
+    return ok;
+}
+
+void token_set_clear(token_set *set)
+{
+    free(set->item);
+    *set = (token_set){0};
+}
+
+const token *token_set_find(const token_set *set, const char *text)
+{
+    uint8_t hash[32];
+    const token *found = NULL;
+    hash_text(text, hash);
+    for (size_t i = 0; i < set->count; i++)
+        if (memeql_sec(hash, set->item[i].hash, sizeof hash)) found = &set->item[i];
+    return found;
+}
+
+const token *token_set_add(token_set *set, const char *user, unsigned scopes, char text[TOKEN_SIZE], error *e)
+{
+    uint8_t secret[SECRET_BYTES];
+    token t = {.scopes = scopes, .created_ms = clock_wall_ms()};
+    if (!is_user(user)) {
+        error_set(e, ERROR_SPEC_INVALID, "a user is 1 to %d letters, digits and \"._@-\"",
+                  TOKEN_USER_SIZE - 1);
+        return NULL;
+    }
+    if (getrandom(secret, sizeof secret, 0) != sizeof secret) {
+        error_set(e, ERROR_INTERNAL, "no random numbers: %s", strerror(errno));
+        return NULL;
+    }
+    strcpy(text, TOKEN_PREFIX);
+    print_hex(secret, sizeof secret, text + strlen(TOKEN_PREFIX));
+    hash_text(text, t.hash);
+    print_hex(t.hash, (TOKEN_ID_SIZE - 1) / 2, t.id);
+    strcpy(t.user, user);
+    return append(set, &t);
+}
+
+bool token_set_remove(token_set *set, const char *id)
+{
+    for (size_t i = 0; i < set->count; i++) {
+        if (strcmp(set->item[i].id, id) != 0) continue;
+        memmove(&set->item[i], &set->item[i + 1], (--set->count - i) * sizeof *set->item);
+        return true;
+    }
+    return false;
+}
+
+bool token_set_write(const char *path, const token_set *set, error *e)
+{
+    store_file file = {0};
+    if (!store_file_begin(path, &file, e)) return false;
+    if (fchmod(fileno(file.stream), 0600) != 0) {
+        error_set(e, ERROR_INTERNAL, "%s: mode: %s", path, strerror(errno));
+        store_file_abort(&file);
+        return false;
+    }
+    fputs("# Tokens of hexad, by their hashes; hexadctl token makes, lists and revokes them.\n", file.stream);
+    for (size_t i = 0; i < set->count; i++) {
+        const token *t = &set->item[i];
+        char scopes[SCOPE_TEXT_SIZE], hash[2 * sizeof t->hash + 1];
+        print_hex(t->hash, sizeof t->hash, hash);
+        fprintf(file.stream, "%s %s %s %s %lld\n", t->id, t->user, scope_print(t->scopes, scopes), hash,
+                (long long)t->created_ms);
+    }
+    return store_file_commit(&file, e);
+}

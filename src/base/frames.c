@@ -1,0 +1,126 @@
+#include "base/frames.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+enum { DIGITS_MOST = 9 };
+
+/* Reads a number and moves on; false when none stands there. */
+static bool read_number(const char **at, int *number)
+{
+    size_t digits = strspn(*at, "0123456789");
+    if (digits < 1 || digits > DIGITS_MOST) return false;
+    *number = (int)strtol(*at, NULL, 10);
+    *at += digits;
+    return true;
+}
+
+static bool skip(const char **at, char c)
+{
+    if (**at != c) return false;
+    ++*at;
+    return true;
+}
+
+static int compare(const void *a, const void *b)
+{
+    const int *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+/* A number that stands twice, -1 where none does. */
+static int find_repeated(const int *numbers, size_t count)
+{
+    int repeated = -1;
+    int *sorted = mem_alloc((count + 1) * sizeof *sorted);
+    memcpy(sorted, numbers, count * sizeof *sorted);
+    qsort(sorted, count, sizeof *sorted, compare);
+    for (size_t i = 1; i < count && repeated < 0; i++)
+        if (sorted[i] == sorted[i - 1]) repeated = sorted[i];
+    free(sorted);
+    return repeated;
+}
+
+/* One of the parts between commas. */
+static bool read_range(const char **at, int *first, int *last, int *step)
+{
+    *step = 1;
+    if (!read_number(at, first)) return false;
+    *last = *first;
+    if (!skip(at, '-')) return true;
+    return read_number(at, last) && *last >= *first &&
+           (!skip(at, 'x') || (read_number(at, step) && *step > 0));
+}
+
+int *frames_parse(const char *text, size_t *count, error *e)
+{
+    int *numbers = mem_alloc(FRAMES_MOST * sizeof *numbers);
+    size_t used = 0;
+    bool ok = true;
+    const char *at = text;
+    do {
+        int first, last, step;
+        ok = read_range(&at, &first, &last, &step) && (!*at || *at == ',');
+        if (!ok) {
+            error_set(e, ERROR_SPEC_INVALID,
+                      "frames are \"7\", \"1-100\", \"1-100x2\" or several of these with commas"
+                      " (given \"%.100s\")",
+                      text);
+            break;
+        }
+        for (int64_t n = first; ok && n <= last; n += step) {
+            if (used < FRAMES_MOST)
+                numbers[used++] = (int)n;
+            else
+                ok = error_set(e, ERROR_SPEC_INVALID, "a job has at most %d frames: make several",
+                               FRAMES_MOST);
+        }
+    } while (ok && skip(&at, ','));
+    int repeated = ok ? find_repeated(numbers, used) : -1;
+    if (repeated >= 0) ok = error_set(e, ERROR_SPEC_INVALID, "the frame %d stands there twice", repeated);
+    if (!ok) {
+        free(numbers);
+        return NULL;
+    }
+    *count = used;
+    return numbers;
+}
+
+/* Where the number stands, and how many digits it has at least; NULL: nowhere. */
+static const char *find_pattern(const char *path, size_t *length, int *digits)
+{
+    for (const char *at = path; *at; at++) {
+        size_t marks = strspn(at, "#");
+        if (marks) {
+            *length = marks;
+            *digits = (int)marks;
+            return at;
+        }
+        if (at[0] != '%') continue;
+        bool wide = at[1] == '0' && at[2] >= '1' && at[2] <= '9';
+        if (at[wide ? 3 : 1] != 'd') continue;
+        *length = wide ? 4 : 2;
+        *digits = wide ? at[2] - '0' : 1;
+        return at;
+    }
+    return NULL;
+}
+
+bool frames_is_pattern(const char *path)
+{
+    size_t length;
+    int digits;
+    return find_pattern(path, &length, &digits) != NULL;
+}
+
+char *frames_path(const char *path, int frame)
+{
+    size_t length = 0;
+    int digits = 0;
+    const char *at = find_pattern(path, &length, &digits);
+    if (!at) return mem_strdup(path);
+    return mem_printf("%.*s%0*d%s", (int)(at - path), path, digits, frame, at + length);
+}

@@ -1,0 +1,122 @@
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "auth/token.h"
+#include "auth/scope.h"
+#include "base/clock.h"
+#include "base/memory.h"
+#include "client/command.h"
+#include "json/json.h"
+
+static const char default_scopes[] = "read,submit,cancel";
+
+static int fail(const error *e)
+{
+    fprintf(stderr, "hexadctl: %s\n", e->message);
+    return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
+}
+
+/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. */
+static int lock_file(const char *path, error *e)
+{
+    const char *slash = strrchr(path, '/');
+    char *directory = slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
+    int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0 || flock(fd, LOCK_EX) != 0) {
+        error_set(e, ERROR_SPEC_INVALID, "%s: %s", directory, strerror(errno));
+        if (fd >= 0) close(fd);
+        fd = -1;
+    }
+    free(directory);
+    return fd;
+}
+
+int command_token_add(client *c, const char *argument, const command_options *options)
+{
+    (void)c;
+    error e = {0};
+    token_set set = {0};
+    char text[TOKEN_SIZE];
+    unsigned scopes = 0;
+    bool ok = false;
+    const char *wanted = options->scopes ? options->scopes : default_scopes;
+    if (!scope_parse(wanted, &scopes)) {
+        error_set(&e, ERROR_SPEC_INVALID, "--scopes %s: not a list of read, submit, cancel, admin", wanted);
+        return fail(&e);
+    }
+    int lock = lock_file(options->file, &e);
+    if (lock < 0) return fail(&e);
+    const token *t = NULL;
+    if (token_set_read(options->file, &set, &e)) t = token_set_add(&set, argument, scopes, text, &e);
+    ok = t && token_set_write(options->file, &set, &e);
+    close(lock);
+    if (ok) {
+        fprintf(stderr, "hexadctl: token %s of %s; it is shown this once\n", t->id, t->user);
+        puts(text);
+    }
+    token_set_clear(&set);
+    return ok ? COMMAND_OK : fail(&e);
+}
+
+static void put_token(json *list, const token *t, const char *scopes, const char *created)
+{
+    json *o = json_append_object(list);
+    json_put_string(o, "id", t->id);
+    json_put_string(o, "user", t->user);
+    json_put_string(o, "scopes", scopes);
+    json_put_string(o, "created", created);
+}
+
+int command_token_list(client *c, const char *argument, const command_options *options)
+{
+    (void)c;
+    (void)argument;
+    error e = {0};
+    token_set set = {0};
+    if (!token_set_read(options->file, &set, &e)) return fail(&e);
+    json *list = json_new_array();
+    if (!options->json) printf("%-12s  %-16s  %-25s  %s\n", "ID", "USER", "SCOPES", "CREATED");
+    for (size_t i = 0; i < set.count; i++) {
+        const token *t = &set.item[i];
+        char scopes[SCOPE_TEXT_SIZE], created[CLOCK_TEXT_SIZE];
+        scope_print(t->scopes, scopes);
+        clock_format_utc(t->created_ms, created);
+        if (options->json)
+            put_token(list, t, scopes, created);
+        else
+            printf("%-12s  %-16s  %-25s  %s\n", t->id, t->user, scopes, created);
+    }
+    if (options->json) {
+        char *text = json_print_pretty(list);
+        fputs(text, stdout);
+        free(text);
+    }
+    json_free(list);
+    token_set_clear(&set);
+    return COMMAND_OK;
+}
+
+int command_token_revoke(client *c, const char *argument, const command_options *options)
+{
+    (void)c;
+    error e = {0};
+    token_set set = {0};
+    int lock = lock_file(options->file, &e), code = COMMAND_FAILED;
+    if (lock < 0) return fail(&e);
+    if (!token_set_read(options->file, &set, &e)) {
+        code = fail(&e);
+    } else if (!token_set_remove(&set, argument)) {
+        fprintf(stderr, "hexadctl: there is no token %s in %s\n", argument, options->file);
+        code = COMMAND_MISSING;
+    } else {
+        code = token_set_write(options->file, &set, &e) ? COMMAND_OK : fail(&e);
+    }
+    close(lock);
+    token_set_clear(&set);
+    return code;
+}

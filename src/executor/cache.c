@@ -1,0 +1,147 @@
+#include "executor/cache.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "config.h"
+
+#include "base/memory.h"
+#include "executor/result.h"
+#include "json/json.h"
+
+/* Clocks of file systems are coarse, and those of file servers may be somewhat off. */
+#define CLOCK_DOUBT_MS 2000
+#define REPORT_LIMIT_BYTES (256u << 20)
+
+/* A copy of an object without some of its members: what a result does not depend on. */
+static json *copy_without(json_at object, const char *const *members, size_t count)
+{
+    json *copy = json_new_object();
+    for (size_t i = 0; i < json_size(object); i++) {
+        json_at member = json_element(&object, i);
+        bool wanted = true;
+        for (size_t k = 0; k < count; k++) wanted &= strcmp(member.key, members[k]) != 0;
+        if (wanted) json_put(copy, member.key, json_copy(member.node));
+    }
+    return copy;
+}
+
+bool cache_key(const char *spec, char key[STORE_HASH_SIZE])
+{
+    static const char *const of_the_job[] = {"name", "limits", "queue", "output"};
+    static const char *const of_the_output[] = {"directory"};
+    json *document = json_parse(spec, strlen(spec), NULL);
+    json_at root = json_root(document);
+    json_at sampling = json_member(&root, "sampling"), output = json_member(&root, "output");
+    bool can = json_type_of(root) == JSON_OBJECT && !json_member(&sampling, "time_s").node;
+    if (can) {
+        json *rest = copy_without(root, of_the_job, sizeof of_the_job / sizeof *of_the_job);
+        json_put(rest, "output", copy_without(output, of_the_output, 1));
+        char *text = json_print(rest), *whole = mem_printf(PACKAGE_VERSION "\n%s", text);
+        store_hash(whole, strlen(whole), key);
+        free(whole);
+        free(text);
+        json_free(rest);
+    }
+    json_free(document);
+    return can;
+}
+
+static int64_t ns_of(struct timespec t)
+{
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+/* Numbers of 64 bits are texts in JSON. */
+static void put_number(json *o, const char *key, int64_t number)
+{
+    char *text = mem_printf("%lld", (long long)number);
+    json_put_string(o, key, text);
+    free(text);
+}
+
+/* What a file is at the moment; NULL when it cannot be looked at. */
+static json *describe_file(const store_roots *roots, const char *path, const char *sha256, struct stat *info)
+{
+    int fd = store_open_input(roots, path, NULL);
+    if (fd < 0) return NULL;
+    bool ok = fstat(fd, info) == 0;
+    close(fd);
+    if (!ok) return NULL;
+    json *o = json_new_object();
+    json_put_string(o, "path", path);
+    json_put_string(o, "sha256", sha256);
+    put_number(o, "bytes", info->st_size);
+    put_number(o, "device", (int64_t)info->st_dev);
+    put_number(o, "inode", (int64_t)info->st_ino);
+    put_number(o, "mtime_ns", ns_of(info->st_mtim));
+    put_number(o, "ctime_ns", ns_of(info->st_ctim));
+    return o;
+}
+
+char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms)
+{
+    char *path = mem_printf("%s/" RESULT_REPORT_NAME, directory);
+    size_t length = 0;
+    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL), *found = NULL;
+    json *report = text ? json_parse(text, length, NULL) : NULL, *list = json_new_array();
+    json_at root = json_root(report), inputs = json_member(&root, "inputs");
+    bool ok = json_type_of(inputs) == JSON_ARRAY;
+    for (size_t i = 0; ok && i < json_size(inputs); i++) {
+        json_at input = json_element(&inputs, i);
+        struct stat info;
+        json *file = describe_file(roots, json_string(json_member(&input, "path"), ""),
+                                   json_string(json_member(&input, "sha256"), ""), &info);
+        ok = file && ns_of(info.st_ctim) / 1000000 < since_ms - CLOCK_DOUBT_MS;
+        if (file) json_append(list, file);
+    }
+    if (ok) found = json_print(list);
+    json_free(list);
+    json_free(report);
+    free(text);
+    free(path);
+    return found;
+}
+
+bool cache_is_fresh(const store_roots *roots, const char *inputs)
+{
+    json *then = json_parse(inputs, strlen(inputs), NULL);
+    json_at root = json_root(then);
+    bool fresh = json_type_of(root) == JSON_ARRAY;
+    for (size_t i = 0; fresh && i < json_size(root); i++) {
+        json_at file = json_element(&root, i);
+        struct stat info;
+        json *now = describe_file(roots, json_string(json_member(&file, "path"), ""),
+                                  json_string(json_member(&file, "sha256"), ""), &info);
+        char *a = json_print(file.node), *b = now ? json_print(now) : NULL;
+        fresh = b && strcmp(a, b) == 0;
+        json_free(now);
+        free(a);
+        free(b);
+    }
+    json_free(then);
+    return fresh;
+}
+
+static bool link_file(const char *from, const char *to, const char *name, error *e)
+{
+    char *source = mem_printf("%s/%s", from, name), *target = mem_printf("%s/%s", to, name);
+    bool ok =
+        link(source, target) == 0 || error_set(e, ERROR_INTERNAL, "%s cannot be linked into %s", source, to);
+    free(source);
+    free(target);
+    return ok;
+}
+
+bool cache_link_result(const char *from, const char *to, error *e)
+{
+    result r = {0};
+    if (!result_read(from, &r, e)) return false;
+    bool ok = store_directory_create(to, e);
+    for (size_t i = 0; ok && i < r.output_count; i++) ok = link_file(from, to, r.output[i].name, e);
+    ok = ok && link_file(from, to, RESULT_REPORT_NAME, e) && store_directory_sync(to, e);
+    result_clear(&r);
+    return ok;
+}

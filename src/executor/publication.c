@@ -1,0 +1,88 @@
+#include "executor/publication.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/frames.h"
+#include "base/memory.h"
+#include "executor/result.h"
+#include "json/json.h"
+
+struct publication {
+    pthread_t thread;
+    bool started;
+    const store_outputs *outputs;
+    char *directory, *path;
+    int end_fd;
+    atomic_bool ended;
+    bool ok;
+    error fault;
+};
+
+char *publication_path(const char *spec, int frame)
+{
+    json *document = json_parse(spec, strlen(spec), NULL);
+    json_at root = json_root(document);
+    json_at output = json_member(&root, "output");
+    const char *path = json_string(json_member(&output, "directory"), NULL);
+    char *found = !path ? NULL : frame == QUEUE_NO_FRAME ? mem_strdup(path) : frames_path(path, frame);
+    json_free(document);
+    return found;
+}
+
+static bool copy(publication *p)
+{
+    result r = {0};
+    if (!result_read(p->directory, &r, &p->fault)) return false;
+    const char **names = mem_alloc((r.output_count + 1) * sizeof *names);
+    for (size_t i = 0; i < r.output_count; i++) names[i] = r.output[i].name;
+    names[r.output_count] = RESULT_REPORT_NAME;
+    bool ok = store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, &p->fault);
+    free(names);
+    result_clear(&r);
+    return ok;
+}
+
+static void *run(void *argument)
+{
+    publication *p = argument;
+    p->ok = copy(p);
+    if (!p->ok) error_prefix(&p->fault, "output.directory");
+    atomic_store(&p->ended, true);
+    ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written; /* a full counter is readable, which is all that is wanted */
+    return NULL;
+}
+
+publication *publication_start(const store_outputs *outputs, const char *directory, const char *path,
+                               int end_fd)
+{
+    publication *p = mem_alloc(sizeof *p);
+    p->outputs = outputs;
+    p->directory = mem_strdup(directory);
+    p->path = mem_strdup(path);
+    p->end_fd = end_fd;
+    p->started = pthread_create(&p->thread, NULL, run, p) == 0;
+    if (!p->started) run(p); /* slower for the others, but as good */
+    return p;
+}
+
+bool publication_has_ended(publication *p)
+{
+    return atomic_load(&p->ended);
+}
+
+bool publication_end(publication *p, error *e)
+{
+    if (p->started) pthread_join(p->thread, NULL);
+    bool ok = p->ok;
+    if (!ok && e) *e = p->fault;
+    free(p->directory);
+    free(p->path);
+    free(p);
+    return ok;
+}

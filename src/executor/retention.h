@@ -1,0 +1,29 @@
+/* retention: forgets jobs, with their results and logs: those whose time is over, and those that are
+ * deleted.
+ *
+ * The queue forgets a job first, then its directories go; a start removes what a crash between the two has
+ * left, which is every directory with the form of a job's whose job is not there. A thread of its own
+ * waits for the next job whose time is over, so that nobody waits for the removal of large results. Any
+ * thread may call these.
+ */
+#ifndef HEXAD_EXECUTOR_RETENTION_H
+#define HEXAD_EXECUTOR_RETENTION_H
+
+#include <stdbool.h>
+
+#include "base/error.h"
+#include "queue/queue.h"
+
+typedef struct retention retention;
+
+/* Removes what a crash left, and begins. The queue must outlive it; the path is copied. */
+retention *retention_start(queue *q, const char *state_dir, error *e);
+void retention_stop(retention *r); /* accepts NULL */
+
+/* A job has ended, or is to be kept for another time than before. */
+void retention_wake(retention *r);
+
+/* As queue_delete, with the job's directories. */
+bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, error *e);
+
+#endif

@@ -1,0 +1,266 @@
+#include "field/combination.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "field/cell_grid.h"
+
+/* Of a cell: how far a surface may bulge out of the cells that it crosses. */
+static const double BULGE = 0.5;
+/* Cells along the longest side, at least: an edge where two parts meet is cut off in each cell that it
+ * passes. At 32, as formulas have, the area of a sphere from which another is cut is 5e-3 too small. */
+static const double CELLS_LONGEST = 192;
+/* Cells of a part whose slopes are averaged. */
+enum { SLOPES = 256 };
+/* Blocks of the grid that are marked one by one, in bytes: 256 MB. */
+static const double MOST_BLOCKS = 1 << 28;
+
+/* F = sense * min over parts of sign_k F_k / slope_k. */
+typedef struct part {
+    const field *field;
+    double sign, slope;
+} part;
+
+struct combination {
+    field base; /* first: the field's functions get this pointer */
+    part *parts;
+    size_t count;
+    double sense;
+    cell_grid grid;
+};
+
+static bool combination_sample(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const combination *c = (const combination *)f;
+    field_sample best = {.value = INFINITY}, s;
+    double factor = 0;
+    for (size_t k = 0; k < c->count; k++) {
+        const part *p = &c->parts[k];
+        double side = p->sign * p->field->ops->side(p->field, x);
+        if (side > 0) continue;
+        if (side < 0 || !field_sample_at(p->field, x, order, &s))
+            return false; /* the least, and not defined */
+        double value = p->sign * s.value / p->slope;
+        if (!(value < best.value)) continue;
+        best = s;
+        best.value = value;
+        factor = c->sense * p->sign / p->slope;
+    }
+    if (factor == 0) return false;
+    out->value = c->sense * best.value;
+    out->gradient = vec3_scale(best.gradient, factor);
+    if (order == FIELD_HESSIAN) {
+        const sym3 h = best.hessian;
+        out->hessian =
+            (sym3){factor * h.xx, factor * h.yy, factor * h.zz, factor * h.xy, factor * h.xz, factor * h.yz};
+    }
+    return true;
+}
+
+static double combination_side(const field *f, vec3 x)
+{
+    const combination *c = (const combination *)f;
+    double least = INFINITY;
+    for (size_t k = 0; k < c->count; k++) {
+        double side = c->parts[k].sign * c->parts[k].field->ops->side(c->parts[k].field, x);
+        if (side < least) least = side;
+    }
+    return c->sense * least;
+}
+
+/* F, or a value of its side. */
+static double corner_value(const field *f, vec3 x)
+{
+    field_sample s;
+    if (combination_sample(f, x, FIELD_GRADIENT, &s)) return s.value;
+    return copysign(f->cell_size, combination_side(f, x));
+}
+
+static const cell_grid_oracle oracle = {corner_value, NULL};
+
+static size_t combination_cell_count(const field *f)
+{
+    return ((const combination *)f)->grid.count;
+}
+
+static void combination_cell(const field *f, size_t k, field_cell *out)
+{
+    cell_grid_cell(&((const combination *)f)->grid, f, &oracle, k, out);
+}
+
+static const field_ops combination_ops = {combination_sample, combination_cell_count, combination_cell,
+                                          combination_side};
+
+/* ---- making one */
+
+static double slope_of(const field *f)
+{
+    size_t cells = f->ops->cell_count(f), step = cells / SLOPES + 1, count = 0;
+    double sum = 0;
+    for (size_t k = 0; k < cells; k += step) {
+        field_cell cell;
+        field_sample s;
+        f->ops->cell(f, k, &cell);
+        if (!field_sample_at(f, vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), FIELD_GRADIENT,
+                             &s))
+            continue;
+        sum += vec3_norm(s.gradient);
+        count++;
+    }
+    return sum > 0 ? sum / (double)count : 1;
+}
+
+static void set_parts(combination *c, combination_kind kind, const field *const *parts)
+{
+    c->sense = kind == COMBINATION_UNION ? 1 : -1;
+    c->base.domain = parts[0]->domain;
+    for (size_t k = 0; k < c->count; k++) {
+        double sign = kind == COMBINATION_INTERSECTION || (kind == COMBINATION_DIFFERENCE && k == 0) ? -1 : 1;
+        c->parts[k] = (part){parts[k], sign, slope_of(parts[k])};
+        if (kind == COMBINATION_UNION) c->base.domain = bbox_unite(c->base.domain, parts[k]->domain);
+        if (kind == COMBINATION_INTERSECTION) c->base.domain = bbox_common(c->base.domain, parts[k]->domain);
+    }
+}
+
+static bool no_surface(combination_kind kind, error *e)
+{
+    static const char *const words[] = {"the union has no surface",
+                                        "the intersection is empty: the solids do not meet",
+                                        "the difference is empty: the others hold the first solid"};
+    return error_set(e, ERROR_NO_SURFACE, "%s", words[kind]);
+}
+
+/* Cells as wide as the shortest edge among those of the parts, or less. */
+static bool lay_out_grid(combination *c, error *e)
+{
+    double edge = bbox_longest(c->base.domain) / CELLS_LONGEST, blocks = 1;
+    for (size_t k = 0; k < c->count; k++) {
+        const field *f = c->parts[k].field;
+        field_cell cell;
+        f->ops->cell(f, 0, &cell);
+        for (int axis = 0; axis < 3; axis++)
+            edge = fmin(edge, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
+    }
+    vec3 size = bbox_size(c->base.domain);
+    c->base.cell_size = edge;
+    c->base.extent = bbox_longest(c->base.domain);
+    c->grid.box = c->base.domain;
+    for (int axis = 0; axis < 3; axis++) {
+        double cells = ceil(vec3_get(size, axis) / edge);
+        blocks *= ceil(cells / CELL_GRID_BLOCK);
+        c->grid.cells[axis] = blocks <= MOST_BLOCKS ? (int64_t)cells : 0;
+    }
+    if (blocks <= MOST_BLOCKS) return true;
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "the combination is %g times as long as its finest part's cells, %g: make that part coarser",
+        bbox_longest(c->base.domain) / edge, edge);
+}
+
+/* Marks the blocks that a part's cells touch, one byte each. */
+static void mark_cells(const combination *c, const field *f, uint8_t *blocks)
+{
+    const cell_grid *g = &c->grid;
+    int64_t across[3];
+    vec3 size = bbox_size(g->box);
+    for (int axis = 0; axis < 3; axis++) across[axis] = cell_grid_blocks(g, axis);
+    for (size_t k = 0; k < f->ops->cell_count(f); k++) {
+        field_cell cell;
+        bbox box = bbox_empty();
+        int64_t first[3], last[3];
+        f->ops->cell(f, k, &cell);
+        for (int corner = 0; corner < 8; corner++) box = bbox_include(box, cell.corner[corner]);
+        box = bbox_grow(box, BULGE * f->cell_size);
+        for (int axis = 0; axis < 3; axis++) {
+            double unit = CELL_GRID_BLOCK * vec3_get(size, axis) / (double)g->cells[axis],
+                   low = vec3_get(g->box.min, axis);
+            first[axis] =
+                (int64_t)fmin(fmax(floor((vec3_get(box.min, axis) - low) / unit), 0), (double)across[axis]);
+            last[axis] = (int64_t)fmin(fmax(floor((vec3_get(box.max, axis) - low) / unit), -1),
+                                       (double)across[axis] - 1);
+        }
+        for (int64_t z = first[2]; z <= last[2]; z++)
+            for (int64_t y = first[1]; y <= last[1]; y++)
+                for (int64_t x = first[0]; x <= last[0]; x++) blocks[(z * across[1] + y) * across[0] + x] = 1;
+    }
+}
+
+static bool find_cells(combination *c, threads *pool, error *e)
+{
+    size_t count = 1;
+    for (int axis = 0; axis < 3; axis++) count *= (size_t)cell_grid_blocks(&c->grid, axis);
+    uint8_t *blocks = mem_array(count, 1, "the blocks of the combination", e);
+    if (!blocks) return false;
+    for (size_t k = 0; k < c->count; k++) mark_cells(c, c->parts[k].field, blocks);
+    bool ok = cell_grid_search_blocks(&c->grid, &c->base, &oracle, blocks, pool, e);
+    free(blocks);
+    return ok;
+}
+
+/* Whether the plane through a face of an open part's domain, which is no face of the whole's, meets the
+ * surface. */
+static bool is_cut_within(const combination *c, const part *p, int face)
+{
+    int axis = face >> 1;
+    double at = vec3_get(face & 1 ? p->field->rims.max : p->field->rims.min, axis);
+    if (!isfinite(at) || at == vec3_get(face & 1 ? c->base.domain.max : c->base.domain.min, axis))
+        return false;
+    for (size_t k = 0; k < c->grid.count; k++) {
+        field_cell cell;
+        combination_cell(&c->base, k, &cell);
+        if (vec3_get(cell.corner[0], axis) <= at && vec3_get(cell.corner[7], axis) >= at) return true;
+    }
+    return false;
+}
+
+static bool check_rims(const combination *c, error *e)
+{
+    for (size_t k = 0; k < c->count; k++)
+        for (int face = 0; c->parts[k].field->open && face < 6; face++)
+            if (is_cut_within(c, &c->parts[k], face))
+                return error_set(
+                    e, ERROR_NOT_SUPPORTED,
+                    "part %zu of the combination is open and ends within it: only what lies inside of its "
+                    "domain can be combined with it (intersect it with a box first)",
+                    k);
+    return true;
+}
+
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count, threads *pool,
+                             error *e)
+{
+    combination *c = mem_alloc(sizeof *c);
+    c->base.ops = &combination_ops;
+    c->parts = mem_alloc(count * sizeof *c->parts);
+    c->count = count;
+    set_parts(c, kind, parts);
+    vec3 size = bbox_size(c->base.domain);
+    bool some = size.x > 0 && size.y > 0 && size.z > 0;
+    bool ok = some && lay_out_grid(c, e) && find_cells(c, pool, e);
+    if (!some || (ok && c->grid.count == 0)) ok = no_surface(kind, e);
+    if (ok) {
+        field_set_rims(&c->base, cell_grid_cut_faces(&c->grid, &c->base, &oracle));
+        ok = check_rims(c, e);
+    }
+    if (ok) return c;
+    combination_free(c);
+    return NULL;
+}
+
+void combination_free(combination *c)
+{
+    if (!c) return;
+    cell_grid_free(&c->grid);
+    free(c->parts);
+    free(c);
+}
+
+const field *combination_field(const combination *c)
+{
+    return &c->base;
+}
+
+size_t combination_bytes(const combination *c)
+{
+    return cell_grid_bytes(&c->grid);
+}

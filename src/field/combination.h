@@ -1,0 +1,34 @@
+/* combination: the union, intersection or difference of solids, as the least or greatest of their fields.
+ *
+ * Each part's F is divided by its mean slope on its surface, so that fields of different units may be
+ * compared; where two are equal there is a sharp edge. A part that is not defined far from its surface counts
+ * by its side there. Cells are those of a grid of its own, at least as fine as the finest part's, looked for
+ * wherever a part has cells.
+ */
+#ifndef HEXAD_FIELD_COMBINATION_H
+#define HEXAD_FIELD_COMBINATION_H
+
+#include <stddef.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+
+typedef struct combination combination;
+
+typedef enum combination_kind {
+    COMBINATION_UNION,
+    COMBINATION_INTERSECTION,
+    COMBINATION_DIFFERENCE /* of the first and all others */
+} combination_kind;
+
+/* `parts`, of which there are at least two, stay the caller's and outlive it; the array need not. Errors:
+ * no_surface, which says that nothing is left; not_supported when an open part's rim would lie within the
+ * combination; limit_memory; cancelled (the pool, which may be NULL, was told to stop). */
+combination *combination_new(combination_kind kind, const field *const *parts, size_t count, threads *pool,
+                             error *e);
+void combination_free(combination *c);
+const field *combination_field(const combination *c);
+size_t combination_bytes(const combination *c);
+
+#endif

@@ -1,0 +1,114 @@
+#include "field/placement.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "geometry/affine.h"
+
+struct placement {
+    field base; /* first: the field's functions get this pointer */
+    const field *part;
+    double to_world[3][4], to_part[3][4];
+};
+
+static bool placement_sample(const field *f, vec3 x, field_order order, field_sample *out)
+{
+    const placement *p = (const placement *)f;
+    field_sample s;
+    if (!field_sample_at(p->part, affine_apply(p->to_part, x.x, x.y, x.z), order, &s)) return false;
+    out->value = s.value;
+    out->gradient = affine_pull_gradient(p->to_part, s.gradient);
+    if (order == FIELD_HESSIAN) out->hessian = affine_pull_hessian(p->to_part, s.hessian);
+    return true;
+}
+
+static size_t placement_cell_count(const field *f)
+{
+    const field *part = ((const placement *)f)->part;
+    return part->ops->cell_count(part);
+}
+
+static void placement_cell(const field *f, size_t k, field_cell *out)
+{
+    const placement *p = (const placement *)f;
+    p->part->ops->cell(p->part, k, out);
+    for (int c = 0; c < 8; c++) {
+        vec3 at = out->corner[c];
+        out->corner[c] = affine_apply(p->to_world, at.x, at.y, at.z);
+    }
+}
+
+static double placement_side(const field *f, vec3 x)
+{
+    const placement *p = (const placement *)f;
+    return p->part->ops->side(p->part, affine_apply(p->to_part, x.x, x.y, x.z));
+}
+
+static const field_ops placement_ops = {placement_sample, placement_cell_count, placement_cell,
+                                        placement_side};
+
+/* Faces of the domain that are rims, after the map; false when it does not map axes to axes. */
+static bool map_rims(const placement *p, unsigned *faces)
+{
+    *faces = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        int along = -1;
+        for (int k = 0; k < 3; k++) {
+            if (p->to_world[k][axis] == 0) continue;
+            if (along >= 0) return false;
+            along = k;
+        }
+        for (int high = 0; high < 2; high++) {
+            const bbox *ends = &p->part->rims;
+            if (!isfinite(vec3_get(high ? ends->max : ends->min, axis))) continue;
+            *faces |= 1u << (2 * along + ((p->to_world[along][axis] > 0) == high));
+        }
+    }
+    return true;
+}
+
+static void measure(placement *p)
+{
+    vec3 low = p->part->domain.min, high = p->part->domain.max;
+    bbox box = bbox_empty();
+    for (int c = 0; c < 8; c++)
+        box = bbox_include(box, affine_apply(p->to_world, c & 1 ? high.x : low.x, c & 2 ? high.y : low.y,
+                                             c & 4 ? high.z : low.z));
+    p->base.domain = box;
+    p->base.extent = p->part->extent * bbox_longest(box) / bbox_longest(p->part->domain);
+    field_cell cell; /* all of a field's cells have one shape */
+    placement_cell(&p->base, 0, &cell);
+    for (int axis = 0; axis < 3; axis++)
+        p->base.cell_size =
+            fmax(p->base.cell_size, vec3_norm(vec3_sub(cell.corner[1 << axis], cell.corner[0])));
+}
+
+placement *placement_new(const field *part, const double matrix[16], error *e)
+{
+    placement *p = mem_alloc(sizeof *p);
+    unsigned faces = 0;
+    p->base.ops = &placement_ops;
+    p->part = part;
+    for (int k = 0; k < 12; k++) p->to_world[k / 4][k % 4] = matrix[k];
+    affine_invert(p->to_world, p->to_part);
+    measure(p);
+    if (!part->open || map_rims(p, &faces)) {
+        field_set_rims(&p->base, faces);
+        return p;
+    }
+    error_set(e, ERROR_NOT_SUPPORTED,
+              "an open surface can only be transformed by a matrix that maps axes to axes: its rims lie "
+              "along them");
+    placement_free(p);
+    return NULL;
+}
+
+void placement_free(placement *p)
+{
+    free(p);
+}
+
+const field *placement_field(const placement *p)
+{
+    return &p->base;
+}

@@ -1,0 +1,17 @@
+/* placement: a surface moved, turned, mirrored, scaled or sheared by an affine map. Wraps a field. */
+#ifndef HEXAD_FIELD_PLACEMENT_H
+#define HEXAD_FIELD_PLACEMENT_H
+
+#include "base/error.h"
+#include "field/field.h"
+
+typedef struct placement placement;
+
+/* World = `matrix` applied to the part's own space: 16 numbers, row-major, column vectors, last row 0 0 0 1,
+ * invertible. `part` stays the caller's and outlives it. Errors: not_supported for an open part and a matrix
+ * that turns it out of the world's axes, along which rims lie. */
+placement *placement_new(const field *part, const double matrix[16], error *e);
+void placement_free(placement *p);
+const field *placement_field(const placement *p);
+
+#endif

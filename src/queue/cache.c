@@ -1,0 +1,33 @@
+/* Which job has made a result that others may be given. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "queue/database.h"
+#include "queue/queue.h"
+
+bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e)
+{
+    char *read = NULL;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT id, inputs FROM cache JOIN job ON seq = job WHERE cache.key = ?1 AND state = 'succeeded'",
+            text(key));
+    char maker[ULID_SIZE] = "";
+    while (database_next(q, s, &ok, e)) {
+        snprintf(maker, sizeof maker, "%s", (const char *)sqlite3_column_text(s, 0));
+        read = database_text(s, 1);
+    }
+    database_unlock(q);
+    if (!ok) {
+        free(read);
+        return false;
+    }
+    *found = read != NULL;
+    if (read) {
+        snprintf(id, ULID_SIZE, "%s", maker);
+        *inputs = read;
+    }
+    return true;
+}

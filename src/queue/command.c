@@ -1,0 +1,184 @@
+/* What users ask of jobs that are in the queue. */
+#include <stdlib.h>
+
+#include "base/clock.h"
+#include "queue/book.h"
+
+typedef struct telling {
+    change change;
+    const char *id;
+    queue_command command;
+    bool found, changed;
+    queue_state now;
+} telling;
+
+static bool cancel(database *d, book *b, int64_t now, bool *changed, error *e)
+{
+    if (queue_state_is_final(b->state) || b->cancelled) return true;
+    *changed = true;
+    b->cancelled = true;
+    return book_end_waiting(d, b, QUEUE_CANCELLED, NULL, NULL, now, e);
+}
+
+static bool set_paused(book *b, bool paused, bool *changed)
+{
+    if (queue_state_is_final(b->state) || b->cancelled || b->paused == paused) return true;
+    *changed = true;
+    b->paused = paused;
+    return true;
+}
+
+/* How many jobs are not there yet that the job depends on, and whether one has failed. */
+static bool count_needs(database *d, const book *b, int *pending, bool *lost, error *e)
+{
+    bool ok = false;
+    *pending = 0;
+    *lost = false;
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT state FROM dependency JOIN job ON seq = needs"
+                          " WHERE dependency.job = ?1 AND state != 'succeeded'",
+                          integer(b->seq));
+    while (database_next(d, s, &ok, e)) {
+        queue_state state = QUEUE_QUEUED;
+        queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state);
+        ++*pending;
+        *lost |= queue_state_is_final(state);
+    }
+    return ok;
+}
+
+static bool retry(database *d, book *b, bool *changed, error *e)
+{
+    bool lost = false;
+    int pending = 0;
+    if (!queue_state_is_final(b->state) || b->state == QUEUE_SUCCEEDED) return true;
+    if (!count_needs(d, b, &pending, &lost, e)) return false;
+    if (lost) return true;
+    *changed = true;
+    if (!RUN(d, e,
+             "UPDATE task SET state = 'queued', spent = 0, error_code = NULL, error_message = NULL,"
+             " finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
+             integer(b->seq)))
+        return false;
+    b->ready = b->failed + b->cancelled_tasks + b->timed_out;
+    b->failed = b->cancelled_tasks = b->timed_out = 0;
+    b->pending = pending;
+    b->cancelled = b->paused = false;
+    return true;
+}
+
+static bool tell(database *d, change *asked)
+{
+    telling *t = (telling *)asked;
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms();
+    book b;
+    bool ok = true;
+    if (!book_load(d, t->id, &b, &t->found, e)) return false;
+    if (!t->found) return true;
+    book before = b;
+    switch (t->command) {
+    case QUEUE_CANCEL:
+        ok = cancel(d, &b, now, &t->changed, e);
+        break;
+    case QUEUE_PAUSE:
+    case QUEUE_RESUME:
+        ok = set_paused(&b, t->command == QUEUE_PAUSE, &t->changed);
+        break;
+    case QUEUE_RETRY:
+        ok = retry(d, &b, &t->changed, e);
+        break;
+    }
+    if (ok && t->changed) ok = book_save(d, &before, &b, now, e);
+    if (ok && t->changed && b.state == before.state)
+        ok = book_note(d, b.seq, QUEUE_EVENT_EDITED, b.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0, now, e);
+    t->now = b.state;
+    return ok;
+}
+
+bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
+                error *e)
+{
+    telling t = {.change.apply = tell, .id = id, .command = command};
+    if (!database_change(q, &t.change, e)) return false;
+    *found = t.found;
+    *changed = t.changed;
+    if (t.found) *now = t.now;
+    return true;
+}
+
+typedef struct editing {
+    change change;
+    const char *id;
+    int64_t revision;
+    const queue_edit *edit;
+    queue_edited edited;
+} editing;
+
+static bool store_edit(database *d, const queue_edit *edit, const book *b, error *e)
+{
+    bool ok = true;
+    if (edit->priority)
+        ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(b->seq),
+                 integer(*edit->priority));
+    if (edit->labels)
+        ok = ok &&
+             RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(b->seq), text(edit->labels)) &&
+             RUN(d, e, "DELETE FROM label WHERE job = ?1", integer(b->seq)) &&
+             RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
+                 integer(b->seq), text(edit->labels));
+    return ok;
+}
+
+static bool change_job(database *d, change *asked)
+{
+    editing *x = (editing *)asked;
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms();
+    bool found = false;
+    book b;
+    if (!book_load(d, x->id, &b, &found, e)) return false;
+    x->edited = !found                                          ? QUEUE_NOT_THERE
+                : x->revision >= 0 && x->revision != b.revision ? QUEUE_STALE
+                                                                : QUEUE_EDITED;
+    if (x->edited != QUEUE_EDITED) return true;
+    book before = b;
+    if (x->edit->retention_s) b.retention_s = *x->edit->retention_s;
+    return store_edit(d, x->edit, &b, e) && book_save(d, &before, &b, now, e) &&
+           book_note(d, b.seq, QUEUE_EVENT_EDITED, b.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0, now, e);
+}
+
+bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
+                  error *e)
+{
+    editing x = {.change.apply = change_job, .id = id, .revision = revision, .edit = edit};
+    if (!database_change(q, &x.change, e)) return false;
+    *edited = x.edited;
+    return true;
+}
+
+typedef struct deleting {
+    change change;
+    const char *id;
+    bool found, deleted;
+} deleting;
+
+static bool delete_job(database *d, change *asked)
+{
+    deleting *x = (deleting *)asked;
+    error *e = &asked->fault;
+    book b;
+    if (!book_load(d, x->id, &b, &x->found, e)) return false;
+    if (!x->found || !queue_state_is_final(b.state)) return true;
+    x->deleted = true;
+    return RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
+}
+
+bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)
+{
+    deleting x = {.change.apply = delete_job, .id = id};
+    if (!database_change(q, &x.change, e)) return false;
+    *found = x.found;
+    *deleted = x.deleted;
+    return true;
+}

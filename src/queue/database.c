@@ -1,0 +1,334 @@
+#include "queue/database.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "queue/filesystem.h"
+#include "queue/queue.h"
+#include "queue/schema.h"
+
+/* At a start somebody may still look with the sqlite3 program. */
+#define OPEN_PATIENCE_MS 5000
+/* As many statements as the program has, and some. */
+#define STATEMENTS 128
+
+struct queue {
+    int lock_fd; /* holds the lock on the state directory */
+
+    pthread_mutex_t mutex; /* of the connection and what follows */
+    sqlite3 *connection;
+    struct {
+        const char *sql;
+        sqlite3_stmt *prepared;
+    } statement[STATEMENTS];
+    overtaken overtaken;
+    char *trouble; /* what kept the last change from being stored; NULL: nothing did */
+
+    pthread_mutex_t gate; /* of the changes that wait; never held together with the other */
+    pthread_cond_t turn;
+    change *first, **last;
+    bool leading;
+
+    pthread_mutex_t news_mutex;
+    pthread_cond_t news;
+    uint64_t happened;
+};
+
+void database_lock(database *d)
+{
+    pthread_mutex_lock(&d->mutex);
+}
+
+void database_unlock(database *d)
+{
+    pthread_mutex_unlock(&d->mutex);
+}
+
+overtaken *database_overtaken(database *d)
+{
+    return &d->overtaken;
+}
+
+/* ---- statements */
+
+static bool fail(database *d, error *e)
+{
+    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", sqlite3_errmsg(d->connection));
+}
+
+static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
+{
+    size_t i = 0;
+    while (d->statement[i].sql && d->statement[i].sql != sql) i++;
+    if (d->statement[i].sql) return d->statement[i].prepared;
+    sqlite3_stmt *s = NULL;
+    if (i + 1 == STATEMENTS ||
+        sqlite3_prepare_v3(d->connection, sql, -1, SQLITE_PREPARE_PERSISTENT, &s, NULL) != SQLITE_OK) {
+        fail(d, e);
+        return NULL;
+    }
+    d->statement[i].sql = sql;
+    d->statement[i].prepared = s;
+    return s;
+}
+
+sqlite3_stmt *database_ask(database *d, const char *sql, const value *values, size_t count, error *e)
+{
+    sqlite3_stmt *s = find_statement(d, sql, e);
+    for (size_t i = 0; s && i < count; i++) {
+        int at = (int)i + 1;
+        if (values[i].integer)
+            sqlite3_bind_int64(s, at, values[i].number);
+        else
+            sqlite3_bind_text(s, at, values[i].text, -1, SQLITE_STATIC); /* NULL binds NULL */
+    }
+    return s;
+}
+
+void database_end(sqlite3_stmt *s)
+{
+    sqlite3_reset(s);
+    sqlite3_clear_bindings(s);
+}
+
+bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e)
+{
+    int status = s ? sqlite3_step(s) : SQLITE_ERROR;
+    if (status == SQLITE_ROW) return true;
+    *ok = status == SQLITE_DONE || (s && fail(d, e)); /* without a statement the error is set already */
+    if (s) database_end(s);
+    return false;
+}
+
+bool database_run(database *d, const char *sql, const value *values, size_t count, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = database_ask(d, sql, values, count, e);
+    while (database_next(d, s, &ok, e)) continue;
+    return ok;
+}
+
+int database_changes(database *d)
+{
+    return sqlite3_changes(d->connection);
+}
+
+int64_t database_last_row(database *d)
+{
+    return sqlite3_last_insert_rowid(d->connection);
+}
+
+char *database_text(sqlite3_stmt *s, int column)
+{
+    const char *found = (const char *)sqlite3_column_text(s, column);
+    return found ? mem_strdup(found) : NULL;
+}
+
+/* ---- changes */
+
+/* Says so when changes can no longer be stored, and when they can again; not at every try. */
+static void note_stored(database *d)
+{
+    if (!d->trouble) return;
+    log_write(LOG_LEVEL_INFO, "the queue stores again");
+    free(d->trouble);
+    d->trouble = NULL;
+}
+
+static void note_trouble(database *d, const char *why)
+{
+    if (d->trouble && strcmp(d->trouble, why) == 0) return;
+    log_write(LOG_LEVEL_ERROR, "the queue cannot store: %s", why);
+    free(d->trouble);
+    d->trouble = mem_strdup(why);
+}
+
+static bool plain(database *d, const char *sql, error *e)
+{
+    return database_run(d, sql, NULL, 0, e);
+}
+
+/* Applies one change; one that fails leaves nothing. False when the transaction itself is gone. */
+static bool apply_one(database *d, change *c)
+{
+    c->ok = plain(d, "SAVEPOINT one", &c->fault) && c->apply(d, c);
+    if (c->ok) c->ok = plain(d, "RELEASE one", &c->fault);
+    if (c->ok) return true;
+    note_trouble(d, c->fault.message);
+    return !sqlite3_get_autocommit(d->connection) && plain(d, "ROLLBACK TO one", NULL) &&
+           plain(d, "RELEASE one", NULL);
+}
+
+/* All changes of the list in one transaction. Whether anything is different now. */
+static bool apply_all(database *d, change *first)
+{
+    error e = {0};
+    bool any = false;
+    int before = sqlite3_total_changes(d->connection);
+    bool ok = plain(d, "BEGIN IMMEDIATE", &e);
+    for (change *c = first; ok && c; c = c->next) {
+        ok = apply_one(d, c);
+        if (!ok) e = c->fault;
+        any |= c->ok;
+    }
+    if (ok) ok = plain(d, "COMMIT", &e);
+    if (ok) {
+        bool different = sqlite3_total_changes(d->connection) != before;
+        if (any && different) note_stored(d);
+        return different;
+    }
+    note_trouble(d, e.message);
+    if (!sqlite3_get_autocommit(d->connection)) plain(d, "ROLLBACK", NULL);
+    for (change *c = first; c; c = c->next) {
+        if (c->ok || c->fault.code == ERROR_NONE) c->fault = e;
+        c->ok = false;
+    }
+    return false;
+}
+
+static void lead(database *d)
+{
+    change *all = d->first;
+    d->first = NULL;
+    d->last = &d->first;
+    pthread_mutex_unlock(&d->gate);
+    database_lock(d);
+    bool different = apply_all(d, all);
+    database_unlock(d);
+    if (different) queue_signal(d);
+    pthread_mutex_lock(&d->gate);
+    for (change *c = all, *next; c; c = next) {
+        next = c->next;
+        c->done = true; /* and its thread may be away with it */
+    }
+}
+
+bool database_change(database *d, change *c, error *e)
+{
+    c->next = NULL;
+    c->done = c->ok = false;
+    c->fault = (error){0};
+    pthread_mutex_lock(&d->gate);
+    *d->last = c;
+    d->last = &c->next;
+    while (!c->done && d->leading) pthread_cond_wait(&d->turn, &d->gate);
+    if (!c->done) {
+        d->leading = true;
+        lead(d);
+        d->leading = false;
+        pthread_cond_broadcast(&d->turn);
+    }
+    pthread_mutex_unlock(&d->gate);
+    if (!c->ok && e) *e = c->fault;
+    return c->ok;
+}
+
+/* ---- news */
+
+void queue_signal(queue *q)
+{
+    pthread_mutex_lock(&q->news_mutex);
+    q->happened++;
+    pthread_cond_broadcast(&q->news);
+    pthread_mutex_unlock(&q->news_mutex);
+}
+
+bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
+{
+    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000),
+                             .tv_nsec = (long)(until_ms % 1000) * 1000000};
+    int status = 0;
+    pthread_mutex_lock(&q->news_mutex);
+    while (q->happened == *seen && status != ETIMEDOUT)
+        status = pthread_cond_timedwait(&q->news, &q->news_mutex, &until);
+    bool any = q->happened != *seen;
+    *seen = q->happened;
+    pthread_mutex_unlock(&q->news_mutex);
+    return any;
+}
+
+/* ---- opening */
+
+static bool take_lock(queue *q, const char *state_dir, error *e)
+{
+    char *path = mem_printf("%s/lock", state_dir);
+    q->lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    bool ok = q->lock_fd >= 0 && flock(q->lock_fd, LOCK_EX | LOCK_NB) == 0;
+    if (!ok && q->lock_fd >= 0 && errno == EWOULDBLOCK) {
+        char holder[16] = "";
+        ssize_t got = pread(q->lock_fd, holder, sizeof holder - 1, 0);
+        holder[got > 0 ? got : 0] = '\0';
+        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder,
+                  state_dir);
+    } else if (!ok) {
+        error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
+    } else if (ftruncate(q->lock_fd, 0) != 0 || dprintf(q->lock_fd, "%d", (int)getpid()) < 0) {
+        ok = error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", path, strerror(errno));
+    }
+    free(path);
+    return ok;
+}
+
+static void make_locks(queue *q)
+{
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_mutex_init(&q->mutex, NULL);
+    pthread_mutex_init(&q->gate, NULL);
+    pthread_cond_init(&q->turn, NULL);
+    pthread_mutex_init(&q->news_mutex, NULL);
+    pthread_cond_init(&q->news, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    q->last = &q->first;
+    q->happened = 1; /* who has seen nothing is told at once */
+}
+
+queue *queue_open(const char *state_dir, error *e)
+{
+    queue *q = mem_alloc(sizeof *q);
+    make_locks(q);
+    q->lock_fd = -1;
+    char *path = mem_printf("%s/queue.db", state_dir);
+    bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
+    if (ok &&
+        sqlite3_open_v2(path, &q->connection,
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
+        ok = q->connection ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
+    if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
+    ok = ok && schema_prepare(q->connection, e);
+    /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */
+    if (ok) sqlite3_busy_timeout(q->connection, 0);
+    if (!ok) {
+        error_prefix(e, "%s", path);
+        queue_close(q);
+        q = NULL;
+    }
+    free(path);
+    return q;
+}
+
+void queue_close(queue *q)
+{
+    if (!q) return;
+    for (size_t i = 0; q->statement[i].sql; i++) sqlite3_finalize(q->statement[i].prepared);
+    sqlite3_close(q->connection);
+    if (q->lock_fd >= 0) close(q->lock_fd);
+    pthread_mutex_destroy(&q->mutex);
+    pthread_mutex_destroy(&q->gate);
+    pthread_cond_destroy(&q->turn);
+    pthread_mutex_destroy(&q->news_mutex);
+    pthread_cond_destroy(&q->news);
+    free(q->trouble);
+    free(q);
+}

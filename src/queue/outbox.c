@@ -1,0 +1,62 @@
+/* What is to be told to others about jobs that have ended. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "queue/database.h"
+#include "queue/queue.h"
+#include "queue/record.h"
+
+void queue_delivery_clear(queue_delivery *delivery)
+{
+    free(delivery->url);
+    *delivery = (queue_delivery){0};
+}
+
+bool queue_next_delivery(queue *q, queue_delivery *delivery, bool *found, error *e)
+{
+    queue_delivery read = {0};
+    bool ok = false, any = false;
+    static const char sql[] =
+        "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms FROM outbox"
+        " JOIN job ON seq = job ORDER BY due_ms, number LIMIT 1";
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) {
+        any = true;
+        read.number = sqlite3_column_int64(s, 0);
+        snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 1));
+        read.url = database_text(s, 2);
+        queue_state_from_name((const char *)sqlite3_column_text(s, 3), &read.state);
+        read.outcome = record_outcome(s, 4);
+        read.tries = sqlite3_column_int(s, 5);
+        read.due_ms = sqlite3_column_int64(s, 6);
+    }
+    database_unlock(q);
+    if (ok && any)
+        *delivery = read;
+    else
+        queue_delivery_clear(&read);
+    if (ok) *found = any;
+    return ok;
+}
+
+typedef struct ending_delivery {
+    change change;
+    int64_t number, again_ms;
+} ending_delivery;
+
+static bool end_delivery(database *d, change *asked)
+{
+    const ending_delivery *x = (ending_delivery *)asked;
+    error *e = &asked->fault;
+    if (x->again_ms > 0)
+        return RUN(d, e, "UPDATE outbox SET tries = tries + 1, due_ms = ?2 WHERE number = ?1",
+                   integer(x->number), integer(x->again_ms));
+    return RUN(d, e, "DELETE FROM outbox WHERE number = ?1", integer(x->number));
+}
+
+bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e)
+{
+    ending_delivery x = {.change.apply = end_delivery, .number = number, .again_ms = again_ms};
+    return database_change(q, &x.change, e);
+}

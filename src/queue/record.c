@@ -1,0 +1,69 @@
+#include "queue/record.h"
+
+#include <stdio.h>
+#include <string.h>
+
+queue_outcome record_outcome(sqlite3_stmt *s, int column)
+{
+    const char *name = (const char *)sqlite3_column_text(s, column);
+    return !name ? QUEUE_NO_OUTCOME : strcmp(name, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
+}
+
+void record_read_job(sqlite3_stmt *s, int at, queue_job *job)
+{
+    *job = (queue_job){
+        .seq = sqlite3_column_int64(s, at),
+        .revision = sqlite3_column_int64(s, at + 2),
+        .name = database_text(s, at + 3),
+        .owner = database_text(s, at + 4),
+        .labels = database_text(s, at + 5),
+        .trace = database_text(s, at + 6),
+        .outcome = record_outcome(s, at + 8),
+        .paused = sqlite3_column_int(s, at + 9),
+        .array = sqlite3_column_int(s, at + 10),
+        .tasks =
+            {
+                .all = sqlite3_column_int(s, at + 11),
+                .waiting = sqlite3_column_int(s, at + 12),
+                .running = sqlite3_column_int(s, at + 13),
+                .succeeded = sqlite3_column_int(s, at + 14),
+                .failed = sqlite3_column_int(s, at + 15),
+                .cancelled = sqlite3_column_int(s, at + 16),
+                .timed_out = sqlite3_column_int(s, at + 17),
+            },
+        .attempts = sqlite3_column_int(s, at + 18),
+        .priority = sqlite3_column_int(s, at + 19),
+        .max_attempts = sqlite3_column_int(s, at + 20),
+        .threads = sqlite3_column_int(s, at + 21),
+        .memory_mb = sqlite3_column_int64(s, at + 22),
+        .created_ms = sqlite3_column_int64(s, at + 23),
+        .started_ms = sqlite3_column_int64(s, at + 24),
+        .finished_ms = sqlite3_column_int64(s, at + 25),
+        .retention_s = sqlite3_column_int64(s, at + 26),
+        .error_code = database_text(s, at + 27),
+        .error_message = database_text(s, at + 28),
+        .cached_from = database_text(s, at + 29),
+    };
+    snprintf(job->id, sizeof job->id, "%s", (const char *)sqlite3_column_text(s, at + 1));
+    queue_state_from_name((const char *)sqlite3_column_text(s, at + 7), &job->state);
+}
+
+void record_read_task(sqlite3_stmt *s, int at, queue_task *task)
+{
+    const char *state = (const char *)sqlite3_column_text(s, at + 2);
+    *task = (queue_task){
+        .number = sqlite3_column_int(s, at),
+        .frame =
+            sqlite3_column_type(s, at + 1) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, at + 1),
+        .outcome = record_outcome(s, at + 3),
+        .attempt = sqlite3_column_int(s, at + 4),
+        .spent = sqlite3_column_int(s, at + 5),
+        .not_before_ms = sqlite3_column_int64(s, at + 6),
+        .started_ms = sqlite3_column_int64(s, at + 7),
+        .finished_ms = sqlite3_column_int64(s, at + 8),
+        .error_code = database_text(s, at + 9),
+        .error_message = database_text(s, at + 10),
+    };
+    /* who waits to be tried again is queued for all the world */
+    queue_state_from_name(strcmp(state, "delayed") == 0 ? "queued" : state, &task->state);
+}

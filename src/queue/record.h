@@ -1,0 +1,30 @@
+/* record: rows of the database as the structures of queue.h.
+ *
+ * Private to src/queue. A statement selects JOB_COLUMNS or TASK_COLUMNS from some column on.
+ */
+#ifndef HEXAD_QUEUE_RECORD_H
+#define HEXAD_QUEUE_RECORD_H
+
+#include "queue/database.h"
+#include "queue/queue.h"
+
+#define JOB_COLUMNS                                                                                          \
+    "job.seq, job.id, job.revision, job.name, job.owner, job.labels, job.trace, job.state, job.outcome,"     \
+    " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"          \
+    " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads,"  \
+    " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"      \
+    " job.error_message, job.cached_from"
+#define JOB_COLUMN_COUNT 30
+
+#define TASK_COLUMNS                                                                                         \
+    "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms,"       \
+    " task.started_ms, task.finished_ms, task.error_code, task.error_message"
+
+#define TASK_COLUMN_COUNT 11
+
+/* `at` is the first of the columns. All but the spec. */
+void record_read_job(sqlite3_stmt *s, int at, queue_job *job);
+void record_read_task(sqlite3_stmt *s, int at, queue_task *task);
+queue_outcome record_outcome(sqlite3_stmt *s, int column);
+
+#endif

@@ -1,0 +1,345 @@
+/* How tasks are claimed, tried, and end. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "queue/book.h"
+#include "queue/record.h"
+
+/* How many of one owner's jobs are looked at for one that fits. */
+#define LOOK_AHEAD "64"
+
+#define CLAIMABLE "ready > 0 AND pending = 0 AND is_paused = 0"
+#define OWNERS_TURN "owner.unfinished > 0 AND (?1 = 0 OR owner.running < ?1)"
+
+typedef struct claiming {
+    change change;
+    const queue_room *room; /* NULL: whatever the room, the job `id` */
+    const char *id;
+    queue_claimed claimed;
+    bool found;
+} claiming;
+
+/* Those that waited for their time, and it has come. */
+static bool promote(database *d, int64_t now, error *e)
+{
+    for (;;) {
+        bool ok = false, any = false, found = false;
+        int64_t job = 0;
+        int number = 0;
+        char id[ULID_SIZE] = "";
+        sqlite3_stmt *s =
+            ASK(d, e,
+                "SELECT job, number, id FROM task JOIN job ON seq = job"
+                " WHERE task.state = 'delayed' AND not_before_ms <= ?1 ORDER BY not_before_ms LIMIT 1",
+                integer(now));
+        while (database_next(d, s, &ok, e)) {
+            any = true;
+            job = sqlite3_column_int64(s, 0);
+            number = sqlite3_column_int(s, 1);
+            snprintf(id, sizeof id, "%s", (const char *)sqlite3_column_text(s, 2));
+        }
+        if (!ok || !any) return ok;
+        book b;
+        if (!RUN(d, e,
+                 "UPDATE task SET state = 'queued', not_before_ms = NULL WHERE job = ?1 AND number = ?2",
+                 integer(job), integer(number)) ||
+            !book_load(d, id, &b, &found, e))
+            return false;
+        book before = b;
+        b.delayed--;
+        b.ready++;
+        if (!book_save(d, &before, &b, now, e)) return false;
+    }
+}
+
+/* Reads the number of a job, 0 for none. */
+static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
+{
+    bool ok = false;
+    *seq = 0;
+    while (database_next(d, s, &ok, e)) *seq = sqlite3_column_int64(s, 0);
+    return ok;
+}
+
+/* The job whose turn it is, whether it fits or not. */
+static bool find_head(database *d, const queue_room *room, int64_t *seq, error *e)
+{
+    return read_seq(d,
+                    ASK(d, e,
+                        "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
+                        " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " CLAIMABLE
+                        "  ORDER BY priority DESC, seq LIMIT 1)"
+                        " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
+                        integer(room->most_of_owner)),
+                    seq, e);
+}
+
+/* The first that fits. */
+static bool find_fitting(database *d, const queue_room *room, int64_t *seq, error *e)
+{
+    return read_seq(d,
+                    ASK(d, e,
+                        "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
+                        " (SELECT seq FROM (SELECT seq, threads, memory_mb FROM job INDEXED BY job_ready"
+                        "   WHERE owner = owner.name AND " CLAIMABLE
+                        " ORDER BY priority DESC, seq LIMIT " LOOK_AHEAD ")"
+                        "  WHERE (min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5 LIMIT 1)"
+                        " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
+                        integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
+                        integer(room->memory_mb), integer(room->all_memory_mb)),
+                    seq, e);
+}
+
+/* Whose turn it is and for whom there is room; 0: nobody. A job that does not fit lets others pass, but not
+ * for ever. */
+static bool choose(database *d, const queue_room *room, int64_t *seq, error *e)
+{
+    int64_t head = 0, fitting = 0;
+    overtaken *o = database_overtaken(d);
+    if (!find_head(d, room, &head, e)) return false;
+    if (head && !find_fitting(d, room, &fitting, e)) return false;
+    if (head != fitting) {
+        if (o->seq != head) *o = (overtaken){.seq = head};
+        if (o->times == QUEUE_OVERTAKE_MOST) fitting = 0;
+        if (fitting) o->times++;
+    }
+    *seq = fitting;
+    return true;
+}
+
+static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *claimed, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM job JOIN task ON task.job = job.seq"
+            " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
+            integer(seq), integer(number));
+    while (database_next(d, s, &ok, e)) {
+        record_read_job(s, 0, &claimed->job);
+        record_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
+        claimed->job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
+    }
+    return ok;
+}
+
+/* The first task of the job that waits becomes running. */
+static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
+{
+    bool ok = false, any = false;
+    int number = 0, attempt = 0, frame = QUEUE_NO_FRAME;
+    book b;
+    sqlite3_stmt *s =
+        ASK(d, e,
+            "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
+            " started_ms = coalesce(started_ms, ?2) WHERE job = ?1 AND number ="
+            " (SELECT number FROM task WHERE job = ?1 AND state = 'queued' ORDER BY number LIMIT 1)"
+            " RETURNING number, attempt, frame",
+            integer(seq), integer(now));
+    while (database_next(d, s, &ok, e)) {
+        any = true;
+        number = sqlite3_column_int(s, 0);
+        attempt = sqlite3_column_int(s, 1);
+        if (sqlite3_column_type(s, 2) != SQLITE_NULL) frame = sqlite3_column_int(s, 2);
+    }
+    if (!ok || !any) return ok;
+    ok = RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)",
+             integer(seq), integer(number), integer(attempt), integer(now)) &&
+         book_load_row(d, seq, &b, e);
+    if (!ok) return false;
+    book before = b;
+    b.ready--;
+    b.running++;
+    b.attempts++;
+    ok = book_save(d, &before, &b, now, e) &&
+         book_note(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt, now, e) &&
+         read_claimed(d, seq, number, &c->claimed, e);
+    c->found = ok;
+    return ok;
+}
+
+static bool claim(database *d, change *asked)
+{
+    claiming *c = (claiming *)asked;
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms(), seq = 0;
+    bool ok;
+    if (c->room)
+        ok = promote(d, now, e) && choose(d, c->room, &seq, e);
+    else
+        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " CLAIMABLE, text(c->id)), &seq, e);
+    return ok && (!seq || start_task(d, seq, c, now, e));
+}
+
+static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found, error *e)
+{
+    c->change.apply = claim;
+    if (!database_change(q, &c->change, e)) {
+        queue_claimed_clear(&c->claimed);
+        return false;
+    }
+    *found = c->found;
+    if (c->found) *claimed = c->claimed;
+    return true;
+}
+
+bool queue_claim(queue *q, const queue_room *room, queue_claimed *claimed, bool *found, error *e)
+{
+    claiming c = {.room = room};
+    return run_claim(q, &c, claimed, found, e);
+}
+
+bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e)
+{
+    claiming c = {.id = id};
+    return run_claim(q, &c, claimed, found, e);
+}
+
+bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, error *e)
+{
+    queue_claimed *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    static const char sql[] =
+        "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM task INDEXED BY task_running"
+        " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
+        " WHERE task.state = 'running' ORDER BY task.job, number";
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        record_read_job(s, 0, &read[used].job);
+        record_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
+        read[used++].job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
+    }
+    database_unlock(q);
+    if (!ok) {
+        queue_claimed_free(read, used);
+        return false;
+    }
+    *claimed = read;
+    *count = used;
+    return true;
+}
+
+/* ---- the end of an attempt */
+
+typedef struct settling {
+    change change;
+    const queue_fence *fence;
+    const queue_ending *ending;
+    bool back, counts; /* into the queue again */
+    int64_t not_before_ms;
+    bool accepted;
+} settling;
+
+static bool end_attempt(database *d, const settling *s, const book *b, int frame, int64_t now, error *e)
+{
+    const queue_ending *x = s->ending;
+    return RUN(d, e,
+               "UPDATE attempt SET finished_ms = ?4, exit_status = ?5, signal = ?6, peak_memory_bytes = ?7,"
+               " host = ?8, reason = ?9 WHERE job = ?1 AND task = ?2 AND number = ?3",
+               integer(b->seq), integer(s->fence->task), integer(s->fence->attempt), integer(now),
+               integer_if(x->exit_status, x->exit_status >= 0), integer_if(x->signal, x->signal >= 0),
+               integer_if(x->peak_memory_bytes, x->peak_memory_bytes > 0), text(x->host), text(x->reason)) &&
+           book_note(d, b->seq, QUEUE_EVENT_ENDED, s->back ? QUEUE_QUEUED : x->state,
+                     s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
+}
+
+/* Whether the attempt is the task's current one and runs; reads its frame. */
+static bool check_fence(database *d, const settling *s, const book *b, bool *current, int *frame, error *e)
+{
+    bool ok = false;
+    *current = false;
+    sqlite3_stmt *row = ASK(d, e,
+                            "SELECT frame FROM task WHERE job = ?1 AND number = ?2 AND attempt = ?3"
+                            " AND state = 'running'",
+                            integer(b->seq), integer(s->fence->task), integer(s->fence->attempt));
+    while (database_next(d, row, &ok, e)) {
+        *current = true;
+        *frame = sqlite3_column_type(row, 0) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(row, 0);
+    }
+    return ok;
+}
+
+static bool put_back(database *d, const settling *s, book *b, int64_t now, error *e)
+{
+    bool delayed = s->not_before_ms > now;
+    if (!RUN(d, e,
+             "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5 WHERE job = ?1 AND number = "
+             "?2",
+             integer(b->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
+             integer(s->counts ? 0 : 1), integer_if(s->not_before_ms, delayed)))
+        return false;
+    if (delayed)
+        b->delayed++;
+    else
+        b->ready++;
+    return true;
+}
+
+static bool end_task(database *d, const settling *s, book *b, int frame, int64_t now, error *e)
+{
+    const queue_ending *x = s->ending;
+    if (!RUN(d, e,
+             "UPDATE task SET state = ?3, outcome = ?4, error_code = ?5, error_message = ?6, finished_ms = ?7"
+             " WHERE job = ?1 AND number = ?2",
+             integer(b->seq), integer(s->fence->task), text(queue_state_name(x->state)),
+             text(queue_outcome_name(x->outcome)), text(x->error_code), text(x->error_message), integer(now)))
+        return false;
+    ++*book_count_of(b, x->state);
+    if (x->outcome == QUEUE_NOT_CONVERGED) b->not_converged++;
+    if (x->cached_from &&
+        !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(b->seq), text(x->cached_from)))
+        return false;
+    if (x->cache_key && !RUN(d, e, "INSERT OR REPLACE INTO cache (key, job, inputs) VALUES (?1, ?2, ?3)",
+                             text(x->cache_key), integer(b->seq), text(x->cache_inputs)))
+        return false;
+    return frame == QUEUE_NO_FRAME ||
+           book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame, s->fence->attempt, now, e);
+}
+
+static bool settle(database *d, change *asked)
+{
+    settling *s = (settling *)asked;
+    error *e = &asked->fault;
+    int64_t now = clock_wall_ms();
+    bool found = false, current = false;
+    int frame = QUEUE_NO_FRAME;
+    book b;
+    if (!book_load(d, s->fence->id, &b, &found, e)) return false;
+    if (!found || (s->back && b.cancelled)) return true; /* would undo the cancellation */
+    if (!check_fence(d, s, &b, &current, &frame, e)) return false;
+    if (!current) return true;
+    book before = b;
+    b.running--;
+    s->accepted = true;
+    return end_attempt(d, s, &b, frame, now, e) &&
+           (s->back ? put_back(d, s, &b, now, e) : end_task(d, s, &b, frame, now, e)) &&
+           book_save(d, &before, &b, now, e);
+}
+
+static bool run_settling(queue *q, settling *s, bool *accepted, error *e)
+{
+    s->change.apply = settle;
+    if (!database_change(q, &s->change, e)) return false;
+    *accepted = s->accepted;
+    return true;
+}
+
+bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e)
+{
+    settling s = {.fence = fence, .ending = ending};
+    return run_settling(q, &s, accepted, e);
+}
+
+bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
+                   const queue_ending *ending, bool *accepted, error *e)
+{
+    settling s = {
+        .fence = fence, .ending = ending, .back = true, .counts = counts, .not_before_ms = not_before_ms};
+    return run_settling(q, &s, accepted, e);
+}

@@ -1,0 +1,162 @@
+/* How a job comes into the queue. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "queue/book.h"
+
+typedef struct submitting {
+    change change;
+    const queue_submission *in;
+    const char *owner;
+    queue_receipt receipt;
+} submitting;
+
+/* Whether the key was seen before; then the receipt is written. */
+static bool find_replay(database *d, submitting *s, bool *seen, error *e)
+{
+    bool ok = false;
+    queue_receipt *r = &s->receipt;
+    *seen = false;
+    if (!s->in->key) return true;
+    sqlite3_stmt *row =
+        ASK(d, e, "SELECT id, state, revision, body_hash FROM job WHERE owner = ?1 AND key = ?2",
+            text(s->owner), text(s->in->key));
+    while (database_next(d, row, &ok, e)) {
+        *seen = true;
+        snprintf(r->id, sizeof r->id, "%s", (const char *)sqlite3_column_text(row, 0));
+        queue_state_from_name((const char *)sqlite3_column_text(row, 1), &r->state);
+        r->revision = sqlite3_column_int64(row, 2);
+        bool same = strcmp((const char *)sqlite3_column_text(row, 3), s->in->body_hash) == 0;
+        r->verdict = same ? QUEUE_REPLAYED : QUEUE_MISMATCH;
+    }
+    return ok;
+}
+
+static bool check_share(database *d, submitting *s, bool *full, error *e)
+{
+    bool ok = false;
+    *full = false;
+    if (s->in->most_waiting <= 0) return true;
+    sqlite3_stmt *row = ASK(d, e, "SELECT unfinished FROM owner WHERE name = ?1", text(s->owner));
+    while (database_next(d, row, &ok, e)) *full = sqlite3_column_int64(row, 0) >= s->in->most_waiting;
+    if (*full) s->receipt.verdict = QUEUE_TOO_MANY;
+    return ok;
+}
+
+/* Looks at a job that is depended on. */
+static bool look_at_need(database *d, const char *id, bool *found, queue_state *state, error *e)
+{
+    bool ok = false;
+    *found = false;
+    sqlite3_stmt *row = ASK(d, e, "SELECT state FROM job WHERE id = ?1", text(id));
+    while (database_next(d, row, &ok, e))
+        *found = queue_state_from_name((const char *)sqlite3_column_text(row, 0), state);
+    return ok;
+}
+
+/* Counts the jobs that it has to wait for; *lost is one that has ended without success, or NULL. */
+static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
+                        bool *unknown, error *e)
+{
+    *unknown = false;
+    *pending = 0;
+    *lost = NULL;
+    for (size_t i = 0; i < s->in->depends_on_count; i++) {
+        bool found;
+        queue_state state = QUEUE_QUEUED;
+        const char *id = s->in->depends_on[i];
+        if (!look_at_need(d, id, &found, &state, e)) return false;
+        if (!found) {
+            s->receipt.verdict = QUEUE_UNKNOWN_DEPENDENCY;
+            s->receipt.dependency = i;
+            *unknown = true;
+            return true;
+        }
+        bool again = false;
+        for (size_t k = 0; k < i; k++) again |= strcmp(id, s->in->depends_on[k]) == 0;
+        if (state != QUEUE_SUCCEEDED && !again) ++*pending;
+        if (queue_state_is_final(state) && state != QUEUE_SUCCEEDED) {
+            *lost = id;
+            *how = state;
+        }
+    }
+    return true;
+}
+
+static bool insert_job(database *d, const submitting *s, book *b, int64_t now, error *e)
+{
+    const queue_submission *in = s->in;
+    bool ok =
+        RUN(d, e,
+            "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
+            " is_array, pending, tasks, ready, created_ms, name, labels, trace, webhook, key, body_hash)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
+            text(s->receipt.id), text(s->owner), text(queue_state_name(b->state)), integer(in->priority),
+            integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
+            integer(b->array), integer(b->pending), integer(b->tasks), integer(now), text(in->name),
+            text(in->labels), text(in->trace), text(in->webhook), text(in->key),
+            text(in->key ? in->body_hash : NULL));
+    b->seq = database_last_row(d);
+    return ok && RUN(d, e, "INSERT INTO spec (job, spec) VALUES (?1, ?2)", integer(b->seq), text(in->spec)) &&
+           (strcmp(in->labels, "[]") == 0 ||
+            RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
+                integer(b->seq), text(in->labels)));
+}
+
+static bool insert_tasks(database *d, const submitting *s, const book *b, error *e)
+{
+    bool ok = true;
+    for (int i = 0; ok && i < b->tasks; i++)
+        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(b->seq),
+                 integer(i), integer_if(b->array ? s->in->frames[i] : 0, b->array));
+    for (size_t i = 0; ok && i < s->in->depends_on_count; i++)
+        ok = RUN(d, e, "INSERT OR IGNORE INTO dependency (job, needs) SELECT ?1, seq FROM job WHERE id = ?2",
+                 integer(b->seq), text(s->in->depends_on[i]));
+    return ok;
+}
+
+static bool put(database *d, change *c)
+{
+    submitting *s = (submitting *)c;
+    error *e = &c->fault;
+    bool stop = false;
+    int pending = 0;
+    const char *lost = NULL;
+    queue_state how = QUEUE_FAILED;
+    if (!find_replay(d, s, &stop, e)) return false;
+    if (stop) return true;
+    if (!check_share(d, s, &stop, e)) return false;
+    if (stop) return true;
+    if (!check_needs(d, s, &pending, &lost, &how, &stop, e)) return false;
+    if (stop) return true;
+    int64_t now = clock_wall_ms();
+    int tasks = s->in->frames ? (int)s->in->frame_count : 1;
+    book b = {.revision = 1,
+              .array = s->in->frames != NULL,
+              .pending = pending,
+              .tasks = tasks,
+              .ready = tasks,
+              .retention_s = s->in->retention_s};
+    b.state = book_state(&b);
+    ulid_make(now, s->receipt.id);
+    bool ok = insert_job(d, s, &b, now, e) && insert_tasks(d, s, &b, e) && book_enter(d, &b, now, e);
+    if (ok && lost) {
+        book before = b;
+        ok = book_lose_need(d, &b, lost, how, now, e) && book_save(d, &before, &b, now, e);
+    }
+    s->receipt.verdict = QUEUE_CREATED;
+    s->receipt.state = b.state;
+    s->receipt.revision = b.revision;
+    return ok;
+}
+
+bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e)
+{
+    submitting s = {
+        .change.apply = put, .in = submission, .owner = submission->owner ? submission->owner : ""};
+    if (!database_change(q, &s.change, e)) return false;
+    *receipt = s.receipt;
+    return true;
+}

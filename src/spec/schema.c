@@ -1,0 +1,216 @@
+#include "spec/schema.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "spec/spec_table.h"
+
+static const char analytic[] = "/surface/analytic";
+
+static void put_default(json *schema, const spec_row *row)
+{
+    if (row->otherwise) json_put(schema, "default", json_parse(row->otherwise, strlen(row->otherwise), NULL));
+}
+
+static void put_bounds(json *schema, const spec_row *row)
+{
+    json_put_number(schema, row->flags & SPEC_LOW_OPEN ? "exclusiveMinimum" : "minimum", row->low);
+    json_put_number(schema, "maximum", row->high);
+}
+
+static void put_words(json *schema, const spec_row *row)
+{
+    char word[64];
+    json *list = json_put_array(schema, "enum");
+    for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++) json_append_string(list, word);
+}
+
+static void put_items(json *schema, const char *type, const spec_row *row, int count)
+{
+    json_put_string(schema, "type", "array");
+    json *items = json_put_object(schema, "items");
+    json_put_string(items, "type", type);
+    put_bounds(items, row);
+    if (count == 0) return;
+    json_put_integer(schema, "minItems", count);
+    json_put_integer(schema, "maxItems", count);
+}
+
+static void put_length(json *schema, double low, double high)
+{
+    json_put_string(schema, "type", "string");
+    json_put_number(schema, "minLength", low);
+    json_put_number(schema, "maxLength", high);
+    json_put_string(schema, "pattern", "^[^\\x00]*$"); /* which no text of the service's may have */
+}
+
+/* Pixels: one integer for both sides, or two. */
+static void put_size(json *schema, const spec_row *row)
+{
+    json *list = json_put_array(schema, "oneOf");
+    json *one = json_append_object(list);
+    json_put_string(one, "type", "integer");
+    put_bounds(one, row);
+    put_items(json_append_object(list), "integer", row, 2);
+}
+
+static void put_group(json *schema, const char *group);
+
+static void put_type(json *schema, const spec_row *row)
+{
+    switch (row->type) {
+    case SPEC_TYPE_GROUP:
+        put_group(schema, row->pointer);
+        break;
+    case SPEC_TYPE_NUMBER:
+        json_put_string(schema, "type", "number");
+        put_bounds(schema, row);
+        break;
+    case SPEC_TYPE_INTEGER:
+    case SPEC_TYPE_LARGE:
+        json_put_string(schema, "type", "integer");
+        put_bounds(schema, row);
+        break;
+    case SPEC_TYPE_BOOL:
+        json_put_string(schema, "type", "boolean");
+        break;
+    case SPEC_TYPE_WORD:
+        put_words(schema, row);
+        break;
+    case SPEC_TYPE_STRING:
+        put_length(schema, row->low, row->high);
+        break;
+    case SPEC_TYPE_VECTOR:
+        put_items(schema, "number", row, 3);
+        break;
+    case SPEC_TYPE_TRIPLE:
+        put_items(schema, "integer", row, 3);
+        break;
+    case SPEC_TYPE_NUMBERS:
+        put_items(schema, "number", row, 0);
+        break;
+    case SPEC_TYPE_SIZE:
+        put_size(schema, row);
+        break;
+    case SPEC_TYPE_SURFACE:
+        json_put_string(schema, "type", "object"); /* what /surface is, which the prose says */
+        break;
+    case SPEC_TYPE_SURFACES:
+        json_put_string(schema, "type", "array");
+        json_put_number(schema, "minItems", row->low);
+        json_put_number(schema, "maxItems", row->high);
+        json_put_string(json_put_object(schema, "items"), "type", "object");
+        break;
+    case SPEC_TYPE_LABELS:
+        json_put_string(schema, "type", "array");
+        json_put_number(schema, "maxItems", row->high);
+        put_length(json_put_object(schema, "items"), 1, SPEC_LABEL_LENGTH_MAX);
+        break;
+    case SPEC_TYPE_LATER:
+        break;
+    }
+}
+
+static json *describe(const spec_row *row)
+{
+    json *schema = json_new_object();
+    put_type(schema, row);
+    if (row->flags & SPEC_SWITCH) {
+        json *whole = json_new_object(), *list = json_put_array(whole, "oneOf");
+        json_put_string(json_append_object(list), "type", "boolean");
+        json_append(list, schema);
+        schema = whole;
+    }
+    char *prose = row->unit ? mem_printf("%s (%s)", row->prose, row->unit) : mem_strdup(row->prose);
+    json_put_string(schema, "description", prose);
+    free(prose);
+    put_default(schema, row);
+    return schema;
+}
+
+/* The rows of one choice among the members of a group: an object for each, of which exactly one is to hold; or, where
+ * none may be given, for each pair that is not to be given. */
+static void put_choice(json *all, const char *group, spec_choice choice)
+{
+    const spec_row *member[16];
+    size_t count = 0;
+    for (size_t i = 0; i < spec_row_count && count < sizeof member / sizeof *member; i++)
+        if (spec_rows[i].choice == choice && spec_rows[i].type != SPEC_TYPE_LATER &&
+            spec_row_is_member(&spec_rows[i], group))
+            member[count++] = &spec_rows[i];
+    if (count == 0) return;
+    json *one_of = choice < SPEC_CHOICE_GRADING ? json_put_array(json_append_object(all), "oneOf") : NULL;
+    for (size_t i = 0; i < count; i++) {
+        if (one_of) {
+            json_append_string(json_put_array(json_append_object(one_of), "required"),
+                               spec_row_key(member[i]));
+            continue;
+        }
+        for (size_t k = i + 1; k < count; k++) {
+            json *pair = json_put_array(json_put_object(json_append_object(all), "not"), "required");
+            json_append_string(pair, spec_row_key(member[i]));
+            json_append_string(pair, spec_row_key(member[k]));
+        }
+    }
+}
+
+/* The members of a group, of those that belong to some shapes only those of `shape`; -1: of a group without shapes. */
+static void put_members(json *schema, const char *group, int shape)
+{
+    json *properties = json_put_object(schema, "properties"), *required = NULL;
+    json_put_string(schema, "type", "object");
+    json_put_bool(schema, "additionalProperties", false);
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (!spec_row_is_member(row, group) || row->type == SPEC_TYPE_LATER) continue;
+        if (row->shapes && !(row->shapes & 1u << shape)) continue;
+        json_put(properties, spec_row_key(row), describe(row));
+        if (!(row->flags & SPEC_REQUIRED) || row->methods) continue;
+        if (!required) required = json_put_array(schema, "required");
+        json_append_string(required, spec_row_key(row));
+    }
+    if (shape < 0) return;
+    char word[64];
+    json *name = json_new_object();
+    spec_word(spec_row_find(group, "shape")->words, (size_t)shape, word, sizeof word);
+    json_put_string(name, "const", word);
+    json_put(properties, "shape", name);
+}
+
+static void put_group(json *schema, const char *group)
+{
+    char word[64];
+    if (strcmp(group, analytic) == 0) {
+        json *list = json_put_array(schema, "oneOf");
+        const spec_row *shapes = spec_row_find(group, "shape");
+        for (size_t i = 0; spec_word(shapes->words, i, word, sizeof word); i++)
+            put_members(json_append_object(list), group, (int)i);
+        return;
+    }
+    put_members(schema, group, -1);
+    json *all = json_new_array();
+    for (spec_choice c = SPEC_CHOICE_NONE + 1; c < SPEC_CHOICE_COUNT; c++) put_choice(all, group, c);
+    json_at at = json_root(all);
+    if (json_size(at) > 0)
+        json_put(schema, "allOf", all);
+    else
+        json_free(all);
+}
+
+json *schema_new(void)
+{
+    json *schema = json_new_object();
+    put_group(schema, "");
+    json_put_string(schema, "description",
+                    "What a job is to do; hexad-worker spec-help has the same at greater length.");
+    return schema;
+}
+
+json *schema_new_member(const char *pointer)
+{
+    size_t i = 0;
+    while (strcmp(spec_rows[i].pointer, pointer) != 0) i++;
+    return describe(&spec_rows[i]);
+}

@@ -1,0 +1,84 @@
+#include "spec/surface.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/frames.h"
+#include "base/memory.h"
+
+bool surface_parse_slices(spec_exr *x)
+{
+    int first, last, step = 1, end = 0;
+    int got = sscanf(x->slices, "%8d-%8d%nx%8d%n", &first, &last, &end, &step, &end);
+    if (got < 2 || x->slices[end] || first < 0 || last <= first || step < 1) return false;
+    int count = (last - first) / step + 1;
+    if (count < 2 || count > SURFACE_MOST_SLICES) return false;
+    x->count = (size_t)count;
+    x->numbers = mem_alloc(x->count * sizeof *x->numbers);
+    for (int k = 0; k < count; k++) x->numbers[k] = first + k * step;
+    return true;
+}
+
+bool surface_name_slices(spec_exr *x)
+{
+    if (!frames_is_pattern(x->path)) return false;
+    x->files = mem_alloc(x->count * sizeof *x->files);
+    for (size_t k = 0; k < x->count; k++) x->files[k] = frames_path(x->path, x->numbers[k]);
+    return !frames_is_pattern(x->files[0]);
+}
+
+/* Of a stack the number in the path is that of the slice. */
+void surface_set_frame(spec_surface *s, int frame)
+{
+    char **const single[] = {&s->vdb.path, &s->mesh.path, &s->volume.path, &s->bspline.path};
+    for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
+        char *pattern = *single[k];
+        if (!pattern) continue;
+        *single[k] = frames_path(pattern, frame);
+        free(pattern);
+    }
+    for (size_t k = 0; k < s->part_count; k++) surface_set_frame(s->parts[k], frame);
+}
+
+bool surface_input_at(const spec_surface *s, size_t *index, spec_input *out)
+{
+    const char *const single[] = {s->vdb.path, s->mesh.path, s->volume.path, s->bspline.path};
+    for (size_t k = 0; k < sizeof single / sizeof single[0]; k++) {
+        if (!single[k] || (*index)-- > 0) continue;
+        *out = (spec_input){s->input_pointer, single[k]};
+        return true;
+    }
+    if (*index < s->exr.count) {
+        *out = (spec_input){s->input_pointer, s->exr.files[*index]};
+        return true;
+    }
+    *index -= s->exr.count;
+    for (size_t k = 0; k < s->part_count; k++)
+        if (surface_input_at(s->parts[k], index, out)) return true;
+    return false;
+}
+
+void surface_free_parts(spec_surface *s)
+{
+    free(s->input_pointer);
+    free(s->vdb.path);
+    free(s->vdb.grid);
+    free(s->bspline.coefficients);
+    free(s->bspline.path);
+    free(s->mesh.path);
+    free(s->volume.path);
+    free(s->exr.path);
+    free(s->exr.slices);
+    free(s->exr.part);
+    free(s->exr.channel);
+    for (size_t k = 0; s->exr.files && k < s->exr.count; k++) free(s->exr.files[k]);
+    free(s->exr.files);
+    free(s->exr.numbers);
+    for (size_t k = 0; k < s->part_count; k++) {
+        surface_free_parts(s->parts[k]);
+        free(s->parts[k]);
+    }
+    free(s->parts);
+    free(s->matrix);
+}

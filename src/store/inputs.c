@@ -1,0 +1,185 @@
+#include "store/inputs.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <nettle/sha2.h>
+
+#include "base/memory.h"
+#include "store/file.h"
+
+struct store_inputs {
+    char *directory;
+    int64_t most_bytes, total_bytes;
+    pthread_mutex_t mutex;
+    int64_t used_bytes; /* what is in place and what is on its way */
+};
+
+struct store_upload {
+    store_inputs *owner;
+    store_file file;
+    struct sha256_ctx hash;
+    char wanted[STORE_INPUT_HEX + 1];
+    int64_t bytes, reserved;
+    store_upload_verdict verdict;
+    bool committed;
+};
+
+bool store_inputs_is_hash(const char *hex)
+{
+    return strlen(hex) == STORE_INPUT_HEX && strspn(hex, "0123456789abcdef") == STORE_INPUT_HEX;
+}
+
+static char *path_of(const store_inputs *s, const char *hex)
+{
+    return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);
+}
+
+/* Counts what is in place and removes what is not. */
+static bool take_stock(store_inputs *s, error *e)
+{
+    size_t prefix = strlen(STORE_INPUT_PREFIX);
+    DIR *directory = opendir(s->directory);
+    if (!directory)
+        return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
+    for (struct dirent *d; (d = readdir(directory));) {
+        struct stat info;
+        bool own =
+            strncmp(d->d_name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(d->d_name + prefix);
+        if (fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
+            continue;
+        if (own)
+            s->used_bytes += info.st_size;
+        else
+            unlinkat(dirfd(directory), d->d_name, 0);
+    }
+    closedir(directory);
+    return true;
+}
+
+store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, error *e)
+{
+    store_inputs *s = mem_alloc(sizeof *s);
+    s->directory = mem_strdup(directory);
+    s->most_bytes = most_bytes;
+    s->total_bytes = total_bytes;
+    pthread_mutex_init(&s->mutex, NULL);
+    if (store_directory_create(directory, e) && take_stock(s, e)) return s;
+    store_inputs_close(s);
+    return NULL;
+}
+
+void store_inputs_close(store_inputs *s)
+{
+    if (!s) return;
+    pthread_mutex_destroy(&s->mutex);
+    free(s->directory);
+    free(s);
+}
+
+int64_t store_inputs_find(store_inputs *s, const char *hex)
+{
+    struct stat info;
+    char *path = path_of(s, hex);
+    bool there = lstat(path, &info) == 0 && S_ISREG(info.st_mode);
+    free(path);
+    return there ? (int64_t)info.st_size : -1;
+}
+
+/* Sets room aside; false when there is none. */
+static bool reserve(store_inputs *s, int64_t bytes)
+{
+    pthread_mutex_lock(&s->mutex);
+    bool fits = bytes <= s->total_bytes - s->used_bytes;
+    if (fits) s->used_bytes += bytes;
+    pthread_mutex_unlock(&s->mutex);
+    return fits;
+}
+
+static void release(store_inputs *s, int64_t bytes)
+{
+    pthread_mutex_lock(&s->mutex);
+    s->used_bytes -= bytes;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e)
+{
+    int64_t bytes = store_inputs_find(s, hex);
+    char *path = path_of(s, hex);
+    bool gone = bytes >= 0 && unlink(path) == 0;
+    bool ok =
+        bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    if (gone) release(s, bytes);
+    if (ok) *found = gone;
+    free(path);
+    return ok && (!gone || store_directory_sync(s->directory, e));
+}
+
+store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_t announced,
+                                        store_upload **upload, error *e)
+{
+    if (announced > s->most_bytes) return STORE_UPLOAD_TOO_LARGE;
+    int64_t reserved = announced > 0 ? announced : 0;
+    if (!reserve(s, reserved)) return STORE_UPLOAD_NO_ROOM;
+    store_upload *u = mem_alloc(sizeof *u);
+    char *path = path_of(s, hex);
+    bool ok = store_file_begin(path, &u->file, e);
+    free(path);
+    if (!ok) {
+        release(s, reserved);
+        free(u);
+        return errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    }
+    u->owner = s;
+    u->reserved = reserved;
+    sha256_init(&u->hash);
+    strcpy(u->wanted, hex);
+    *upload = u;
+    return STORE_UPLOAD_GOOD;
+}
+
+store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e)
+{
+    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    u->bytes += (int64_t)count;
+    if (u->bytes > u->owner->most_bytes) return u->verdict = STORE_UPLOAD_TOO_LARGE;
+    if (u->bytes > u->reserved) {
+        if (!reserve(u->owner, u->bytes - u->reserved)) return u->verdict = STORE_UPLOAD_NO_ROOM;
+        u->reserved = u->bytes;
+    }
+    sha256_update(&u->hash, count, bytes);
+    if (fwrite(bytes, 1, count, u->file.stream) == count) return STORE_UPLOAD_GOOD;
+    error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", u->file.path, strerror(errno));
+    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+}
+
+store_upload_verdict store_upload_commit(store_upload *u, error *e)
+{
+    uint8_t digest[SHA256_DIGEST_SIZE];
+    char hex[STORE_INPUT_HEX + 1];
+    if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
+    sha256_digest(&u->hash, sizeof digest, digest);
+    for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
+    if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
+    /* two that send the same at once: the second takes the place of the first, which has the same bytes */
+    bool twice = store_inputs_find(u->owner, hex) >= 0;
+    if (!store_file_commit(&u->file, e))
+        return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
+    u->committed = !twice;
+    return STORE_UPLOAD_GOOD;
+}
+
+void store_upload_end(store_upload *u)
+{
+    if (!u) return;
+    store_file_abort(&u->file);
+    release(u->owner, u->committed ? u->reserved - u->bytes : u->reserved);
+    free(u);
+}

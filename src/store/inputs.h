@@ -1,0 +1,53 @@
+/* inputs: files that clients have sent, each under the SHA-256 of its bytes.
+ *
+ * A directory of files named `sha256:HEX`, which the roots of jobs may include (store/root.h), so that a spec names
+ * one as "sha256:HEX". What is in place was verified and never changes; a file that is sent again is not
+ * kept twice. Uploads that a crash has left go when the directory is opened. One process owns the directory. Any
+ * thread may call; an upload belongs to one thread at a time.
+ */
+#ifndef HEXAD_STORE_INPUTS_H
+#define HEXAD_STORE_INPUTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+
+#define STORE_INPUT_PREFIX "sha256:"
+#define STORE_INPUT_HEX 64
+#define STORE_INPUT_NAME_SIZE (sizeof STORE_INPUT_PREFIX + STORE_INPUT_HEX)
+
+typedef struct store_inputs store_inputs;
+
+/* Makes the directory when it is missing. A file may have `most_bytes`, all of them `total_bytes`. */
+store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, error *e);
+void store_inputs_close(store_inputs *s); /* accepts NULL */
+
+/* 64 digits, lower case. */
+bool store_inputs_is_hash(const char *hex);
+/* Its length in bytes, -1 when it is not there. */
+int64_t store_inputs_find(store_inputs *s, const char *hex);
+/* *found false: there is none. A job that names it will not find it. */
+bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
+
+typedef enum store_upload_verdict {
+    STORE_UPLOAD_GOOD,
+    STORE_UPLOAD_TOO_LARGE, /* over most_bytes */
+    STORE_UPLOAD_NO_ROOM,   /* over total_bytes, or the disk is full */
+    STORE_UPLOAD_MISMATCH,  /* the bytes have another hash */
+    STORE_UPLOAD_FAILED     /* the error tells */
+} store_upload_verdict;
+
+typedef struct store_upload store_upload;
+
+/* `announced` bytes will come, -1: not known. On GOOD *upload is to be ended. */
+store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_t announced,
+                                        store_upload **upload, error *e);
+/* After a verdict that is not good the rest may be given all the same, and is thrown away. */
+store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
+/* Verifies, flushes and puts in place. */
+store_upload_verdict store_upload_commit(store_upload *u, error *e);
+void store_upload_end(store_upload *u); /* what was not committed is gone; accepts NULL */
+
+#endif

@@ -1,0 +1,32 @@
+/* output: copies of results in directories of others, beneath configured roots.
+ *
+ * A copy is a set of files, each written under a temporary name beside its place, flushed and renamed. The
+ * last of them says that the set is whole: it is removed first and comes last. Directories that are
+ * missing are made. No symbolic link is followed beneath a root, and nothing else that lies there is
+ * touched. No state; any thread.
+ */
+#ifndef HEXAD_STORE_OUTPUT_H
+#define HEXAD_STORE_OUTPUT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <sys/types.h>
+
+#include "base/error.h"
+
+typedef struct store_outputs {
+    const char *const *roots; /* absolute */
+    size_t root_count;
+    mode_t mode; /* of files; directories that are made can be searched, too, by who may read */
+    gid_t group; /* (gid_t)-1: stays */
+} store_outputs;
+
+/* Whether a copy may go there: an error (path_forbidden) unless the path is absolute, below a root, and
+ * without "..". Looks at the words only. */
+bool store_output_check(const store_outputs *outputs, const char *path, error *e);
+
+/* Copies the files of these names. Errors: path_forbidden, also of a symbolic link on the way; internal. */
+bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
+                       const char *path, error *e);
+
+#endif

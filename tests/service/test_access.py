@@ -1,0 +1,241 @@
+"""Who may do what: Unix peers, tokens, scopes; and how many connections a client may have."""
+import http.client
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from service import OPEN_TCP, PATIENCE_S, long_sphere, sphere, wait_until
+from test_rest import expect_problem
+
+# asks a Unix socket as another user: USER GROUP SOCKET METHOD PATH; prints the status and the body
+ASK_AS = """
+import os, socket, sys
+user, group, path, method, target = sys.argv[1:]
+os.setgroups([int(group)] if group else [])
+os.setgid(60000)
+os.setuid(int(user))
+s = socket.socket(socket.AF_UNIX)
+s.connect(path)
+s.sendall(f"{method} {target} HTTP/1.1\\r\\nHost: x\\r\\nConnection: close\\r\\n\\r\\n".encode())
+got = b""
+while piece := s.recv(65536):
+    got += piece
+print(got.split()[1].decode())
+"""
+
+
+def new_token(service, *words):
+    done = subprocess.run([service.build / "hexadctl", "token", "add", *words, "--file", service.state / "tokens"],
+                          capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def with_token(service, token, method, path, document=None):
+    headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+    return service.request(method, path, json.dumps(document) if document is not None else None, headers)
+
+
+@pytest.fixture
+def closed_service(new_service):
+    """On a loopback port, with an admin's token."""
+    service = new_service()
+    service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
+    service.state.mkdir(mode=0o700)
+    service.token = new_token(service, "root", "--scopes", "admin")
+    return service.start()
+
+
+def test_no_token_no_answer(closed_service):
+    for path in ("/v1/jobs", "/v1/jobs/01aaaaaaaaaaaaaaaaaaaaaaaa", "/nothing", "/v1/jobs/x/results"):
+        reply = closed_service.get(path)
+        expect_problem(reply, 401, "unauthorized")
+        assert reply.headers["WWW-Authenticate"].startswith("Bearer")
+    reply = with_token(closed_service, "hexad_" + "0" * 64, "GET", "/v1/jobs")
+    expect_problem(reply, 401, "unauthorized")
+    assert "invalid_token" in reply.headers["WWW-Authenticate"]
+    two = [("Authorization", f"Bearer {closed_service.token}")] * 2
+    connection = closed_service.connection()
+    connection.putrequest("GET", "/v1/jobs")
+    for name, value in two:
+        connection.putheader(name, value)
+    connection.endheaders()
+    assert connection.getresponse().status == 401
+    connection.close()
+    # how the service is, is no secret
+    for path in ("/healthz", "/version"):
+        assert closed_service.get(path).status == 200
+    assert with_token(closed_service, closed_service.token, "GET", "/v1/jobs").status == 200
+
+
+def test_scopes(closed_service):
+    service = closed_service
+    reader = new_token(service, "carol", "--scopes", "read")
+    sender = new_token(service, "dave", "--scopes", "submit")
+    expect_problem(with_token(service, reader, "POST", "/v1/jobs", sphere()), 403, "forbidden")
+    assert with_token(service, reader, "GET", "/v1/jobs").status == 200
+    expect_problem(with_token(service, sender, "GET", "/v1/jobs"), 403, "forbidden")
+    reply = with_token(service, sender, "POST", "/v1/jobs", long_sphere())
+    assert reply.status == 201
+    path = f"/v1/jobs/{reply.json['id']}/cancel"
+    expect_problem(with_token(service, sender, "POST", path), 403, "forbidden")
+    assert with_token(service, service.token, "POST", path).status in (200, 202)
+
+
+def test_a_revoked_token_is_worth_nothing(closed_service):
+    service = closed_service
+    token = new_token(service, "erin")
+    control = [service.build / "hexadctl", "token"]
+    file = ["--file", service.state / "tokens"]
+    listed = json.loads(subprocess.run([*control, "list", "--json", *file], capture_output=True, check=True).stdout)
+    assert [t["user"] for t in listed] == ["root", "erin"]
+    assert listed[1]["scopes"] == "read,submit,cancel"
+    assert token not in (service.state / "tokens").read_text()
+    assert with_token(service, token, "GET", "/v1/jobs").status == 200
+    assert subprocess.run([*control, "revoke", listed[1]["id"], *file]).returncode == 0
+    expect_problem(with_token(service, token, "GET", "/v1/jobs"), 401, "unauthorized")
+    assert subprocess.run([*control, "revoke", listed[1]["id"], *file]).returncode == 4
+    # the client shows one that it is given
+    environment = {**service.environment(), "HEXAD_TOKEN": service.token}
+    assert subprocess.run([service.build / "hexadctl", "list"], env=environment, capture_output=True).returncode == 0
+    environment["HEXAD_TOKEN"] = token
+    done = subprocess.run([service.build / "hexadctl", "list"], env=environment, capture_output=True, text=True)
+    assert done.returncode == 2 and "token" in done.stderr
+
+
+def run_hexad(build, *options):
+    return subprocess.run([build / "hexad", *map(str, options)], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def test_ports_that_are_refused(build, tmp_path):
+    state = tmp_path / "state"
+    tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)
+    assert tried.returncode == 2 and "every user of this machine" in tried.stderr
+    tried = run_hexad(build, "--listen", "127.0.0.1:0", "--tcp_without_tokens", "yes", "--state_dir", state)
+    assert tried.returncode == 2 and OPEN_TCP in tried.stderr
+    tried = run_hexad(build, "--listen", "0.0.0.0:0", "--tcp_without_tokens", OPEN_TCP, "--state_dir", state)
+    assert tried.returncode == 2 and "other machines" in tried.stderr
+    (state / "tokens").write_text("nonsense")
+    os.chmod(state / "tokens", 0o600)
+    tried = run_hexad(build, "--listen", "127.0.0.1:0", "--state_dir", state)
+    assert tried.returncode == 2 and "tokens:1" in tried.stderr
+
+
+def test_an_open_port_is_nobodys_who_administers(service):
+    """Without tokens all are one user, who owns what all submit."""
+    job = service.submit(sphere())
+    assert service.job(job)["state"] in ("queued", "running", "succeeded")
+
+
+def test_a_port_for_other_machines_with_tokens(new_service):
+    service = new_service("--listen", "0.0.0.0:0")
+    service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
+    service.state.mkdir(mode=0o700)
+    token = new_token(service, "alice")
+    service.start()
+    expect_problem(service.get("/v1/jobs"), 401, "unauthorized")
+    assert with_token(service, token, "GET", "/v1/jobs").status == 200
+
+
+@pytest.fixture
+def public_directory(tmp_path):
+    """A directory that every user can reach, and tmp_path with it."""
+    path = tmp_path
+    while path != path.parent:
+        if path.stat().st_uid == os.geteuid() and not path.stat().st_mode & 0o1000:
+            path.chmod(0o755)
+        path = path.parent
+    return tmp_path
+
+
+def test_unix_peers(new_service, public_directory):
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    where = public_directory / "s"
+    service = new_service("--listen", f"unix:{where}", "--unix_users", "60001", "--unix_groups", "60100",
+                          "--unix_admins", "60002").start()
+
+    def ask(user, group="", method="GET", path="/v1/jobs"):
+        done = subprocess.run([sys.executable, "-c", ASK_AS, str(user), str(group), where, method, path],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout)
+
+    assert ask(60001) == 200
+    assert ask(60002) == 200
+    assert ask(60003) == 401
+    assert ask(60003, 60100) == 200
+    assert ask(60003, path="/healthz") == 200
+    assert service.get("/v1/jobs").status == 200
+
+
+def test_a_socket_of_ones_own(new_service, tmp_path):
+    """By default: in the state directory, and no other user's."""
+    service = new_service()
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]
+    service.start()
+    assert service.address == f"unix:{service.state}/hexad.sock"
+    assert (service.state / "hexad.sock").stat().st_mode & 0o077 == 0
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+
+
+def open_connections(service, count):
+    host, _, port = service.address.rpartition(":")
+    return [socket.create_connection((host, int(port)), timeout=PATIENCE_S) for _ in range(count)]
+
+
+def test_connections_of_one_client(new_service):
+    service = new_service("--client_connection_limit", 4, "--connection_timeout_s", 5).start()
+    held = open_connections(service, 4)
+    for one in held:  # they are in use: each sends a part of a request
+        one.sendall(b"GET /healthz HTTP/1.1\r\n")
+    reply = service.get("/healthz")
+    expect_problem(reply, 429, "too_many_requests")
+    assert int(reply.headers["Retry-After"]) >= 1
+    # they are cut off in time, and then there is room
+    wait_until(lambda: service.get("/healthz").status == 200, "a free connection")
+    for one in held:
+        one.close()
+
+
+def test_all_connections(new_service):
+    service = new_service("--connection_limit", 4, "--connection_timeout_s", 5).start()
+    held = open_connections(service, 4)
+    for one in held:
+        one.sendall(b"GET /healthz HTTP/1.1\r\n")
+    reply = service.get("/healthz")
+    expect_problem(reply, 503, "unavailable")
+    assert int(reply.headers["Retry-After"]) >= 1
+    wait_until(lambda: service.get("/healthz").status == 200, "a free connection")
+    for one in held:
+        one.close()
+
+
+def test_a_slow_client_takes_no_place_from_others(new_service, public_directory):
+    """All that one user may hold is held, by requests that never end; another is served as before."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can be other users")
+    where = public_directory / "s"
+    service = new_service("--listen", f"unix:{where}", "--client_connection_limit", 8, "--connection_limit", 32,
+                          "--unix_users", "60001").start()
+    slow = []
+    for _ in range(60):
+        s = socket.socket(socket.AF_UNIX)
+        s.settimeout(PATIENCE_S)
+        s.connect(str(where))
+        slow.append(s)
+        try:
+            s.sendall(b"GET /healthz HTTP/1.1\r\nX: ")
+        except OSError:
+            pass  # beyond the share it was closed at once
+    done = subprocess.run([sys.executable, "-c", ASK_AS, "60001", "", where, "GET", "/v1/jobs"], capture_output=True,
+                          text=True, timeout=PATIENCE_S)
+    assert done.stdout.strip() == "200", done.stderr
+    for s in slow:
+        s.close()

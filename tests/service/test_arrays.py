@@ -1,0 +1,153 @@
+"""Jobs with a task per frame, dependencies, and what users may ask of jobs that wait, end to end."""
+import json
+import os
+import shutil
+import subprocess
+import time
+
+import pytest
+
+from service import PATIENCE_S, sphere, wait_until
+
+
+@pytest.fixture(scope="module")
+def footage(build, tmp_path_factory):
+    """A directory with the frames 8, 9 and 11 of a level set."""
+    where = tmp_path_factory.mktemp("footage")
+    subprocess.run([build / "hexad-worker", "make-example", where / "a.0008.vdb"], check=True, timeout=PATIENCE_S)
+    for frame in (9, 11):
+        shutil.copy(where / "a.0008.vdb", where / f"a.{frame:04d}.vdb")
+    return where
+
+
+def sequence(footage, frames, **queue):
+    return {"version": 1, "surface": {"vdb": {"path": str(footage / "a.####.vdb")}}, "sampling": {"count": 100},
+            "output": {"preview": False}, "queue": {"frames": frames, **queue}}
+
+
+def test_a_sequence_is_one_job(new_service, footage):
+    service = new_service("--input_roots", footage).start()
+    job = service.submit(sequence(footage, "8-9,11"))
+    done = service.wait_state(job, "succeeded")
+    assert done["outcome"] in ("converged", "not_converged")
+    assert len(done["attempts"]) == 3
+    names = sorted(p.name for p in (service.state / "results").iterdir())
+    assert names == sorted(f"{job}.{frame}" for frame in (8, 9, 11))
+    for name in names:
+        assert (service.state / "results" / name / "report.json").is_file()
+    assert service.get(f"/v1/jobs/{job}/results").status == 400  # of which frame?
+    assert service.get(f"/v1/jobs/{job}/results?frame=10").status == 404
+    for result in service.get(f"/v1/jobs/{job}/results?frame=9").json["results"]:
+        assert service.get(result["href"]).status == 200
+    tasks = service.get(f"/v1/jobs/{job}/tasks?limit=2").json
+    assert [t["frame"] for t in tasks["tasks"]] == [8, 9]
+    rest = service.get(f"/v1/jobs/{job}/tasks?limit=2&after={tasks['next']}").json
+    assert [t["frame"] for t in rest["tasks"]] == [11] and rest["next"] is None
+
+
+def test_a_frame_that_is_missing_fails_alone(new_service, footage):
+    service = new_service("--input_roots", footage).start()
+    job = service.submit(sequence(footage, "8-11"))
+    done = service.wait_state(job, "failed")
+    assert done["error"]["code"] == "input_missing"
+    assert "1 of 4 frames failed; frame 10:" in done["error"]["message"] and "a.0010.vdb" in done["error"]["message"]
+    assert len(list((service.state / "results").iterdir())) == 3
+
+
+def test_a_sequence_begins_with_a_file_that_is_there(new_service, footage):
+    service = new_service("--input_roots", footage).start()
+    refused = service.post("/v1/jobs", sequence(footage, "7-9"))
+    assert refused.status == 422 and refused.json["code"] == "input_missing", refused.body
+    assert "a.0007.vdb" in refused.json["detail"]
+
+
+def test_a_job_that_depends_on_another(service):
+    first = service.submit(sphere())
+    second = service.submit(sphere(queue={"depends_on": [first]}))
+    done = service.wait_state(second, "succeeded")
+    assert done["started"] >= service.job(first)["finished"]
+    refused = service.post("/v1/jobs", sphere(queue={"depends_on": [first, "nobody"]}))
+    assert refused.status == 422 and refused.json["errors"][0]["pointer"] == "/queue/depends_on/1"
+
+
+def test_the_worker_alone_runs_one_frame(build, footage, tmp_path):
+    words = [build / "hexad-worker", "run", "-", "--output", tmp_path / "out"]
+    spec = json.dumps(sequence(footage, "8-11"))
+    done = subprocess.run([*words, "--frame", "9"], input=spec, text=True, capture_output=True, timeout=PATIENCE_S)
+    assert done.returncode in (0, 10), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["inputs"][0]["path"] == str(footage / "a.0009.vdb")
+    for more in ([], ["--frame", "12"]):
+        done = subprocess.run([*words, *more], input=spec, text=True, capture_output=True, timeout=PATIENCE_S)
+        assert done.returncode == 2 and "8-11" in done.stderr
+
+
+def test_copies_of_results(new_service, footage, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    service = new_service("--input_roots", footage, "--output_roots", show, "--output_mode", "0640").start()
+    job = service.submit(sphere(output={"directory": f"{show}/shot/a"}))
+    service.wait_state(job, "succeeded")
+    copied = show / "shot" / "a"
+    for result in service.get(f"/v1/jobs/{job}/results").json["results"]:
+        assert (copied / result["name"]).read_bytes() == service.get(result["href"]).body
+        assert (copied / result["name"]).stat().st_mode & 0o777 == 0o640
+    spec = sequence(footage, "8-9")
+    spec["output"]["directory"] = f"{show}/frames/%03d"
+    service.wait_state(service.submit(spec), "succeeded")
+    assert sorted(p.name for p in (show / "frames").iterdir()) == ["008", "009"]
+    spec["output"]["directory"] = f"{show}/frames"
+    assert service.post("/v1/jobs", spec).json["errors"][0]["pointer"] == "/queue/frames"
+    refused = service.post("/v1/jobs", sphere(output={"directory": "/etc/hexad"}))
+    assert refused.status == 403 and refused.json["errors"][0]["pointer"] == "/output/directory"
+
+
+def test_a_copy_that_cannot_be_made_fails_the_job(new_service, tmp_path):
+    show = tmp_path / "show"
+    show.mkdir()
+    (show / "taken").write_text("a file where a directory should be")
+    service = new_service("--output_roots", show).start()
+    job = service.submit(sphere(output={"directory": f"{show}/taken/a"}))
+    done = service.wait_state(job, "failed")
+    assert done["error"]["code"] == "path_forbidden" and f"{show}/taken/a" in done["error"]["message"]
+    assert not list((service.state / "results").iterdir())
+    (show / "taken").unlink()
+    service.wait_state(service.submit(sphere(output={"directory": f"{show}/taken/a"})), "succeeded")
+    assert (show / "taken" / "a" / "report.json").is_file()
+
+
+def aged(path):
+    """A file that was changed long before now is what the cache trusts; the time of change of an inode cannot be set,
+    so the test waits until it is old enough."""
+    wait_until(lambda: time.time() - path.stat().st_ctime > 3, "the file to be older than the clocks' doubt")
+
+
+def test_a_repeat_is_given_the_result(new_service, footage, tmp_path):
+    film = tmp_path / "film"
+    film.mkdir()
+    file = film / "a.vdb"
+    shutil.copy(footage / "a.0008.vdb", file)
+    aged(file)
+    service = new_service("--input_roots", film, "--output_roots", tmp_path).start()
+    spec = {"version": 1, "surface": {"vdb": {"path": str(file)}}, "sampling": {"count": 100}}
+
+    def run(**parts):
+        job = service.submit({**spec, **parts})
+        return service.wait_state(job, "succeeded")
+
+    first = run()
+    again = run(name="again", queue={"priority": 5}, output={"directory": f"{tmp_path}/copy"})
+    assert first["cached_from"] is None and again["cached_from"] == first["id"]
+    assert again["outcome"] == first["outcome"] and again["attempts"][0]["reason"].endswith(first["id"])
+    assert (tmp_path / "copy" / "report.json").is_file()
+    points = [service.get(f"/v1/jobs/{job['id']}/results/points.ply").body for job in (first, again)]
+    assert points[0] == points[1]
+    assert run(sampling={"count": 101})["cached_from"] is None
+    service.end()
+    service.start()
+    assert run()["cached_from"] == first["id"]  # it is no matter of memory
+    os.utime(file)
+    assert run()["cached_from"] is None  # the file is the same, but who knows
+    aged(file)
+    later = run()
+    assert later["cached_from"] is None and run()["cached_from"] == later["id"]

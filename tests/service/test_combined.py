@@ -1,0 +1,243 @@
+"""Surfaces of surfaces, as a user hands them to the worker: unions, intersections, differences, offsets and transforms of
+formulas, dense volumes and meshes, held against what geometry says."""
+import json
+
+import numpy
+import pytest
+
+from readers import Points
+from volumes import write_nrrd
+
+COUNT = 1500
+
+
+@pytest.fixture
+def sample(worker, tmp_path):
+    """Runs a surface; the report and the points, or the error and None."""
+    def run(surface, **parts):
+        spec = {"version": 1, "surface": surface, "sampling": {"count": COUNT}, "solver": {"threads": 1},
+                "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
+        done = worker(spec)
+        if done.returncode not in (0, 10):
+            return json.loads(done.stderr.splitlines()[-1]), None
+        return (json.loads((tmp_path / "out" / "report.json").read_text()),
+                Points((tmp_path / "out" / "points.ply").read_bytes()))
+    return run
+
+
+def sphere(radius, center=(0, 0, 0)):
+    return {"analytic": {"shape": "sphere", "radius": radius, "center": list(center)}}
+
+
+def box(half_size, center=(0, 0, 0), rounding=0.0):
+    return {"analytic": {"shape": "box", "half_size": list(half_size), "center": list(center), "rounding": rounding}}
+
+
+def transform(surface, matrix):
+    return {"transform": {"surface": surface, "matrix": [float(v) for v in numpy.array(matrix).flat]}}
+
+
+def to_sphere(points, radius, center):
+    return numpy.linalg.norm(points.position - numpy.array(center), axis=1) - radius
+
+
+@pytest.fixture
+def dense_ball(tmp_path):
+    """A ball of radius 1 about (0.1, 0, 0) in voxels of 0.05, with room around it."""
+    n, h = 60, 0.05
+    matrix = numpy.diag([h, h, h, 1.0])
+    matrix[:3, 3] = -h * (n - 1) / 2 + numpy.array([0.1, 0, 0])
+    index = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), -1)
+    world = index @ matrix[:3, :3].T + matrix[:3, 3]
+    write_nrrd(tmp_path / "ball.nrrd", (1 - numpy.linalg.norm(world - [0.1, 0, 0], axis=-1)).astype("f4"), matrix)
+    return {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}
+
+
+@pytest.fixture
+def cube_mesh(tmp_path):
+    """The cube from -1 to 1, a mesh."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    text = "OFF\n8 6 0\n" + "".join("%d %d %d\n" % c for c in corners) + "".join("4 %d %d %d %d\n" % f for f in faces)
+    (tmp_path / "cube.off").write_text(text)
+    return {"mesh": {"path": str(tmp_path / "cube.off"), "resolution": 40, "band_vox": 8}}
+
+
+R1, R2, APART = 1.0, 0.7, 0.9
+
+
+@pytest.mark.parametrize("kind", ["union", "intersection", "difference"])
+def test_two_spheres(sample, diagnose, kind):
+    """Each point lies on one sphere, on the side of the other that belongs to the solid; areas are those of caps."""
+    report, points = sample({kind: [sphere(R1), sphere(R2, (APART, 0, 0))]})
+    one, two = to_sphere(points, R1, (0, 0, 0)), to_sphere(points, R2, (APART, 0, 0))
+    on_one = numpy.abs(one) < 1e-6
+    assert (on_one | (numpy.abs(two) < 1e-6)).all()
+    sign = {"union": (1, 1), "intersection": (-1, -1), "difference": (1, -1)}[kind]  # of the other's F on one, on two
+    assert (sign[0] * two[on_one] > -1e-6).all() and (sign[1] * one[~on_one] > -1e-6).all()
+    outward = numpy.where(on_one[:, None], points.position / R1, (points.position - [APART, 0, 0]) / R2)
+    if kind == "difference":
+        outward[~on_one] *= -1
+    edge = (numpy.abs(one) < 1e-3) & (numpy.abs(two) < 1e-3)  # there either normal will do
+    assert ((outward * points.normal).sum(axis=1)[~edge] > 1 - 1e-6).all()
+    at = (APART**2 + R1**2 - R2**2) / (2 * APART)  # the plane of the circle in which they meet
+    inside_one, inside_two = 2 * numpy.pi * R1 * (R1 - at), 2 * numpy.pi * R2 * (R2 - (APART - at))
+    all_one, all_two = 4 * numpy.pi * R1**2, 4 * numpy.pi * R2**2
+    area = {"union": all_one - inside_one + all_two - inside_two, "intersection": inside_one + inside_two,
+            "difference": all_one - inside_one + inside_two}[kind]
+    q = report["quality"]
+    diagnose(f"{kind}: area off by {report['surface']['area'] / area - 1:.1e}, hex_fraction {q['hex_fraction']:.3f}, "
+             f"euler {q['euler']:.3g}")
+    # a difference has a sharper edge, of which cells cut off more
+    assert report["surface"]["area"] == pytest.approx(area, rel=2e-3 if kind == "difference" else 2e-4)
+    assert q["lost"] == 0 and q["max_residual"] < 1e-3 and q["rim_count"] == 0
+
+
+def test_solids_that_hide_each_other(sample, dense_ball):
+    """Deep inside of a volume, and far outside, where its spline is not defined, its side still counts."""
+    small, far = sphere(0.2, (0.1, 0, 0)), sphere(0.5, (9, 0, 0))
+    ball = 4 * numpy.pi
+    report, points = sample({"union": [dense_ball, small]})
+    assert numpy.abs(to_sphere(points, 1, (0.1, 0, 0))).max() < 1e-3
+    assert report["surface"]["area"] == pytest.approx(ball, rel=1e-3)
+    assert report["surface"]["parts"][0]["volume"]["size"] == [60, 60, 60]
+    report, points = sample({"difference": [dense_ball, small]})
+    assert report["surface"]["area"] == pytest.approx(ball * (1 + 0.2**2), rel=1e-3)
+    hollow = to_sphere(points, 0.2, (0.1, 0, 0)) < 0.1
+    inwards = ((points.position - [0.1, 0, 0]) * points.normal).sum(axis=1) < 0
+    assert hollow.sum() > 10 and (inwards == hollow).all()
+    report, _ = sample({"intersection": [small, dense_ball]})
+    assert report["surface"]["area"] == pytest.approx(ball * 0.2**2, rel=1e-3)
+    report, _ = sample({"union": [far, dense_ball]})
+    assert report["surface"]["area"] == pytest.approx(ball * (1 + 0.5**2), rel=1e-3)
+    for nothing in ({"intersection": [dense_ball, far]}, {"difference": [small, dense_ball]},
+                    {"intersection": [small, sphere(0.05, (0.1, 0.3, 0))]}):
+        e, points = sample(nothing)
+        assert points is None and e["code"] == "no_surface", (nothing, e)
+
+
+def test_kinds_may_be_mixed_and_nested(sample, dense_ball, cube_mesh):
+    """A cube from which two balls are taken: every point is on one of the three."""
+    corner = (-1, -1, 0.2)
+    report, points = sample({"difference": [cube_mesh, {"union": [dense_ball, sphere(0.5, corner)]}]})
+    cube = numpy.abs(points.position).max(axis=1) - 1
+    ball = to_sphere(points, 1, (0.1, 0, 0))
+    hole = to_sphere(points, 0.5, corner)
+    near = 0.02  # a voxel of the mesh is 0.05, and its edges are round within it
+    assert (numpy.minimum(numpy.abs(cube), numpy.minimum(numpy.abs(ball), numpy.abs(hole))) < near).all()
+    assert (cube < near).all() and (ball > -near).all() and (hole > -near).all()
+    assert [part.get("volume", {}).get("format") for part in report["surface"]["parts"]] == [None, "NRRD"]
+    assert [i["path"].split("/")[-1] for i in report["inputs"]] == ["cube.off", "ball.nrrd"]
+    assert report["quality"]["lost"] == 0
+
+
+def test_a_transform_moves_turns_mirrors_and_shears(sample):
+    matrix = numpy.array([[-2, 0.3, 0, 1], [0, 1, 0.2, -2], [0.1, 0, 0.5, 3], [0, 0, 0, 1]])
+    _, points = sample(transform(sphere(1), matrix))
+    back = numpy.linalg.solve(matrix[:3, :3], (points.position - matrix[:3, 3]).T).T
+    assert numpy.abs(numpy.linalg.norm(back, axis=1) - 1).max() < 1e-6
+    outward = numpy.linalg.solve(matrix[:3, :3].T, back.T).T
+    outward /= numpy.linalg.norm(outward, axis=1)[:, None]
+    assert ((outward * points.normal).sum(axis=1) > 1 - 1e-6).all()
+    # an ellipsoid's curvatures are those of the formula
+    _, one = sample(transform(sphere(1), numpy.diag([1, 2, 0.7, 1])))
+    x = one.position / numpy.array([1, 2, 0.7])**2
+    gauss = 1 / (1 * 2 * 0.7 * (x**2).sum(axis=1))**2
+    assert numpy.abs(one.kappa1 * one.kappa2 / gauss - 1).max() < 1e-5
+
+
+def test_a_transform_of_a_volume(sample, dense_ball):
+    turn = numpy.array([[0, -2.0, 0, 5], [2.0, 0, 0, 0], [0, 0, 2.0, 0], [0, 0, 0, 1]])
+    report, points = sample(transform(dense_ball, turn))
+    assert numpy.abs(to_sphere(points, 2, (5, 0.2, 0))).max() < 1e-3
+    assert report["surface"]["area"] == pytest.approx(16 * numpy.pi, rel=1e-3)
+
+
+def test_open_surfaces(sample):
+    """A gyroid's box cuts it: it stays open when it is turned by a quarter, cannot be turned obliquely, is closed by a sphere
+    within the box, and cannot end inside of a union."""
+    gyroid = {"analytic": {"shape": "gyroid", "period": 1, "size": [2, 2.5, 3], "center": [0, 0, 0]}}
+    quarter = numpy.array([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    plain, _ = sample(gyroid)
+    report, points = sample(transform(gyroid, quarter))
+    assert report["surface"]["area"] == pytest.approx(plain["surface"]["area"], rel=1e-6)
+    assert numpy.abs(points.position - [1, 0, 0]).max(axis=0) == pytest.approx([1.25, 1, 1.5], abs=1e-9)
+    assert report["quality"]["rim_count"] > 0
+    c, s = numpy.cos(0.5), numpy.sin(0.5)
+    e, _ = sample(transform(gyroid, [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    assert e["code"] == "not_supported" and "axes to axes" in e["message"]
+    report, points = sample({"intersection": [gyroid, sphere(0.9)]})
+    assert report["quality"]["rim_count"] == 0 and report["quality"]["lost"] == 0
+    assert (numpy.linalg.norm(points.position, axis=1) < 0.9 + 1e-6).all()
+    e, _ = sample({"union": [gyroid, sphere(0.5, (4, 0, 0))]})
+    assert e["code"] == "not_supported" and "part 0" in e["message"]
+
+
+def test_offsets_are_distances(sample, cube_mesh):
+    digests = {}
+    for name, surface in (("sphere", sphere(1.25)), ("offset", {"offset": {"surface": sphere(1), "distance": 0.25}}),
+                          ("twice", {"offset": {"surface": {"offset": {"surface": sphere(1.5), "distance": -0.5}},
+                                                "distance": 0.25}})):
+        report, _ = sample(surface)
+        digests[name] = report["outputs"][0]["sha256"]
+    assert len(set(digests.values())) == 1, digests
+    report, points = sample({"offset": {"surface": box((1, 1, 1)), "distance": 0.25}})
+    gap = numpy.linalg.norm(numpy.maximum(numpy.abs(points.position) - 1, 0), axis=1)
+    assert numpy.abs(gap - 0.25).max() < 1e-6
+    _, points = sample({"offset": {"surface": cube_mesh, "distance": 0.15}})
+    gap = numpy.linalg.norm(numpy.maximum(numpy.abs(points.position) - 1, 0), axis=1)
+    assert numpy.abs(gap - 0.15).max() < 0.01
+    _, points = sample({"offset": {"surface": cube_mesh, "distance": -0.15}})
+    assert numpy.abs(numpy.abs(points.position).max(axis=1) - 0.85).max() < 0.02
+    double = numpy.diag([2, 2, 2, 1.0])
+    _, points = sample({"offset": {"surface": transform(sphere(1), double), "distance": 0.5}})
+    assert numpy.abs(to_sphere(points, 2.5, (0, 0, 0))).max() < 1e-6
+    _, points = sample({"offset": {"surface": {"difference": [sphere(2), sphere(1)]}, "distance": 0.1}})
+    radius = numpy.linalg.norm(points.position, axis=1)
+    assert (numpy.minimum(numpy.abs(radius - 2.1), numpy.abs(radius - 0.9)) < 1e-6).all() and radius.min() < 1 < radius.max()
+
+
+def test_what_has_no_offset_says_so(sample, dense_ball, cube_mesh):
+    quartic = {"analytic": {"shape": "quartic"}}
+    stretched = transform(sphere(1), numpy.diag([2, 1, 1, 1.0]))
+    for surface, distance, code, word in (
+            (quartic, 0.1, "not_supported", "the formula of this shape has none"),
+            (dense_ball, 0.1, "not_supported", "a dense volume has none"),
+            (stretched, 0.1, "not_supported", "does not keep them"),
+            (sphere(1), -1, "no_surface", "nothing is left"),
+            (cube_mesh, 0.5, "spec_invalid", "give band_vox")):
+        e, points = sample({"offset": {"surface": surface, "distance": distance}})
+        assert points is None and e["code"] == code and word in e["message"], e
+
+
+def test_a_region_of_a_combination(sample):
+    report, points = sample({"union": [sphere(R1), sphere(R2, (APART, 0, 0))]},
+                            region={"min": [-2, -2, 0], "max": [2, 2, 2]})
+    assert points.position[:, 2].min() >= 0 and report["quality"]["rim_count"] > 0
+    whole, _ = sample({"union": [sphere(R1), sphere(R2, (APART, 0, 0))]})
+    assert report["surface"]["area"] == pytest.approx(whole["surface"]["area"] / 2, rel=1e-3)
+
+
+def test_faults_point_to_the_part(sample):
+    e, _ = sample({"union": [sphere(1), {"difference": [sphere(1), sphere(-1)]}, {"offset": {"surface": {}}}]})
+    pointers = {f["pointer"] for f in e["errors"]}
+    assert pointers == {"/surface/union/1/difference/1/analytic/radius", "/surface/union/2/offset/surface",
+                        "/surface/union/2/offset/distance"}, e
+    for matrix, word in (([1] * 15, "must be 16 numbers"), ([0] * 15 + [1], "cannot be inverted"),
+                         ([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1], "must end in")):
+        e, _ = sample({"transform": {"surface": sphere(1), "matrix": matrix}})
+        assert e["errors"][0]["pointer"] == "/surface/transform/matrix" and word in e["errors"][0]["detail"]
+    e, _ = sample({"union": [sphere(1)]})
+    assert "must be an array of 2 to 64 surfaces" in e["message"]
+    deep = sphere(1)
+    for _ in range(20):
+        deep = {"offset": {"surface": deep, "distance": 0.1}}
+    e, _ = sample(deep)
+    assert e["code"] == "spec_invalid" and "within each other" in e["message"]
+
+
+def test_inputs_of_parts_stay_within_the_roots(worker, tmp_path, dense_ball):
+    (tmp_path / "inside").mkdir()
+    done = worker({"version": 1, "surface": {"union": [sphere(1), dense_ball]}, "sampling": {"count": 100}},
+                  "--input-root", tmp_path / "inside")
+    assert json.loads(done.stderr.splitlines()[-1])["code"] == "path_forbidden"

@@ -1,0 +1,376 @@
+"""What clients do with jobs that are there: keys and conditions, waiting, changing, following."""
+import json
+import resource
+import subprocess
+import threading
+
+import pytest
+
+from service import PATIENCE_S, gated_worker, sphere, wait_until
+from test_access import new_token, with_token
+from test_rest import expect_problem
+
+
+@pytest.fixture
+def gated(new_service, tmp_path):
+    """One worker, which ends a job when its gate is opened."""
+    return new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+
+
+def submit_with_key(service, key, spec):
+    return service.request("POST", "/v1/jobs", json.dumps(spec),
+                           {"Content-Type": "application/json", "Idempotency-Key": key})
+
+
+def test_a_key_makes_one_job(service):
+    first = submit_with_key(service, "k-1", sphere(name="a"))
+    assert first.status == 201
+    again = submit_with_key(service, "k-1", sphere(name="a"))
+    assert again.status == 201 and again.json["id"] == first.json["id"]
+    assert again.headers["Location"] == first.headers["Location"]
+    expect_problem(submit_with_key(service, "k-1", sphere(name="b")), 422, "idempotency_mismatch")
+    assert submit_with_key(service, "k-2", sphere(name="a")).json["id"] != first.json["id"]
+    assert len(service.get("/v1/jobs").json["jobs"]) == 2
+    expect_problem(submit_with_key(service, "x" * 256, sphere()), 400, "request_invalid")
+    # it outlives the service
+    service.end()
+    service.start()
+    assert submit_with_key(service, "k-1", sphere(name="a")).json["id"] == first.json["id"]
+
+
+def test_keys_that_come_at_once(service):
+    """Of many that send the same at the same time, one makes the job."""
+    ids = []
+
+    def send():
+        ids.append(submit_with_key(service, "same", sphere()).json["id"])
+
+    threads = [threading.Thread(target=send) for _ in range(16)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert len(ids) == 16 and len(set(ids)) == 1
+
+
+def test_lists_are_filtered_and_linked(gated):
+    for i in range(3):
+        gated.submit(sphere(name=f"n{i}", queue={"labels": ["a", f"l{i}"]}))
+    assert [j["name"] for j in gated.get("/v1/jobs?label=l1").json["jobs"]] == ["n1"]
+    assert len(gated.get("/v1/jobs?owner=anyone").json["jobs"]) == 3
+    assert gated.get("/v1/jobs?owner=nobody").json["jobs"] == []
+    page = gated.get("/v1/jobs?label=a&limit=2")
+    target, _, rel = page.headers["Link"].partition(";")
+    assert rel.strip() == 'rel="next"'
+    rest = gated.get(target.strip("<>"))
+    assert [j["name"] for j in rest.json["jobs"]] == ["n0"] and "Link" not in rest.headers
+
+
+def test_what_a_client_knows_is_not_told_again(gated):
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    queued = gated.submit(sphere())
+    first = gated.get(f"/v1/jobs/{queued}")
+    tag = first.headers["ETag"]
+    again = gated.request("GET", f"/v1/jobs/{queued}", headers={"If-None-Match": tag})
+    assert again.status == 304 and again.body == b"" and again.headers["ETag"] == tag
+    assert gated.post(f"/v1/jobs/{queued}/pause").status == 200
+    changed = gated.request("GET", f"/v1/jobs/{queued}", headers={"If-None-Match": tag})
+    assert changed.status == 200 and changed.json["state"] == "paused" and changed.headers["ETag"] != tag
+
+
+def test_an_answer_waits_for_the_end(gated):
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    got = []
+
+    def ask():
+        got.append(gated.request("GET", f"/v1/jobs/{job}", headers={"Prefer": "wait=60"}))
+
+    waiting = threading.Thread(target=ask)
+    waiting.start()
+    wait_until(lambda: "user=anyone" in gated.log.read_text(), "a request")
+    assert not got  # nothing has ended it
+    gated.open_gate(job)
+    waiting.join(PATIENCE_S)
+    assert got[0].status == 200 and got[0].json["state"] == "succeeded"
+
+
+def test_an_answer_waits_for_a_change(gated):
+    gated.wait_worker(gated.submit(sphere()))
+    job = gated.submit(sphere())
+    tag = gated.get(f"/v1/jobs/{job}").headers["ETag"]
+    got = []
+    headers = {"Prefer": "wait=60", "If-None-Match": tag}
+    waiting = threading.Thread(target=lambda: got.append(gated.request("GET", f"/v1/jobs/{job}", headers=headers)))
+    waiting.start()
+    assert gated.request("PATCH", f"/v1/jobs/{job}", json.dumps({"priority": 9}),
+                         {"Content-Type": "application/json"}).status == 200
+    waiting.join(PATIENCE_S)
+    assert got[0].status == 200 and got[0].json["priority"] == 9
+    # and no longer than it was asked to
+    headers = {"Prefer": "wait=0.2", "If-None-Match": got[0].headers["ETag"]}
+    assert gated.request("GET", f"/v1/jobs/{job}", headers=headers).status == 304
+
+
+def test_a_wait_ends_with_the_service(gated):
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    got = []
+    waiting = threading.Thread(target=lambda: got.append(
+        gated.request("GET", f"/v1/jobs/{job}", headers={"Prefer": "wait=60"})))
+    waiting.start()
+    wait_until(lambda: b"hexad_http_connections 2" in gated.get("/metrics").body, "the one who waits")
+    gated.process.send_signal(15)
+    gated.end()
+    waiting.join(PATIENCE_S)
+    assert got and got[0].status == 200
+
+
+def test_a_change_of_what_one_knows(gated):
+    gated.wait_worker(gated.submit(sphere()))
+    job = gated.submit(sphere(queue={"labels": ["x"]}))
+    path, kind = f"/v1/jobs/{job}", {"Content-Type": "application/json"}
+    tag = gated.get(path).headers["ETag"]
+    done = gated.request("PATCH", path, json.dumps({"priority": 5, "labels": ["y", "z"], "retention_s": 60}),
+                         {**kind, "If-Match": tag})
+    assert done.status == 200
+    assert (done.json["priority"], done.json["labels"], done.json["retention_s"]) == (5, ["y", "z"], 60)
+    expect_problem(gated.request("PATCH", path, "{}", {**kind, "If-Match": tag}), 412, "precondition_failed")
+    assert gated.request("PATCH", path, '{"priority":1}', {**kind, "If-Match": done.headers["ETag"]}).status == 200
+    assert gated.request("PATCH", path, '{"priority":2}', {**kind, "If-Match": "*"}).status == 200
+    for body, pointer in (('{"priority":1e9}', "/priority"), ('{"labels":[1]}', "/labels/0"), ('{"name":"x"}', "/name"),
+                          ('{"retention_s":-1}', "/retention_s"), ("[]", "")):
+        expect_problem(gated.request("PATCH", path, body, kind), 422, "spec_invalid", pointer)
+    expect_problem(gated.request("PATCH", path, "{", kind), 400, "json_invalid")
+    assert gated.job(job)["priority"] == 2
+
+
+def test_pause_resume_retry_delete(gated):
+    job = gated.submit(sphere())
+    other = gated.submit(sphere())
+    gated.wait_worker(job)
+    assert gated.post(f"/v1/jobs/{other}/pause").json["state"] == "paused"
+    assert gated.post(f"/v1/jobs/{other}/pause").status == 200
+    expect_problem(gated.post(f"/v1/jobs/{other}/retry"), 409, "conflict")
+    expect_problem(gated.request("DELETE", f"/v1/jobs/{other}"), 409, "conflict")
+    assert gated.post(f"/v1/jobs/{other}/resume").json["state"] == "queued"
+    assert gated.post(f"/v1/jobs/{other}/cancel").json["state"] == "cancelled"
+    expect_problem(gated.post(f"/v1/jobs/{other}/pause"), 409, "conflict")
+    assert gated.post(f"/v1/jobs/{other}/retry").json["state"] == "queued"
+    gated.open_gate(job)
+    gated.wait_state(job, "succeeded")
+    expect_problem(gated.post(f"/v1/jobs/{job}/retry"), 409, "conflict")
+    assert gated.get(f"/v1/jobs/{job}/results").status == 200
+    assert gated.request("DELETE", f"/v1/jobs/{job}").status == 204
+    expect_problem(gated.get(f"/v1/jobs/{job}"), 404, "not_found")
+    assert not list((gated.state / "results").glob(f"{job}*"))
+    assert not list((gated.state / "attempts").glob(f"{job}*"))
+
+
+def test_attempts_and_log(service):
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+    attempts = service.get(f"/v1/jobs/{job}/attempts").json["attempts"]
+    assert [a["number"] for a in attempts] == [1] and attempts[0]["exit_status"] in (0, 10)
+    tasks = service.get(f"/v1/jobs/{job}/tasks").json
+    assert tasks["next"] is None and [t["state"] for t in tasks["tasks"]] == ["succeeded"]
+    log = service.get(f"/v1/jobs/{job}/log")
+    assert log.status == 200 and log.headers["Content-Type"] == "text/plain"
+    expect_problem(service.get(f"/v1/jobs/{job}/log?attempt=2"), 404, "not_found")
+
+
+def test_workers(gated):
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    seen = gated.get("/v1/workers").json
+    assert [w["job"] for w in seen["workers"]] == [job]
+    assert seen["load"]["attempts"] == 1 == seen["load"]["attempts_limit"]
+
+
+def test_a_drain_and_its_end(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1)
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]  # a Unix socket, where the service's own user is an admin
+    service.start()
+    first, second = service.submit(sphere()), service.submit(sphere())
+    service.wait_worker(first)
+    assert service.post("/v1/admin/drain").json == {"status": "draining", "running": 1}
+    expect_problem(service.post("/v1/jobs", sphere()), 503, "unavailable")
+    expect_problem(service.get("/readyz"), 503, "unavailable")
+    assert service.get("/healthz").json == {"status": "draining"}
+    service.open_gate(first)
+    service.open_gate(second)
+    service.wait_state(first, "succeeded")
+    assert service.post("/v1/admin/resume").json["status"] == "ok"
+    service.wait_state(second, "succeeded")
+    assert service.get("/readyz").status == 200
+    done = [e for e in service.get("/v1/events?limit=500").json["events"] if e["type"] == "started" and e["job"] == second]
+    assert len(done) == 1  # none before the resume was taken back
+
+
+def test_a_trace_is_kept(service):
+    trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+    headers = {"Content-Type": "application/json", "traceparent": trace}
+    job = service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json
+    assert job["traceparent"] == trace == service.job(job["id"])["traceparent"]
+    assert f"trace={trace}" in service.log.read_text()
+    headers["traceparent"] = trace.upper()
+    assert service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json["traceparent"] is None
+
+
+class Stream:
+    """An open stream of events."""
+
+    def __init__(self, service, path, last=None):
+        self.socket = service.connection()
+        headers = {"Accept": "text/event-stream"}
+        if last is not None:
+            headers["Last-Event-ID"] = str(last)
+        self.socket.request("GET", path, headers=headers)
+        self.reply = self.socket.getresponse()
+
+    def __iter__(self):
+        """The events: (id or None, type, document)."""
+        event = {}
+        for line in self.reply:
+            name, _, value = line.decode().rstrip("\n").partition(": ")
+            if name:
+                event[name] = value
+            elif event:
+                if "data" in event:
+                    yield int(event["id"]) if "id" in event else None, event["event"], json.loads(event["data"])
+                event = {}
+
+    def close(self):
+        self.socket.close()
+
+
+def test_a_stream_tells_all_and_ends(gated):
+    job = gated.submit(sphere())
+    stream = Stream(gated, f"/v1/jobs/{job}/events")
+    assert stream.reply.status == 200 and stream.reply.headers["Content-Type"] == "text/event-stream"
+    told = []
+    for event in stream:
+        told.append(event)
+        if event[1] == "progress":
+            assert event[0] is None and event[2]["progress"]["phase"] == "relax" and event[2]["job"] == job
+            gated.open_gate(job)
+    states = [e[2]["state"] for e in told if e[1] == "state"]
+    assert states[0] == "queued" and states[-1] == "succeeded" and "running" in states
+    assert "progress" in [e[1] for e in told]
+    numbers = [e[0] for e in told if e[0] is not None]
+    assert numbers == sorted(set(numbers))
+    # broken off in the middle it goes on behind that
+    rest = [e[0] for e in Stream(gated, f"/v1/jobs/{job}/events", last=numbers[0]) if e[0] is not None]
+    assert rest == numbers[1:]
+    # and when all was told, there is nothing to come again for
+    assert Stream(gated, f"/v1/jobs/{job}/events", last=numbers[-1]).reply.status == 204
+    # the same by pages
+    pages, after = [], 0
+    while after is not None:
+        page = gated.get(f"/v1/jobs/{job}/events?limit=2&after={after}").json
+        pages += [e["seq"] for e in page["events"]]
+        after = page["next"]
+    assert pages == numbers
+
+
+def test_a_stream_over_a_restart(gated):
+    job = gated.submit(sphere())
+    stream = iter(Stream(gated, f"/v1/jobs/{job}/events"))
+    first = next(stream)
+    gated.end(9)
+    with pytest.raises(Exception):
+        while True:
+            next(stream)
+    gated.start()
+    gated.open_gate(job)
+    rest = list(Stream(gated, f"/v1/jobs/{job}/events", last=first[0]))
+    assert rest[-1][2]["state"] == "succeeded" and all(e[0] is None or e[0] > first[0] for e in rest)
+
+
+def test_all_jobs_of_a_user(new_service):
+    """An admin hears all, a user what is the user's own; and whose a job is decides who may have to do with it."""
+    service = new_service("--workers", 1)
+    at = service.options.index("--tcp_without_tokens")
+    del service.options[at:at + 2]
+    service.state.mkdir(mode=0o700)
+    alice, bob, root = new_token(service, "alice"), new_token(service, "bob"), new_token(service, "r", "--scopes", "admin")
+    service.start()
+    job = with_token(service, alice, "POST", "/v1/jobs", sphere()).json
+    assert job["owner"] == "alice" and job["spec"]
+    path = f"/v1/jobs/{job['id']}"
+    seen = with_token(service, bob, "GET", path)
+    assert seen.status == 200 and seen.json["spec"] is None and seen.json["owner"] == "alice"
+    for method, rest in (("GET", "/results"), ("GET", "/results/points.ply"), ("GET", "/log"), ("GET", "/events"),
+                         ("GET", "/tasks"), ("GET", "/attempts"), ("POST", "/cancel"), ("POST", "/pause"),
+                         ("POST", "/retry"), ("DELETE", ""), ("PATCH", "")):
+        expect_problem(with_token(service, bob, method, path + rest, {} if method == "PATCH" else None), 403, "forbidden")
+    wait_until(lambda: with_token(service, alice, "GET", path).json["state"] == "succeeded", "the job")
+    assert with_token(service, alice, "GET", path + "/results").status == 200
+    assert with_token(service, root, "GET", path + "/results").status == 200
+    assert with_token(service, bob, "GET", "/v1/events").json["events"] == []
+    assert {e["job"] for e in with_token(service, root, "GET", "/v1/events").json["events"]} == {job["id"]}
+    assert {e["job"] for e in with_token(service, alice, "GET", "/v1/events").json["events"]} == {job["id"]}
+    assert with_token(service, root, "DELETE", path).status == 204
+
+
+def test_a_thousand_streams(new_service, tmp_path):
+    """While jobs run, each of a thousand streams hears of its job to the end."""
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if most[1] < 1200:
+        pytest.skip("this process may not open so many files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(most[0], 1200), most[1]))
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 2, "--client_connection_limit", 1100,
+                          "--connection_limit", 1200)
+    at = service.options.index("--listen")
+    service.options[at + 1] = f"unix:{tmp_path}/s"
+    service.start()
+    jobs = [service.submit(sphere()) for _ in range(10)]
+    streams = [Stream(service, f"/v1/jobs/{jobs[i % 10]}/events") for i in range(1000)]
+    assert all(s.reply.status == 200 for s in streams)
+    assert service.get("/healthz").status == 200  # and others are served
+    for job in jobs:
+        service.open_gate(job)
+    for job in jobs:
+        service.wait_state(job, "succeeded")
+    for i, stream in enumerate(streams):
+        told = list(stream)
+        assert told[-1][1] == "state" and told[-1][2]["state"] == "succeeded" and told[-1][2]["job"] == jobs[i % 10]
+        stream.close()
+
+
+def control(service, *words):
+    done = subprocess.run([service.build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
+                          timeout=PATIENCE_S)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_the_client_does_all_that(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1)
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]
+    service.start()
+    first, second = service.submit(sphere()), service.submit(sphere())
+    service.wait_worker(first)
+    code, out, _ = control(service, "workers")
+    assert code == 0 and "1 of 1 attempts" in out and first in out
+    assert control(service, "pause", second)[1].split()[:2] == [second, "paused"]
+    assert control(service, "resume", second)[1].split()[:2] == [second, "queued"]
+    assert control(service, "priority", second)[0] == 2
+    assert control(service, "priority", second, "--priority", "9")[0] == 0
+    assert service.job(second)["priority"] == 9
+    assert control(service, "delete", second)[0] == 4
+    assert control(service, "cancel", second)[0] == 0
+    assert control(service, "retry", second)[1].split()[:2] == [second, "queued"]
+    assert control(service, "cancel", second)[0] == 0
+    assert control(service, "delete", second)[0] == 0
+    assert control(service, "show", second)[0] == 4
+    assert control(service, "drain")[0] == 0 and service.get("/readyz").status == 503
+    assert control(service, "undrain")[0] == 0 and service.get("/readyz").status == 200
+    service.open_gate(first)
+    code, out, _ = control(service, "watch", first)
+    events = [json.loads(line) for line in out.splitlines()]
+    assert code == 0 and events[0]["state"] == "queued" and events[-1]["state"] == "succeeded"
+    assert control(service, "log", first)[0] == 0
+    assert control(service, "log", "01aaaaaaaaaaaaaaaaaaaaaaaa")[0] == 4

@@ -1,0 +1,518 @@
+"""Dense volumes, NRRD, NIfTI and stacks of EXR images, as a user hands them to the worker: the same surface from every way
+of storing it, in its place in the world, or an error that says what is wrong and where."""
+import gzip
+import json
+
+import numpy
+import pytest
+from scipy import ndimage
+
+from readers import Points
+from volumes import (Part, nrrd_data, nrrd_header, read_nifti, read_nrrd, write_exr, write_nifti, write_nrrd)
+
+COUNT = 600
+SIZE = (30, 26, 34)
+# An ellipsoid in world space: where the values are 0.
+CENTER, RADII = numpy.array([3.0, -2.0, 5.0]), numpy.array([2.0, 1.5, 2.5])
+
+
+def turned(angle, axis):
+    axis = numpy.array(axis) / numpy.linalg.norm(axis)
+    k = numpy.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return numpy.eye(3) + numpy.sin(angle) * k + (1 - numpy.cos(angle)) * k @ k
+
+
+def centred(linear, size=SIZE):
+    """The matrix with that linear part whose volume has its middle at CENTER."""
+    matrix = numpy.eye(4)
+    matrix[:3, :3] = linear
+    matrix[:3, 3] = CENTER - linear @ ((numpy.array(size) - 1) / 2)
+    return matrix
+
+
+MATRICES = {
+    "plain": centred(numpy.diag([0.25, 0.25, 0.25])),
+    "anisotropic": centred(numpy.diag([0.2, 0.3, 0.25])),
+    "mirrored": centred(numpy.diag([-0.25, 0.25, 0.25])),
+    "permuted": centred(numpy.array([[0, 0, 0.25], [0.25, 0, 0], [0, -0.25, 0.0]])),
+    "turned": centred(turned(0.7, (1, 2, 3)) @ numpy.diag([0.22, 0.28, 0.25])),
+    "sheared": centred(numpy.array([[-0.25, 0.06, 0], [0, 0.25, 0.05], [0.04, 0, 0.25]])),
+}
+
+
+def ellipsoid(matrix, size=SIZE, kind="f4"):
+    """1 at the centre, 0 on the ellipsoid, falling outwards: a dense volume whose inside is above."""
+    index = numpy.stack(numpy.meshgrid(*map(numpy.arange, size), indexing="ij"), -1)
+    world = index @ matrix[:3, :3].T + matrix[:3, 3]
+    return (1 - numpy.linalg.norm((world - CENTER) / RADII, axis=-1)).astype(kind)
+
+
+@pytest.fixture
+def sample(worker, tmp_path):
+    """Runs a surface; the report and the points, or the error and None."""
+    def run(surface, isovalue=0.0, kind="volume", **parts):
+        member = {"isovalue": isovalue, **(surface if isinstance(surface, dict) else {"path": str(surface)})}
+        spec = {"version": 1, "surface": {kind: member}, "sampling": {"count": COUNT}, "solver": {"threads": 1},
+                "output": {"preview": False, "ply": {"precision": "double"}}, **parts}
+        done = worker(spec)
+        if done.returncode not in (0, 10):
+            return json.loads(done.stderr.splitlines()[-1]), None
+        return (json.loads((tmp_path / "out" / "report.json").read_text()),
+                Points((tmp_path / "out" / "points.ply").read_bytes()))
+    return run
+
+
+def assert_ellipsoid(points, near=2e-3, facing=0.99):
+    """On it to `near`, and normals outwards, their cosine with the true ones at least `facing`."""
+    scaled = (points.position - CENTER) / RADII
+    length = numpy.linalg.norm(scaled, axis=1)
+    gradient = scaled / RADII / length[:, None]
+    assert numpy.abs((length - 1) / numpy.linalg.norm(gradient, axis=1)).max() < near
+    outward = gradient / numpy.linalg.norm(gradient, axis=1)[:, None]
+    assert (outward * points.normal).sum(axis=1).min() > facing
+
+
+def spacing(report):
+    return report["spacing"]
+
+
+# ---- the world
+
+@pytest.mark.parametrize("name", MATRICES)
+def test_space_directions_are_honoured(sample, tmp_path, name):
+    write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES[name]), MATRICES[name])
+    report, points = sample(tmp_path / "v.nrrd")
+    assert_ellipsoid(points)
+    assert report["surface"]["volume"] == {"size": list(SIZE), "format": "NRRD", "space": "left-posterior-superior"}
+    assert report["quality"]["rim_count"] == 0 and report["quality"]["euler"] == pytest.approx(2)
+
+
+@pytest.mark.parametrize("name", MATRICES)
+@pytest.mark.parametrize("version", [1, 2])
+def test_an_sform_is_honoured(sample, tmp_path, name, version):
+    write_nifti(tmp_path / "v.nii", ellipsoid(MATRICES[name]), MATRICES[name], version=version, voxel=(7, 7, 7))
+    report, points = sample(tmp_path / "v.nii")
+    assert_ellipsoid(points)
+    assert report["surface"]["volume"]["space"] == "right-anterior-superior"
+
+
+@pytest.mark.parametrize("qfac", [1, -1])
+def test_a_qform_is_honoured_where_there_is_no_sform(sample, tmp_path, qfac):
+    turn = turned(2 * numpy.arccos(0.9), (1, -1, 2))  # the quaternion is (0.9, b, c, d)
+    b, c, d = numpy.sqrt(1 - 0.81) * numpy.array([1, -1, 2]) / numpy.sqrt(6)
+    voxel = (0.22, 0.28, 0.25)
+    matrix = centred(turn @ numpy.diag([voxel[0], voxel[1], qfac * voxel[2]]))
+    write_nifti(tmp_path / "v.nii", ellipsoid(matrix), quaternion=(b, c, d, *matrix[:3, 3], qfac), voxel=voxel)
+    assert_ellipsoid(sample(tmp_path / "v.nii")[1])
+
+
+def test_without_an_orientation_voxels_have_their_sizes(sample, tmp_path):
+    values = ellipsoid(MATRICES["anisotropic"])
+    write_nifti(tmp_path / "v.nii", values, voxel=(0.2, 0.3, 0.25))
+    write_nrrd(tmp_path / "v.nrrd", values, extra=["spacings: 0.2 0.3 0.25"])
+    for name in ("v.nii", "v.nrrd"):
+        _, points = sample(tmp_path / name)
+        points.position = points.position + MATRICES["anisotropic"][:3, 3]
+        assert_ellipsoid(points)
+
+
+def test_axis_minima_of_cells_are_edges(sample, tmp_path):
+    values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
+    least = " ".join(repr(float(v - 0.125)) for v in matrix[:3, 3])
+    write_nrrd(tmp_path / "v.nrrd", values, extra=["spacings: 0.25 0.25 0.25", f"axis mins: {least}",
+                                                   "centerings: cell cell cell"])
+    assert_ellipsoid(sample(tmp_path / "v.nrrd")[1])
+
+
+# ---- ways of storing the same
+
+def test_every_way_of_storing_gives_the_same_bytes(sample, tmp_path):
+    values, matrix = ellipsoid(MATRICES["turned"]), MATRICES["turned"]
+    whole = nrrd_data(values)
+    half = len(whole) // 2
+    write_nrrd(tmp_path / "raw.nrrd", values, matrix)
+    write_nrrd(tmp_path / "big.nrrd", values, matrix, endian="big")
+    write_nrrd(tmp_path / "gzip.nrrd", values, matrix, encoding="gzip")
+    write_nrrd(tmp_path / "ascii.nrrd", values, matrix, encoding="ascii")
+    (tmp_path / "crlf.nrrd").write_bytes("\r\n".join(nrrd_header(values, matrix) + ["", ""]).encode() + whole)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "all.raw").write_bytes(b"two\nlines\n" + b"xyz" + whole + b"end")
+    (tmp_path / "data" / "all.raw.gz").write_bytes(gzip.compress(b"xyz" + whole))
+    for k, piece in enumerate((whole[:half], whole[half:]), 3):
+        (tmp_path / "data" / f"part{k:02}.raw").write_bytes(piece)
+    detached = {"skips": ["line skip: 2", "byte skip: 3", "data file: data/all.raw"],
+                "end": ["byte skip: -4", "datafile: data/all.raw"],
+                "packed": ["byte skip: 3", "data file: data/all.raw.gz"],
+                "packed_end": ["byte skip: -1", "data file: data/all.raw.gz"],
+                "numbered": ["data file: data/part%02d.raw 3 4 1"],
+                "listed": ["data file: LIST", "data/part03.raw", "data/part04.raw"]}
+    for name, extra in detached.items():
+        packed = "gzip" if "packed" in name else "raw"
+        (tmp_path / f"{name}.nhdr").write_text("\n".join(nrrd_header(values, matrix, packed, extra=extra)) + "\n")
+    seen = {}
+    for path in sorted([*tmp_path.glob("*.nrrd"), *tmp_path.glob("*.nhdr")]):
+        report, points = sample(path)
+        assert points is not None, (path.name, report)
+        seen[path.name] = report["outputs"][0]["sha256"]
+        if path.name == "listed.nhdr":
+            assert [i["path"].split("/")[-1] for i in report["inputs"]] == ["listed.nhdr", "part03.raw", "part04.raw"]
+    assert len(seen) == 11 and len(set(seen.values())) == 1, seen
+
+
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
+def test_every_type_in_either_order(sample, tmp_path, kind):
+    """Whole numbers, which every type holds: -80 .. 60, or 0 .. 140 without a sign, and 200 steps a unit."""
+    raise_by = 80 if kind.startswith("u") else 0
+    values = (numpy.round(60 * ellipsoid(MATRICES["plain"], kind="f8")).clip(-80, 60) + raise_by).astype(kind)
+    digests = set()
+    for order in ("<", ">"):
+        write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"], endian="little" if order == "<" else "big")
+        write_nifti(tmp_path / "v.nii.gz", values, MATRICES["plain"], endian=order)
+        for name in ("v.nrrd", "v.nii.gz"):
+            report, points = sample(tmp_path / name, isovalue=raise_by + 0.5)
+            assert_ellipsoid(points, near=0.1, facing=0.95)
+            digests.add(report["outputs"][0]["sha256"])
+    assert len(digests) <= 2  # NIfTI-1 has its matrix in single precision
+
+
+def test_scaled_values_and_a_pair_of_files(sample, tmp_path):
+    values = numpy.round(1000 * ellipsoid(MATRICES["plain"], kind="f8")).astype("i2")
+    write_nifti(tmp_path / "v.hdr", values, MATRICES["plain"], slope=0.001, intercept=7, pair=tmp_path / "v.img")
+    report, points = sample(tmp_path / "v.hdr", isovalue=7.0)
+    assert_ellipsoid(points, near=0.01)
+    assert [i["path"].split("/")[-1] for i in report["inputs"]] == ["v.hdr", "v.img"]
+
+
+# ---- EXR
+
+def stack(tmp_path, values, name="s", make=lambda k, pixels: [Part({"Y": pixels})]):
+    """Slices name.0001.exr and so on; the members of surface.exr that name them."""
+    for k in range(values.shape[2]):
+        write_exr(tmp_path / f"{name}.{k + 1:04}.exr", *make(k, values[:, :, k]))
+    return {"path": str(tmp_path / f"{name}.####.exr"), "slices": f"1-{values.shape[2]}", "voxel_size": [0.25, 0.25, 0.25],
+            "origin": [float(v) for v in MATRICES["plain"][:3, 3]]}
+
+
+def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"]).astype("f2").astype("f4")
+    other = numpy.full(SIZE[:2], 7, "f4")
+    low = (-5, 11)
+    ways = {
+        "float": lambda k, p: [Part({"Y": p})],
+        "half": lambda k, p: [Part({"Y": p.astype("f2")})],
+        "zip": lambda k, p: [Part({"Y": p}, compression=3)],
+        "zips": lambda k, p: [Part({"Y": p.astype("f2"), "R": other.astype("f2")}, compression=2)],
+        "rgb": lambda k, p: [Part({"B": other, "G": other, "R": other, "Y": p, "id": other.astype("u4")})],
+        "tiled": lambda k, p: [Part({"Y": p, "A": other}, tile=(16, 8))],
+        "mipmapped": lambda k, p: [Part({"Y": p}, tile=(8, 8), levels=9)],
+        "shifted": lambda k, p: [Part({"Y": p}, low=low)],
+        "parts": lambda k, p: [Part({"Y": other}, name="left"), Part({"Y": p}, name="right"), Part({"A": other}, name="A")],
+    }
+    digests = {}
+    for name, make in ways.items():
+        surface = {**stack(tmp_path, values, name, make), "channel": "Y"}
+        if name == "parts":
+            surface["part"] = "right"
+        if name == "shifted":
+            surface["origin"] = [surface["origin"][0] - low[0] * 0.25, surface["origin"][1] - low[1] * 0.25,
+                                 surface["origin"][2]]
+        report, points = sample(surface, kind="exr")
+        assert points is not None, (name, report)
+        assert_ellipsoid(points, near=5e-3)
+        assert len(report["inputs"]) == SIZE[2]
+        if name == "shifted":  # its origin is rounded otherwise
+            continue
+        digests[name] = report["outputs"][0]["sha256"]
+    assert len(set(digests.values())) == 1, digests
+
+
+def test_numbers_without_a_sign(sample, tmp_path):
+    values = numpy.round(1e6 * (1 + ellipsoid(MATRICES["plain"], kind="f8"))).clip(0).astype("u4")
+    _, points = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
+    assert_ellipsoid(points, near=5e-3)
+
+
+def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
+    """Slices cropped to what is above nothing, as compositing programs do."""
+    values = ellipsoid(MATRICES["plain"]).clip(-0.4) + numpy.float32(0.4)
+
+    def crop(k, pixels):
+        rows = numpy.flatnonzero(pixels.any(axis=0))
+        first, last = (rows[0], rows[-1] + 1) if len(rows) else (12, 14)
+        return [Part({"Y": pixels[:, first:last]}, low=(0, int(first)))]
+
+    whole, expected = sample(stack(tmp_path, values, "whole"), kind="exr", isovalue=0.4)
+    report, points = sample(stack(tmp_path, values, "cropped", crop), kind="exr", isovalue=0.4)
+    assert "pixels outside of a slice's own are 0" in report["surface"]["warnings"][0]
+    assert not whole["surface"]["warnings"]
+    assert_ellipsoid(points, near=5e-3)
+
+
+def test_values_that_are_not_finite_are_counted(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"])
+    values[2, 3, 4], values[15, 13, 17], values[1, 1, 20] = numpy.nan, numpy.inf, -numpy.inf
+    for surface, kind in ((stack(tmp_path, values), "exr"), (tmp_path / "v.nrrd", "volume")):
+        write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"])
+        report, points = sample(surface, kind=kind)
+        assert report["surface"]["warnings"][0].startswith("3 values are not finite, the first at (2, 3, 4)")
+        assert_ellipsoid(points, near=5e-3)
+
+
+def test_infinity_is_no_surface_above_all_values(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"])
+    values[0, 0, 0] = numpy.inf
+    e, _ = sample(stack(tmp_path, values), kind="exr", isovalue=1e6)
+    assert e["code"] == "no_surface" and f"range from {values.min():g} to {values[1:].max():g}" in e["message"], e
+
+
+def test_missing_and_damaged_slices_are_named(sample, tmp_path):
+    surface = stack(tmp_path, ellipsoid(MATRICES["plain"]), make=lambda k, p: [Part({"Y": p}, compression=3)])
+    for k in (4, 7, 8, 9):
+        (tmp_path / f"s.{k:04}.exr").rename(tmp_path / f"away.{k}")
+    e, _ = sample(surface, kind="exr")
+    assert e["code"] == "input_missing" and "4 slices are missing (slices 4, 7-9)" in e["message"]
+    for k in (4, 7, 8, 9):
+        (tmp_path / f"away.{k}").rename(tmp_path / f"s.{k:04}.exr")
+    cut = (tmp_path / "s.0030.exr").read_bytes()
+    (tmp_path / "s.0030.exr").write_bytes(cut[:len(cut) // 2])
+    body = bytearray((tmp_path / "s.0012.exr").read_bytes())
+    packed = body.index(b"x\x9c")
+    body[packed:packed + 50] = bytes(50)
+    (tmp_path / "s.0012.exr").write_bytes(body)
+    e, _ = sample(surface, kind="exr")
+    assert e["code"] == "input_damaged" and "2 slices are damaged (slices 12, 30)" in e["message"], e
+    assert "s.0012.exr: its rows from" in e["message"]
+
+
+def test_what_a_stack_cannot_be_is_refused(sample, tmp_path):
+    values = ellipsoid(MATRICES["plain"])
+    two = stack(tmp_path, values, "two", lambda k, p: [Part({"A": p, "Y": p})])
+    e, _ = sample(two, kind="exr")
+    assert e["code"] == "grid_ambiguous" and "channels A, Y: give exr.channel" in e["message"]
+    e, _ = sample({**two, "channel": "Z"}, kind="exr")
+    assert e["code"] == "grid_missing" and 'no channel "Z": its channels are A, Y' in e["message"]
+    parts = stack(tmp_path, values, "parts", lambda k, p: [Part({"Y": p}, name="l"), Part({"Y": p}, name="r")])
+    e, _ = sample({**parts, "channel": "Y"}, kind="exr")
+    assert e["code"] == "grid_ambiguous" and '"l", "r": give exr.part' in e["message"]
+    e, _ = sample({**parts, "part": "m"}, kind="exr")
+    assert e["code"] == "grid_missing" and 'no part "m": its parts are "l", "r"' in e["message"]
+    for bad, word in (({"slices": "1"}, "slices"), ({"slices": "9-1"}, "slices"), ({"slices": "1-5y"}, "slices"),
+                      ({"path": "a.exr"}, "path"), ({"path": "a.##.##.exr"}, "path"), ({"path": "a.%s.exr"}, "path")):
+        e, _ = sample({**two, **bad}, kind="exr")
+        assert e["code"] == "spec_invalid" and e["errors"][0]["pointer"] == f"/surface/exr/{word}", (bad, e)
+
+
+# ---- all of them alike
+
+@pytest.mark.parametrize("how", ["interpolating", "smoothing"])
+def test_exr_nrrd_nifti_and_vdb_give_the_same_points(sample, tmp_path, diagnose, how):
+    """Large enough that what is beyond its ends, background or a reflection, is beyond what is read."""
+    pyopenvdb = pytest.importorskip("pyopenvdb", reason="python3-openvdb is not installed")
+    size = (66, 60, 70)
+    matrix = centred(numpy.diag([0.25, 0.25, 0.25]), size)
+    values = ellipsoid(matrix, size)
+    surface = {**stack(tmp_path, values), "origin": [float(v) for v in matrix[:3, 3]]}
+    write_nrrd(tmp_path / "v.nrrd", values, matrix)
+    write_nifti(tmp_path / "v.nii", values, matrix, version=2)
+    grid = pyopenvdb.FloatGrid()
+    grid.background = float(values.min())
+    grid.copyFromArray(values)
+    grid.name, grid.gridClass = "v", pyopenvdb.GridClass.FOG_VOLUME
+    transform = pyopenvdb.createLinearTransform([[0.25, 0, 0, 0], [0, 0.25, 0, 0], [0, 0, 0.25, 0],
+                                                 [*map(float, matrix[:3, 3]), 1]])
+    grid.transform = transform
+    pyopenvdb.write(str(tmp_path / "v.vdb"), grid)
+    more = {"reconstruction": how}
+    runs = [sample({**surface, **more}, kind="exr")]
+    for name, kind in (("v.nrrd", "volume"), ("v.nii", "volume"), ("v.vdb", "vdb")):
+        runs.append(sample({"path": str(tmp_path / name), **more}, kind=kind))
+    first, apart = runs[0], 0.0
+    for report, points in runs[1:]:
+        assert points is not None, report
+        apart = max(apart, numpy.abs(points.position - first[1].position).max() / spacing(first[0]))
+    diagnose(f"{how}: EXR, NRRD, NIfTI and VDB of one volume part by {apart:.1e} spacings")
+    assert apart < 1e-5
+
+
+# ---- ends of the data
+
+def test_where_the_data_end_the_surface_is_open(sample, tmp_path):
+    values = ellipsoid(MATRICES["anisotropic"])[:, :, :20]
+    write_nrrd(tmp_path / "v.nrrd", values, MATRICES["anisotropic"])
+    report, points = sample(tmp_path / "v.nrrd")
+    assert_ellipsoid(points)
+    end = (MATRICES["anisotropic"] @ [0, 0, 19, 1])[2]
+    assert points.position[:, 2].max() <= end + 1e-6
+    assert (points.position[:, 2] > end - 1e-6).sum() > 10, "no row of points along the rim"
+    assert report["quality"]["rim_count"] > 0 and report["quality"]["lost"] == 0
+
+
+def test_oblique_data_must_not_end_within_the_surface(sample, tmp_path):
+    values = ellipsoid(MATRICES["turned"])[:, :, :20]
+    write_nrrd(tmp_path / "v.nrrd", values, MATRICES["turned"])
+    e, _ = sample(tmp_path / "v.nrrd")
+    assert e["code"] == "input_unsupported" and "give a region" in e["message"]
+    end = (MATRICES["turned"] @ [0, 0, 19, 1])[:3]
+    normal = numpy.linalg.inv(MATRICES["turned"][:3, :3])[2]
+    low = CENTER - RADII
+    box = {"min": [float(v) for v in low - 1], "max": [float(v) for v in CENTER]}
+    assert max(normal @ (numpy.array(c) - end) for c in (box["max"],)) < 0  # clear of the end
+    report, points = sample(tmp_path / "v.nrrd", region=box)
+    assert points is not None, report
+    assert_ellipsoid(points)
+
+
+# ---- errors and limits
+
+def broken(tmp_path):
+    values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
+    raw = nrrd_data(values)
+
+    def nrrd(lines, data=raw):
+        return ("\n".join(lines) + "\n\n").encode() + data
+
+    def header(**of):
+        lines = nrrd_header(values, matrix, of.pop("encoding", "raw"))
+        for key, value in of.items():
+            lines = [x for x in lines if not x.startswith(key + ":")] + ([f"{key}: {value}"] if value else [])
+        return lines
+
+    yield "cut.nrrd", nrrd(header(), raw[:-1]), "input_damaged", "has 106079 bytes where its header promises 106080"
+    yield "cut_gzip.nrrd", nrrd(header(encoding="gzip"), gzip.compress(raw)[:-3000]), "input_damaged", "cut off"
+    yield "words.nrrd", nrrd(header(encoding="ascii"), b"1 2 x " * 26520), "input_damaged", "text among its numbers"
+    yield "huge.nrrd", nrrd(header(sizes="100000 100000 100000")), "input_damaged", "promises"
+    yield "vast.nrrd", nrrd(header(sizes="1000000 1000000 1000000")), "input_damaged", "claims"
+    yield "negative.nrrd", nrrd(header(sizes="-3 4 5")), "input_damaged", "header cannot be read"
+    yield "flat.nrrd", nrrd(header(sizes="1020 26 1"), raw), "no_surface", "one slice"
+    yield "block.nrrd", nrrd(header(type="block")), "input_damaged", "block"
+    yield "hex.nrrd", nrrd(header(encoding="hex")), "input_unsupported", "hex"
+    yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_unsupported", "RGB-color"
+    yield "missing.nhdr", nrrd([*header(), "data file: nowhere.raw"]), "input_missing", "nowhere.raw"
+    yield "pattern.nhdr", nrrd([*header(), "data file: %s%d 1 3 1"]), "input_damaged", "FORMAT MIN MAX STEP"
+    yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
+                                 ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
+    yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK"
+    yield "empty.nii", b"", "input_damaged", "empty"
+    yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git-LFS"
+
+
+def test_broken_files_say_what_is_wrong(sample, tmp_path):
+    for name, data, code, word in broken(tmp_path):
+        (tmp_path / name).write_bytes(data)
+        e, points = sample(tmp_path / name)
+        assert points is None and e["code"] == code and word in e["message"], (name, e)
+        assert name in e["message"], e
+
+
+def test_four_axes_are_read_only_if_one_has_a_single_sample(sample, tmp_path):
+    values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
+    write_nifti(tmp_path / "v.nii", values, matrix)
+    data = bytearray((tmp_path / "v.nii").read_bytes())
+    data[40:42], data[48:50] = (4).to_bytes(2, "little"), (2).to_bytes(2, "little")
+    (tmp_path / "four.nii").write_bytes(data + data[352:])
+    e, _ = sample(tmp_path / "four.nii")
+    assert e["code"] == "input_unsupported" and "2 volumes along its axis 4" in e["message"]
+    lines = [x.replace("dimension: 3", "dimension: 4").replace("sizes: ", "sizes: 1 ") for x in nrrd_header(values)]
+    (tmp_path / "v.nrrd").write_bytes(("\n".join(lines) + "\n\n").encode() + nrrd_data(values))
+    assert sample(tmp_path / "v.nrrd")[1] is not None
+
+
+def test_an_isovalue_out_of_range_is_no_surface(sample, tmp_path):
+    write_nrrd(tmp_path / "v.nrrd", ellipsoid(MATRICES["plain"]), MATRICES["plain"])
+    e, _ = sample(tmp_path / "v.nrrd", isovalue=3.0)
+    assert e["code"] == "no_surface" and "isovalue 3: its values range from" in e["message"]
+
+
+def test_data_files_stay_within_the_roots(worker, tmp_path):
+    inside, outside = tmp_path / "inside", tmp_path / "outside.raw"
+    inside.mkdir()
+    values = ellipsoid(MATRICES["plain"])
+    outside.write_bytes(nrrd_data(values))
+    for k, name in enumerate(("../outside.raw", str(outside))):
+        lines = nrrd_header(values, MATRICES["plain"], extra=[f"data file: {name}"])
+        (inside / f"v{k}.nhdr").write_text("\n".join(lines) + "\n")
+        spec = {"version": 1, "surface": {"volume": {"path": f"v{k}.nhdr", "isovalue": 0}}, "sampling": {"count": 100}}
+        done = worker(spec, "--input-root", inside)
+        assert json.loads(done.stderr.splitlines()[-1])["code"] == "path_forbidden", done.stderr
+
+
+def test_a_large_volume_fits_in_a_small_memory(worker, tmp_path, diagnose):
+    """384^3 floats are 216 MB; a sphere in them is sampled within 96."""
+    n, side = 384, numpy.arange(384, dtype="f4") - 191.5
+    with (tmp_path / "v.nrrd").open("wb") as file:
+        file.write(("\n".join(nrrd_header(numpy.empty((n, n, n), "f4"))) + "\n\n").encode())
+        plane = side[:, None] ** 2 + side[None, :] ** 2
+        for z in side:
+            file.write((60 - numpy.sqrt(plane + z * z)).astype("<f4").tobytes())
+    spec = {"version": 1, "surface": {"volume": {"path": str(tmp_path / "v.nrrd"), "isovalue": 0}},
+            "sampling": {"count": 2000}, "output": {"preview": False}, "limits": {"memory_mb": 96}}
+    done = worker(spec)
+    assert done.returncode in (0, 10), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    diagnose(f"peak memory of a 384^3 volume: {report['peak_memory_bytes'] / 2**20:.0f} MB")
+    assert report["peak_memory_bytes"] < 200 * 2**20
+    assert report["surface"]["area"] == pytest.approx(4 * numpy.pi * 60**2, rel=1e-4)
+
+
+# ---- real files, against a reading of their own
+
+REAL = [("tooth.nhdr", 600, read_nrrd), ("fmob-c4h.nrrd", 0.5, read_nrrd), ("headsq/quarter.nhdr", 1200, read_nrrd),
+        ("avg152T1_RL_nifti.nii.gz", 100, read_nifti), ("anatomical.nii", 5000, read_nifti),
+        ("pynrrd/BallBinary30x30x30_gz.nrrd", 128, read_nrrd)]
+
+
+@pytest.mark.parametrize("name,isovalue,read", REAL)
+def test_real_files_against_an_independent_reading(sample, shared_data, name, isovalue, read):
+    path = shared_data / "volumes" / name
+    values, matrix = read(path)
+    report, points = sample(path, isovalue)
+    assert points is not None, report
+    # natural ends: beyond them the data are reflected in their last sample
+    pad = 12
+    values = numpy.pad(values, pad, mode="reflect", reflect_type="odd")
+    coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
+    index = numpy.linalg.solve(matrix[:3, :3], (points.position - matrix[:3, 3]).T) + pad
+
+    def at(offset):
+        return ndimage.map_coordinates(coefficients, index + numpy.array(offset)[:, None], order=3, prefilter=False)
+
+    step = 1e-4
+    gradient = numpy.array([at(step * u) - at(-step * u) for u in numpy.eye(3)]) / (2 * step)
+    steep = numpy.linalg.norm(gradient, axis=0)
+    far = numpy.abs(at([0, 0, 0]) - isovalue) / steep
+    assert numpy.quantile(far, 0.99) < 1e-3 and far.max() < 0.1
+    outward = -numpy.linalg.solve(matrix[:3, :3].T, gradient)
+    outward /= numpy.linalg.norm(outward, axis=0)
+    assert numpy.quantile((outward.T * points.normal).sum(axis=1), 0.01) > 0.999
+
+
+# ---- through REST
+
+def test_volumes_through_rest(new_service, tmp_path):
+    """Names in the spec are relative to an input root; what is missing is told when the job is submitted."""
+    root = tmp_path / "root"
+    root.mkdir()
+    values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
+    (root / "v.nhdr").write_text("\n".join(nrrd_header(values, matrix, extra=["data file: v.raw"])) + "\n")
+    (root / "v.raw").write_bytes(nrrd_data(values))
+    exr = {**stack(root, values), "path": "s.####.exr"}
+    ball = {"analytic": {"shape": "sphere", "radius": 1, "center": [float(v) for v in CENTER]}}
+    surfaces = {"volume": {"volume": {"path": "v.nhdr", "isovalue": 0}}, "exr": {"exr": {**exr, "isovalue": 0}}}
+    surfaces["difference"] = {"difference": [surfaces["volume"], ball]}
+    service = new_service("--input_roots", root).start()
+    jobs = {name: service.submit({"version": 1, "surface": surface, "sampling": {"count": COUNT}, "output": {"preview": False}})
+            for name, surface in surfaces.items()}
+    digests = {}
+    for name, job in jobs.items():
+        service.wait_state(job, "succeeded")
+        listed = {r["name"]: r["sha256"] for r in service.get(f"/v1/jobs/{job}/results").json["results"]}
+        digests[name] = listed["points.ply"]
+    assert digests["volume"] == digests["exr"] != digests["difference"]
+    (root / "s.0007.exr").unlink()
+    reply = service.post("/v1/jobs", {"version": 1, "surface": surfaces["exr"], "sampling": {"count": COUNT}})
+    assert reply.status >= 400 and reply.json["code"] == "input_missing"
+    assert reply.json["errors"][0]["pointer"] == "/surface/exr/path" and "s.0007.exr" in reply.json["errors"][0]["detail"]
+    nested = {"union": [ball, {"volume": {"path": "../v.nhdr", "isovalue": 0}}]}
+    reply = service.post("/v1/jobs", {"version": 1, "surface": nested, "sampling": {"count": COUNT}})
+    assert reply.json["code"] == "path_forbidden"
+    assert reply.json["errors"][0]["pointer"] == "/surface/union/1/volume/path"

@@ -1,0 +1,165 @@
+"""The daemon under a service manager, which these tests play: readiness, status, signs of life that end when the
+supervisor is stuck, a socket handed over, settings read again. A real systemd is tests/boot."""
+import ctypes
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from service import OPEN_TCP, PATIENCE_S, gated_worker, sphere, wait_until
+
+WATCHDOG_S = 0.2  # of a manager in a hurry: two signs of life in that time
+
+
+class Manager:
+    """Takes what is told on a socket like systemd's."""
+
+    def __init__(self, path):
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.socket.bind(str(path))
+        self.socket.settimeout(PATIENCE_S)
+
+    def hear(self, wanted):
+        """The messages up to the first that has the wanted beginning."""
+        heard = []
+        while not heard or not any(line.startswith(wanted) for line in heard[-1].splitlines()):
+            heard.append(self.socket.recv(4096).decode())
+        return heard
+
+
+@pytest.fixture
+def manager(tmp_path, monkeypatch):
+    path = tmp_path / "notify"
+    made = Manager(path)
+    monkeypatch.setenv("NOTIFY_SOCKET", str(path))
+    monkeypatch.setenv("WATCHDOG_USEC", str(int(WATCHDOG_S * 1e6)))
+    yield made
+    made.socket.close()
+
+
+def test_ready_status_and_signs_of_life(new_service, manager, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", "1", base=tmp_path).start()
+    assert manager.hear("READY=1") == ["READY=1"]
+    manager.hear("WATCHDOG=1")
+    manager.hear("STATUS=0 queued, 0 running")
+    jobs = [service.submit(sphere()) for _ in range(3)]
+    manager.hear("STATUS=2 queued, 1 running")
+    manager.hear("WATCHDOG=1")
+    service.process.send_signal(signal.SIGTERM)
+    told = manager.hear("STOPPING=1")[-1]
+    assert "EXTEND_TIMEOUT_USEC=45000000" in told  # drain_s, grace_s and what comes after
+    manager.hear("STATUS=draining: 2 queued, 1 running")
+    service.open_gate(jobs[0])
+    assert service.process.wait(PATIENCE_S) == 0
+
+
+PTRACE_SEIZE, PTRACE_INTERRUPT, PTRACE_DETACH = 0x4206, 0x4207, 17
+
+
+def supervisor_of(service):
+    for task in pathlib.Path(f"/proc/{service.process.pid}/task").iterdir():
+        if (task / "comm").read_text().strip() == "supervisor":
+            return int(task.name)
+    raise AssertionError("no thread is called supervisor")
+
+
+def test_a_stuck_supervisor_gives_no_sign(new_service, manager):
+    service = new_service().start()
+    manager.hear("WATCHDOG=1")
+    thread = supervisor_of(service)
+    libc = ctypes.CDLL(None, use_errno=True)
+    for request in (PTRACE_SEIZE, PTRACE_INTERRUPT):
+        if libc.ptrace(request, thread, None, None) != 0:
+            pytest.skip(f"threads cannot be stopped here: {os.strerror(ctypes.get_errno())}")
+    os.waitpid(thread, 0x40000000)  # __WALL
+    manager.hear("STATUS=stuck")
+    assert manager.hear("STATUS=stuck") == ["STATUS=stuck"]  # and nothing in between
+    assert "the supervisor is stuck" in service.log.read_text()
+    assert libc.ptrace(PTRACE_DETACH, thread, None, None) == 0
+    manager.hear("WATCHDOG=1")
+    assert service.end() == 0
+
+
+def test_settings_are_read_again(new_service, manager, tmp_path):
+    file = tmp_path / "hexad.conf"
+    file.write_text("stall_s = 1000\nmax_attempts = 3\n")
+    service = new_service("--config", file, "--worker", gated_worker(tmp_path, deaf=True)).start()
+    manager.hear("READY=1")
+    file.write_text("stall_s = 0.1\ngrace_s = 0\nmax_attempts = 1\n")
+    service.process.send_signal(signal.SIGHUP)
+    assert "MONOTONIC_USEC=" in manager.hear("RELOADING=1")[-1]
+    manager.hear("READY=1")
+    log = service.log.read_text()
+    assert "setting stall_s has changed\n" in log and "setting grace_s has changed\n" in log
+    assert "setting max_attempts has changed in the file, which a new start takes over" in log
+    assert log.count(" setting ") == 3
+    job = service.submit(sphere())
+    assert service.wait_state(job, "failed", "timed_out")["error"]["code"] == "stalled"
+    file.write_text("stall_s = soon\n")
+    service.process.send_signal(signal.SIGHUP)
+    manager.hear("READY=1")
+    assert f"settings stay as they were: {file}:1: stall_s" in service.log.read_text()
+    assert service.end() == 0
+
+
+# Puts the descriptors that are named where systemd puts them, from 3 on, and becomes the program behind them.
+HAND_OVER = """
+import fcntl, os, sys
+for to, number in enumerate([fcntl.fcntl(int(n), fcntl.F_DUPFD, 100) for n in sys.argv[1].split(",")], 3):
+    os.dup2(number, to)
+os.environ.update(LISTEN_PID=str(os.getpid()), LISTEN_FDS=str(len(sys.argv[1].split(","))))
+os.execv(sys.argv[2], sys.argv[2:])
+"""
+
+
+def start_with_sockets(build, where, *sockets):
+    numbers = [s.fileno() for s in sockets]
+    return subprocess.Popen(
+        [sys.executable, "-c", HAND_OVER, ",".join(map(str, numbers)), build / "hexad", "--state_dir", where / "state",
+         "--port_file", where / "port", "--listen", "127.0.0.1:0", "--tcp_without_tokens", OPEN_TCP],
+        pass_fds=numbers, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize("family", ["inet", "unix"])
+def test_a_socket_is_handed_over(build, tmp_path, family):
+    if family == "inet":
+        ours = socket.create_server(("127.0.0.1", 0))
+        address = "127.0.0.1:%d" % ours.getsockname()[1]
+    else:
+        ours = socket.socket(socket.AF_UNIX)
+        ours.bind(str(tmp_path / "socket"))
+        ours.listen()
+        address = f"unix:{tmp_path / 'socket'}"
+    process = start_with_sockets(build, tmp_path, ours)
+    try:
+        wait_until(lambda: (tmp_path / "port").exists() or process.poll() is not None, "the daemon")
+        assert process.poll() is None, process.stderr.read()
+        assert (tmp_path / "port").read_text().strip() == address
+        with socket.socket(ours.family) as client:
+            client.settimeout(PATIENCE_S)
+            client.connect(ours.getsockname())
+            client.sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+            assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
+        process.send_signal(signal.SIGTERM)
+        assert f"listen = 127.0.0.1:0 is not served: {address}" in process.communicate(timeout=PATIENCE_S)[1]
+        assert process.returncode == 0
+        assert family == "inet" or (tmp_path / "socket").exists()  # which is not the daemon's to remove
+    finally:
+        process.kill()
+        process.communicate()
+        ours.close()
+
+
+def test_sockets_that_cannot_be_served(build, tmp_path):
+    listening = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    silent = socket.socket()
+    for given, word in ((listening, "one is served"), ([silent], "no stream socket that listens")):
+        process = start_with_sockets(build, tmp_path, *given)
+        assert word in process.communicate(timeout=PATIENCE_S)[1]
+        assert process.returncode == 2
+    for s in (*listening, silent):
+        s.close()

@@ -1,0 +1,244 @@
+"""The OpenAPI document: it is linted, its examples work, and no answer is anything that it does not say."""
+import json
+import random
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from service import PATIENCE_S, sphere
+
+jsonschema = pytest.importorskip("jsonschema", reason="no python3-jsonschema")
+hypothesis = pytest.importorskip("hypothesis", reason="no python3-hypothesis")
+from hypothesis import strategies as st  # noqa: E402
+
+# generated requests; each is answered within milliseconds
+REQUESTS = 300
+
+
+@pytest.fixture(scope="module")
+def described(build, tmp_path_factory):
+    """A service on a Unix socket, with the document that it serves."""
+    from service import Service
+
+    service = Service(build, tmp_path_factory.mktemp("openapi"))
+    for word in ("--listen", "--tcp_without_tokens"):
+        at = service.options.index(word)
+        del service.options[at:at + 2]
+    service.start()
+    service.document = service.get("/v1/openapi.json").json
+    yield service
+    service.clean_up()
+
+
+def operations(document):
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            yield method.upper(), path, operation
+
+
+def check_answer(document, operation, reply):
+    """The answer has a status, a type and a body that the operation has among its responses."""
+    said = operation["responses"].get(str(reply.status))
+    assert said, f"{operation['operationId']} answered {reply.status}, which is not said: {reply.body[:500]}"
+    if "$ref" in said:
+        said = document["components"]["responses"][said["$ref"].rpartition("/")[2]]
+    content = said.get("content")
+    if not content:
+        assert reply.body == b""
+        return
+    kind = (reply.headers["Content-Type"] or "").partition(";")[0]
+    assert kind in content or "*/*" in content, (kind, operation["operationId"])
+    if kind in content and "json" in kind:
+        schema = {**content[kind]["schema"], "components": document["components"]}
+        jsonschema.Draft202012Validator(schema).validate(reply.json)
+
+
+def expand(path, **values):
+    return re.sub(r"\{(\w+)\}", lambda m: values[m.group(1)], path)
+
+
+def test_the_linter_is_content(described, source, tmp_path):
+    lint = source / "tests/openapi/node_modules/.bin/redocly"
+    if not shutil.which("node") or not lint.exists():
+        pytest.skip("no linter: run npm ci in tests/openapi")
+    file = tmp_path / "openapi.json"
+    file.write_text(json.dumps(described.document))
+    done = subprocess.run([lint, "lint", "--config", source / "tests/openapi/redocly.yaml", file],
+                          capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_document_is_made_of_the_tables(described, build):
+    schema = json.loads(subprocess.run([build / "hexad-worker", "schema"], capture_output=True, check=True).stdout)
+    assert described.document["components"]["schemas"]["JobSpec"] == schema
+    jsonschema.Draft202012Validator.check_schema(schema)
+    names = [o["operationId"] for _, _, o in operations(described.document)]
+    assert len(names) == len(set(names))
+
+
+def test_every_example_works(described):
+    done, job = 0, described.submit(sphere())
+    for method, path, operation in operations(described.document):
+        for kind, media in operation.get("requestBody", {}).get("content", {}).items():
+            for example in media.get("examples", {}).values():
+                jsonschema.Draft202012Validator(
+                    {**media["schema"], "components": described.document["components"]}).validate(example["value"])
+                reply = described.request(method, expand(path, id=job), json.dumps(example["value"]),
+                                          {"Content-Type": kind})
+                assert 200 <= reply.status < 300, reply.body
+                check_answer(described.document, operation, reply)
+                done += 1
+    assert done >= 3
+
+
+def test_answers_of_a_job_that_succeeds(described):
+    document = described.document
+    by_name = {o["operationId"]: (m, p, o) for m, p, o in operations(document)}
+    job = described.submit(sphere(name="ball", queue={"labels": ["x"]}))
+    described.wait_state(job, "succeeded")
+    for name in ("getJob", "listResults", "cancelJob", "getResult", "listJobs", "getHealth", "getReadiness", "getVersion",
+                 "getMetrics", "getOpenapi", "listTasks", "listAttempts", "getLog", "followJob", "followJobs", "pauseJob",
+                 "resumeJob", "retryJob", "deleteJob", "getJob"):
+        method, path, operation = by_name[name]
+        reply = described.request(method, expand(path, id=job, name="report.json"))
+        assert reply.status < 500
+        check_answer(document, operation, reply)
+
+
+def strategy_of(schema, document):
+    """What fits a schema, as far as the job's spec uses the language."""
+    if "$ref" in schema:
+        return strategy_of(document["components"]["schemas"][schema["$ref"].rpartition("/")[2]], document)
+    if "const" in schema:
+        return st.just(schema["const"])
+    if "enum" in schema:
+        return st.sampled_from(schema["enum"])
+    if "oneOf" in schema:
+        return st.one_of([strategy_of(s, document) for s in schema["oneOf"]])
+    kind = schema.get("type")
+    if kind == "boolean":
+        return st.booleans()
+    if kind == "integer":
+        return st.integers(int(schema["minimum"]), int(min(schema["maximum"], 2**53)))
+    if kind == "number":
+        low = schema.get("minimum", schema.get("exclusiveMinimum"))
+        return st.floats(low, schema["maximum"], exclude_min="exclusiveMinimum" in schema, allow_nan=False)
+    if kind == "string":
+        assert schema["pattern"] == r"^[^\x00]*$"
+        return st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), min_size=int(schema["minLength"]), max_size=int(min(schema["maxLength"], 40)))
+    if kind == "array":
+        least = schema.get("minItems", 0)
+        return st.lists(strategy_of(schema["items"], document), min_size=least, max_size=schema.get("maxItems", least + 4))
+    return objects(schema, document)
+
+
+@st.composite
+def objects(draw, schema, document):
+    """Objects with what is required, one of each choice, and some of the rest."""
+    properties = schema["properties"]
+    wanted, never = set(schema.get("required", [])), set()
+    for part in schema.get("allOf", []):
+        if "oneOf" in part:
+            names = [p["required"][0] for p in part["oneOf"]]
+            chosen = draw(st.sampled_from(names))
+            wanted.add(chosen)
+            never |= set(names) - {chosen}
+        else:
+            pair = part["not"]["required"]
+            never.add(draw(st.sampled_from(pair)))
+    free = sorted(set(properties) - wanted - never)
+    wanted |= set(draw(st.lists(st.sampled_from(free), unique=True, max_size=3))) if free else set()
+    return {name: draw(strategy_of(properties[name], document)) for name in sorted(wanted)}
+
+
+JUNK = st.recursive(st.none() | st.booleans() | st.integers(-3, 2**60) | st.floats(allow_nan=False, allow_infinity=False) |
+                    st.text(max_size=5), lambda inner: st.lists(inner, max_size=3) |
+                    st.dictionaries(st.text(max_size=5), inner, max_size=3), max_leaves=5)
+
+
+def mutate(draw, document):
+    """Puts something else at a random place."""
+    here, key = {"": document}, ""
+    while isinstance(here[key], (dict, list)) and here[key] and draw(st.integers(0, 3)):
+        here, key = here[key], draw(st.sampled_from(sorted(here[key]) if isinstance(here[key], dict) else
+                                                    range(len(here[key]))))
+    if here.keys() == {""} if isinstance(here, dict) else False:
+        return draw(JUNK)
+    here[key] = draw(JUNK)
+    return document
+
+
+def new_seed():
+    seed = random.SystemRandom().randrange(2**32)
+    print(f"seed {seed}")  # shown when the test fails
+    return seed
+
+
+def test_generated_specs(described):
+    """What fits the schema is valid or refused with a reason; what does not fit is refused; nothing breaks."""
+    document = described.document
+    operation = document["paths"]["/v1/jobs:validate"]["post"]
+    schema = {**document["components"]["schemas"]["JobSpec"], "components": document["components"]}
+    validator = jsonschema.Draft202012Validator(schema)
+    specs = strategy_of({"$ref": "#/components/schemas/JobSpec"}, document)
+
+    @hypothesis.seed(new_seed())
+    @hypothesis.settings(max_examples=REQUESTS, deadline=None, database=None,
+                         suppress_health_check=list(hypothesis.HealthCheck))
+    @hypothesis.given(st.data())
+    def run(data):
+        spec = data.draw(specs)
+        if data.draw(st.booleans()):
+            spec = mutate(data.draw, spec)
+        reply = described.post("/v1/jobs:validate", raw=json.dumps(spec))
+        assert reply.status in (200, 403, 422) or "\\u0000" in json.dumps(spec) and reply.status == 400, reply.body
+        check_answer(document, operation, reply)
+        if not validator.is_valid(spec):
+            assert reply.status in (400, 422), f"{spec} does not fit the schema and was taken"
+        if reply.status == 200:
+            again = described.post("/v1/jobs:validate", {**reply.json["spec"]})
+            assert again.status == 200 and again.json == reply.json
+
+    run()
+
+
+def test_generated_requests(described):
+    """Any path, query, header and body: no answer is a fault of the service or unlike the document."""
+    document = described.document
+    every = list(operations(document))
+    plain = st.text("0123456789abcdefXYZ-_.~%+*\"'<>", min_size=1, max_size=30)
+    word = st.one_of(plain, st.from_regex(r"\A[0-9a-z]{26}\Z"), st.from_regex(r"\A[0-9a-f]{64}\Z"))
+    value = st.one_of(plain, st.integers(-5, 10**20).map(str), st.sampled_from(["queued", "failed", ""]))
+
+    @hypothesis.seed(new_seed())
+    @hypothesis.settings(max_examples=REQUESTS, deadline=None, database=None,
+                         suppress_health_check=list(hypothesis.HealthCheck))
+    @hypothesis.given(st.data())
+    def run(data):
+        method, path, operation = data.draw(st.sampled_from(every))
+        names = [p["name"] for p in operation.get("parameters", []) if p["in"] == "query"] + ["other"]
+        target = expand(path, **{n: data.draw(word).replace("%", "%25") for n in re.findall(r"\{(\w+)\}", path)})
+        pairs = data.draw(st.lists(st.tuples(st.sampled_from(names), value), max_size=3))
+        query = "&".join(f"{k}={v.replace('%', '%25').replace('+', '%2B')}" for k, v in pairs)
+        headers = data.draw(st.dictionaries(st.sampled_from(["Range", "If-None-Match", "If-Range", "Content-Type", "Prefer",
+                                                             "Last-Event-ID", "Idempotency-Key", "If-Match"]),
+                                            st.one_of(plain, st.just("application/json")), max_size=3))
+        body = data.draw(st.one_of(st.none(), st.binary(max_size=50), st.just(b"{}"))) if method != "GET" else None
+        reply = described.request(method, target + ("?" + query if query else ""), body, headers)
+        assert reply.status < 500 or (reply.status == 503 and path in ("/readyz", "/v1/jobs")), (method, target, reply.body)
+        check_answer(document, operation, reply)
+
+    run()
+    described.post("/v1/admin/resume")
+
+
+def test_metrics_are_what_prometheus_reads(described):
+    reply = described.get("/metrics")
+    assert reply.status == 200 and b'hexad_http_answers_total{class="2xx"}' in reply.body
+    tool = shutil.which("promtool")
+    if not tool:
+        pytest.skip("no promtool (Debian: prometheus)")
+    done = subprocess.run([tool, "check", "metrics"], input=reply.body, capture_output=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,113 @@
+"""Workers in the sandbox: the same bytes as without for every kind of job, and no file but those that are theirs."""
+import json
+import subprocess
+
+import pytest
+
+from service import PATIENCE_S, last_words, sphere
+
+TETRAHEDRON = """OFF
+4 4 0
+1 1 1
+1 -1 -1
+-1 1 -1
+-1 -1 1
+3 0 2 1
+3 0 1 3
+3 0 3 2
+3 1 2 3
+"""
+
+
+def spec_of(surface, count=300):
+    return {"version": 1, "surface": surface, "sampling": {"count": count},
+            "output": {"preview": {"size": [64, 64]}}}
+
+
+@pytest.fixture(scope="module")
+def inputs(build, source, tmp_path_factory):
+    """A directory with a file of each kind."""
+    where = tmp_path_factory.mktemp("inputs")
+    subprocess.run([build / "hexad-worker", "make-example", where / "example.vdb"], check=True, timeout=PATIENCE_S)
+    (where / "mesh.off").write_text(TETRAHEDRON)
+    box = json.loads((source / "examples" / "bspline-box.json").read_text())["surface"]["bspline"]
+    (where / "box.json").write_text(json.dumps(box))
+    return where
+
+
+def surface(inputs, kind):
+    return {
+        "analytic": lambda: sphere()["surface"],
+        "vdb": lambda: {"vdb": {"path": str(inputs / "example.vdb")}},
+        "mesh": lambda: {"mesh": {"path": str(inputs / "mesh.off"), "resolution": 32}},
+        "bspline": lambda: {"bspline": json.loads((inputs / "box.json").read_text())},
+    }[kind]()
+
+
+@pytest.mark.parametrize("kind", ["analytic", "vdb", "mesh", "bspline"])
+def test_the_same_bytes(worker, tmp_path, inputs, kind):
+    for mode in ("off", "available"):
+        done = worker(spec_of(surface(inputs, kind)), "--input-root", inputs, "--sandbox", mode, output=mode)
+        assert done.returncode in (0, 10), done.stderr
+        assert ("sandbox: no new privileges, filtered calls" in done.stderr) == (mode == "available")
+    for name in ("points.ply", "preview.png", "preview.exr"):
+        assert (tmp_path / "off" / name).read_bytes() == (tmp_path / "available" / name).read_bytes()
+
+
+def test_many_threads(worker, tmp_path):
+    """Threads are made inside; more points than one thread is used for."""
+    spec = sphere(count=30000, solver={"threads": 3}, output={"preview": False})
+    done = worker(spec, "--sandbox", "available")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["count"] == 30000
+
+
+def test_no_input_root_means_no_file(worker, inputs):
+    done = worker(spec_of(surface(inputs, "vdb")), "--sandbox", "available")
+    assert done.returncode == 3
+    assert last_words(done)["code"] == "path_forbidden"
+
+
+def test_modes_that_are_none(worker):
+    done = worker(sphere(), "--sandbox", "tight")
+    assert done.returncode == 2
+    assert "required, available or off" in last_words(done)["message"]
+
+
+@pytest.mark.parametrize("kind", ["vdb", "mesh"])
+def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
+    service = new_service("--input_roots", inputs).start()
+    assert "workers have no new privileges, filtered calls" in service.log.read_text()
+    job = service.submit(spec_of(surface(inputs, kind)))
+    service.wait_state(job, "succeeded")
+    log = (service.state / "attempts" / f"{job}.1" / "worker.log")
+    log = log if log.exists() else service.state / "results" / job / "worker.log"
+    assert "sandbox: no new privileges, filtered calls" in log.read_text()
+
+
+def test_a_file_longer_than_allowed_ends_the_job(new_service):
+    service = new_service("--file_mb", "1", "--max_attempts", "1").start()
+    job = service.submit(sphere(count=30000, output={"preview": False}))
+    done = service.wait_state(job, "failed")
+    assert "File too large" in done["error"]["message"]
+
+
+FACTS = """#!/bin/sh
+cat >/dev/null
+echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep NoNewPrivs /proc/self/status)" >&2
+exit 3
+"""
+
+
+def test_what_any_worker_starts_with(new_service, tmp_path, inputs):
+    """Also one that does not restrict itself."""
+    program = tmp_path / "facts"
+    program.write_text(FACTS)
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--file_mb", "2", "--input_roots", inputs).start()
+    job = service.submit(sphere())
+    service.wait_state(job, "failed")
+    log = (service.state / "attempts" / f"{job}.1" / "worker.log").read_text()
+    words = log.split()
+    assert 128 < int(words.pop(3)) < 135  # one for each input root
+    assert words == ["core", "0", "descriptors", "blocks", "4096", "NoNewPrivs:", "1"]

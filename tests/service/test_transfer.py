@@ -1,0 +1,171 @@
+"""Files in and out: parts of results, results that a client has already, inputs that clients send."""
+import base64
+import hashlib
+import os
+import socket
+
+import pytest
+
+from service import PATIENCE_S, sphere, wait_until
+from test_rest import exchange, expect_problem
+
+TETRAHEDRON = b"""v 1 1 1
+v -1 -1 1
+v -1 1 -1
+v 1 -1 -1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+
+
+@pytest.fixture
+def finished(service):
+    job = service.submit(sphere())
+    service.wait_state(job, "succeeded")
+    service.href = f"/v1/jobs/{job}/results/points.ply"
+    service.whole = service.get(service.href).body
+    return service
+
+
+def test_parts_of_a_result(finished):
+    whole, size = finished.whole, len(finished.whole)
+    for text, first, last in (("bytes=0-0", 0, 0), ("bytes=10-99", 10, 99), ("bytes=-7", size - 7, size - 1),
+                              (f"bytes={size - 1}-", size - 1, size - 1), (f"bytes=5-{size * 2}", 5, size - 1)):
+        got = finished.request("GET", finished.href, headers={"Range": text})
+        assert got.status == 206 and got.body == whole[first:last + 1]
+        assert got.headers["Content-Range"] == f"bytes {first}-{last}/{size}"
+    # put together it is the whole
+    parts = b"".join(finished.request("GET", finished.href, headers={"Range": f"bytes={i}-{i + 999}"}).body
+                     for i in range(0, size, 1000))
+    assert parts == whole
+    for text in ("bytes=0-1,3-4", "nonsense", "bytes=9-1"):
+        assert finished.request("GET", finished.href, headers={"Range": text}).status == 200
+    over = finished.request("GET", finished.href, headers={"Range": f"bytes={size}-"})
+    expect_problem(over, 416, "range_not_satisfiable")
+    assert over.headers["Content-Range"] == f"bytes */{size}"
+    head = finished.request("HEAD", finished.href, headers={"Range": "bytes=0-0"})
+    assert head.status == 200 and int(head.headers["Content-Length"]) == size
+
+
+def test_what_a_client_has_is_not_sent_again(finished):
+    digest = hashlib.sha256(finished.whole)
+    got = finished.get(finished.href)
+    tag = got.headers["ETag"]
+    assert tag == f'"{digest.hexdigest()}"'
+    assert got.headers["Repr-Digest"] == f"sha-256=:{base64.b64encode(digest.digest()).decode()}:"
+    for known in (tag, f'"x", {tag}', f"W/{tag}", "*"):
+        again = finished.request("GET", finished.href, headers={"If-None-Match": known})
+        assert again.status == 304 and again.body == b"" and again.headers["ETag"] == tag
+    assert finished.request("GET", finished.href, headers={"If-None-Match": '"x"'}).status == 200
+    # a part only of the same thing
+    same = {"Range": "bytes=0-3", "If-Range": tag}
+    assert finished.request("GET", finished.href, headers=same).body == finished.whole[:4]
+    other = {"Range": "bytes=0-3", "If-Range": '"x"'}
+    assert finished.request("GET", finished.href, headers=other).body == finished.whole
+
+
+def test_a_listing_is_made_once(finished):
+    """And says the same when it is read again, also by a service that was started anew."""
+    where = finished.href.rpartition("/")[0]
+    listed = finished.get(where).json
+    assert [r["name"] for r in listed["results"]][-1] == "report.json"
+    job = where.split("/")[3]
+    kept = finished.state / "results" / job / ".listing.json"
+    assert kept.exists()
+    expect_problem(finished.get(f"{where}/.listing.json"), 404, "not_found")
+    finished.end()
+    finished.start()
+    assert finished.get(where).json == listed
+    kept.unlink()
+    assert finished.get(where).json == listed
+
+
+def put(service, data, name=None, **headers):
+    name = name or hashlib.sha256(data).hexdigest()
+    return service.request("PUT", f"/v1/inputs/{name}", data, headers)
+
+
+def mesh(path):
+    return sphere(surface={"mesh": {"path": path, "resolution": 24}})
+
+
+def test_an_input_is_sent_and_used(service):
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    expect_problem(service.get(f"/v1/inputs/{name}"), 404, "not_found")
+    expect_problem(service.post("/v1/jobs", mesh(f"sha256:{name}")), 422, "input_missing", "/surface/mesh/path")
+    first = put(service, TETRAHEDRON)
+    assert first.status == 201 and first.headers["Location"] == f"/v1/inputs/{name}"
+    assert first.json == {"sha256": name, "bytes": len(TETRAHEDRON), "path": f"sha256:{name}"}
+    again = put(service, TETRAHEDRON)
+    assert again.status == 200 and again.json == first.json
+    assert service.get(f"/v1/inputs/{name}").json == first.json
+    assert [f.name for f in (service.state / "inputs").iterdir()] == [f"sha256:{name}"]
+    job = service.submit(mesh(f"sha256:{name}.obj"))
+    service.wait_state(job, "succeeded")
+    report = service.get(f"/v1/jobs/{job}/results/report.json").json
+    assert report["inputs"][0]["sha256"] == name
+
+
+def test_an_input_that_is_sent_twice_is_not_asked_for(service):
+    put(service, TETRAHEDRON)
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    # the client waits to be told to send; what it hears is that there is no need
+    got = exchange(service, f"PUT /v1/inputs/{name} HTTP/1.1\r\nHost: x\r\nExpect: 100-continue\r\n"
+                            f"Content-Length: {len(TETRAHEDRON)}\r\n\r\n".encode())
+    assert got.startswith(b"HTTP/1.1 200 ") and b"100 Continue" not in got
+
+
+def test_inputs_that_are_refused(new_service):
+    service = new_service("--upload_limit_bytes", 1000, "--upload_total_bytes", 1500).start()
+    kept = service.state / "inputs"
+    expect_problem(put(service, b"x", name="0" * 64), 422, "digest_mismatch")
+    for bad in ("0" * 63, "A" * 64, "..", "x" * 64):
+        expect_problem(put(service, b"x", name=bad), 400, "request_invalid")
+    expect_problem(put(service, b"x" * 1001), 413, "body_too_large")
+    chunks = (b"x" * 100 for _ in range(11))  # its length is not announced
+    name = hashlib.sha256(b"x" * 1100).hexdigest()
+    connection = service.connection()
+    connection.request("PUT", f"/v1/inputs/{name}", chunks, encode_chunked=True,
+                       headers={"Transfer-Encoding": "chunked"})
+    assert connection.getresponse().status == 413
+    connection.close()
+    assert put(service, b"a" * 1000).status == 201
+    expect_problem(put(service, b"b" * 1000), 507, "storage_full")
+    assert put(service, b"c" * 500).status == 201
+    assert len(list(kept.iterdir())) == 2
+    # what was given up gave its room back
+    name = hashlib.sha256(b"a" * 1000).hexdigest()
+    assert service.request("DELETE", f"/v1/inputs/{name}").status == 403  # nobody administers over an open port
+
+
+def test_a_broken_upload_leaves_nothing(new_service):
+    service = new_service("--upload_total_bytes", 1000).start()
+    kept = service.state / "inputs"
+    host, _, port = service.address.rpartition(":")
+    data = os.urandom(1000)
+    name = hashlib.sha256(data).hexdigest()
+    with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as s:
+        s.sendall(f"PUT /v1/inputs/{name} HTTP/1.1\r\nHost: x\r\nContent-Length: 1000\r\n\r\n".encode() + data[:600])
+        wait_until(lambda: list(kept.iterdir()), "the upload")
+        expect_problem(put(service, data), 507, "storage_full")  # its room is taken
+    wait_until(lambda: not list(kept.iterdir()), "the end of it")
+    assert put(service, data).status == 201
+    # and what a crash leaves is swept away
+    service.end(9)
+    (kept / f"sha256:{name}.0123456789abcdef").write_bytes(b"a part")
+    service.start()
+    assert [f.name for f in kept.iterdir()] == [f"sha256:{name}"]
+    expect_problem(put(service, b"y"), 507, "storage_full")
+
+
+def test_an_admin_deletes_an_input(new_service):
+    service = new_service()
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]  # a Unix socket, where the service's own user is an admin
+    service.start()
+    name = put(service, TETRAHEDRON).json["sha256"]
+    assert service.request("DELETE", f"/v1/inputs/{name}").status == 204
+    expect_problem(service.request("DELETE", f"/v1/inputs/{name}"), 404, "not_found")
+    assert list((service.state / "inputs").iterdir()) == []

@@ -1,0 +1,45 @@
+"""The units of systemd: verified, and so tight that systemd-analyze gives an exposure of 1.5 at most."""
+import re
+import shutil
+import subprocess
+
+import pytest
+
+EXPOSURE = 1.5
+
+
+@pytest.fixture
+def units(build, tmp_path):
+    """The built units, with the program where it is now: verify looks for it."""
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd-analyze is not installed")
+    service = (build / "systemd/hexad.service").read_text()
+    service, count = re.subn(r"^ExecStart=/\S+/hexad --config /\S+/hexad.conf$",
+                             f"ExecStart={build}/hexad --config /etc/hexad.conf", service, flags=re.M)
+    assert count == 1
+    (tmp_path / "hexad.service").write_text(service)
+    shutil.copy(build / "systemd/hexad.socket", tmp_path)
+    return tmp_path
+
+
+def analyze(*words):
+    return subprocess.run(["systemd-analyze", *map(str, words)], capture_output=True, text=True)
+
+
+def test_units_are_verified(units):
+    done = analyze("verify", "--man=no", units / "hexad.service", units / "hexad.socket")
+    assert done.returncode == 0 and not done.stderr + done.stdout, done.stderr
+
+
+def test_exposure(units, diagnose):
+    done = analyze("security", "--offline=yes", f"--threshold={EXPOSURE * 10:.0f}", units / "hexad.service")
+    assert done.returncode == 0, done.stdout + done.stderr
+    diagnose(re.search(r"Overall exposure level.*", done.stdout)[0].encode("ascii", "ignore").decode())
+
+
+def test_times_agree(units, build):
+    """What systemd waits for at a stop is more than a drain takes by its defaults."""
+    sample = subprocess.run([build / "hexad", "--print-config"], capture_output=True, text=True, check=True).stdout
+    drain, grace = (float(re.search(rf"^#{key} = (.*)$", sample, re.M)[1]) for key in ("drain_s", "grace_s"))
+    stop = float(re.search(r"^TimeoutStopSec=(\d+)$", (units / "hexad.service").read_text(), re.M)[1])
+    assert stop >= drain + grace + 10

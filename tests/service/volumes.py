@@ -1,0 +1,211 @@
+"""Dense volumes as files: writers and readers of NRRD, NIfTI and OpenEXR by their definitions, for tests. Arrays are
+indexed [x, y, z]; matrices are 4x4, index to world. Nothing here is hexad's."""
+import gzip
+import re
+import struct
+import zlib
+
+import numpy
+
+NRRD_TYPES = {"i1": "int8", "u1": "uint8", "i2": "int16", "u2": "uint16", "i4": "int32", "u4": "uint32", "i8": "int64",
+              "u8": "uint64", "f4": "float", "f8": "double"}
+NIFTI_TYPES = {"u1": 2, "i2": 4, "i4": 8, "f4": 16, "f8": 64, "i1": 256, "u2": 512, "u4": 768, "i8": 1024, "u8": 1280}
+
+
+def _kind(values):
+    return values.dtype.str[1:]
+
+
+def nrrd_header(values, matrix=None, encoding="raw", endian="little", extra=()):
+    """The lines, without the empty one that ends them."""
+    lines = ["NRRD0005", "# a comment", f"type: {NRRD_TYPES[_kind(values)]}", "dimension: 3",
+             "sizes: " + " ".join(map(str, values.shape)), f"encoding: {encoding}", f"endian: {endian}"]
+    if matrix is not None:
+        vectors = " ".join("(" + ",".join(repr(float(v)) for v in matrix[:3, k]) + ")" for k in range(3))
+        lines += ["space: left-posterior-superior", f"space directions: {vectors}",
+                  "space origin: (" + ",".join(repr(float(v)) for v in matrix[:3, 3]) + ")"]
+    return lines + list(extra)
+
+
+def nrrd_data(values, encoding="raw", endian="little"):
+    if encoding == "ascii":
+        return "\n".join(repr(v) for v in values.flatten(order="F").tolist()).encode()
+    data = values.astype(("<" if endian == "little" else ">") + _kind(values)).tobytes(order="F")
+    return gzip.compress(data) if encoding == "gzip" else data
+
+
+def write_nrrd(path, values, matrix=None, encoding="raw", endian="little", extra=()):
+    header = "\n".join(nrrd_header(values, matrix, encoding, endian, extra)) + "\n\n"
+    path.write_bytes(header.encode() + nrrd_data(values, encoding, endian))
+
+
+def write_nifti(path, values, matrix=None, version=1, endian="<", quaternion=None, voxel=(1, 1, 1), slope=0, intercept=0,
+                pair=None):
+    """`matrix` as the sform, or a quaternion (b, c, d, x, y, z, qfac) with the voxel's sizes as the qform, or neither.
+    With `pair` the data go there, and the header says so."""
+    dim = [3, *values.shape, 1, 1, 1, 1]
+    qfac = quaternion[6] if quaternion else 1
+    pixdim = [qfac, *voxel, 0, 0, 0, 0]
+    rows = [list(map(float, row)) for row in matrix[:3]] if matrix is not None else [[0.0] * 4] * 3
+    codes = (1 if quaternion else 0, 1 if matrix is not None else 0)
+    q = list(map(float, (quaternion or (0,) * 7)[:6]))
+    bits = values.dtype.itemsize * 8
+    if version == 1:
+        h = struct.pack(endian + "i35xb", 348, 0) + struct.pack(endian + "8h", *dim)
+        h += struct.pack(endian + "3f4h", 0, 0, 0, 0, NIFTI_TYPES[_kind(values)], bits, 0)
+        h += struct.pack(endian + "8f", *pixdim) + struct.pack(endian + "3f", 0 if pair else 352, slope, intercept)
+        h += struct.pack(endian + "h2b4f2i", 0, 0, 2, 0, 0, 0, 0, 0, 0) + bytes(80 + 24)
+        h += struct.pack(endian + "2h6f", *codes, *q) + b"".join(struct.pack(endian + "4f", *r) for r in rows)
+        h += bytes(16) + (b"ni1\0" if pair else b"n+1\0")
+        assert len(h) == 348
+    else:
+        h = struct.pack(endian + "i8s2h", 540, b"ni2\0\r\n\x1a\n" if pair else b"n+2\0\r\n\x1a\n",
+                        NIFTI_TYPES[_kind(values)], bits)
+        h += struct.pack(endian + "8q3d8d", *dim, 0, 0, 0, *pixdim) + struct.pack(endian + "q", 0 if pair else 544)
+        h += struct.pack(endian + "2d4d2q", slope, intercept, 0, 0, 0, 0, 0, 0) + bytes(80 + 24)
+        h += struct.pack(endian + "2i6d", *codes, *q) + b"".join(struct.pack(endian + "4d", *r) for r in rows)
+        h += struct.pack(endian + "3i16s", 0, 2, 0, b"") + bytes(1 + 15)
+        assert len(h) == 540
+    data = values.astype(endian + _kind(values)).tobytes(order="F")
+    if pair:
+        path.write_bytes(h)
+        pair.write_bytes(data)
+    else:
+        data = h + bytes(4) + data
+        path.write_bytes(gzip.compress(data) if path.suffix == ".gz" else data)
+
+
+def _attribute(name, kind, value):
+    return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
+
+
+def _pack_zip(data):
+    """OpenEXR's ZIP: even bytes before odd ones, differences, deflate; as it is where that is not shorter."""
+    raw = numpy.frombuffer(data, numpy.uint8)
+    turned = numpy.concatenate([raw[0::2], raw[1::2]]).astype(numpy.int16)
+    turned[1:] = turned[1:] - turned[:-1] + 128
+    packed = zlib.compress(turned.astype(numpy.uint8).tobytes())
+    return packed if len(packed) < len(data) else data
+
+
+EXR_TYPES = {"u4": (0, "<u4"), "f2": (1, "<f2"), "f4": (2, "<f4")}
+
+
+class Part:
+    """channels: arrays [x, y] by name; low: the first pixel of the data window; tile: (width, height), or scanlines;
+    levels: tiled with mip-maps, each further level filled with `levels`."""
+
+    def __init__(self, channels, low=(0, 0), name=None, tile=None, levels=None, compression=0):
+        self.channels = dict(sorted(channels.items()))
+        self.low, self.name, self.tile, self.levels, self.compression = low, name, tile, levels, compression
+        self.size = next(iter(self.channels.values())).shape
+
+    def header(self, chunks):
+        x, y = self.low
+        box = struct.pack("<4i", x, y, x + self.size[0] - 1, y + self.size[1] - 1)
+        channels = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", EXR_TYPES[_kind(v)][0], 0, 1, 1)
+                            for name, v in self.channels.items()) + b"\0"
+        head = _attribute("channels", "chlist", channels)
+        head += _attribute("compression", "compression", bytes([self.compression]))
+        head += _attribute("dataWindow", "box2i", box)
+        head += _attribute("displayWindow", "box2i", struct.pack("<4i", 0, 0, 99, 79))
+        head += _attribute("lineOrder", "lineOrder", b"\0")
+        head += _attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+        head += _attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0))
+        head += _attribute("screenWindowWidth", "float", struct.pack("<f", 1))
+        if self.name is not None:
+            head += _attribute("name", "string", self.name.encode())
+            head += _attribute("type", "string", b"tiledimage" if self.tile else b"scanlineimage")
+            head += _attribute("chunkCount", "int", struct.pack("<i", len(chunks)))
+        if self.tile:
+            head += _attribute("tiles", "tiledesc", struct.pack("<2IB", *self.tile, 1 if self.levels is not None else 0))
+        return head + b"\0"
+
+    def _pixels(self, channels, x, y, columns, rows):
+        data = b"".join(v[x:x + columns, row].astype(EXR_TYPES[_kind(v)][1]).tobytes()
+                        for row in range(y, min(y + rows, v_height(channels))) for v in channels.values())
+        return _pack_zip(data) if self.compression in (2, 3) else data
+
+    def chunks(self):
+        """Each chunk without the number of its part."""
+        if not self.tile:
+            rows = {0: 1, 2: 1, 3: 16}[self.compression]
+            for y in range(0, self.size[1], rows):
+                data = self._pixels(self.channels, 0, y, self.size[0], rows)
+                yield struct.pack("<2i", self.low[1] + y, len(data)) + data
+            return
+        level, channels = 0, self.channels
+        while True:
+            width, height = next(iter(channels.values())).shape
+            for y in range(0, height, self.tile[1]):
+                for x in range(0, width, self.tile[0]):
+                    data = self._pixels(channels, x, y, self.tile[0], self.tile[1])
+                    yield struct.pack("<5i", x // self.tile[0], y // self.tile[1], level, level, len(data)) + data
+            if self.levels is None or (width == 1 and height == 1):
+                return
+            level += 1
+            channels = {name: numpy.full((max(width // 2, 1), max(height // 2, 1)), self.levels, v.dtype)
+                        for name, v in channels.items()}
+
+
+def v_height(channels):
+    return next(iter(channels.values())).shape[1]
+
+
+def write_exr(path, *parts):
+    """One part, or several with names; single parts have no name."""
+    several = len(parts) > 1 or parts[0].name is not None
+    chunks = [list(p.chunks()) for p in parts]
+    version = 2 | (0x1000 if several else 0x200 if parts[0].tile else 0)
+    head = struct.pack("<2I", 20000630, version)
+    head += b"".join(p.header(c) for p, c in zip(parts, chunks)) + (b"\0" if several else b"")
+    at = len(head) + 8 * sum(map(len, chunks))
+    table, body = b"", b""
+    for number, of_part in enumerate(chunks):
+        for chunk in of_part:
+            chunk = (struct.pack("<i", number) if several else b"") + chunk
+            table += struct.pack("<Q", at + len(body))
+            body += chunk
+    path.write_bytes(head + table + body)
+
+
+def read_nrrd(path):
+    """Values [x, y, z] as doubles and the matrix of a three-dimensional raw or gzip NRRD."""
+    raw = path.read_bytes()
+    head, _, body = raw.partition(b"\n\n")
+    head = head.replace(b"\r", b"")
+    fields = dict(m.groups() for m in re.finditer(r"^([^:#\n]+): *(.*)$", head.decode(), re.M))
+    size = [int(v) for v in fields["sizes"].split()]
+    types = {"unsigned char": "u1", "short": "i2", "unsigned short": "u2", "float": "f4", "double": "f8", "int16": "i2"}
+    kind = (">" if fields.get("endian") == "big" else "<") + types[fields["type"]]
+    name = fields.get("data file", "").split()
+    if len(name) == 4:
+        body = b"".join((path.parent / (name[0] % k)).read_bytes() for k in range(int(name[1]), int(name[2]) + 1))
+    elif name:
+        body = (path.parent / name[0]).read_bytes()
+    if fields["encoding"].startswith("gz"):
+        body = gzip.decompress(body)
+    matrix = numpy.eye(4)
+    if "space directions" in fields:
+        vectors = [[float(v) for v in s.split(",")] for s in re.findall(r"\(([^)]*)\)", fields["space directions"])]
+        matrix[:3, :3] = numpy.array(vectors).T
+        matrix[:3, 3] = [float(v) for v in fields.get("space origin", "(0,0,0)").strip("()").split(",")]
+    elif "spacings" in fields:
+        matrix[:3, :3] = numpy.diag([float(v) for v in fields["spacings"].split()])
+    return numpy.frombuffer(body, kind, numpy.prod(size)).reshape(size, order="F").astype(float), matrix
+
+
+def read_nifti(path):
+    """Values and sform of a NIfTI-1 file of one volume."""
+    raw = path.read_bytes()
+    raw = gzip.decompress(raw) if raw[:2] == b"\x1f\x8b" else raw
+    order = "<" if raw[0:4] == struct.pack("<i", 348) else ">"
+    size = struct.unpack(order + "8h", raw[40:56])[1:4]
+    (code,) = struct.unpack(order + "h", raw[70:72])
+    (offset,) = struct.unpack(order + "f", raw[108:112])
+    assert struct.unpack(order + "h", raw[254:256])[0] > 0, "no sform"
+    matrix = numpy.eye(4)
+    matrix[:3] = numpy.array(struct.unpack(order + "12f", raw[280:328])).reshape(3, 4)
+    kind = order + {v: k for k, v in NIFTI_TYPES.items()}[code]
+    values = numpy.frombuffer(raw, kind, numpy.prod(size), int(offset))
+    return values.reshape(size, order="F").astype(float), matrix

@@ -1,0 +1,63 @@
+"""tools/inputs.py on a collection of a few files: one that is good and one that is not, of each kind."""
+import subprocess
+import sys
+
+import numpy
+import pytest
+
+sys.path.insert(0, str(__import__("pathlib").Path(__file__).resolve().parent.parent / "service"))
+from volumes import Part, write_exr, write_nrrd  # noqa: E402
+
+TETRAHEDRON = "OFF\n4 4 0\n1 1 1\n-1 -1 1\n-1 1 -1\n1 -1 -1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+
+
+def ball(size):
+    index = numpy.stack(numpy.meshgrid(*[numpy.arange(n) for n in size], indexing="ij"), -1)
+    return (10 - numpy.linalg.norm(index - (numpy.array(size) - 1) / 2, axis=-1)).astype("f4")
+
+
+@pytest.fixture
+def collection(tmp_path, build):
+    data = tmp_path / "data"
+    for folder in ("meshes", "vdb", "volumes", "exr", "malformed"):
+        (data / folder).mkdir(parents=True)
+        (data / folder / "README.md").write_text("not a file of the collection\n")
+    (data / "meshes" / "good.off").write_text(TETRAHEDRON)
+    write_nrrd(data / "volumes" / "good.nrrd", ball((30, 30, 30)))
+    (data / "volumes" / "other.vti").write_text("<VTKFile>\n")
+    write_exr(data / "exr" / "good.exr", Part({"A": numpy.zeros((30, 30), "f4"), "Y": ball((30, 30))}),)
+    write_exr(data / "exr" / "parts.exr", Part({"Y": ball((30, 30))}, name="l"), Part({"Y": ball((30, 30))}, name="r"))
+    (data / "malformed" / "cut|off.exr").write_bytes((data / "exr" / "good.exr").read_bytes()[:500])
+    (data / "malformed" / "no.vdb").write_bytes(b"nothing")
+    subprocess.run([build / "hexad-worker", "make-example", data / "vdb" / "good.vdb"], check=True)
+    return data
+
+
+def test_every_file_has_its_row(collection, source, build, tmp_path):
+    done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", build / "hexad-worker",
+                           "--data", collection, "--output", tmp_path / "page.md"], capture_output=True, text=True)
+    text = (tmp_path / "page.md").read_text()
+    assert done.returncode == 0, text
+    assert str(tmp_path) not in text
+    rows = {}
+    for line in text.splitlines():
+        if line.startswith("| ") and not line.startswith("| file"):
+            name, surface, result = (c.strip() for c in line.replace("\\|", "!").strip("|").split("|"))
+            rows[name] = (surface, result)
+    assert set(rows) == {"good.off", "good.vdb", "good.nrrd", "other.vti", "good.exr", "parts.exr", "cut!off.exr", "no.vdb"}
+    for name in ("good.off", "good.vdb", "good.nrrd", "parts.exr"):
+        assert rows[name][1].startswith("500 points"), rows[name]
+    surface, result = rows["good.exr"]  # its first channel is 0 everywhere
+    assert 'channel "A"' in surface and result.startswith("`no_surface`")
+    assert 'part "l"' in rows["parts.exr"][0] and "isovalue" in rows["good.nrrd"][0]
+    assert rows["other.vti"][1].startswith("`input_unsupported`")
+    assert rows["cut!off.exr"][1].startswith("`input_damaged`") and rows["no.vdb"][1].startswith("`input_damaged`")
+
+
+def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
+    worker = tmp_path / "worker"
+    worker.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    worker.chmod(0o755)
+    done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", worker, "--data", collection,
+                           "--only", "good.off", "--output", tmp_path / "page.md"], capture_output=True, text=True)
+    assert done.returncode == 1 and "**not sound**" in (tmp_path / "page.md").read_text()

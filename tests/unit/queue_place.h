@@ -1,0 +1,265 @@
+/* A queue in a directory of its own, what tests ask of it, and a look at the plans of its statements. */
+#ifndef HEXAD_TESTS_QUEUE_PLACE_H
+#define HEXAD_TESTS_QUEUE_PLACE_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <sqlite3.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "queue/queue.h"
+#include "store/file.h"
+
+typedef struct place {
+    char base[64];
+    queue *q;
+} place;
+
+/* The queue's own connection, whose statements are looked at. */
+static sqlite3 *connection;
+
+static inline int note_connection(sqlite3 *opened, char **message, const struct sqlite3_api_routines *api)
+{
+    (void)message;
+    (void)api;
+    connection = opened;
+    return SQLITE_OK;
+}
+
+/* Whether a step of a plan costs no more with a hundred thousand jobs than with one. Owners are those that
+ * have unfinished jobs; partial indexes hold what runs, waits for its time, or expires. The counts of
+ * states, which are for a meter that looks now and then, walk an index. */
+static inline bool is_cheap(const char *sql, const char *step)
+{
+    static const char *const harmless[] = {"SCAN owner",
+                                           "SCAN json_each",
+                                           "SCAN CONSTANT ROW",
+                                           "SCAN (subquery",
+                                           "SCAN task USING INDEX task_running",
+                                           "SCAN task USING INDEX task_delayed",
+                                           "SCAN outbox USING INDEX outbox_by_time",
+                                           "SCAN task USING COVERING INDEX task_delayed"};
+    if (strncmp(sql, "SELECT state, count(*)", 22) == 0) return true;
+    if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
+        return strstr(sql, "FROM owner") || strstr(sql, "DISTINCT value");
+    if (strncmp(step, "SCAN", 4) != 0) return true;
+    for (size_t i = 0; i < sizeof harmless / sizeof *harmless; i++)
+        if (strncmp(step, harmless[i], strlen(harmless[i])) == 0) return true;
+    return false;
+}
+
+static inline void check_plan(const char *sql)
+{
+    char *explain = mem_printf("EXPLAIN QUERY PLAN %s", sql);
+    sqlite3_stmt *s = NULL;
+    assert_int_equal(sqlite3_prepare_v2(connection, explain, -1, &s, NULL), SQLITE_OK);
+    while (sqlite3_step(s) == SQLITE_ROW) {
+        const char *step = (const char *)sqlite3_column_text(s, 3);
+        if (!is_cheap(sql, step)) fail_msg("%s: %s", sql, step);
+    }
+    sqlite3_finalize(s);
+    free(explain);
+}
+
+/* Of every statement that a test has used. */
+static inline void check_plans(void)
+{
+    for (sqlite3_stmt *s = NULL; (s = sqlite3_next_stmt(connection, s));) {
+        const char *sql = sqlite3_sql(s);
+        if (strncmp(sql, "SELECT", 6) == 0 || strncmp(sql, "UPDATE", 6) == 0 ||
+            strncmp(sql, "DELETE", 6) == 0 || strncmp(sql, "INSERT", 6) == 0)
+            check_plan(sql);
+    }
+}
+
+static inline int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-queue-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+    *state = p;
+    return 0;
+}
+
+static inline int tear_down(void **state)
+{
+    place *p = *state;
+    if (p->q) check_plans();
+    queue_close(p->q);
+    assert_true(store_remove(p->base, NULL));
+    free(p);
+    return 0;
+}
+
+static const queue_submission plain = {
+    .labels = "[\"a\"]", .spec = "{\"version\":1}", .max_attempts = 3, .threads = 1, .memory_mb = 100};
+
+static inline queue_receipt submit(place *p, const queue_submission *s)
+{
+    queue_receipt receipt = {0};
+    error e = {0};
+    if (!queue_put(p->q, s, &receipt, &e)) fail_msg("%s", e.message);
+    return receipt;
+}
+
+static inline void submit_for(place *p, const queue_submission *s, char id[ULID_SIZE])
+{
+    queue_receipt receipt = submit(p, s);
+    assert_int_equal(receipt.verdict, QUEUE_CREATED);
+    assert_true(ulid_is_valid(receipt.id));
+    memcpy(id, receipt.id, sizeof receipt.id);
+}
+
+static inline void put(place *p, const char *name, int priority, char id[ULID_SIZE])
+{
+    queue_submission s = plain;
+    s.name = name;
+    s.priority = priority;
+    submit_for(p, &s, id);
+}
+
+static inline queue_job get(place *p, const char *id)
+{
+    queue_job job = {0};
+    bool found = false;
+    assert_true(queue_get(p->q, id, &job, &found, NULL));
+    assert_true(found);
+    return job;
+}
+
+static inline void expect_state(place *p, const char *id, queue_state state)
+{
+    queue_job job = get(p, id);
+    assert_string_equal(queue_state_name(job.state), queue_state_name(state));
+    queue_job_clear(&job);
+}
+
+static inline queue_task get_task(place *p, const char *id, int number)
+{
+    queue_task *tasks = NULL;
+    size_t count = 0;
+    assert_true(queue_list_tasks(p->q, id, number - 1, 1, &tasks, &count, NULL));
+    assert_int_equal(count, 1);
+    queue_task task = tasks[0]; /* whose texts go with the list */
+    task.error_code = task.error_message = NULL;
+    queue_tasks_free(tasks, count);
+    return task;
+}
+
+static const queue_room wide = {
+    .threads = 64, .all_threads = 64, .memory_mb = 100000, .all_memory_mb = 100000};
+
+/* Claims the next task, which has to be of `id`, or there is none where that is NULL. */
+static inline queue_task claim_in(place *p, const queue_room *room, const char *id)
+{
+    queue_claimed claimed = {0};
+    bool found = true;
+    error e = {0};
+    if (!queue_claim(p->q, room, &claimed, &found, &e)) fail_msg("%s", e.message);
+    if (found && id) assert_string_equal(claimed.job.id, id);
+    assert_int_equal(found, id != NULL);
+    if (found) {
+        assert_int_equal(claimed.job.state, QUEUE_RUNNING);
+        assert_int_equal(claimed.task.state, QUEUE_RUNNING);
+        assert_non_null(claimed.job.spec);
+    }
+    queue_task task = claimed.task;
+    queue_claimed_clear(&claimed);
+    return task;
+}
+
+/* The attempt's number. */
+static inline int claim(place *p, const char *id)
+{
+    return claim_in(p, &wide, id).attempt;
+}
+
+static inline bool finish(place *p, const char *id, int task, int attempt, const queue_ending *ending)
+{
+    bool accepted = false;
+    error e = {0};
+    if (!queue_finish(p->q, &(queue_fence){id, task, attempt}, ending, &accepted, &e))
+        fail_msg("%s", e.message);
+    return accepted;
+}
+
+static inline bool requeue(place *p, const char *id, int attempt, bool counts, int64_t not_before_ms,
+                           const queue_ending *ending)
+{
+    bool accepted = false;
+    assert_true(
+        queue_requeue(p->q, &(queue_fence){id, 0, attempt}, counts, not_before_ms, ending, &accepted, NULL));
+    return accepted;
+}
+
+/* What the command makes of the job; whether it changed anything has to be as expected. */
+static inline queue_state tell(place *p, const char *id, queue_command command, bool expected)
+{
+    bool found = false, changed = false;
+    queue_state now = QUEUE_QUEUED;
+    error e = {0};
+    if (!queue_tell(p->q, id, command, &found, &changed, &now, &e)) fail_msg("%s", e.message);
+    assert_true(found);
+    assert_int_equal(changed, expected);
+    return now;
+}
+
+static const queue_ending success = {.state = QUEUE_SUCCEEDED,
+                                     .outcome = QUEUE_CONVERGED,
+                                     .exit_status = 0,
+                                     .signal = -1,
+                                     .peak_memory_bytes = 4096,
+                                     .host = "farm1",
+                                     .reason = "ended"};
+static const queue_ending crash = {.state = QUEUE_FAILED,
+                                   .exit_status = -1,
+                                   .signal = 9,
+                                   .error_code = "internal",
+                                   .error_message = "killed",
+                                   .reason = "signal 9"};
+
+static inline void reopen(place *p)
+{
+    if (p->q) check_plans();
+    queue_close(p->q);
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+}
+
+static inline void expect_listed(place *p, const queue_filter *filter, const char *const *ids,
+                                 size_t expected)
+{
+    queue_job *jobs;
+    size_t count;
+    assert_true(queue_list(p->q, filter, &jobs, &count, NULL));
+    assert_int_equal(count, expected);
+    for (size_t i = 0; i < count; i++) {
+        assert_string_equal(jobs[i].id, ids[i]);
+        assert_null(jobs[i].spec);
+    }
+    queue_jobs_free(jobs, count);
+}
+
+static inline sqlite3 *open_raw(place *p)
+{
+    sqlite3 *database, *own = connection;
+    char *path = mem_printf("%s/queue.db", p->base);
+    assert_int_equal(sqlite3_open(path, &database), SQLITE_OK);
+    connection = own;
+    free(path);
+    return database;
+}
+
+#define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+#endif

@@ -1,0 +1,162 @@
+/* Surfaces of surfaces: derivatives against differences, sides, and where cells lie. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+
+#include "base/rng.h"
+#include "field/analytic.h"
+#include "field/combination.h"
+#include "field/placement.h"
+
+#define SEED 20261120u
+
+static const double sheared[16] = {-2, 0.3, 0, 1, 0, 1, 0.2, -2, 0.1, 0, 0.5, 3, 0, 0, 0, 1};
+
+static analytic *torus(void)
+{
+    const analytic_params params = {
+        .shape = ANALYTIC_TORUS, .axis = {0.2, 0.1, 1}, .major_radius = 1, .minor_radius = 0.4};
+    analytic *a = analytic_new(&params, NULL, NULL);
+    assert_non_null(a);
+    return a;
+}
+
+static analytic *sphere(double radius, vec3 center)
+{
+    const analytic_params params = {.shape = ANALYTIC_SPHERE, .radius = radius, .center = center};
+    analytic *a = analytic_new(&params, NULL, NULL);
+    assert_non_null(a);
+    return a;
+}
+
+static vec3 point_near(const field *f, rng *r)
+{
+    field_cell cell;
+    f->ops->cell(f, (size_t)(rng_uniform(r) * (double)f->ops->cell_count(f)), &cell);
+    vec3 p = cell.corner[0];
+    for (int axis = 0; axis < 3; axis++)
+        p = vec3_axpy(rng_uniform(r), vec3_sub(cell.corner[1 << axis], cell.corner[0]), p);
+    return p;
+}
+
+/* Central differences of step d err by d^2 times third derivatives, up to 300 in these fields, and by
+ * rounding / d; a crease between two of them shows as a jump of the gradient, which is left out. */
+static void check_derivatives(const field *f, const char *name)
+{
+    const double d = 1e-4, crease = 0.01, tolerance = 5e-6;
+    rng r = rng_seed(SEED, 0);
+    double worst_gradient = 0, worst_hessian = 0;
+    int compared = 0;
+    for (int i = 0; i < 2000; i++) {
+        vec3 x = point_near(f, &r);
+        field_sample s, low[3], high[3];
+        if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) continue;
+        const double h[3][3] = {{s.hessian.xx, s.hessian.xy, s.hessian.xz},
+                                {s.hessian.xy, s.hessian.yy, s.hessian.yz},
+                                {s.hessian.xz, s.hessian.yz, s.hessian.zz}};
+        bool smooth = true;
+        for (int axis = 0; axis < 3; axis++) {
+            vec3 a = x, b = x;
+            vec3_set(&a, axis, vec3_get(x, axis) - d);
+            vec3_set(&b, axis, vec3_get(x, axis) + d);
+            smooth =
+                smooth && field_sample_at(f, a, FIELD_GRADIENT, &low[axis]) &&
+                field_sample_at(f, b, FIELD_GRADIENT, &high[axis]) &&
+                vec3_norm(vec3_sub(high[axis].gradient, low[axis].gradient)) < crease * vec3_norm(s.gradient);
+        }
+        if (!smooth) continue;
+        compared++;
+        for (int axis = 0; axis < 3; axis++) {
+            double slope = (high[axis].value - low[axis].value) / (2 * d);
+            worst_gradient = fmax(worst_gradient, fabs(slope - vec3_get(s.gradient, axis)));
+            for (int k = 0; k < 3; k++) {
+                double bend = (vec3_get(high[axis].gradient, k) - vec3_get(low[axis].gradient, k)) / (2 * d);
+                worst_hessian = fmax(worst_hessian, fabs(bend - h[axis][k]));
+            }
+        }
+    }
+    print_message("# %s: gradient %.1e, hessian %.1e, at %d points\n", name, worst_gradient, worst_hessian,
+                  compared);
+    assert_true(compared > 1000);
+    assert_true(worst_gradient > 0 && worst_gradient < tolerance);
+    assert_true(worst_hessian > 0 && worst_hessian < tolerance);
+}
+
+static void derivatives_of_a_placed_field(void **state)
+{
+    (void)state;
+    analytic *t = torus();
+    placement *p = placement_new(&t->base, sheared, NULL);
+    assert_non_null(p);
+    check_derivatives(placement_field(p), "placed torus");
+    placement_free(p);
+    analytic_free(t);
+}
+
+static void derivatives_and_sides_of_combinations(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"union", "intersection", "difference"};
+    analytic *t = torus(), *s = sphere(0.8, vec3_make(0.9, 0.1, 0.2));
+    const field *parts[2] = {&t->base, &s->base};
+    for (int kind = 0; kind < 3; kind++) {
+        error e = {0};
+        combination *c = combination_new((combination_kind)kind, parts, 2, NULL, &e);
+        if (!c) fail_msg("%s", e.message);
+        const field *f = combination_field(c);
+        check_derivatives(f, names[kind]);
+        rng r = rng_seed(SEED, 0);
+        for (int i = 0; i < 2000; i++) { /* F has the sign that its parts say */
+            vec3 x = point_near(f, &r);
+            field_sample whole, one, two;
+            if (!field_sample_at(f, x, FIELD_GRADIENT, &whole) ||
+                !field_sample_at(parts[0], x, FIELD_GRADIENT, &one) ||
+                !field_sample_at(parts[1], x, FIELD_GRADIENT, &two))
+                continue;
+            bool a = one.value < 0, b = two.value < 0,
+                 inside = kind == 0   ? a || b
+                          : kind == 1 ? a && b
+                                      : a && !b;
+            assert_int_equal(whole.value < 0, inside);
+        }
+        assert_false(f->open);
+        combination_free(c);
+    }
+    analytic_free(t);
+    analytic_free(s);
+}
+
+static void nothing_left_is_an_error(void **state)
+{
+    (void)state;
+    analytic *a = sphere(1, vec3_make(0, 0, 0)), *b = sphere(1, vec3_make(5, 0, 0)),
+             *inner = sphere(0.5, vec3_make(0, 0, 0));
+    const struct {
+        combination_kind kind;
+        const field *parts[2];
+    } cases[] = {{COMBINATION_INTERSECTION, {&a->base, &b->base}},
+                 {COMBINATION_DIFFERENCE, {&inner->base, &a->base}}};
+    for (size_t k = 0; k < 2; k++) {
+        error e = {0};
+        assert_null(combination_new(cases[k].kind, cases[k].parts, 2, NULL, &e));
+        assert_int_equal(e.code, ERROR_NO_SURFACE);
+    }
+    analytic_free(a);
+    analytic_free(b);
+    analytic_free(inner);
+}
+
+int main(void)
+{
+    print_message("# seed %u\n", SEED);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(derivatives_of_a_placed_field),
+        cmocka_unit_test(derivatives_and_sides_of_combinations),
+        cmocka_unit_test(nothing_left_is_an_error),
+    };
+    return cmocka_run_group_tests_name("combination", tests, NULL, NULL);
+}

@@ -1,0 +1,310 @@
+/* The database under the queue: durability, threads, versions, and who owns it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <pthread.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "queue/filesystem.h"
+#include "queue_place.h"
+
+static void *put_one(void *argument)
+{
+    char id[ULID_SIZE];
+    put(argument, "from a thread", 0, id);
+    return NULL;
+}
+
+static void test_waiting_ends_with_news(void **state)
+{
+    place *p = *state;
+    uint64_t seen = 0;
+    pthread_t thread;
+    assert_true(queue_wait(p->q, &seen, 0)); /* who has seen nothing */
+    assert_false(queue_wait(p->q, &seen, 0));
+    assert_int_equal(pthread_create(&thread, NULL, put_one, p), 0);
+    assert_true(queue_wait(p->q, &seen, INT64_MAX));
+    assert_int_equal(pthread_join(thread, NULL), 0);
+    claim_in(p, &(queue_room){.threads = 0, .all_threads = 1, .all_memory_mb = 1000}, NULL);
+    assert_false(queue_wait(p->q, &seen, 0)); /* nothing was claimed: no news */
+    queue_signal(p->q);
+    assert_true(queue_wait(p->q, &seen, 0));
+}
+
+typedef struct swarm {
+    place *p;
+    char id[50][ULID_SIZE];
+} swarm;
+
+static void *put_many(void *argument)
+{
+    swarm *s = argument;
+    for (int i = 0; i < 50; i++) put(s->p, "of many", 0, s->id[i]);
+    return NULL;
+}
+
+/* Threads share transactions; each of their jobs is there once. */
+static void test_many_threads_submit(void **state)
+{
+    place *p = *state;
+    enum { THREADS = 8 };
+    static swarm swarms[THREADS];
+    pthread_t thread[THREADS];
+    for (int i = 0; i < THREADS; i++) {
+        swarms[i].p = p;
+        assert_int_equal(pthread_create(&thread[i], NULL, put_many, &swarms[i]), 0);
+    }
+    for (int i = 0; i < THREADS; i++) assert_int_equal(pthread_join(thread[i], NULL), 0);
+    reopen(p);
+    for (int i = 0; i < THREADS; i++)
+        for (int k = 0; k < 50; k++) expect_state(p, swarms[i].id[k], QUEUE_QUEUED);
+    int64_t in_state[QUEUE_STATE_COUNT];
+    assert_true(queue_count(p->q, in_state, NULL));
+    assert_int_equal(in_state[QUEUE_QUEUED], THREADS * 50);
+}
+
+typedef struct teller {
+    place *p;
+    int pipe;
+} teller;
+
+/* Submits for ever, and says each job that was acknowledged: a line of the pipe's, written at once. */
+static void *put_and_tell(void *argument)
+{
+    const teller *t = argument;
+    for (;;) {
+        queue_receipt receipt;
+        if (!queue_put(t->p->q, &plain, &receipt, NULL)) _exit(1);
+        if (write(t->pipe, receipt.id, ULID_SIZE) != ULID_SIZE) _exit(1);
+        bool found, accepted;
+        queue_claimed claimed = {0};
+        if (!queue_claim(t->p->q, &wide, &claimed, &found, NULL)) _exit(1);
+        if (!found) continue;
+        queue_fence fence = {claimed.job.id, claimed.task.number, claimed.task.attempt};
+        if (!queue_finish(t->p->q, &fence, &success, &accepted, NULL)) _exit(1);
+        queue_claimed_clear(&claimed);
+    }
+    return NULL;
+}
+
+static void check_integrity(place *p)
+{
+    queue_close(p->q);
+    sqlite3 *database = open_raw(p);
+    sqlite3_stmt *s;
+    assert_int_equal(sqlite3_prepare_v2(database, "PRAGMA integrity_check", -1, &s, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_step(s), SQLITE_ROW);
+    assert_string_equal((const char *)sqlite3_column_text(s, 0), "ok");
+    sqlite3_finalize(s);
+    /* the counts of jobs and owners are what their tasks say */
+    assert_int_equal(
+        sqlite3_prepare_v2(
+            database,
+            "SELECT (SELECT count(*) FROM job WHERE running != (SELECT count(*) FROM task WHERE"
+            "  task.job = job.seq AND task.state = 'running')) + (SELECT count(*) FROM owner WHERE"
+            "  running != (SELECT sum(running) FROM job WHERE job.owner = owner.name) OR unfinished !="
+            "  (SELECT count(*) FROM job WHERE job.owner = owner.name AND finished_ms IS NULL))",
+            -1, &s, NULL),
+        SQLITE_OK);
+    assert_int_equal(sqlite3_step(s), SQLITE_ROW);
+    assert_int_equal(sqlite3_column_int(s, 0), 0);
+    sqlite3_finalize(s);
+    sqlite3_close(database);
+    p->q = NULL;
+    reopen(p);
+}
+
+/* A process with eight threads is killed after so many acknowledgements: all that it said are there. */
+static void test_a_killed_process_loses_nothing(void **state)
+{
+    place *p = *state;
+    enum { THREADS = 8, ROUNDS = 5 };
+    queue_close(p->q);
+    p->q = NULL;
+    for (int round = 0; round < ROUNDS; round++) {
+        int ends[2];
+        assert_int_equal(pipe(ends), 0);
+        pid_t child = fork();
+        if (child == 0) {
+            pthread_t thread;
+            teller t = {p, ends[1]};
+            if (!(p->q = queue_open(p->base, NULL))) _exit(1);
+            for (int i = 0; i < THREADS; i++) pthread_create(&thread, NULL, put_and_tell, &t);
+            pthread_join(thread, NULL);
+        }
+        close(ends[1]);
+        char(*id)[ULID_SIZE] = mem_alloc(100000 * sizeof *id);
+        size_t count = 0, most = 20 + 37 * (size_t)round;
+        while (count < 100000 && read(ends[0], id[count], ULID_SIZE) == ULID_SIZE)
+            if (++count == most) kill(child, SIGKILL); /* and take what it had said until then */
+        int status = 0;
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_true(WIFSIGNALED(status));
+        close(ends[0]);
+        assert_true(count >= most);
+        reopen(p);
+        for (size_t i = 0; i < count; i++) queue_job_clear(&(queue_job[]){get(p, id[i])}[0]);
+        check_integrity(p);
+        queue_close(p->q);
+        p->q = NULL;
+        free(id);
+    }
+}
+
+/* As version 1 of the program left it: one job of each state. */
+static const char version_1[] =
+    "CREATE TABLE job (seq INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, name TEXT,"
+    " labels TEXT NOT NULL, state TEXT NOT NULL DEFAULT 'queued', outcome TEXT, priority INTEGER NOT NULL,"
+    " created_ms INTEGER NOT NULL, started_ms INTEGER, finished_ms INTEGER, attempt INTEGER NOT NULL DEFAULT "
+    "0,"
+    " spent INTEGER NOT NULL DEFAULT 0, max_attempts INTEGER NOT NULL, error_code TEXT, error_message TEXT,"
+    " spec TEXT NOT NULL) STRICT;"
+    "CREATE INDEX job_waiting ON job (priority DESC, seq) WHERE state = 'queued';"
+    "CREATE INDEX job_by_state ON job (state, seq);"
+    "CREATE TABLE attempt (job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, number INTEGER NOT "
+    "NULL,"
+    " started_ms INTEGER NOT NULL, finished_ms INTEGER, exit_status INTEGER, signal INTEGER,"
+    " peak_memory_bytes INTEGER, reason TEXT, PRIMARY KEY (job, number)) STRICT, WITHOUT ROWID;"
+    "INSERT INTO job VALUES (1, 'queued', 'n', '[\"x\"]', 'queued', NULL, 3, 10, 20, NULL, 1, 1, 3, NULL, "
+    "NULL, 's');"
+    "INSERT INTO job VALUES (2, 'running', NULL, '[]', 'running', NULL, 0, 10, 20, NULL, 2, 1, 3, NULL, "
+    "NULL, 's');"
+    "INSERT INTO job VALUES (3, 'cancelling', NULL, '[]', 'cancelling', NULL, 0, 10, 20, NULL, 1, 1, 3, "
+    "NULL, NULL,"
+    " 's');"
+    "INSERT INTO job VALUES (4, 'succeeded', NULL, '[]', 'succeeded', 'not_converged', 0, 10, 20, 30, 1, 1, "
+    "3, NULL,"
+    " NULL, 's');"
+    "INSERT INTO job VALUES (5, 'failed', NULL, '[]', 'failed', NULL, 0, 10, 20, 30, 1, 1, 3, 'internal', "
+    "'why', 's');"
+    "INSERT INTO attempt VALUES (1, 1, 20, 21, NULL, 11, NULL, 'signal 11');"
+    "INSERT INTO attempt VALUES (2, 1, 20, 21, NULL, 11, NULL, NULL);"
+    "INSERT INTO attempt VALUES (2, 2, 22, NULL, NULL, NULL, NULL, NULL);"
+    "PRAGMA user_version = 1;";
+
+static void test_an_older_schema_is_carried_over(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    p->q = NULL;
+    assert_true(store_remove(p->base, NULL));
+    assert_true(store_directory_create(p->base, NULL));
+    sqlite3 *database = open_raw(p);
+    assert_int_equal(sqlite3_exec(database, version_1, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    expect_state(p, "queued", QUEUE_QUEUED);
+    expect_state(p, "running", QUEUE_RUNNING);
+    expect_state(p, "cancelling", QUEUE_CANCELLING);
+    expect_state(p, "failed", QUEUE_FAILED);
+    queue_job job = get(p, "succeeded");
+    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
+    assert_string_equal(job.spec, "s");
+    queue_job_clear(&job);
+    assert_true(finish(p, "running", 0, 2, &success));
+    queue_ending ending = {.state = QUEUE_CANCELLED, .exit_status = 6, .signal = -1};
+    assert_true(finish(p, "cancelling", 0, 1, &ending));
+    assert_int_equal(claim(p, "queued"), 2);
+    assert_int_equal(tell(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
+    queue_attempt *attempts;
+    size_t count;
+    assert_true(queue_list_attempts(p->q, "running", &attempts, &count, NULL));
+    assert_int_equal(count, 2);
+    queue_attempts_free(attempts, count);
+    char id[ULID_SIZE];
+    put(p, "new", 0, id);
+    expect_listed(p, &(queue_filter){.state = -1, .limit = 1}, (const char *[]){id}, 1);
+    expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
+}
+
+static void test_a_second_owner_is_refused(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    assert_null(queue_open(p->base, &e));
+    assert_non_null(strstr(e.message, "another hexad"));
+    assert_non_null(strstr(e.message, p->base));
+}
+
+/* Another program at the database neither gets in nor makes anybody wait. */
+static void test_the_database_has_one_owner(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    sqlite3 *other = open_raw(p);
+    assert_int_equal(sqlite3_exec(other, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_BUSY);
+    put(p, "undisturbed", 0, id);
+    sqlite3_close(other);
+}
+
+static void test_a_newer_schema_is_refused(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    assert_int_equal(sqlite3_exec(database, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    error e = {0};
+    assert_null(queue_open(p->base, &e));
+    assert_non_null(strstr(e.message, "version 99"));
+}
+
+static void test_a_damaged_database_is_refused(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    p->q = NULL;
+    char *path = mem_printf("%s/queue.db", p->base);
+    assert_true(store_file_write(path, "this is no database, only text that stands in its place", 54, NULL));
+    free(path);
+    error e = {0};
+    assert_null(queue_open(p->base, &e));
+    assert_non_null(strstr(e.message, "queue.db"));
+}
+
+static void test_network_file_systems_are_known(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    assert_string_equal(filesystem_network_name(0x6969), "NFS");
+    assert_string_equal(filesystem_network_name(0xFFFFFFFFFF534D42), "CIFS"); /* the sign is extended */
+    assert_null(filesystem_network_name(0xEF53));                             /* ext4 */
+    assert_true(filesystem_check(p->base, &e));
+    assert_false(filesystem_check("/nonexistent", &e));
+    assert_non_null(strstr(e.message, "/nonexistent"));
+}
+
+static void test_ulids(void **state)
+{
+    (void)state;
+    char early[ULID_SIZE], late[ULID_SIZE];
+    ulid_make(1000, early);
+    ulid_make(1001, late);
+    assert_true(strcmp(early, late) < 0);
+    ulid_make(1469918176385, early); /* the example of the specification */
+    assert_memory_equal(early, "01aryz6s41", 10);
+    assert_int_equal(ulid_time_ms(early), 1469918176385);
+    assert_false(ulid_is_valid(""));
+    assert_false(ulid_is_valid("../../../../etc/passwd0000"));
+    assert_false(ulid_is_valid("01ARYPYB610000000000000000"));
+    assert_false(ulid_is_valid("01arypyb6100000000000000000"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
+        CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
+        CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
+        CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
+        CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),
+    };
+    sqlite3_auto_extension((void (*)(void))note_connection);
+    return cmocka_run_group_tests_name("database", tests, NULL, NULL);
+}

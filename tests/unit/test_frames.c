@@ -1,0 +1,89 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/frames.h"
+
+static void expect(const char *text, const int *numbers, size_t expected)
+{
+    size_t count = 0;
+    error e = {0};
+    int *found = frames_parse(text, &count, &e);
+    if (!found) fail_msg("%s: %s", text, e.message);
+    assert_int_equal(count, expected);
+    assert_memory_equal(found, numbers, expected * sizeof *numbers);
+    free(found);
+}
+
+static void expect_refused(const char *text, const char *words)
+{
+    size_t count = 0;
+    error e = {0};
+    assert_null(frames_parse(text, &count, &e));
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    if (!strstr(e.message, words)) fail_msg("%s: %s", text, e.message);
+}
+
+static void test_numbers(void **state)
+{
+    (void)state;
+    expect("7", (const int[]){7}, 1);
+    expect("0", (const int[]){0}, 1);
+    expect("0010-0013", (const int[]){10, 11, 12, 13}, 4);
+    expect("1-10x4", (const int[]){1, 5, 9}, 3);
+    expect("20,1-3,999999999", (const int[]){20, 1, 2, 3, 999999999}, 5);
+    expect("5-5x100", (const int[]){5}, 1);
+}
+
+static void test_nonsense(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {"",     "a",   "1-",         "-3",     "3-1",  "1-3x0",
+                                      "1-3x", "1,",  ",1",         "1 2",    "1--2", "1-2-3",
+                                      "1x2",  "1.5", "1000000000", "1-10,x", "\xff"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) expect_refused(bad[i], "given");
+    expect_refused("1-10,5", "5 stands there twice");
+    expect_refused("1-100001", "at most 100000");
+    size_t count = 0;
+    int *most = frames_parse("1-100000", &count, NULL);
+    assert_int_equal(count, 100000);
+    free(most);
+    expect_refused("1-999999999,1-999999999", "at most 100000");
+}
+
+static void expect_path(const char *pattern, int frame, const char *expected)
+{
+    char *path = frames_path(pattern, frame);
+    assert_string_equal(path, expected);
+    free(path);
+}
+
+static void test_paths(void **state)
+{
+    (void)state;
+    expect_path("a/b.####.vdb", 7, "a/b.0007.vdb");
+    expect_path("a/b.####.vdb", 123456, "a/b.123456.vdb");
+    expect_path("b.#", 12, "b.12");
+    expect_path("b.%04d.vdb", 7, "b.0007.vdb");
+    expect_path("b.%d.vdb", 7, "b.7.vdb");
+    expect_path("plain", 7, "plain");
+    expect_path("%s%n%%%05d", 7, "%s%n%%00007"); /* nothing else means anything */
+    assert_true(frames_is_pattern("x.%03d"));
+    assert_false(frames_is_pattern("100%.vdb"));
+    assert_false(frames_is_pattern("%0d%"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_numbers),
+        cmocka_unit_test(test_nonsense),
+        cmocka_unit_test(test_paths),
+    };
+    return cmocka_run_group_tests_name("frames", tests, NULL, NULL);
+}

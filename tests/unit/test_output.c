@@ -1,0 +1,174 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "store/file.h"
+#include "store/output.h"
+
+typedef struct place {
+    char base[64];
+    char *root, *from;
+    store_outputs outputs;
+} place;
+
+static const char *const names[] = {"points.ply", "report.json"};
+
+static void put(const char *directory, const char *name, const char *text)
+{
+    char *path = mem_printf("%s/%s", directory, name);
+    assert_true(store_file_write(path, text, strlen(text), NULL));
+    free(path);
+}
+
+static int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-output-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    p->root = mem_printf("%s/show", p->base);
+    p->from = mem_printf("%s/result", p->base);
+    assert_true(store_directory_create(p->root, NULL));
+    assert_true(store_directory_create(p->from, NULL));
+    put(p->from, "points.ply", "points");
+    put(p->from, "report.json", "report");
+    put(p->from, "worker.log", "log");
+    p->outputs = (store_outputs){(const char *const *)&p->root, 1, 0640, getgid()};
+    *state = p;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    place *p = *state;
+    assert_true(store_remove(p->base, NULL));
+    free(p->root);
+    free(p->from);
+    free(p);
+    return 0;
+}
+
+static void expect_text(const char *root, const char *name, const char *expected)
+{
+    char *path = mem_printf("%s/%s", root, name);
+    size_t length;
+    char *text = store_file_read(path, 100, &length, NULL);
+    assert_non_null(text);
+    assert_string_equal(text, expected);
+    free(text);
+    free(path);
+}
+
+static void expect_mode(const char *root, const char *name, mode_t mode)
+{
+    char *path = mem_printf("%s/%s", root, name);
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    assert_int_equal(info.st_mode & 07777, mode);
+    assert_int_equal(info.st_gid, getgid());
+    free(path);
+}
+
+static bool copy(place *p, const char *where, error *e)
+{
+    char *path = mem_printf("%s/%s", p->root, where);
+    bool ok = store_output_copy(&p->outputs, p->from, names, 2, path, e);
+    free(path);
+    return ok;
+}
+
+static void test_a_copy_with_mode_and_group(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    mode_t old = umask(0077);
+    if (!copy(p, "a//b/", &e)) fail_msg("%s", e.message);
+    umask(old);
+    expect_text(p->root, "a/b/points.ply", "points");
+    expect_text(p->root, "a/b/report.json", "report");
+    expect_mode(p->root, "a/b/points.ply", 0640);
+    expect_mode(p->root, "a/b", 0750);
+    expect_mode(p->root, "a", 0750);
+    char *log = mem_printf("%s/a/b/worker.log", p->root);
+    assert_int_equal(access(log, F_OK), -1);
+    free(log);
+}
+
+static void test_a_copy_over_another(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    assert_true(copy(p, "a", &e));
+    char *there = mem_printf("%s/a", p->root);
+    put(there, "notes", "of somebody");
+    put(p->from, "points.ply", "newer");
+    assert_true(copy(p, "a", &e));
+    expect_text(p->root, "a/points.ply", "newer");
+    expect_text(p->root, "a/notes", "of somebody");
+    DIR *listing = opendir(there); /* nothing temporary stays */
+    int entries = 0;
+    while (readdir(listing)) entries++;
+    closedir(listing);
+    assert_int_equal(entries, 2 + 3);
+    free(there);
+}
+
+/* What says that a set is whole must not stand there while it is not. */
+static void test_a_copy_that_fails_is_not_whole(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    assert_true(copy(p, "a", &e));
+    char *points = mem_printf("%s/points.ply", p->from), *report = mem_printf("%s/a/report.json", p->root);
+    assert_int_equal(unlink(points), 0);
+    assert_false(copy(p, "a", &e));
+    assert_non_null(strstr(e.message, "points.ply"));
+    assert_int_equal(access(report, F_OK), -1);
+    free(points);
+    free(report);
+}
+
+static void test_paths_that_are_refused(void **state)
+{
+    place *p = *state;
+    char *outside = mem_printf("%s/other", p->base), *beside = mem_printf("%sx/a", p->root);
+    char *up = mem_printf("%s/a/../../b", p->root), *link = mem_printf("%s/link", p->root);
+    const char *const refused[] = {outside, beside, up, "relative", "", "/", p->root};
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++) {
+        error e = {0};
+        if (store_output_check(&p->outputs, refused[i], &e)) fail_msg("%s", refused[i]);
+        assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+        assert_false(store_output_copy(&p->outputs, p->from, names, 2, refused[i], &e));
+    }
+    assert_int_equal(symlink(p->base, link), 0);
+    error e = {0};
+    assert_false(copy(p, "link/escaped", &e));
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    assert_false(copy(p, "link", &e));
+    char *escaped = mem_printf("%s/escaped", p->base);
+    assert_int_equal(access(escaped, F_OK), -1);
+    free(escaped);
+    free(outside);
+    free(beside);
+    free(up);
+    free(link);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_a_copy_with_mode_and_group, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
+    };
+    return cmocka_run_group_tests_name("output", tests, NULL, NULL);
+}

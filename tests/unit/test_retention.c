@@ -1,0 +1,191 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "executor/result.h"
+#include "executor/retention.h"
+#include "store/file.h"
+
+#define PATIENCE_MS 30000
+
+typedef struct place {
+    char base[64];
+    queue *q;
+    retention *r;
+} place;
+
+static int set_up(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-retention-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+    *state = p;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    place *p = *state;
+    retention_stop(p->r);
+    queue_close(p->q);
+    assert_true(store_remove(p->base, NULL));
+    free(p);
+    return 0;
+}
+
+static void begin(place *p)
+{
+    error e = {0};
+    p->r = retention_start(p->q, p->base, &e);
+    if (!p->r) fail_msg("%s", e.message);
+}
+
+static const int frames[] = {1, 2};
+
+static void put(place *p, bool array, int64_t retention_s, char id[ULID_SIZE])
+{
+    queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .retention_s = retention_s};
+    queue_receipt receipt;
+    if (array) {
+        s.frames = frames;
+        s.frame_count = 2;
+    }
+    assert_true(queue_put(p->q, &s, &receipt, NULL));
+    memcpy(id, receipt.id, sizeof receipt.id);
+}
+
+static void put_directory(char *path)
+{
+    char *file = mem_printf("%s/report.json", path);
+    assert_true(store_directory_create(path, NULL));
+    assert_true(store_file_write(file, "{}", 2, NULL));
+    free(file);
+    free(path);
+}
+
+/* The first task of the job ends in its second attempt, with the directories that this leaves. */
+static void run(place *p, const char *id, int frame)
+{
+    for (int number = 1; number <= 2; number++) {
+        queue_claimed claimed = {0};
+        bool found = false, accepted = false;
+        assert_true(queue_claim_job(p->q, id, &claimed, &found, NULL));
+        assert_true(found);
+        queue_fence fence = {id, claimed.task.number, claimed.task.attempt};
+        const queue_ending ending = {.state = QUEUE_SUCCEEDED, .outcome = QUEUE_CONVERGED, .exit_status = 0};
+        assert_true(number == 1 ? queue_requeue(p->q, &fence, true, 0, &ending, &accepted, NULL)
+                                : queue_finish(p->q, &fence, &ending, &accepted, NULL));
+        assert_true(accepted);
+        queue_claimed_clear(&claimed);
+        put_directory(result_attempt_directory(p->base, id, frame, number));
+    }
+    put_directory(result_directory(p->base, id, frame));
+}
+
+static bool is_there(char *path)
+{
+    bool there = access(path, F_OK) == 0;
+    free(path);
+    return there;
+}
+
+static bool any_left(place *p, const char *id, int frame)
+{
+    return is_there(result_directory(p->base, id, frame)) ||
+           is_there(result_attempt_directory(p->base, id, frame, 1)) ||
+           is_there(result_attempt_directory(p->base, id, frame, 2));
+}
+
+static bool is_known(place *p, const char *id)
+{
+    queue_job job = {0};
+    bool found = false;
+    assert_true(queue_get(p->q, id, &job, &found, NULL));
+    queue_job_clear(&job);
+    return found;
+}
+
+static void test_what_is_over_goes(void **state)
+{
+    place *p = *state;
+    char over[ULID_SIZE], kept[ULID_SIZE];
+    begin(p);
+    put(p, true, 1000, over);
+    put(p, false, 0, kept);
+    run(p, over, 1);
+    run(p, over, 2);
+    run(p, kept, QUEUE_NO_FRAME);
+    retention_wake(p->r);
+    assert_true(is_known(p, over));
+    int64_t soon = 1; /* as its finish may be a millisecond ago, what follows waits for up to a second */
+    queue_edit edit = {.retention_s = &soon};
+    queue_edited edited;
+    assert_true(queue_change(p->q, over, -1, &edit, &edited, NULL));
+    retention_wake(p->r);
+    for (int64_t since = clock_monotonic_ms();
+         is_known(p, over) || any_left(p, over, 1) || any_left(p, over, 2); poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the job is kept");
+    assert_true(is_known(p, kept));
+    assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
+}
+
+static void test_delete(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    bool found, deleted;
+    begin(p);
+    put(p, false, 0, id);
+    assert_true(retention_delete(p->r, id, &found, &deleted, NULL));
+    assert_true(found && !deleted);
+    run(p, id, QUEUE_NO_FRAME);
+    assert_true(retention_delete(p->r, id, &found, &deleted, NULL));
+    assert_true(found && deleted);
+    assert_false(is_known(p, id) || any_left(p, id, QUEUE_NO_FRAME));
+    assert_true(retention_delete(p->r, id, &found, &deleted, NULL));
+    assert_false(found);
+}
+
+/* The queue has forgotten, and then the daemon died. */
+static void test_a_start_removes_orphans(void **state)
+{
+    place *p = *state;
+    char gone[ULID_SIZE], kept[ULID_SIZE];
+    bool found, deleted;
+    put(p, true, 0, gone);
+    put(p, false, 0, kept);
+    run(p, gone, 1);
+    run(p, gone, 2);
+    run(p, kept, QUEUE_NO_FRAME);
+    put_directory(mem_printf("%s/results/lost+found", p->base)); /* not ours */
+    assert_true(queue_delete(p->q, gone, &found, &deleted, NULL));
+    assert_true(deleted);
+    begin(p);
+    assert_false(any_left(p, gone, 1) || any_left(p, gone, 2));
+    assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
+    assert_true(is_there(mem_printf("%s/results/lost+found", p->base)));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_start_removes_orphans, set_up, tear_down),
+    };
+    log_set_level(LOG_LEVEL_ERROR);
+    return cmocka_run_group_tests_name("retention", tests, NULL, NULL);
+}

@@ -1,0 +1,189 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "auth/access.h"
+#include "auth/token.h"
+#include "store/file.h"
+
+static char path[] = "/tmp/hexad-token-XXXXXX";
+
+static int set_up(void **state)
+{
+    (void)state;
+    strcpy(path + sizeof path - 7, "XXXXXX");
+    int fd = mkstemp(path);
+    return fd < 0 ? -1 : close(fd);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    return unlink(path);
+}
+
+static void test_scopes(void **state)
+{
+    (void)state;
+    unsigned scopes = 99;
+    char text[SCOPE_TEXT_SIZE];
+    assert_true(scope_parse("submit,read", &scopes));
+    assert_int_equal(scopes, SCOPE_READ | SCOPE_SUBMIT);
+    assert_string_equal(scope_print(scopes, text), "read,submit");
+    assert_true(scope_parse("admin", &scopes));
+    assert_int_equal(scopes, SCOPE_ALL);
+    assert_string_equal(scope_print(scopes, text), "read,submit,cancel,admin");
+    static const char *const bad[] = {"", ",", "read,", ",read", "read,read", "Read", "rea", "reads", "read submit"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        if (scope_parse(bad[i], &scopes)) fail_msg("%s", bad[i]);
+    assert_int_equal(scopes, SCOPE_ALL);
+}
+
+static void test_a_token_is_found_by_its_secret_alone(void **state)
+{
+    (void)state;
+    token_set made = {0}, read = {0};
+    char first[TOKEN_SIZE], second[TOKEN_SIZE];
+    error e = {0};
+    assert_non_null(token_set_add(&made, "alice", SCOPE_READ, first, &e));
+    assert_non_null(token_set_add(&made, "bob@studio", SCOPE_ALL, second, &e));
+    assert_string_not_equal(first, second);
+    assert_int_equal(strlen(first), TOKEN_SIZE - 1);
+    if (!token_set_write(path, &made, &e) || !token_set_read(path, &read, &e)) fail_msg("%s", e.message);
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    assert_int_equal(info.st_mode & 0777, 0600);
+    size_t length;
+    char *text = store_file_read(path, 1 << 16, &length, &e);
+    assert_null(strstr(text, first + strlen(TOKEN_PREFIX))); /* only the hash is kept */
+    free(text);
+    assert_int_equal(read.count, 2);
+    const token *found = token_set_find(&read, second);
+    assert_non_null(found);
+    assert_string_equal(found->user, "bob@studio");
+    assert_int_equal(found->scopes, SCOPE_ALL);
+    assert_null(token_set_find(&read, ""));
+    assert_null(token_set_find(&read, found->id));
+    first[TOKEN_SIZE - 2] = first[TOKEN_SIZE - 2] == '0' ? '1' : '0';
+    assert_null(token_set_find(&read, first));
+    char id[TOKEN_ID_SIZE];
+    strcpy(id, found->id);
+    assert_true(token_set_remove(&read, id));
+    assert_false(token_set_remove(&read, id));
+    assert_null(token_set_find(&read, second));
+    token_set_clear(&made);
+    token_set_clear(&read);
+}
+
+static void expect_refusal(const char *words)
+{
+    token_set set = {0};
+    error e = {0};
+    assert_false(token_set_read(path, &set, &e));
+    if (!strstr(e.message, words)) fail_msg("\"%s\" is not in: %s", words, e.message);
+    assert_int_equal(set.count, 0);
+}
+
+static void test_files_that_are_refused(void **state)
+{
+    (void)state;
+#define HASH "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
+    static const char *const bad[] = {
+        "nonsense\n",
+        "0123456789ab alice read " HASH "\n",
+        "0123456789ab alice read " HASH " 1 2\n",
+        "0123456789ac alice read " HASH " 1\n",
+        "0123456789ab alice write " HASH " 1\n",
+        "0123456789ab al:ice read " HASH " 1\n",
+        "0123456789ab alice read " HASH "00 1\n",
+    };
+    error e = {0};
+    token_set set = {0};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        char text[300] = "# a comment\n\n";
+        strcat(text, bad[i]);
+        assert_true(store_file_write(path, text, strlen(text), &e));
+        assert_int_equal(chmod(path, 0600), 0);
+        expect_refusal(":3:");
+    }
+    static const char good[] = "0123456789ab alice read " HASH " 1\n";
+    assert_true(store_file_write(path, good, strlen(good), &e));
+    assert_int_equal(chmod(path, 0640), 0);
+    expect_refusal("chmod 600");
+    assert_int_equal(chmod(path, 0600), 0);
+    assert_true(token_set_read(path, &set, &e));
+    assert_int_equal(set.count, 1);
+    token_set_clear(&set);
+    char secret[TOKEN_SIZE];
+    assert_null(token_set_add(&set, "", SCOPE_READ, secret, &e));
+    assert_null(token_set_add(&set, "a b", SCOPE_READ, secret, &e));
+    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, secret, &e)); /* that is how users without a name are called */
+}
+
+/* The kernel says who is at the other end; here it is this process. */
+static void test_peers_and_tokens(void **state)
+{
+    (void)state;
+    int pair[2];
+    error e = {0};
+    token_set set = {0};
+    char secret[TOKEN_SIZE], header[TOKEN_SIZE + 16];
+    access_settings settings = {.token_file = path};
+    assert_int_equal(unlink(path), 0);
+    access_control *a = access_open(&settings, &e);
+    if (!a) fail_msg("%s", e.message);
+    assert_false(access_has_tokens(a));
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
+    access_peer peer, stranger = {.uid = (uid_t)-1};
+    access_caller caller;
+    access_look(a, pair[0], &peer);
+    assert_true(peer.local && peer.uid == geteuid());
+    assert_true(access_identify(a, &peer, NULL, &caller));
+    assert_int_equal(caller.scopes, SCOPE_ALL);
+    assert_false(access_identify(a, &stranger, NULL, &caller));
+    /* a token that is made while the service runs is known, and is what counts */
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, secret, &e));
+    assert_true(token_set_write(path, &set, &e));
+    strcat(strcpy(header, "Bearer "), secret);
+    assert_true(access_identify(a, &peer, header, &caller));
+    assert_string_equal(caller.user, "alice");
+    assert_int_equal(caller.scopes, SCOPE_READ);
+    assert_true(access_identify(a, &stranger, header, &caller));
+    assert_true(access_is_owner(&caller, "alice"));
+    assert_false(access_is_owner(&caller, "bob"));
+    header[10]++;
+    assert_false(access_identify(a, &peer, header, &caller));
+    assert_false(access_identify(a, &peer, "Basic YTpi", &caller));
+    assert_false(access_identify(a, &peer, "", &caller));
+    /* one that others can reach is worth nothing */
+    header[10]--;
+    assert_int_equal(chmod(path, 0644), 0);
+    assert_false(access_identify(a, &stranger, header, &caller));
+    access_close(a);
+    token_set_clear(&set);
+    close(pair[0]);
+    close(pair[1]);
+    const char *const nobody[] = {"no-such-user-at-all"};
+    settings.users = (access_names){nobody, 1};
+    assert_null(access_open(&settings, &e));
+    assert_non_null(strstr(e.message, nobody[0]));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_scopes),
+        cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
+    };
+    return cmocka_run_group_tests_name("token", tests, NULL, NULL);
+}

@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""The manual pages, from what the programs say of themselves: doc/man/*, which `make man` writes.
+
+    man.py BUILD OUTPUT STATE    BUILD holds the built programs, OUTPUT becomes the directory of the pages, STATE is
+                                 configure's localstatedir, which the pages have a mark for
+
+A help text is made of blocks between empty lines: the usage; lists, whose lines are indented; paragraphs; and one
+that begins with "Exit". hexad.conf(5) is the list of settings at the end of `hexad --help`. What no help text has
+is in PAGES.
+"""
+import collections
+import pathlib
+import re
+import subprocess
+import sys
+
+DATE = "2026-11-20"
+SETTINGS = "Settings, as options and as keys of the file"
+
+PAGES = {
+    "hexad": {
+        "section": 8, "about": "daemon that samples implicit surfaces",
+        "more": [
+            ("FILES", [("@sysconfdir@/hexad.conf", "settings, read when the unit or --config says so"),
+                       ("@sysconfdir@/hexad.tokens", "tokens, which the unit hands over as a credential"),
+                       ("@localstatedir@/lib/hexad", "queue, attempts and results")]),
+            ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, STATE_DIRECTORY, CREDENTIALS_DIRECTORY,"
+                              " JOURNAL_STREAM",
+                              "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"
+                              " where to keep the state, where the credential tokens is, and whether the log goes to"
+                              " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER")]),
+        ],
+        "see": "hexad.conf(5), hexadctl(1), hexad-worker(1)"},
+    "hexad-worker": {"section": 1, "about": "samples one implicit surface", "more": [], "see": "hexad(8), hexadctl(1)"},
+    "hexadctl": {
+        "section": 1, "about": "client of hexad",
+        "more": [("ENVIRONMENT", [("HEXAD_SERVER", "the server, where --server does not say it"),
+                                  ("HEXAD_TOKEN", "a token to be shown to the server")])],
+        "see": "hexad(8), hexad-worker(1)"},
+}
+
+
+def escaped(text):
+    text = text.replace("\\", "\\e").replace("-", "\\-")
+    return re.sub(r"^(?=[.'])", r"\\&", text, flags=re.M)
+
+
+def say(program, *words):
+    text = subprocess.run([program, *words], check=True, capture_output=True, text=True).stdout
+    return text.replace(f"{sys.argv[3]}/", "@localstatedir@/")
+
+
+def blocks_of(text):
+    return [block.rstrip().split("\n") for block in re.split(r"\n\s*\n", text.strip("\n"))]
+
+
+def items_of(lines):
+    """(term, text) of an indented list; texts begin at one column, or on the next line."""
+    gaps = [m.end() for m in (re.match(r"  \S.*?\s{2,}(?=\S)", line) for line in lines) if m]
+    column = collections.Counter(gaps).most_common(1)[0][0] if gaps else None
+    items = []
+    for line in lines:
+        if not re.match(r"  \S", line):
+            items[-1][1].append(line.strip())
+            continue
+        split = column and len(line) > column and line[column - 1] == " "
+        term, text = (line[:column], line[column:]) if split else (line, "")
+        items.append((term.strip(), [text.strip()]))
+    return [(term, " ".join(filter(None, text))) for term, text in items]
+
+
+def listed(items):
+    return "".join(f".TP\n.B {escaped(term)}\n{escaped(text)}\n".replace("\n\n", "\n") for term, text in items)
+
+
+def paragraphs(lines):
+    """Lines that begin with a word and a colon begin a paragraph of their own."""
+    text = "\n".join(lines)
+    return ".PP\n".join(escaped(" ".join(part.split())) + "\n" for part in re.split(r"\n(?=[a-z][a-z-]*: )", text))
+
+
+def header(name, section, about, version):
+    return (f'.\\" Written by tools/man.py from what the programs say; `make man` writes it anew.\n'
+            f'.TH {name.upper()} {section} {DATE} "{version}"\n.SH NAME\n{escaped(name)} \\- {about}\n')
+
+
+def page_of(name, program):
+    facts = PAGES[name]
+    help_text = say(program, "--help").partition("\n" + SETTINGS)[0]
+    usage, *rest = blocks_of(help_text)
+    calls = [re.sub(r"^(usage|Usage):", "", line).strip() for line in usage]
+    out = header(name, facts["section"], facts["about"], say(program, "--version").strip())
+    out += ".SH SYNOPSIS\n.nf\n" + "".join(f"{escaped(call)}\n" for call in calls) + ".fi\n.SH DESCRIPTION\n"
+    status = ""
+    for block in rest:
+        if block[0].startswith("Exit"):
+            status = ".SH EXIT STATUS\n" + escaped(re.sub(r"^Exit [a-z]+: ", "", " ".join(block))) + "\n"
+        elif block[0].startswith("  "):
+            out += listed(items_of(block))
+        else:
+            out += ("" if out.endswith("DESCRIPTION\n") else ".PP\n") + paragraphs(block)
+    out += status
+    for title, items in facts["more"]:
+        out += f".SH {title}\n" + listed(items)
+    return out + f".SH SEE ALSO\n{escaped(facts['see'])}\n"
+
+
+def settings_page(program):
+    text = say(program, "--help").partition("\n" + SETTINGS)[2].partition("\n")[2]
+    out = header("hexad.conf", 5, "settings of hexad", say(program, "--version").strip())
+    out += (".SH DESCRIPTION\nA line is a setting,\n.IR \"key \" = \" value\" ,\nor a comment after # or ;. Each is an"
+            " option of\n.BR hexad (8)\nas well, which wins over the file. A setting that is not there has its default.\n"
+            ".SH SETTINGS\n")
+    for block in blocks_of(text):
+        ((term, prose),) = items_of(block)
+        out += listed([(term.removeprefix("--"), prose)])
+    return out + ".SH SEE ALSO\nhexad(8)\n"
+
+
+def main():
+    if len(sys.argv) != 4:
+        sys.exit(__doc__)
+    build, output = (pathlib.Path(word).resolve() for word in sys.argv[1:3])
+    output.mkdir(parents=True, exist_ok=True)
+    for name, facts in PAGES.items():
+        (output / f"{name}.{facts['section']}").write_text(page_of(name, build / name))
+    (output / "hexad.conf.5").write_text(settings_page(build / "hexad"))
+
+
+if __name__ == "__main__":
+    main()
