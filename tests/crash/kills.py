@@ -1,0 +1,116 @@
+"""Cycles of kill -9 at random moments under load."""
+import os
+import random
+import shutil
+import signal
+import time
+
+from farm import Book, Daemon, Load, Violation, wait_until
+
+CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
+# what is killed, and how often
+TARGETS = {"daemon": 4, "daemon while it starts": 2, "workers": 2, "both": 3, "daemon while it drains": 1}
+START_S, LOAD_S, DRAIN_S = 0.12, 0.6, 0.2  # the longest time from the start of that phase to the kill
+
+
+def kill_all(pids):
+    for pid in pids:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+
+
+def act(daemon, target, rng):
+    """Kills once. The moments are the random thing that is tested, so they are slept for, not waited for."""
+    if target == "daemon while it starts":
+        daemon.kill()
+        daemon.await_nobody()
+        daemon.spawn()
+        time.sleep(rng.uniform(0, START_S))
+        daemon.kill()
+        return
+    time.sleep(rng.uniform(0, LOAD_S))
+    if target == "workers":
+        kill_all(daemon.workers())
+        time.sleep(rng.uniform(0, DRAIN_S))
+        return
+    if target == "both" and rng.random() < 0.5:
+        kill_all(daemon.workers())
+    if target == "daemon while it drains":
+        daemon.process.send_signal(signal.SIGTERM)
+        time.sleep(rng.uniform(0, DRAIN_S))
+    if target == "both":
+        workers = daemon.workers()
+        daemon.process.kill()
+        kill_all(workers)
+    daemon.kill()
+
+
+def cycle(daemon, book, seed, figures):
+    rng = random.Random(seed)
+    target = rng.choices(list(TARGETS), TARGETS.values())[0]
+    if daemon.dead():
+        daemon.start()
+    load = Load(daemon, book, seed)
+    act(daemon, target, rng)
+    load.stop()
+    if daemon.dead():
+        daemon.await_nobody()
+        daemon.check_database()
+    figures["cycles"][target] = figures["cycles"].get(target, 0) + 1
+
+
+def finish(daemon, book, figures):
+    """Lets all jobs end and looks at everything, before and after one more start."""
+    if daemon.dead():
+        daemon.start()
+    answered = len(book.accepted)
+    figures["jobs stored without an answer"] += book.adopt(daemon) - answered
+    book.settle(daemon)
+    book.check_all(daemon)
+    daemon.end_by_drain()
+    daemon.start()
+    book.check_all(daemon)
+    for job in book.listed(daemon):
+        attempts = daemon.job(job)["attempts"]
+        figures["attempts"] += len(attempts)
+        figures["most attempts of a job"] = max(figures["most attempts of a job"], len(attempts))
+        figures["results found at a start"] += sum("found at the start" in (a.get("reason") or "") for a in attempts)
+    daemon.end_by_drain()
+    daemon.await_nobody()
+    daemon.check_database()
+    for job, (state, _) in book.ended.items():
+        figures["ended"][state] = figures["ended"].get(state, 0) + 1
+    for status, times in book.replies.items():
+        figures["submissions"][str(status)] = figures["submissions"].get(str(status), 0) + times
+    figures["files fetched"] += book.files
+
+
+def new_figures():
+    return {"cycles": {}, "submissions": {}, "ended": {}, "jobs stored without an answer": 0, "attempts": 0,
+            "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0}
+
+
+def run(build, where, cycles, seed, say, options=()):
+    """`cycles` kills; the figures. Raises Violation, with the seed and the place of the state directory."""
+    figures, done = new_figures(), 0
+    while done < cycles:
+        base = where / f"round.{done}"
+        shutil.rmtree(base, ignore_errors=True)
+        daemon = Daemon(build, base, "--workers", 2, *options)
+        book = Book(base / "accepted")
+        try:
+            for _ in range(min(CYCLES_A_ROUND, cycles - done)):
+                cycle(daemon, book, f"{seed}.{done}", figures)
+                done += 1
+            finish(daemon, book, figures)
+        except Exception as e:
+            raise Violation(f"kill cycle {seed}.{done} in {base}: {e}") from e
+        finally:
+            if daemon.process and not daemon.dead():
+                daemon.kill()
+            book.close()
+        say(f"{done} of {cycles} kills, {sum(figures['ended'].values())} jobs ended")
+        shutil.rmtree(base)
+    return figures
