@@ -21,7 +21,7 @@ import threading
 import launch
 
 NAMES = {number: name for name, number in launch.NUMBERS.items()} | {launch.MMAP: "mmap"}
-RECEIVE, ANSWER = 0xC0502100, 0xC0182101  # ioctls of a listener
+RECEIVE, ANSWER, IS_VALID = 0xC0502100, 0xC0182101, 0x40082102  # ioctls of a listener
 GO_ON = 1  # flag of an answer
 PIDFD_GETFD = 438
 AT_FDCWD, AT_EMPTY_PATH = -100, 0x1000
@@ -152,7 +152,7 @@ class Supervisor:
     def __init__(self, directory, judge, words, **more):
         self.directory, self.judge = os.path.realpath(directory), judge
         self.libc = ctypes.CDLL(None, use_errno=True)
-        self.groups, self.pidfds, self.failure = {}, {}, None
+        self.groups, self.pidfds, self.helpers, self.failure = {}, {}, [], None
         self.process, self.listener = self.start(words, more)
         self.thread = threading.Thread(target=self.serve, daemon=True)
         self.thread.start()
@@ -187,9 +187,6 @@ class Supervisor:
             self.process.kill()
             self.process.wait()
         self.thread.join()
-        for fd in self.pidfds.values():
-            os.close(fd)
-        self.pidfds = {}
 
     def below(self, path):
         if path == self.directory:
@@ -215,6 +212,14 @@ class Supervisor:
             if e.errno not in (errno.ENOENT, errno.EINPROGRESS):  # it was killed meanwhile
                 raise
 
+    def is_waiting(self, number):
+        """False when the caller was killed meanwhile."""
+        try:
+            fcntl.ioctl(self.listener, IS_VALID, struct.pack("Q", number))
+        except OSError:
+            return False
+        return True
+
     def serve(self):
         """Until no process is left under the filter."""
         poll = select.poll()
@@ -231,7 +236,10 @@ class Supervisor:
                 number, tid, _, system_call = struct.unpack_from("QIIi", notification)
                 self.handle(number, tid, NAMES[system_call], struct.unpack_from("6Q", notification, 32))
         finally:
-            os.close(self.listener)
+            for helper in self.helpers:
+                helper.join()
+            for fd in [self.listener, *self.pidfds.values()]:
+                os.close(fd)
 
     def handle(self, number, tid, name, arguments):
         verdict = None
@@ -239,11 +247,9 @@ class Supervisor:
             call = Call(self, tid, name, arguments) if self.judge else None
             if call and (any(call.paths) or name in REPLIES and (call.link.startswith("socket:"))):
                 verdict = self.judge(call)
-        except (OSError, ProcessLookupError) as e:
-            if os.path.exists(f"/proc/{tid}"):  # not merely killed meanwhile
-                self.failure = self.failure or f"{name}: {e!r}"
         except Exception as e:  # a fault of the test, which must not leave the program stopped
-            self.failure = self.failure or f"{name}: {e!r}"
+            if self.is_waiting(number):
+                self.failure = self.failure or f"{name}: {e!r}"
         if verdict is None:
             self.answer(number, flags=GO_ON)
         elif verdict[0] == "error":
@@ -251,7 +257,9 @@ class Supervisor:
         elif verdict[0] == "value":
             self.answer(number, value=verdict[1])
         else:
-            threading.Thread(target=self.do, args=(number, verdict[1]), daemon=True).start()
+            self.helpers = [h for h in self.helpers if h.is_alive()]
+            self.helpers.append(threading.Thread(target=self.do, args=(number, verdict[1]), daemon=True))
+            self.helpers[-1].start()
 
     def do(self, number, function):
         try:

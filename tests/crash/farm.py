@@ -15,7 +15,8 @@ import tempfile
 import threading
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
-from service import PATIENCE_S, Reply, Service, processes, wait_until  # noqa: E402
+from calls import Supervisor  # noqa: E402
+from service import PATIENCE_S, Service, processes, wait_until  # noqa: E402
 
 FINAL = ("succeeded", "failed", "cancelled", "timed_out")
 MOST_UNFINISHED = 8  # clients wait when so many jobs have not ended, so that jobs end between two kills
@@ -59,11 +60,15 @@ class Daemon(Service):
         return [str(w) for w in (self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
                                  "--log_level", "info", *self.options)]
 
-    def spawn(self, launch=subprocess.Popen):
-        """Starts it and does not wait. `launch(words, **more)` gives a process."""
+    def spawn(self, judge=None):
+        """Starts it and does not wait; under supervision (calls.py) when there is a judge."""
         self.port_file.unlink(missing_ok=True)
         with open(self.log, "ab") as log:
-            self.process = launch(self.words(), stderr=log, stdin=subprocess.DEVNULL)
+            if judge:
+                self.supervisor = Supervisor(self.state, judge, self.words(), stderr=log, stdin=subprocess.DEVNULL)
+                self.process = self.supervisor.process
+            else:
+                self.process = subprocess.Popen(self.words(), stderr=log, stdin=subprocess.DEVNULL)
         return self
 
     def await_served(self):
@@ -142,9 +147,11 @@ class Daemon(Service):
 
 
 class Book:
-    """Thread-safe. What was sent, accepted, and told to have ended; acceptances are on disk before they count."""
+    """Thread-safe. What was sent, accepted, and told to have ended; acceptances are on disk before they count. Where
+    faults are made on purpose the book is `tolerant`: an answer may be that the service failed, in these words."""
 
-    def __init__(self, journal=None):
+    def __init__(self, journal=None, tolerant=False):
+        self.tolerant = tolerant
         self.mutex = threading.Lock()
         self.sent, self.accepted, self.ended, self.cancelled = {}, {}, {}, set()
         self.replies = {}
@@ -188,12 +195,15 @@ class Book:
             raise Violation(f"a good job is refused with {reply.status} {reply.body!r}")
         return None
 
+    def is_no_answer(self, reply):
+        return reply is None or self.tolerant and reply.status >= 500 and bool(reply.json["detail"])
+
     def look(self, daemon, job, whole=True):
-        """Reads a job and holds it against what is known; its document, None without an answer or with an honest
-        5xx. `whole`: its results are fetched when it succeeded."""
+        """Reads a job and holds it against what is known; its document, None without an answer. `whole`: its results
+        are fetched although they were before."""
         known, cancelled = self.ended.get(job), job in self.cancelled  # before it is asked
         reply = daemon.ask("GET", f"/v1/jobs/{job}")
-        if reply is None or reply.status >= 500 and reply.json.get("detail"):
+        if self.is_no_answer(reply):
             return None
         if reply.status != 200:
             raise Violation(f"the accepted job {job} is not there: {reply.status} {reply.body!r}")
@@ -234,14 +244,14 @@ class Book:
     def fetch(self, daemon, job, count):
         """Every file of a result, held against its listing; the hash of the report. None without an answer."""
         listing = daemon.ask("GET", f"/v1/jobs/{job}/results")
-        if listing is None or listing.status >= 500 and b"cannot be" in listing.body:
+        if self.is_no_answer(listing):
             return None
         if listing.status != 200:
             raise Violation(f"the results of {job} are not served: {listing.status} {listing.body!r}")
         digests = {}
         for item in listing.json["results"]:
             reply = daemon.ask("GET", item["href"])
-            if reply is None or reply.status >= 500 and b"cannot be" in reply.body:
+            if self.is_no_answer(reply):
                 return None
             digests[item["name"]] = hashlib.sha256(reply.body).hexdigest()
             if reply.status != 200 or len(reply.body) != item["bytes"] or digests[item["name"]] != item["sha256"]:

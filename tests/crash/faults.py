@@ -5,7 +5,7 @@ import random
 import re
 import shutil
 
-from calls import SYNCS, WRITES, Supervisor
+from calls import SYNCS, WRITES
 from farm import FINAL, Book, Daemon, Violation, spec, wait_until
 
 READS = {"read", "pread64", "readv", "preadv", "preadv2", "getdents64", "newfstatat"}
@@ -93,14 +93,6 @@ class Fault:
         return "error", errno.EIO if self.what.startswith("EIO") else errno.ENOSPC
 
 
-def supervised(daemon, judge):
-    """For Daemon.spawn; daemon.supervisor is then to be left as a context."""
-    def launch(words, **more):
-        daemon.supervisor = Supervisor(daemon.state, judge, words, **more)
-        return daemon.supervisor.process
-    return launch
-
-
 def submit_patiently(daemon, book, name, fault):
     """As a client does that is told to try again later; None when the fault is there for ever."""
     tries = iter(range(50))
@@ -122,13 +114,12 @@ def use(daemon, book, fault=None):
                              for now, job in zip(seen, book.accepted))
         return ended or daemon.dead() or fault and fault.for_ever and fault.hits > 6
     wait_until(is_over, "the job's end")
+    unharmed = set(book.replies) == {201} and {book.ended.get(job, ("",))[0] for job in book.accepted} == {"succeeded"}
     if fault and fault.hits:
         submit_patiently(daemon, book, "second", fault)
     if daemon.dead():
         raise Violation(f"the daemon died: {daemon.process.returncode}")
-    states = {state for state, _ in book.ended.values()}
-    return "went on" if states == {"succeeded"} and not book.unfinished() and None not in book.replies and set(
-        book.replies) == {201} else "said so"
+    return "went on" if unharmed else "said so"
 
 
 def recover(daemon, book):
@@ -136,6 +127,7 @@ def recover(daemon, book):
     daemon.await_nobody()
     daemon.check_database()
     daemon.start()
+    book.tolerant = False
     book.adopt(daemon)
     book.settle(daemon)
     book.check_all(daemon)
@@ -143,15 +135,15 @@ def recover(daemon, book):
     daemon.await_nobody()
 
 
-def try_one(build, base, judge, drains):
+def try_one(build, base, judge, drains, tolerant=True):
     """A run under a judge, its end by a drain or by a kill, and the recovery. How it went."""
     shutil.rmtree(base, ignore_errors=True)
-    daemon, book = Daemon(build, base, "--workers", 1, "--drain_s", 0.1, "--grace_s", 0.1), Book()
+    daemon, book = Daemon(build, base, "--workers", 1, "--drain_s", 0.1, "--grace_s", 0.1), Book(tolerant=tolerant)
     book.may_fail = lambda name: True  # a fault may hit every attempt
     daemon.state.mkdir()
     fault = judge if isinstance(judge, Fault) else None
     try:
-        daemon.spawn(supervised(daemon, judge))
+        daemon.spawn(judge)
         with daemon.supervisor:
             went = use(daemon, book, fault)
             if not daemon.dead() and drains and daemon.end() < 0:

@@ -92,13 +92,13 @@ def new_figures():
             "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0}
 
 
-def run(build, where, cycles, seed, say, options=()):
-    """`cycles` kills; the figures. Raises Violation, with the seed and the place of the state directory."""
+def run(build, where, cycles, seed, say, new_daemon=Daemon):
+    """So many kills; the figures. Raises Violation with the seed and the place. `new_daemon` is called as Daemon is."""
     figures, done = new_figures(), 0
     while done < cycles:
         base = where / f"round.{done}"
         shutil.rmtree(base, ignore_errors=True)
-        daemon = Daemon(build, base, "--workers", 2, *options)
+        daemon = new_daemon(build, base, "--workers", 2)
         book = Book(base / "accepted")
         try:
             for _ in range(min(CYCLES_A_ROUND, cycles - done)):

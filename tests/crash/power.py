@@ -8,7 +8,6 @@ import threading
 
 from calls import SYNCS, WRITES
 from disk import LOSSES, Disk
-from faults import supervised
 from farm import FINAL, Book, Daemon, Load, Violation, wait_until
 
 RENAME_EXCHANGE, O_CREAT, O_TRUNC = 2, 0o100, 0o1000
@@ -90,7 +89,7 @@ class Record:
 def record(daemon, book, seed):
     """Runs a load until some jobs have ended, and ends the daemon; the record."""
     rng, entries = random.Random(seed), Record()
-    daemon.spawn(supervised(daemon, entries))
+    daemon.spawn(entries)
     with daemon.supervisor:
         if not daemon.await_served():
             raise Violation(f"the daemon does not start: {daemon.log.read_text()[-1000:]}")
@@ -155,7 +154,7 @@ def check_model(disk, entries, state):
 class Rounds:
     """A record, losses at points of it, and from one of them on the next record, so that recovery is recorded, too."""
 
-    def __init__(self, build, where, seed, deaf=()):
+    def __init__(self, build, where, seed, deaf):
         self.build, self.where, self.seed, self.deaf = build, where, seed, deaf
         self.base, self.book, self.number = None, Book(), 0
         self.figures = {"losses": dict.fromkeys(LOSSES, 0), "records": 0, "calls": 0, "syncs": 0, "jobs": 0}
@@ -218,7 +217,7 @@ class Rounds:
         shutil.rmtree(base)
 
 
-def run(build, where, losses, seed, say, deaf=()):
+def run(build, where, losses, seed, say, deaf=lambda path: False):
     """So many losses; the figures. Raises Violation with the seed and the place."""
     shutil.rmtree(where, ignore_errors=True)
     rounds, done = Rounds(build, where, seed, deaf), 0
