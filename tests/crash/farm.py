@@ -7,7 +7,6 @@ import pathlib
 import random
 import shutil
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -16,8 +15,9 @@ import threading
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
 from calls import Supervisor  # noqa: E402
-from service import PATIENCE_S, Service, processes, wait_until  # noqa: E402
+from service import PATIENCE_S, Service, UnixConnection, processes, wait_until  # noqa: E402
 
+FRAMES = (1, 2, 3)
 FINAL = ("succeeded", "failed", "cancelled", "timed_out")
 MOST_UNFINISHED = 8  # clients wait when so many jobs have not ended, so that jobs end between two kills
 
@@ -28,22 +28,27 @@ class Violation(Exception):
     """What must never be was seen."""
 
 
-class UnixConnection(http.client.HTTPConnection):
-    def __init__(self, path):
-        super().__init__("localhost", timeout=PATIENCE_S)
-        self.path = path
-
-    def connect(self):
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(self.timeout)
-        self.sock.connect(self.path)
-
-
 def spec(name, count=100, preview=False, **parts):
     """Of a job that takes a moment; the name says which it is."""
     return {"version": 1, "name": name, "sampling": {"count": count},
             "surface": {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}},
             "output": {"preview": {"size": [64, 64]} if preview else False}, **parts}
+
+
+def make_footage(build, where):
+    """Files for sequences(); the directory."""
+    where.mkdir(parents=True, exist_ok=True)
+    first, *others = [where / f"a.{frame:04d}.vdb" for frame in FRAMES]
+    subprocess.run([build / "hexad-worker", "make-example", first], check=True, timeout=PATIENCE_S)
+    for other in others:
+        shutil.copyfile(first, other)
+    return where
+
+
+def sequence(name, footage):
+    """Of a job with a task for each frame."""
+    return {**spec(name), "surface": {"vdb": {"path": f"{footage}/a.####.vdb"}},
+            "queue": {"frames": f"{FRAMES[0]}-{FRAMES[-1]}"}}
 
 
 class Daemon(Service):
@@ -53,7 +58,9 @@ class Daemon(Service):
         base = pathlib.Path(base)
         base.mkdir(parents=True, exist_ok=True)
         self.socket = base / "socket"
-        super().__init__(build, base.resolve(), "--listen", f"unix:{self.socket.resolve()}", *options)
+        # what dies is tried again at once, so that much dies in little time
+        super().__init__(build, base.resolve(), "--listen", f"unix:{self.socket.resolve()}", "--retry_s", 0.02,
+                         "--retry_most_s", 0.1, *options)
         self.log = self.base / "log"
 
     def words(self):
@@ -154,6 +161,8 @@ class Book:
         self.tolerant = tolerant
         self.mutex = threading.Lock()
         self.sent, self.accepted, self.ended, self.cancelled = {}, {}, {}, set()
+        self.doubtful, self.deleted = set(), set()  # deletions that were asked for, and those that were answered
+        self.unanswered = []  # to be sent again under their keys
         self.replies = {}
         self.files = self.bytes = 0
         self.journal = journal and open(journal, "a", encoding="ascii")
@@ -169,23 +178,29 @@ class Book:
                 self.journal.flush()
             os.fsync(self.journal.fileno())
         with self.mutex:
+            if name in self.accepted.values() and self.accepted.get(job) != name:
+                raise Violation(f"the job {name} was accepted twice, the second time as {job}")
             self.accepted[job] = name
 
     def unfinished(self):
         with self.mutex:
-            return [job for job in self.accepted if job not in self.ended]
+            return [job for job in self.accepted if job not in self.ended and job not in self.deleted]
 
     def count_reply(self, status):
         with self.mutex:
             self.replies[status] = self.replies.get(status, 0) + 1
 
     def submit(self, daemon, document):
-        """Sends one job; its id when it was accepted."""
+        """Sends one job; its id when it was accepted. One without an answer is to be sent again: `unanswered`."""
         name = document["name"]
         with self.mutex:
+            again = name in self.sent
             self.sent[name] = document
-        reply = daemon.ask("POST", "/v1/jobs", document)
-        self.count_reply(reply and reply.status)
+        reply = daemon.ask("POST", "/v1/jobs", document, {"Idempotency-Key": name})
+        self.count_reply("no answer" if reply is None else f"{reply.status} again" if again else str(reply.status))
+        if reply is None or reply.status >= 500:
+            with self.mutex:
+                self.unanswered.append(document)
         if reply is None:
             return None
         if reply.status == 201:
@@ -202,9 +217,16 @@ class Book:
         """Reads a job and holds it against what is known; its document, None without an answer. `whole`: its results
         are fetched although they were before."""
         known, cancelled = self.ended.get(job), job in self.cancelled  # before it is asked
+        deleted = job in self.deleted
         reply = daemon.ask("GET", f"/v1/jobs/{job}")
         if self.is_no_answer(reply):
             return None
+        if reply.status == 404 and job in self.doubtful:
+            with self.mutex:
+                self.deleted.add(job)
+            return {"state": "deleted"}
+        if deleted:
+            raise Violation(f"the deleted job {job} is there: {reply.status} {reply.body!r}")
         if reply.status != 200:
             raise Violation(f"the accepted job {job} is not there: {reply.status} {reply.body!r}")
         now = reply.json
@@ -226,8 +248,10 @@ class Book:
                 raise Violation(f"the job {job} succeeded without an outcome")
             if not whole and known:
                 return
-            digest = self.fetch(daemon, job, self.sent[now["name"]]["sampling"]["count"])
-            if digest is None:
+            document = self.sent[now["name"]]
+            queries = [f"?frame={frame}" for frame in FRAMES] if "queue" in document else [""]
+            digest = [self.fetch(daemon, job, document["sampling"]["count"], query) for query in queries]
+            if None in digest:
                 return
         elif now["state"] != "cancelled" and not (now["error"] and now["error"]["code"] and now["error"]["message"]):
             raise Violation(f"the job {job} is {now['state']} and does not say why")
@@ -241,9 +265,11 @@ class Book:
     def may_fail(self, name):
         return self.sent[name].get("limits", {}).get("max_attempts", MANY) < MANY
 
-    def fetch(self, daemon, job, count):
+    def fetch(self, daemon, job, count, query):
         """Every file of a result, held against its listing; the hash of the report. None without an answer."""
-        listing = daemon.ask("GET", f"/v1/jobs/{job}/results")
+        listing = daemon.ask("GET", f"/v1/jobs/{job}/results{query}")
+        if listing is not None and listing.status == 404 and job in self.doubtful:
+            return None
         if self.is_no_answer(listing):
             return None
         if listing.status != 200:
@@ -251,7 +277,7 @@ class Book:
         digests = {}
         for item in listing.json["results"]:
             reply = daemon.ask("GET", item["href"])
-            if self.is_no_answer(reply):
+            if self.is_no_answer(reply) or reply.status == 404 and job in self.doubtful:
                 return None
             digests[item["name"]] = hashlib.sha256(reply.body).hexdigest()
             if reply.status != 200 or len(reply.body) != item["bytes"] or digests[item["name"]] != item["sha256"]:
@@ -294,21 +320,32 @@ class Book:
         names = {}
         for job, document in self.listed(daemon).items():
             name = document["name"]
-            if name in names or name not in self.sent:
-                raise Violation(f"the job {job} is there twice, or was never sent: {name}")
+            if job in self.deleted or name in names or name not in self.sent:
+                raise Violation(f"the job {job} is there twice, or deleted, or was never sent: {name}")
             names[name] = job
             self.accepted.setdefault(job, name)
         return len(names)
+
+    def places(self, daemon, job):
+        """The names in `results` that the job is to have, each for a task that succeeded."""
+        if "queue" not in self.sent[self.accepted[job]]:
+            return [job] if self.ended[job][0] == "succeeded" else []
+        tasks = daemon.ask("GET", f"/v1/jobs/{job}/tasks").json["tasks"]
+        return [f"{job}.{task['frame']}" for task in tasks if task["state"] == "succeeded"]
 
     def check_all(self, daemon):
         """At rest: every job again, and the state directory as it has to be."""
         for job in list(self.accepted):
             if self.look(daemon, job) is None:
                 raise Violation(f"the job {job} is not shown at rest")
-        succeeded = {job for job, (state, _) in self.ended.items() if state == "succeeded"}
-        stored = {path.name for path in (daemon.state / "results").iterdir()}
-        if stored != succeeded:
-            raise Violation(f"results without a job {stored - succeeded}, jobs without a result {succeeded - stored}")
+        wanted = {place for job in self.accepted if job not in self.deleted for place in self.places(daemon, job)}
+
+        def differ():
+            return wanted ^ {path.name for path in (daemon.state / "results").iterdir()}
+        try:
+            wait_until(lambda: not differ(), "the removal of what was deleted", 30)
+        except AssertionError:
+            raise Violation(f"results without a job, or jobs without a result: {differ()}") from None
         for attempt in (daemon.state / "attempts").iterdir():
             left = {path.name for path in attempt.iterdir()} - {"worker.log"}
             if left:
@@ -318,8 +355,8 @@ class Book:
 class Load:
     """Clients that submit, look, fetch and cancel from their own threads until they are stopped."""
 
-    def __init__(self, daemon, book, seed, submitters=2):
-        self.daemon, self.book = daemon, book
+    def __init__(self, daemon, book, seed, footage=None, submitters=2):
+        self.daemon, self.book, self.footage = daemon, book, footage
         self.over, self.failures = threading.Event(), []
         self.threads = [threading.Thread(target=self.guard, args=(self.submit, f"{seed}.{k}"), daemon=True)
                         for k in range(submitters)]
@@ -339,15 +376,22 @@ class Load:
             if len(self.book.unfinished()) >= MOST_UNFINISHED:
                 self.over.wait(0.01)
                 continue
-            name, k = f"{seed}.{k}", k + 1
-            kind = rng.random()
-            document = spec(name, count=1500 if kind < 0.15 else rng.choice((60, 100, 200)), preview=kind > 0.85)
-            document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
+            with self.book.mutex:
+                document = self.book.unanswered.pop() if self.book.unanswered else None
+            document, k = document or self.invent(f"{seed}.{k}", rng), k + 1
             job = self.book.submit(self.daemon, document)
             if job is None:
                 self.over.wait(0.02)
             elif rng.random() < 0.08:
                 self.cancel(job)
+
+    def invent(self, name, rng):
+        kind = rng.random()
+        if self.footage and kind < 0.05:
+            return {**sequence(name, self.footage), "limits": {"max_attempts": MANY}}
+        document = spec(name, count=1500 if kind < 0.15 else rng.choice((60, 100, 200)), preview=kind > 0.85)
+        document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
+        return document
 
     def cancel(self, job):
         reply = self.daemon.ask("POST", f"/v1/jobs/{job}/cancel")
@@ -366,8 +410,18 @@ class Load:
             if self.book.ended and rng.random() < 0.2:
                 jobs = jobs + [rng.choice(list(self.book.ended))]
             for job in jobs:
-                self.book.look(self.daemon, job)
+                now = self.book.look(self.daemon, job)
+                if now and now["state"] in FINAL and rng.random() < 0.05:
+                    self.delete(job)
             self.over.wait(0.01)
+
+    def delete(self, job):
+        with self.book.mutex:
+            self.book.doubtful.add(job)
+        reply = self.daemon.ask("DELETE", f"/v1/jobs/{job}")
+        if reply is not None and reply.status == 204:
+            with self.book.mutex:
+                self.book.deleted.add(job)
 
     def stop(self):
         self.over.set()

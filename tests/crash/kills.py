@@ -5,7 +5,7 @@ import shutil
 import signal
 import time
 
-from farm import Book, Daemon, Load, Violation, wait_until
+from farm import Book, Daemon, Load, Violation, make_footage
 
 CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
 # what is killed, and how often
@@ -47,12 +47,12 @@ def act(daemon, target, rng):
     daemon.kill()
 
 
-def cycle(daemon, book, seed, figures):
+def cycle(daemon, book, seed, footage, figures):
     rng = random.Random(seed)
     target = rng.choices(list(TARGETS), TARGETS.values())[0]
     if daemon.dead():
         daemon.start()
-    load = Load(daemon, book, seed)
+    load = Load(daemon, book, seed, footage)
     act(daemon, target, rng)
     load.stop()
     if daemon.dead():
@@ -65,15 +65,19 @@ def finish(daemon, book, figures):
     """Lets all jobs end and looks at everything, before and after one more start."""
     if daemon.dead():
         daemon.start()
-    answered = len(book.accepted)
-    figures["jobs stored without an answer"] += book.adopt(daemon) - answered
+    for document in book.unanswered[:]:
+        book.unanswered.remove(document)
+        book.submit(daemon, document)
+    if book.adopt(daemon) + len(book.deleted) != len(book.accepted):
+        raise Violation("a job is stored that is not accepted under its key")
     book.settle(daemon)
     book.check_all(daemon)
     daemon.end_by_drain()
     daemon.start()
     book.check_all(daemon)
     for job in book.listed(daemon):
-        attempts = daemon.job(job)["attempts"]
+        attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
+        figures["sequences"] += "frame" in attempts[0] if attempts else 0
         figures["attempts"] += len(attempts)
         figures["most attempts of a job"] = max(figures["most attempts of a job"], len(attempts))
         figures["results found at a start"] += sum("found at the start" in (a.get("reason") or "") for a in attempts)
@@ -83,26 +87,27 @@ def finish(daemon, book, figures):
     for job, (state, _) in book.ended.items():
         figures["ended"][state] = figures["ended"].get(state, 0) + 1
     for status, times in book.replies.items():
-        figures["submissions"][str(status)] = figures["submissions"].get(str(status), 0) + times
+        figures["submissions"][status] = figures["submissions"].get(status, 0) + times
     figures["files fetched"] += book.files
+    figures["deleted"] += len(book.deleted)
 
 
 def new_figures():
-    return {"cycles": {}, "submissions": {}, "ended": {}, "jobs stored without an answer": 0, "attempts": 0,
+    return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "attempts": 0,
             "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0}
 
 
 def run(build, where, cycles, seed, say, new_daemon=Daemon):
     """So many kills; the figures. Raises Violation with the seed and the place. `new_daemon` is called as Daemon is."""
-    figures, done = new_figures(), 0
+    figures, done, footage = new_figures(), 0, make_footage(build, where / "footage")
     while done < cycles:
         base = where / f"round.{done}"
         shutil.rmtree(base, ignore_errors=True)
-        daemon = new_daemon(build, base, "--workers", 2)
+        daemon = new_daemon(build, base, "--workers", 2, "--input_roots", footage)
         book = Book(base / "accepted")
         try:
             for _ in range(min(CYCLES_A_ROUND, cycles - done)):
-                cycle(daemon, book, f"{seed}.{done}", figures)
+                cycle(daemon, book, f"{seed}.{done}", footage, figures)
                 done += 1
             finish(daemon, book, figures)
         except Exception as e:

@@ -110,6 +110,7 @@ def book_at(before, after, entries):
     """What clients had been told when the record had come so far."""
     book = Book()
     book.sent, book.cancelled = dict(after.sent), set(before.cancelled)
+    book.doubtful = set(after.doubtful)
     book.accepted, book.ended = dict(before.accepted), dict(before.ended)
     for entry in entries:
         if entry[0] == "accepted":

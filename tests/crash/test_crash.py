@@ -2,6 +2,7 @@
 import errno
 import os
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import pytest
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import calls  # noqa: E402
 import disk  # noqa: E402
+import farm  # noqa: E402
 import faults  # noqa: E402
 import kills  # noqa: E402
 import mutations  # noqa: E402
@@ -43,6 +45,28 @@ def test_power_losses(supervision, build, tmp_path, diagnose):
 def test_mutations_are_seen(supervision, build, tmp_path, diagnose):
     """Those that take a moment; all of them are `make crashtest`'s."""
     assert len(mutations.run(build, tmp_path, SEED, diagnose, some=2)) == 2
+
+
+def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):
+    """Is tried again although nothing else happens that would wake the daemon."""
+    accepted, failed = [], []
+
+    def judge(call):
+        if not any(call.paths):
+            accepted.extend(re.findall(rb"^HTTP/1.1 201 ", call.data()))
+        elif accepted and not failed and call.paths == ["queue.db-wal"] and call.name in calls.WRITES:
+            failed.append(call.name)
+            return "error", errno.ENOSPC
+        return None
+    daemon, book = farm.Daemon(build, tmp_path), farm.Book()
+    daemon.state.mkdir()
+    daemon.spawn(judge)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("first"))
+        book.settle(daemon)
+        daemon.end_by_drain()
+    assert failed and book.ended[job][0] == "succeeded" and not daemon.supervisor.failure
 
 
 def test_every_call_is_seen(supervision, tmp_path):
