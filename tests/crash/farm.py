@@ -17,7 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
 from calls import Supervisor  # noqa: E402
 from service import PATIENCE_S, Service, UnixConnection, processes, wait_until  # noqa: E402
 
-FRAMES = (1, 2, 3)
+FRAMES = (1, 2)
 FINAL = ("succeeded", "failed", "cancelled", "timed_out")
 MOST_UNFINISHED = 8  # clients wait when so many jobs have not ended, so that jobs end between two kills
 
@@ -316,15 +316,16 @@ class Book:
         return found
 
     def adopt(self, daemon):
-        """Takes up jobs that were stored although their answers did not arrive; none twice, none from nowhere."""
-        names = {}
+        """Takes up jobs that were stored although their answers did not arrive; none twice, none from nowhere. How many
+        there were."""
+        names, before = {}, len(self.accepted)
         for job, document in self.listed(daemon).items():
             name = document["name"]
             if job in self.deleted or name in names or name not in self.sent:
                 raise Violation(f"the job {job} is there twice, or deleted, or was never sent: {name}")
             names[name] = job
             self.accepted.setdefault(job, name)
-        return len(names)
+        return len(self.accepted) - before
 
     def places(self, daemon, job):
         """The names in `results` that the job is to have, each for a task that succeeded."""
@@ -387,7 +388,7 @@ class Load:
 
     def invent(self, name, rng):
         kind = rng.random()
-        if self.footage and kind < 0.05:
+        if self.footage and kind < 0.03:
             return {**sequence(name, self.footage), "limits": {"max_attempts": MANY}}
         document = spec(name, count=1500 if kind < 0.15 else rng.choice((60, 100, 200)), preview=kind > 0.85)
         document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
