@@ -1,8 +1,8 @@
 """The file system calls of a program and of all that it starts, each looked at before the kernel does it.
 
-A supervisor is a thread beside the test: the kernel hands it every call that launch.py names (seccomp user notification),
-with the calling thread stopped, and it lets the call go on, fails it, does a part of it, or only claims that it was
-done. So nothing is missed, however a program comes to its calls (stdio, SQLite, a library), and nothing is
+A supervisor is a thread beside the test: the kernel hands it every call that launch.py names (seccomp user
+notification), with the calling thread stopped, and it lets the call go on, fails it, does a part of it, or only claims
+that it was done. So nothing is missed, however a program comes to its calls (stdio, SQLite, a library), and nothing is
 preloaded or changed in the program. x86-64 with Linux 5.19 or newer; `why_not()` says what is missing.
 """
 import ctypes
@@ -29,8 +29,8 @@ O_APPEND = 0o2000
 
 # name: (arguments that hold directory and path), one pair for each path
 PATHS = {
-    "open": [(None, 0)], "creat": [(None, 0)], "truncate": [(None, 0)], "access": [(None, 0)], "mkdir": [(None, 0)], "rmdir": [(None, 0)],
-    "unlink": [(None, 0)], "rename": [(None, 0), (None, 1)], "link": [(None, 0), (None, 1)],
+    "open": [(None, 0)], "creat": [(None, 0)], "truncate": [(None, 0)], "access": [(None, 0)],
+    "mkdir": [(None, 0)], "rmdir": [(None, 0)], "unlink": [(None, 0)], "rename": [(None, 0), (None, 1)], "link": [(None, 0), (None, 1)],
     "symlink": [(None, 1)], "openat": [(0, 1)], "openat2": [(0, 1)], "mkdirat": [(0, 1)], "unlinkat": [(0, 1)],
     "newfstatat": [(0, 1)], "faccessat": [(0, 1)], "faccessat2": [(0, 1)],
     "renameat": [(0, 1), (2, 3)], "renameat2": [(0, 1), (2, 3)],

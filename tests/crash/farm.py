@@ -316,8 +316,8 @@ class Book:
         return found
 
     def adopt(self, daemon):
-        """Takes up jobs that were stored although their answers did not arrive; none twice, none from nowhere. How many
-        there were."""
+        """Takes up jobs that were stored although their answers did not arrive; none twice, none from nowhere. How
+        many there were."""
         names, before = {}, len(self.accepted)
         for job, document in self.listed(daemon).items():
             name = document["name"]

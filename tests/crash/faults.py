@@ -114,7 +114,8 @@ def use(daemon, book, fault=None):
                              for now, job in zip(seen, book.accepted))
         return ended or daemon.dead() or fault and fault.for_ever and fault.hits > 6
     wait_until(is_over, "the job's end")
-    unharmed = set(book.replies) == {201} and {book.ended.get(job, ("",))[0] for job in book.accepted} == {"succeeded"}
+    ends = {book.ended.get(job, ("",))[0] for job in book.accepted}
+    unharmed = set(book.replies) == {"201"} and ends == {"succeeded"}
     if fault and fault.hits:
         submit_patiently(daemon, book, "second", fault)
     if daemon.dead():

@@ -101,7 +101,7 @@ def new_figures():
 
 
 def run(build, where, cycles, seed, say, new_daemon=Daemon):
-    """So many kills; the figures. Raises Violation with the seed and the place. `new_daemon` is called as Daemon is."""
+    """So many kills; the figures. Raises Violation with the seed and the place."""
     figures, done, footage = new_figures(), 0, make_footage(build, where / "footage")
     while done < cycles:
         base = where / f"round.{done}"

@@ -16,10 +16,12 @@ LISTENER = 200  # no program here has so many
 # system calls of x86-64
 NUMBERS = {
     "read": 0, "write": 1, "open": 2, "pread64": 17, "pwrite64": 18, "readv": 19, "writev": 20, "access": 21,
-    "sendfile": 40, "sendto": 44, "sendmsg": 46, "flock": 73, "fsync": 74, "fdatasync": 75, "truncate": 76, "ftruncate": 77, "rename": 82,
+    "sendfile": 40, "sendto": 44, "sendmsg": 46, "flock": 73, "fsync": 74, "fdatasync": 75, "truncate": 76,
+    "ftruncate": 77, "rename": 82,
     "mkdir": 83, "rmdir": 84, "creat": 85, "link": 86, "unlink": 87, "symlink": 88, "getdents64": 217,
     "openat": 257, "mkdirat": 258, "newfstatat": 262, "unlinkat": 263, "renameat": 264, "linkat": 265,
-    "symlinkat": 266, "faccessat": 269, "sync_file_range": 277, "fallocate": 285, "preadv": 295, "pwritev": 296, "renameat2": 316,
+    "symlinkat": 266, "faccessat": 269, "sync_file_range": 277, "fallocate": 285, "preadv": 295, "pwritev": 296,
+    "renameat2": 316,
     "copy_file_range": 326, "preadv2": 327, "pwritev2": 328, "openat2": 437, "faccessat2": 439,
 }
 MMAP, SECCOMP, ARCHITECTURE = 9, 317, 0xC000003E

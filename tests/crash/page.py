@@ -3,13 +3,14 @@
 HEAD = """# What was killed, broken and cut off
 
 Written by `make crashtest`; nothing here is by hand. The service under test is the built one, whole: daemon, workers,
-SQLite, sockets. Clients write down every acceptance (a 201 that was read to its end) where the daemon cannot reach, and
-every end that they were told, with the hash of the result. After each kill, fault or loss the daemon is started again
+SQLite, sockets. Clients write down every acceptance (a 201 that was read to its end) where the daemon cannot reach,
+and every end that they were told, with the hash of the result. After each kill, fault or loss the daemon is started again
 and held against that:
 
 - every accepted job is there, under its name, and none is there twice or was never sent;
-- every job ends: with one result, the same for ever, each file of which is served with the length and the SHA-256 of its
-  listing; or failed with a code and a reason, and then only when its attempts are spent; or cancelled, when that was asked;
+- every job ends: with one result, the same for ever, each file of which is served with the length and the SHA-256 of
+  its listing; or failed with a code and a reason, and (but for faults) only when its attempts are spent; or cancelled,
+  when that was asked;
 - what a client was told of a job's end stays so;
 - `results/` holds exactly the results of the jobs that succeeded, `attempts/` no more than logs;
 - no process of the service outlives the daemon; the daemon itself neither dies of a fault nor refuses to start after it;
