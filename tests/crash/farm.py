@@ -390,7 +390,7 @@ class Load:
         kind = rng.random()
         if self.footage and kind < 0.03:
             return {**sequence(name, self.footage), "limits": {"max_attempts": MANY}}
-        document = spec(name, count=1500 if kind < 0.15 else rng.choice((60, 100, 200)), preview=kind > 0.85)
+        document = spec(name, count=1500 if kind < 0.08 else rng.choice((60, 100, 200)), preview=kind > 0.85)
         document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
         return document
 
@@ -414,7 +414,7 @@ class Load:
                 now = self.book.look(self.daemon, job)
                 if now and now["state"] in FINAL and rng.random() < 0.05:
                     self.delete(job)
-            self.over.wait(0.01)
+            self.over.wait(0.03)
 
     def delete(self, job):
         with self.book.mutex:
