@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
 from calls import Supervisor  # noqa: E402
@@ -29,8 +30,8 @@ class Violation(Exception):
 
 
 def spec(name, count=100, preview=False, **parts):
-    """Of a job that takes a moment; the name says which it is."""
-    return {"version": 1, "name": name, "sampling": {"count": count},
+    """Of a job that takes a moment; the name says which it is, and makes it another than those that were run before."""
+    return {"version": 1, "name": name, "sampling": {"count": count}, "solver": {"seed": zlib.crc32(name.encode())},
             "surface": {"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}},
             "output": {"preview": {"size": [64, 64]} if preview else False}, **parts}
 
@@ -391,6 +392,8 @@ class Load:
         if self.footage and kind < 0.03:
             return {**sequence(name, self.footage), "limits": {"max_attempts": MANY}}
         document = spec(name, count=1500 if kind < 0.08 else rng.choice((60, 100, 200)), preview=kind > 0.85)
+        if rng.random() < 0.2:
+            document["solver"]["seed"] = 1  # its result may be there already
         document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
         return document
 

@@ -78,7 +78,8 @@ def finish(daemon, book, figures):
     daemon.end_by_drain()
     daemon.start()
     book.check_all(daemon)
-    for job in book.listed(daemon):
+    for job, document in book.listed(daemon).items():
+        figures["served from the cache"] += document["cached_from"] is not None
         attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
         figures["sequences"] += "frame" in attempts[0] if attempts else 0
         figures["attempts"] += len(attempts)
@@ -96,7 +97,7 @@ def finish(daemon, book, figures):
 
 
 def new_figures():
-    return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "attempts": 0,
+    return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "served from the cache": 0, "attempts": 0,
             "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0}
 
 

@@ -41,7 +41,7 @@ def write_kills(f):
         *rows(["", "jobs"], ["accepted", f["submissions"].get("201", 0) + f["submissions"].get("201 again", 0)],
               ["of them when sent again under the same key, the first answer being cut off or an error",
                f["submissions"].get("201 again", 0)],
-              ["sequences of two frames", f["sequences"]],
+              ["sequences of two frames", f["sequences"]], ["given the result of an equal one", f["served from the cache"]],
               *([f"ended {state}", ended[state]] for state in sorted(ended)), ["deleted", f["deleted"]]), "",
         f"The jobs took {f['attempts']} attempts, one of them {f['most attempts of a job']}."
         f" {f['results found at a start']} times the kill fell between the rename of a result and the transaction that"
