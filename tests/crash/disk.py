@@ -9,6 +9,7 @@ The record is a list of tuples, paths relative to the directory:
     ("create", path) ("mkdir", path) ("remove", path) ("rename", path, path) ("link", path, path)
     ("write", path, offset, bytes) ("truncate", path, size)
     ("sync", path, token) ("synced", token): an fsync, when it was called and when it came back
+    ("unsynced", path): an fsync of a file that failed. What waited for it may be lost although a later one succeeds
 and any other, which is passed over.
 """
 import os
@@ -23,6 +24,7 @@ LOSSES = ("nothing is left", "all is left", "any of it is left", "names are left
 class File:
     def __init__(self, content=b""):
         self.live, self.durable, self.pending = bytearray(content), bytearray(content), []
+        self.forsaken = []
 
 
 class Directory:
@@ -38,6 +40,11 @@ def change_file(content, change):
     else:
         content.extend(bytes(max(0, offset - len(content))))
         content[offset:offset + len(data)] = data
+
+
+def overlap(one, other):
+    (_, _, a, first), (_, _, b, second) = one, other
+    return first is None or second is None or a < b + len(second) and b < a + len(first)
 
 
 def change_names(entries, change):
@@ -112,8 +119,16 @@ class Disk:
             self.write(rest[0], rest[1], None)
         elif kind == "sync":
             self.syncs[rest[1]] = (None if self.deaf(rest[0]) else self.find(rest[0]), self.now)
+        elif kind == "unsynced":
+            self.forsake(self.find(rest[0]))
         elif kind == "synced":
             self.sync(*self.syncs.pop(rest[0]))
+
+    def forsake(self, node):
+        """The kernel holds pages that it could not write for clean: no later fsync writes them."""
+        if isinstance(node, File):
+            node.forsaken += node.pending
+            node.pending = []
 
     def sync(self, node, until):
         if node is None:
@@ -124,6 +139,8 @@ class Disk:
             node.pending.remove(change)
             if isinstance(node, Directory):
                 self.finish_rename(node, change)
+            else:
+                node.forsaken = [old for old in node.forsaken if not overlap(old, change)]
 
     def finish_rename(self, node, change):
         """A rename is durable in both directories or in none."""
@@ -179,7 +196,7 @@ class Disk:
 
 def rebuild_file(node, loss, rng):
     content = bytearray(node.durable)
-    for number, owner, offset, data in node.pending:
+    for number, owner, offset, data in node.forsaken + node.pending:
         if loss == LOSSES[0] or data is None and loss != LOSSES[1] and rng.random() < 0.5:
             continue
         if loss == LOSSES[1] or data is None:

@@ -81,10 +81,10 @@ class Daemon(Service):
 
     def await_served(self):
         """True once it serves; False when it ended instead."""
-        wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")
-        return self.process.poll() is None
+        wait_until(lambda: self.port_file.exists() or self.dead(), "the daemon")
+        return not self.dead()
 
-    def start(self, *more):
+    def start(self):
         self.spawn()
         if not self.await_served():
             raise Violation(f"the daemon does not start (exit status {self.process.returncode}):"
@@ -156,16 +156,17 @@ class Daemon(Service):
 
 class Book:
     """Thread-safe. What was sent, accepted, and told to have ended; acceptances are on disk before they count. Where
-    faults are made on purpose the book is `tolerant`: an answer may be that the service failed, in these words."""
+    faults are made on purpose the book is `tolerant`: an answer may be that the service failed, in these words; and
+    `forgiving`: any job may fail."""
 
-    def __init__(self, journal=None, tolerant=False):
-        self.tolerant = tolerant
+    def __init__(self, journal=None, tolerant=False, forgiving=False):
+        self.tolerant, self.forgiving = tolerant, forgiving
         self.mutex = threading.Lock()
         self.sent, self.accepted, self.ended, self.cancelled = {}, {}, {}, set()
         self.doubtful, self.deleted = set(), set()  # deletions that were asked for, and those that were answered
         self.unanswered = []  # to be sent again under their keys
         self.replies = {}
-        self.files = self.bytes = 0
+        self.files = 0  # fetched and compared
         self.journal = journal and open(journal, "a", encoding="ascii")
 
     def close(self):
@@ -214,9 +215,9 @@ class Book:
     def is_no_answer(self, reply):
         return reply is None or self.tolerant and reply.status >= 500 and bool(reply.json["detail"])
 
-    def look(self, daemon, job, whole=True):
-        """Reads a job and holds it against what is known; its document, None without an answer. `whole`: its results
-        are fetched although they were before."""
+    def look(self, daemon, job):
+        """Reads a job and holds it against what is known; its document, None without an answer. Of one that
+        succeeded all results are fetched."""
         known, cancelled = self.ended.get(job), job in self.cancelled  # before it is asked
         deleted = job in self.deleted
         reply = daemon.ask("GET", f"/v1/jobs/{job}")
@@ -239,16 +240,14 @@ class Book:
         if cancelled and state in ("failed", "timed_out"):
             raise Violation(f"the cancelled job {job} is {state}: {now['error']}")
         if state in FINAL:
-            self.check_end(daemon, now, known, whole)
+            self.check_end(daemon, now, known)
         return now
 
-    def check_end(self, daemon, now, known, whole):
+    def check_end(self, daemon, now, known):
         job, digest = now["id"], None
         if now["state"] == "succeeded":
             if now["outcome"] not in ("converged", "not_converged"):
                 raise Violation(f"the job {job} succeeded without an outcome")
-            if not whole and known:
-                return
             document = self.sent[now["name"]]
             queries = [f"?frame={frame}" for frame in FRAMES] if "queue" in document else [""]
             digest = [self.fetch(daemon, job, document["sampling"]["count"], query) for query in queries]
@@ -264,7 +263,7 @@ class Book:
             self.ended[job] = (now["state"], digest)
 
     def may_fail(self, name):
-        return self.sent[name].get("limits", {}).get("max_attempts", MANY) < MANY
+        return self.forgiving or self.sent[name].get("limits", {}).get("max_attempts", MANY) < MANY
 
     def fetch(self, daemon, job, count, query):
         """Every file of a result, held against its listing; the hash of the report. None without an answer."""
@@ -287,7 +286,6 @@ class Book:
                 raise Violation(f"{item['href']} has not {count} points")
             with self.mutex:
                 self.files += 1
-                self.bytes += len(reply.body)
         if not {"points.ply", "report.json"} <= set(digests):
             raise Violation(f"the results of {job} are {sorted(digests)}")
         return digests["report.json"]
@@ -297,9 +295,9 @@ class Book:
         def all_ended():
             for job in self.unfinished():
                 self.look(daemon, job)
-            return not self.unfinished() or daemon.process.poll() is not None
+            return not self.unfinished() or daemon.dead()
         wait_until(all_ended, f"the end of {len(self.unfinished())} jobs", 2 * PATIENCE_S)
-        if daemon.process.poll() is not None:
+        if daemon.dead():
             raise Violation(f"the daemon ended with {daemon.process.returncode}: {daemon.log.read_text()[-1000:]}")
 
     def listed(self, daemon):

@@ -7,6 +7,7 @@ import time
 
 from farm import Book, Daemon, Load, Violation, make_footage, wait_until
 
+GOOD = (0, 10)  # exit statuses of a worker that has a result
 CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
 # what is killed, and how often
 TARGETS = {"daemon": 4, "daemon while it starts": 2, "workers": 2, "both": 3, "daemon while it drains": 1}
@@ -81,6 +82,9 @@ def finish(daemon, book, figures):
     for job, document in book.listed(daemon).items():
         figures["served from the cache"] += document["cached_from"] is not None
         attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
+        good = [a.get("frame") for a in attempts if a.get("exit_status") in GOOD]
+        if len(good) != len(set(good)):
+            raise Violation(f"of the job {job} two attempts were taken for good: {attempts}")
         figures["sequences"] += "frame" in attempts[0] if attempts else 0
         figures["attempts"] += len(attempts)
         figures["most attempts of a job"] = max(figures["most attempts of a job"], len(attempts))

@@ -70,7 +70,9 @@ def write_power(f):
     return [
         "## Power loss", "",
         f"{f['records']} records of a loaded service, each begun from what a loss of the one before had left:"
-        f" {f['calls']} changes, {f['syncs']} of them calls of fsync, {f['jobs']} jobs accepted. From"
+        f" {f['calls']} changes, {f['syncs']} of them calls of fsync, {f['jobs']} jobs accepted. In the second half"
+        f" some calls of fsync fail ({f['failed syncs']}), and what waited for them may be lost although a later call"
+        " succeeds, as it is on Linux. From"
         f" {sum(f['losses'].values())} random points a disk is made as a power loss may leave it and a daemon started"
         f" there. {about(f)} What was synced is there; of the rest:", "",
         *rows(["left over", "losses"], *f["losses"].items()), "",

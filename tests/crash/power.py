@@ -1,4 +1,5 @@
 """Power losses: a loaded daemon's changes are recorded, and what a loss at a random point may leave is started from."""
+import errno
 import json
 import os
 import random
@@ -13,14 +14,17 @@ from farm import FINAL, Book, Daemon, Load, Violation, wait_until
 RENAME_EXCHANGE, O_CREAT, O_TRUNC = 2, 0o100, 0o1000
 LOSSES_A_RECORD = 20
 JOBS_A_RECORD = 10
+FAILING = 0.1  # of the fsyncs, in the second half of the records
 OPENS = ("open", "openat", "openat2", "creat")
 
 
 class Record:
-    """A judge that writes down what Disk wants to know, and what the daemon told its clients meanwhile."""
+    """A judge that writes down what Disk wants to know, and what the daemon told its clients meanwhile. Once there is a
+    `chance` so many fsyncs fail."""
 
-    def __init__(self):
+    def __init__(self, seed):
         self.entries, self.mutex, self.tokens = [], threading.Lock(), 0
+        self.chance, self.rng = 0, random.Random(seed)
 
     def note(self, *entry):
         with self.mutex:
@@ -58,6 +62,9 @@ class Record:
     def sync(self, call, path):
         """The fsync is done here, so that the moment is known at which it has come back: not before then may anybody
         rely on it."""
+        if self.rng.random() < self.chance:
+            self.note("unsynced", path)
+            return "error", errno.EIO
         with self.mutex:
             self.tokens += 1
             token = self.tokens
@@ -86,13 +93,14 @@ class Record:
             self.note("ended", job["id"], job["state"])
 
 
-def record(daemon, book, seed):
-    """Runs a load until some jobs have ended, and ends the daemon; the record."""
-    rng, entries = random.Random(seed), Record()
+def record(daemon, book, seed, chance):
+    """Runs a load until some jobs have ended, and ends the daemon; the record. `chance` is of an fsync to fail."""
+    rng, entries = random.Random(seed), Record(seed)
     daemon.spawn(entries)
     with daemon.supervisor:
         if not daemon.await_served():
             raise Violation(f"the daemon does not start: {daemon.log.read_text()[-1000:]}")
+        entries.chance = chance
         before, load = len(book.ended), Load(daemon, book, seed)
         wait_until(lambda: len(book.ended) >= before + JOBS_A_RECORD or load.failures or daemon.dead(), "jobs to end")
         if rng.random() < 0.5:
@@ -110,7 +118,7 @@ def book_at(before, after, entries):
     """What clients had been told when the record had come so far."""
     book = Book()
     book.sent, book.cancelled = dict(after.sent), set(before.cancelled)
-    book.doubtful = set(after.doubtful)
+    book.doubtful, book.forgiving = set(after.doubtful), after.forgiving
     book.accepted, book.ended = dict(before.accepted), dict(before.ended)
     for entry in entries:
         if entry[0] == "accepted":
@@ -158,7 +166,8 @@ class Rounds:
     def __init__(self, build, where, seed, deaf):
         self.build, self.where, self.seed, self.deaf = build, where, seed, deaf
         self.base, self.book, self.number = None, Book(), 0
-        self.figures = {"losses": dict.fromkeys(LOSSES, 0), "records": 0, "calls": 0, "syncs": 0, "jobs": 0}
+        self.figures = {"losses": dict.fromkeys(LOSSES, 0), "records": 0, "calls": 0, "syncs": 0,
+                        "failed syncs": 0, "jobs": 0}
 
     def disk(self):
         disk = Disk(self.deaf)
@@ -166,7 +175,7 @@ class Rounds:
             disk.load(self.base / "state")
         return disk
 
-    def round(self, losses):
+    def round(self, losses, chance):
         seed = f"{self.seed}.{self.number}"
         rng = random.Random(seed)
         place = self.where / f"record.{self.number}"
@@ -176,8 +185,9 @@ class Rounds:
             shutil.copytree(self.base / "state", place / "state")
         else:
             (place / "state").mkdir()
+        self.book.forgiving |= chance > 0  # a job may fail of an fsync, too
         after = copy_book(self.book)
-        entries = record(Daemon(self.build, place, "--workers", 2), after, seed)
+        entries = record(Daemon(self.build, place, "--workers", 2), after, seed, chance)
         check_model(self.disk(), entries, place / "state")
         self.count(entries)
         shutil.rmtree(place)
@@ -196,7 +206,8 @@ class Rounds:
     def count(self, entries):
         self.figures["records"] += 1
         self.figures["calls"] += sum(entry[0] not in ("synced", "accepted", "ended") for entry in entries)
-        self.figures["syncs"] += sum(entry[0] == "sync" for entry in entries)
+        self.figures["syncs"] += sum(entry[0] in ("sync", "unsynced") for entry in entries)
+        self.figures["failed syncs"] += sum(entry[0] == "unsynced" for entry in entries)
         self.figures["jobs"] += sum(entry[0] == "accepted" for entry in entries)
 
     def lose(self, disk, book, seed, keep):
@@ -223,7 +234,7 @@ def run(build, where, losses, seed, say, deaf=lambda path: False):
     shutil.rmtree(where, ignore_errors=True)
     rounds, done = Rounds(build, where, seed, deaf), 0
     while done < losses:
-        rounds.round(min(LOSSES_A_RECORD, losses - done))
+        rounds.round(min(LOSSES_A_RECORD, losses - done), 0 if done < losses / 2 else FAILING)
         done += min(LOSSES_A_RECORD, losses - done)
         say(f"{done} of {losses} power losses")
     shutil.rmtree(where)

@@ -120,6 +120,14 @@ def test_a_disk_keeps_what_was_synced(tmp_path):
     assert {s["a"] for s in some} == {b"old", b"NEW"} and {"b" in s for s in some} == {True, False}
 
 
+def test_a_disk_forgets_what_an_fsync_failed_for(tmp_path):
+    entries = [("create", "a"), ("sync", ".", 1), ("synced", 1), ("write", "a", 0, b"one"), ("write", "a", 5, b"two"),
+               ("unsynced", "a"), ("write", "a", 5, b"TWO"), ("sync", "a", 2), ("synced", 2)]
+    assert lost(entries, tmp_path / "nothing") == {"a": bytes(5) + b"TWO"}
+    some = {lost(entries, tmp_path / f"{seed}", "any of it is left", seed)["a"] for seed in range(40)}
+    assert some == {bytes(5) + b"TWO", b"one" + bytes(2) + b"TWO"}
+
+
 def test_a_disk_renames_as_a_whole(tmp_path):
     entries = [("mkdir", "a"), ("mkdir", "b"), ("create", "a/x"), ("sync", ".", 1), ("synced", 1), ("sync", "a", 2),
                ("synced", 2), ("rename", "a/x", "b/y")]
