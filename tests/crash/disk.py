@@ -161,7 +161,7 @@ class Disk:
         return list(found.values())
 
     def compare(self, where):
-        """What differs between a directory and the model of it, as a text; "" when nothing does."""
+        """The paths at which a directory and the model of it differ."""
         def tree(directory, base):
             for name, node in directory.live.items():
                 yield base + name, bytes(node.live) if isinstance(node, File) else None
@@ -169,8 +169,8 @@ class Disk:
                     yield from tree(node, f"{base}{name}/")
         ours, root = dict(tree(self.root, "")), pathlib.Path(where)
         theirs = {str(p.relative_to(root)): None if p.is_dir() else p.read_bytes() for p in root.rglob("*")}
-        return ", ".join(sorted(path for path in ours.keys() | theirs.keys()
-                                if path not in ours or path not in theirs or ours[path] != theirs[path]))
+        return sorted(path for path in ours.keys() | theirs.keys()
+                      if path not in ours or path not in theirs or ours[path] != theirs[path])
 
     def lose_power(self, where, loss, seed):
         """Makes the directory `where` what a power loss now may leave."""
