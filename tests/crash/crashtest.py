@@ -23,7 +23,7 @@ def parse(words):
     parser.add_argument("--losses", type=int, default=400, help="power losses")
     parser.add_argument("--every", type=int, default=1, help="only one in so many faults")
     parser.add_argument("--seed", default="1")
-    parser.add_argument("--parts", default="kills,faults,power,mutations", help="which; figures of others are kept")
+    parser.add_argument("--parts", default="kills,faults,power,mutations", help="which, perhaps none; figures of others are kept")
     parser.add_argument("--page", type=pathlib.Path, help="where to write the page, from all parts' last figures")
     return parser.parse_args(words)
 
@@ -45,7 +45,7 @@ def main(words):
         "power": lambda: power.run(build, work / "power", options.losses, seed, say),
         "mutations": lambda: {"caught": mutations.run(build, work / "mutations", seed, say)},
     }
-    for name in options.parts.split(","):
+    for name in filter(None, options.parts.split(",")):
         began = time.monotonic()
         try:
             figures = parts[name]()
