@@ -69,6 +69,24 @@ def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):
     assert failed and book.ended[job][0] == "succeeded" and not daemon.supervisor.failure
 
 
+def test_a_removal_is_on_disk_before_the_queue_ends_the_attempt(supervision, build, tmp_path):
+    """Else a power loss brings back what nobody looks for any more."""
+    daemon, book, record = farm.Daemon(build, tmp_path), farm.Book(), power.Record(SEED)
+    daemon.state.mkdir()
+    daemon.spawn(record)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("killed", count=200000, limits={"max_attempts": 1}))
+        farm.wait_until(daemon.workers, "the worker")
+        kills.kill_all(daemon.workers())
+        book.settle(daemon)
+        daemon.end_by_drain()
+    assert book.ended[job][0] == "failed" and not daemon.supervisor.failure
+    after = record.entries[record.entries.index(("remove", f"attempts/{job}.1")):]
+    ended = next(k for k, entry in enumerate(after) if entry[:2] == ("write", "queue.db-wal"))
+    assert any(entry[:2] == ("sync", "attempts") for entry in after[:ended]), after[:ended]
+
+
 def test_every_call_is_seen(supervision, tmp_path):
     """Of a child of a child, too, and through the buffers of the C library."""
     seen = []
