@@ -24,8 +24,7 @@ NAMES = {number: name for name, number in launch.NUMBERS.items()} | {launch.MMAP
 RECEIVE, ANSWER, IS_VALID = 0xC0502100, 0xC0182101, 0x40082102  # ioctls of a listener
 GO_ON = 1  # flag of an answer
 PIDFD_GETFD = 438
-AT_FDCWD, AT_EMPTY_PATH = -100, 0x1000
-O_APPEND = 0o2000
+AT_FDCWD = -100
 
 # name: (arguments that hold directory and path), one pair for each path
 PATHS = {
@@ -41,6 +40,7 @@ DESCRIPTORS = {"copy_file_range": 2, "mmap": 4, "sendfile": 0}
 WRITES = {"write", "writev", "pwrite64", "pwritev", "pwritev2"}
 REPLIES = {"write", "writev", "sendto", "sendmsg"}
 SYNCS = {"fsync", "fdatasync"}
+OPENS = {"open", "creat", "openat", "openat2"}
 
 
 def why_not():
@@ -117,15 +117,20 @@ class Call:
             return self.arguments[3]
         info = pathlib.Path(f"/proc/{self.tid}/fdinfo/{self.descriptor}").read_text()
         fields = dict(line.split(":\t", 1) for line in info.splitlines() if ":\t" in line)
-        if int(fields["flags"], 8) & O_APPEND:
+        if int(fields["flags"], 8) & os.O_APPEND:
             return os.stat(f"/proc/{self.tid}/fd/{self.descriptor}").st_size
         return int(fields["pos"])
 
     def flags(self):
         """Of a call that opens."""
+        if self.name == "creat":
+            return os.O_CREAT | os.O_TRUNC | os.O_WRONLY
         if self.name == "openat2":
             return struct.unpack("Q", self.memory(self.arguments[2], 8))[0]
-        return {"open": 1, "openat": 2, "creat": None}[self.name] and self.arguments[1 + (self.name == "openat")]
+        return self.arguments[1 if self.name == "open" else 2]
+
+    def creates(self):
+        return self.name in OPENS and bool(self.flags() & os.O_CREAT)
 
     def borrow(self):
         """The call's own descriptor, as one of this process; to be closed."""
@@ -245,7 +250,7 @@ class Supervisor:
         verdict = None
         try:
             call = Call(self, tid, name, arguments) if self.judge else None
-            if call and (any(call.paths) or name in REPLIES and (call.link.startswith("socket:"))):
+            if call and (any(call.paths) or name in REPLIES and call.link.startswith("socket:")):
                 verdict = self.judge(call)
         except Exception as e:  # a fault of the test, which must not leave the program stopped
             if self.is_waiting(number):

@@ -8,8 +8,7 @@ import shutil
 from calls import SYNCS, WRITES
 from farm import FINAL, Book, Daemon, Violation, spec, wait_until
 
-MAKES_NAMES = {"open", "openat", "openat2", "creat", "mkdir", "mkdirat", "rename", "renameat", "renameat2", "link",
-               "linkat", "symlink", "symlinkat"}
+MAKES_NAMES = {"mkdir", "mkdirat", "rename", "renameat", "renameat2", "link", "linkat", "symlink", "symlinkat"}
 
 MANY_ALIKE, SOME = 60, 10
 
@@ -20,14 +19,17 @@ def plain(path):
     return re.sub(r"\.[0-9a-f]{16}\b", ".TMP", path)
 
 
+def makes_name(call):
+    return call.name in MAKES_NAMES or call.creates()
+
+
 class Place:
     """A call among those of a run: the nth of its program with that name and those paths."""
 
     def __init__(self, call):
         self.program, self.name = call.program, call.name
         self.paths = " -> ".join(plain(p) for p in call.paths if p)
-        self.makes = call.name in MAKES_NAMES and (
-            not call.name.startswith("open") or bool(call.flags() & 0o100))  # O_CREAT
+        self.makes = makes_name(call)
 
     @property
     def key(self):
@@ -71,8 +73,7 @@ class Fault:
 
     def is_like(self, call):
         """A full disk is full for every file, a broken one does not flush any."""
-        kinds = SYNCS if self.place.name in SYNCS else WRITES | MAKES_NAMES
-        return call.name in kinds and not (call.name.startswith("open") and not call.flags() & 0o100)
+        return call.name in SYNCS if self.place.name in SYNCS else call.name in WRITES or makes_name(call)
 
     def __call__(self, call):
         if not any(call.paths):

@@ -57,8 +57,8 @@ def write_faults(f):
         "## Faults of the disk", "",
         f"One job's way from the start of a daemon to its served result makes {f['calls']} system calls on files of the"
         " state directory, in the daemon, in SQLite and in the worker. Each is failed, in each way that it can, in a"
-        f" run of its own: {f['faults']} runs (of the hundreds of pieces in which a picture is written and read, ten"
-        f" are taken).{sampled} {about(f)} Afterwards another job is submitted, the daemon is drained or killed, and"
+        f" run of its own: {f['faults']} runs (of the hundreds of pieces in which a picture is written and read, a"
+        f" dozen is taken).{sampled} {about(f)} Afterwards another job is submitted, the daemon is drained or killed, and"
         " started without faults.", "",
         "Went on: the job succeeded and no request saw anything. Said so: a request was answered with an error, or the"
         " job failed with one. Refused to start: the daemon ended with a message. Not reached: that run had fewer such"

@@ -7,17 +7,16 @@ import re
 import shutil
 import threading
 
-from calls import SYNCS, WRITES
+from calls import OPENS, SYNCS, WRITES
 from disk import LOSSES, Disk
 from faults import MAKES_NAMES
 from farm import FINAL, Book, Daemon, Load, Violation, wait_until
 
-RENAME_EXCHANGE, O_CREAT, O_TRUNC = 2, 0o100, 0o1000
+RENAME_EXCHANGE = 2
 LOSSES_A_RECORD = 20
 JOBS_A_RECORD = 10
 FAILING = 0.1  # of the fsyncs, in the second half of the records
-CHANGES = WRITES | MAKES_NAMES | {"truncate", "ftruncate", "unlink", "unlinkat", "rmdir"}
-OPENS = ("open", "openat", "openat2", "creat")
+CHANGES = OPENS | WRITES | MAKES_NAMES | {"truncate", "ftruncate", "unlink", "unlinkat", "rmdir"}
 
 
 class Record:
@@ -44,10 +43,9 @@ class Record:
         elif name in WRITES:
             self.note("write", path, call.offset(), call.data())
         elif name in OPENS:
-            flags = O_CREAT | O_TRUNC if name == "creat" else call.flags()
-            if flags & O_CREAT:
+            if call.creates():
                 self.note("create", path)
-            if flags & O_TRUNC:
+            if call.flags() & os.O_TRUNC:
                 self.note("truncate", path, 0)
         elif name in ("truncate", "ftruncate"):
             self.note("truncate", path, call.arguments[1])
