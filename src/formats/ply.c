@@ -17,9 +17,23 @@ enum { NUMBER_TEXT_MAX = 26 };
 /* A header or ASCII line that ply_write makes is shorter. */
 enum { LINE_MAX_BYTES = 1024 };
 
-static const char *const property_names[PLY_PROPERTIES_MOST] = {
-    "x",      "y",     "z",      "nx",      "ny",            "nz", "kappa",      "kappa1",     "kappa2",
-    "alpha", "energy", "spacing", "spacing_local", "id", "velocity_x", "velocity_y", "velocity_z"};
+static const char *const property_names[PLY_PROPERTIES_MOST] = {"x",
+                                                                "y",
+                                                                "z",
+                                                                "nx",
+                                                                "ny",
+                                                                "nz",
+                                                                "kappa",
+                                                                "kappa1",
+                                                                "kappa2",
+                                                                "alpha",
+                                                                "energy",
+                                                                "spacing",
+                                                                "spacing_local",
+                                                                "id",
+                                                                "velocity_x",
+                                                                "velocity_y",
+                                                                "velocity_z"};
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
 /* The one property that is a whole number of 32 bits, whatever the others are. */
@@ -309,7 +323,8 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
     if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
         return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
-    if (!expect_properties(file, f->precision, 1, PLY_PROPERTIES, e) || !read_line(file, line, e)) return false;
+    if (!expect_properties(file, f->precision, 1, PLY_PROPERTIES, e) || !read_line(file, line, e))
+        return false;
     f->properties = strcmp(line, id_property) == 0 ? PLY_PROPERTIES_MOST : PLY_PROPERTIES;
     if (f->properties == PLY_PROPERTIES_MOST &&
         (!expect_properties(file, f->precision, ID + 1, PLY_PROPERTIES_MOST, e) || !read_line(file, line, e)))
@@ -493,7 +508,8 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     ply_file f = {0};
     double row[PLY_PROPERTIES_MOST];
     if (!read_start(file, &f, e)) return false;
-    f.storage = mem_array(f.points.count, (size_t)f.properties * sizeof(double), "the points of a PLY file", e);
+    f.storage =
+        mem_array(f.points.count, (size_t)f.properties * sizeof(double), "the points of a PLY file", e);
     f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
     bool ok = f.storage && f.triangles;

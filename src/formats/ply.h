@@ -40,7 +40,7 @@ typedef struct ply_file {
     ply_format format;
     ply_precision precision;
     int properties; /* of a point */
-    void *storage; /* private, as triangles */
+    void *storage;  /* private, as triangles */
     uint32_t (*triangles)[3];
 } ply_file;
 

@@ -67,14 +67,15 @@ static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
 /* The job whose turn it is, whether it fits or not. */
 static bool find_head(database *d, const queue_room *room, int64_t *seq, error *e)
 {
-    return read_seq(d,
-                    ASK(d, e,
-                        "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
-                        " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
-                        "  ORDER BY priority DESC, seq LIMIT 1)"
-                        " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
-                        integer(room->most_of_owner)),
-                    seq, e);
+    return read_seq(
+        d,
+        ASK(d, e,
+            "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
+            " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
+            "  ORDER BY priority DESC, seq LIMIT 1)"
+            " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
+            integer(room->most_of_owner)),
+        seq, e);
 }
 
 /* The first that fits. */
@@ -184,7 +185,8 @@ static bool claim(database *d, change *asked)
     if (c->room)
         ok = promote(d, now, e) && choose(d, c->room, &seq, e);
     else
-        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)), &seq, e);
+        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)),
+                      &seq, e);
     return ok && (!seq || start_task(d, seq, c, now, e));
 }
 

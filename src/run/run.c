@@ -69,7 +69,7 @@ typedef struct job {
     size_t count; /* that the target asks for; of the next run, when it asks for time */
     solution solution;
     sequence sequence; /* with queue.coherent */
-    int64_t end_ms; /* with a time for a target: when the job is to be over */
+    int64_t end_ms;    /* with a time for a target: when the job is to be over */
     json *report;
     results_facts results;
 } job;
@@ -219,8 +219,8 @@ static bool place(job *j, solution *out, error *e)
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
     carried brought = {0};
-    if (j->options->previous && !sequence_carry(&j->sequence, j->source.field, j->scan, out->grading, j->count,
-                                                s->seed, j->pool, &brought, e))
+    if (j->options->previous && !sequence_carry(&j->sequence, j->source.field, j->scan, out->grading,
+                                                j->count, s->seed, j->pool, &brought, e))
         goto done;
     const sampler_params params = {
         .given = brought.position,
@@ -231,7 +231,7 @@ static bool place(job *j, solution *out, error *e)
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         .count_limit = (size_t)(particle_memory(j) / bytes_per_particle(j)),
-        .start = brought.position               ? SAMPLER_START_GIVEN
+        .start = brought.position              ? SAMPLER_START_GIVEN
                  : s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM
                                                : SAMPLER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),

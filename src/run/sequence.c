@@ -56,7 +56,8 @@ static bool read_numbers(sequence *s, FILE *file, error *e)
     json *document = read_report(file, e);
     if (!document) return false;
     json_at root = json_root(document), at = json_member(&root, "sequence");
-    double frame = json_number(json_member(&at, "frame"), -1), next = json_number(json_member(&at, "next_id"), -1);
+    double frame = json_number(json_member(&at, "frame"), -1),
+           next = json_number(json_member(&at, "next_id"), -1);
     bool good = frame >= 0 && frame <= INT32_MAX && next >= 0 && next <= UINT32_MAX;
     json_free(document);
     if (!good)
@@ -73,7 +74,8 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
     if (!files) return true;
     if (!read_numbers(s, files->report, e)) return false;
     if (s->previous_frame == frame)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, which is to be run", frame);
+        return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, which is to be run",
+                         frame);
     if (!ply_read(files->points, &s->before, e)) return error_prefix(e, "the frame before");
     if (s->before.points.id && s->before.points.count > 0) return true;
     return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: its points.ply has no ids");
@@ -86,7 +88,8 @@ static bool remember(sequence *s, const carried *c, error *e)
     s->died = c->died;
     if (n == 0) return true; /* as if it were the first */
     if (!(s->start = mem_array(n, sizeof *s->start, what, e)) ||
-        !(s->origin = mem_array(n, sizeof *s->origin, what, e)) || !(s->id = mem_array(n, sizeof *s->id, what, e)))
+        !(s->origin = mem_array(n, sizeof *s->origin, what, e)) ||
+        !(s->id = mem_array(n, sizeof *s->id, what, e)))
         return false;
     memcpy(s->start, c->position, n * sizeof *s->start);
     memcpy(s->origin, c->origin, n * sizeof *s->origin);
@@ -98,8 +101,8 @@ static bool remember(sequence *s, const carried *c, error *e)
     return true;
 }
 
-bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count, uint64_t seed,
-                    threads *pool, carried *out, error *e)
+bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count,
+                    uint64_t seed, threads *pool, carried *out, error *e)
 {
     const points *before = &s->before.points;
     const carry_params params = {before->count, before->position, before->normal, count, g, seed};

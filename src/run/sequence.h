@@ -28,7 +28,7 @@ typedef struct sequence {
     motion motion;
     vec3 *start, *origin; /* of each point: where it was carried to, and from; NULL in a first frame */
     uint32_t *id;
-    vec3 *velocity;                                /* world units per frame */
+    vec3 *velocity;                            /* world units per frame */
     double drift_median, drift_p95, drift_max; /* of those carried: from `start`, over their spacing */
 } sequence;
 
@@ -40,8 +40,8 @@ void sequence_close(sequence_files *files); /* also when nothing is open */
 bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e);
 
 /* Carries the points of the frame before; those of *out are the caller's to free. Errors: as carry_points. */
-bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count, uint64_t seed,
-                    threads *pool, carried *out, error *e);
+bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count,
+                    uint64_t seed, threads *pool, carried *out, error *e);
 
 /* The points are final: gives velocities, ids to those that have none yet, and measures the drift. Errors:
  * limit_memory; internal when there are no more ids. */

@@ -48,9 +48,9 @@ typedef struct crowd {
     size_t carried, count;
     vec3 *position, *normal;
     double *spacing;
-    uint32_t *parent;    /* of the carried */
-    bool *taken;         /* is one of the points */
-    double *rank;        /* how crowded a point, how empty a place is: the largest first */
+    uint32_t *parent; /* of the carried */
+    bool *taken;      /* is one of the points */
+    double *rank;     /* how crowded a point, how empty a place is: the largest first */
     uint32_t *order;
     neighbours *near;
 } crowd;
@@ -116,7 +116,8 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
     crowd *c = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        vec3 before = c->params->position[i], x = keep_in_faces(c->f, before, motion_apply(&c->motion, before));
+        vec3 before = c->params->position[i],
+             x = keep_in_faces(c->f, before, motion_apply(&c->motion, before));
         vec3 faced = motion_turn(&c->motion, c->params->normal[i]);
         c->taken[i] = land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
         c->position[i] = x;
@@ -218,7 +219,8 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
         if (!find_corners(c, i, corner)) continue;
         vec3 a = c->position[corner[0]], ab = vec3_sub(c->position[corner[1]], a),
              ac = vec3_sub(c->position[corner[2]], a), n = vec3_cross(ab, ac), normal;
-        vec3 to = vec3_add(vec3_scale(vec3_cross(n, ab), vec3_norm2(ac)), vec3_scale(vec3_cross(ac, n), vec3_norm2(ab)));
+        vec3 to = vec3_add(vec3_scale(vec3_cross(n, ab), vec3_norm2(ac)),
+                           vec3_scale(vec3_cross(ac, n), vec3_norm2(ab)));
         vec3 x = vec3_axpy(1 / (2 * vec3_norm2(n)), to, a);
         if (!(vec3_norm(vec3_sub(x, c->position[i])) < c->spacing[i]) || !land(c, &x, &normal)) continue;
         c->position[i] = x;
@@ -358,8 +360,7 @@ static vec3 origin_of(const crowd *c, size_t place)
 {
     uint32_t guide = nearest_carried(c, place);
     vec3 x = c->position[place];
-    if (guide == CARRY_NONE)
-        return vec3_sub(vec3_scale(x, 2), motion_apply(&c->motion, x));
+    if (guide == CARRY_NONE) return vec3_sub(vec3_scale(x, 2), motion_apply(&c->motion, x));
     return vec3_sub(x, vec3_sub(c->position[guide], c->params->position[c->parent[guide]]));
 }
 
@@ -400,8 +401,8 @@ done:
     return ok;
 }
 
-bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool, carried *out,
-                  error *e)
+bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool,
+                  carried *out, error *e)
 {
     crowd c = {.f = f, .scan = scan, .params = params, .pool = pool};
     c.h = levels_spacing(scan->area, params->count);

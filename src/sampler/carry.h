@@ -24,10 +24,10 @@
 #define CARRY_NONE UINT32_MAX
 
 typedef struct carry_params {
-    size_t previous_count; /* >= 1 */
-    const vec3 *position;  /* of the points of the frame before */
-    const vec3 *normal;    /* unit */
-    size_t count;          /* points there are to be */
+    size_t previous_count;  /* >= 1 */
+    const vec3 *position;   /* of the points of the frame before */
+    const vec3 *normal;     /* unit */
+    size_t count;           /* points there are to be */
     const grading *grading; /* NULL: even */
     uint64_t seed;
 } carry_params;
@@ -44,8 +44,8 @@ typedef struct carried {
 
 /* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was told to stop). The caller
  * frees, also after failure. */
-bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool, carried *out,
-                  error *e);
+bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool,
+                  carried *out, error *e);
 void carried_free(carried *c);
 
 #endif

@@ -128,7 +128,8 @@ static void set_up(const hearing *h, double doubt, double a[MOTION_UNKNOWNS][MOT
                    double b[MOTION_UNKNOWNS])
 {
     const vec3 t = h->at.translation, w = h->at.rotation;
-    const double unknown[] = {t.x, t.y, t.z, w.x * h->size, w.y * h->size, w.z * h->size, h->at.growth * h->size};
+    const double unknown[] = {
+        t.x, t.y, t.z, w.x * h->size, w.y * h->size, w.z * h->size, h->at.growth * h->size};
     double weights = 0;
     for (int i = 0; i < MOTION_UNKNOWNS; i++) {
         b[i] = 0;

@@ -17,8 +17,11 @@
 
 enum { POINTS = 2000 };
 
-static const analytic_params before = {
-    .shape = ANALYTIC_TORUS, .center = {0.5, 0, -1}, .axis = {1, 2, 2}, .major_radius = 1, .minor_radius = 0.4};
+static const analytic_params before = {.shape = ANALYTIC_TORUS,
+                                       .center = {0.5, 0, -1},
+                                       .axis = {1, 2, 2},
+                                       .major_radius = 1,
+                                       .minor_radius = 0.4};
 
 typedef struct stage {
     analytic *field;

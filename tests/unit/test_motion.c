@@ -15,7 +15,8 @@
 
 enum { POINTS = 3000 };
 
-static const analytic_params ellipsoid = {.shape = ANALYTIC_ELLIPSOID, .center = {1, 2, 3}, .radii = {1, 0.7, 0.5}};
+static const analytic_params ellipsoid = {
+    .shape = ANALYTIC_ELLIPSOID, .center = {1, 2, 3}, .radii = {1, 0.7, 0.5}};
 static const analytic_params ball = {.shape = ANALYTIC_SPHERE, .center = {1, 2, 3}, .radius = 0.8};
 
 /* Points all over a surface. */
@@ -65,8 +66,8 @@ static void test_derivatives_are_those_of_the_motion(void **state)
     rng r = rng_seed(test_seed(), 0);
     for (int k = 0; k < 200; k++) {
         const vec3 low = {-1, -1, -1}, high = {1, 1, 1};
-        motion m = {random_between(&r, low, high), random_between(&r, low, high), random_between(&r, low, high),
-                    rng_uniform(&r) - 0.5};
+        motion m = {random_between(&r, low, high), random_between(&r, low, high),
+                    random_between(&r, low, high), rng_uniform(&r) - 0.5};
         /* also where the rotation is too small for anything but a series */
         m.rotation = vec3_scale(m.rotation, k % 3 == 0 ? 2 : k % 3 == 1 ? 1e-5 : 0);
         vec3 x = random_between(&r, low, high), along = vec3_unit(random_between(&r, low, high));
@@ -96,13 +97,17 @@ static void test_an_ellipsoid_that_moves_turns_and_grows_is_followed(void **stat
     vec3 x[POINTS], moved[POINTS];
     scatter(&ellipsoid, x);
     /* the points are moved away, so that what brings them back is known */
-    const motion away = {.centre = {1, 2, 3}, .translation = {0.1, -0.05, 0.08}, .rotation = {0.1, 0.15, -0.1}, .growth = -0.1};
+    const motion away = {.centre = {1, 2, 3},
+                         .translation = {0.1, -0.05, 0.08},
+                         .rotation = {0.1, 0.15, -0.1},
+                         .growth = -0.1};
     for (int k = 0; k < POINTS; k++) moved[k] = motion_apply(&away, x[k]);
     motion back = find(moved, &ellipsoid, 1);
     double worst = 0;
     for (int k = 0; k < POINTS; k++)
         worst = fmax(worst, vec3_norm(vec3_sub(motion_apply(&back, moved[k]), x[k])));
-    assert_close(worst, 0, 0.01); /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
+    assert_close(worst, 0,
+                 0.01); /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
     assert_close(back.growth, 0.1, 1e-3);
     assert_close(vec3_norm(back.rotation), vec3_norm(away.rotation), 0.01);
     motion same = find(moved, &ellipsoid, 3);
@@ -129,7 +134,8 @@ static void test_what_vanishes_has_no_say(void **state)
     vec3 x[POINTS];
     analytic_params moved = ellipsoid;
     scatter(&ellipsoid, x);
-    for (int k = 0; k < POINTS / 10; k++) x[k] = (vec3){1 + 0.001 * k, 2, 3.9}; /* a bar that is there no more */
+    for (int k = 0; k < POINTS / 10; k++)
+        x[k] = (vec3){1 + 0.001 * k, 2, 3.9}; /* a bar that is there no more */
     moved.center = (vec3){1.05, 2, 3};
     motion m = find(x, &moved, 1);
     vec3 pole = {1, 2, 3.5}; /* that was */
@@ -145,7 +151,8 @@ static void test_what_stands_still_is_left_alone(void **state)
     expect_near(m.translation, (vec3){0, 0, 0}, 1e-9);
     expect_near(m.rotation, (vec3){0, 0, 0}, 1e-9);
     expect_near(motion_apply(&m, x[7]), x[7], 1e-9);
-    motion none = find(x, &(analytic_params){.shape = ANALYTIC_SPHERE, .center = {90, 90, 90}, .radius = 0.1}, 1);
+    motion none =
+        find(x, &(analytic_params){.shape = ANALYTIC_SPHERE, .center = {90, 90, 90}, .radius = 0.1}, 1);
     assert_true(isfinite(none.growth) && isfinite(none.rotation.x) && isfinite(none.translation.x));
 }
 

@@ -430,7 +430,8 @@ static void test_tasks_in_order_begin_with_the_one_before(void **state)
     queue_task second = claim_after(p, id, 1);
     assert_int_equal(second.frame, 3);
     /* it crashes: those behind it wait until it is tried again */
-    assert_true(queue_requeue(p->q, &(queue_fence){id, 1, second.attempt}, true, INT64_MAX, &crash, &(bool){0}, NULL));
+    assert_true(queue_requeue(p->q, &(queue_fence){id, 1, second.attempt}, true, INT64_MAX, &crash,
+                              &(bool){0}, NULL));
     claim(p, NULL);
     expect_state(p, id, QUEUE_RUNNING);
 }
