@@ -85,8 +85,8 @@ CASES = {
     "torus, spacing": {"what": "the torus of the first case at a spacing of 0.067: 2 % more points in each frame",
                        "torus": TORUS, "frames": range(1, 21), "sampling": {"spacing": 0.067}, "voxel": 0.04,
                        "hex_least": 0.9},
-    "smoke": {"what": "40 000 points on blender_smoke at density 0.8, between frames 2 and 3 by 1/200 a frame",
-              "blend": SMOKE, "steps": 200, "frames": range(1, 6), "sampling": {"count": 40000},
+    "smoke": {"what": "40 000 points on blender_smoke at density 0.8, from frame 2 towards 3 by 1/400 a frame",
+              "blend": SMOKE, "steps": 400, "frames": range(1, 6), "sampling": {"count": 40000},
               "vdb": {"grid": "density", "isovalue": 0.8, "reconstruction": "smoothing"}},
     "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: folds finer than the spacing, on which a"
                               " single frame has no better hex_fraction",
