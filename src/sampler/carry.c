@@ -149,9 +149,12 @@ static void close_gaps(crowd *c)
     c->carried = c->count = kept;
 }
 
+/* After a stop there are no lists that could be looked at. */
 static bool build_lists(crowd *c, double reach, error *e)
 {
-    return c->count == 0 || neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e);
+    if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
+        return false;
+    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 
 /* How far two are apart, of their spacing; INFINITY: on different sheets. */
@@ -408,10 +411,11 @@ bool carry_points(const field *f, const surface *scan, const carry_params *param
     c.h = levels_spacing(scan->area, params->count);
     c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
     *out = (carried){0};
-    bool ok = crowd_make(&c, e) && carry_all(&c, e), same;
-    same = (double)c.carried >= SAME_SURFACE * (double)params->previous_count;
-    if (ok && same) ok = draw_places(&c, e) && populate(&c, e) && hand_over(&c, out, e);
-    if (ok && !same) out->died = params->previous_count;
+    bool ok = crowd_make(&c, e) && carry_all(&c, e);
+    if (ok && (double)c.carried < SAME_SURFACE * (double)params->previous_count)
+        out->died = params->previous_count;
+    else
+        ok = ok && draw_places(&c, e) && populate(&c, e) && hand_over(&c, out, e);
     crowd_free(&c);
     return ok;
 }

@@ -111,6 +111,36 @@ def test_a_count_that_changes_is_met_by_births_and_deaths(worker, footage, tmp_p
     assert third[0].count == COUNT - 20
 
 
+@pytest.mark.parametrize("parts", [
+    {"sampling": {"count": COUNT, "curvature": {"ratio": 4, "exponent": 1}}},
+    {"region": {"min": [-3, -3, -3], "max": [0.3, 3, 3]}},
+], ids=["graded", "region"])
+def test_graded_and_cut_surfaces(worker, footage, tmp_path, parts):
+    spec = spec_of(footage, "1-2", **parts)
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
+    first, second = read(tmp_path / "1")[0], read(tmp_path / "2")[0]
+    way = sequence.ways({"torus": sequence.TORUS}, 2, first, second)
+    assert numpy.median(way) < sequence.DRIFT_MOST * second.spacing.min()
+    if "region" in parts:  # who is on the rim stays on it, unless the rim has become too short
+        on_rim = [set(ids_of(p)[p.position[:, 0] == numpy.float32(0.3)]) for p in (first, second)]
+        assert len(on_rim[0]) > 20 and len(on_rim[0] & on_rim[1]) > 0.8 * len(on_rim[0])
+
+
+def test_another_surface_begins_anew(worker, footage, tmp_path):
+    shutil.copy(footage / "torus.0001.vdb", tmp_path / "torus.0001.vdb")
+    far = {**sequence.TORUS, "velocity": [9, 9, 9]}
+    sequence.write_torus(sequence.Torus(2, far), VOXEL, tmp_path / "torus.0002.vdb")
+    spec = spec_of(tmp_path, "1-2", output={"points_vdb": True})
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
+    points, report = read(tmp_path / "2")
+    told = report["sequence"]
+    assert (told["previous_frame"], told["carried"], told["born"], told["died"]) == (1, 0, COUNT, COUNT)
+    assert set(ids_of(points)) == set(range(COUNT, 2 * COUNT))
+    assert not any(points.columns[f"velocity_{axis}"].any() for axis in "xyz")
+
+
 @pytest.mark.parametrize("previous, code, words", [
     ("nowhere", "input_missing", "nowhere/points.ply"),
     ("plain", "input_damaged", "coherent sequence"),

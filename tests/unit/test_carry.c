@@ -207,6 +207,40 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     strike(&s);
 }
 
+static void test_another_surface_is_not_carried_onto(void **state)
+{
+    (void)state;
+    analytic_params after = before;
+    after.center = (vec3){9, 9, 9};
+    stage s = set_stage(&after, 1);
+    const sampler_points *p = sampler_result_points(first);
+    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, 1};
+    carried c;
+    assert_true(carry_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
+    assert_int_equal(c.count, 0);
+    assert_int_equal(c.died, POINTS);
+    assert_null(c.position);
+    strike(&s);
+}
+
+static void test_a_stop_is_told(void **state)
+{
+    (void)state;
+    volatile sig_atomic_t stop = 0;
+    stage s = set_stage(&before, 1);
+    error e = {0};
+    threads *pool = threads_new(2, &stop, &e);
+    const sampler_points *p = sampler_result_points(first);
+    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, 1};
+    carried c;
+    stop = 1;
+    assert_false(carry_points(&s.field->base, s.scan, &params, pool, &c, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    carried_free(&c);
+    threads_free(pool);
+    strike(&s);
+}
+
 static void test_any_number_of_threads_gives_the_same(void **state)
 {
     (void)state;
@@ -232,6 +266,8 @@ int main(void)
         cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),
         cmocka_unit_test(test_deaths_are_spread),
         cmocka_unit_test(test_where_the_surface_is_new_points_are_born),
+        cmocka_unit_test(test_another_surface_is_not_carried_onto),
+        cmocka_unit_test(test_a_stop_is_told),
         cmocka_unit_test(test_any_number_of_threads_gives_the_same),
     };
     return cmocka_run_group_tests(tests, make_first, free_first);
