@@ -258,11 +258,12 @@ static bool remove_contents(int directory)
 
 bool store_remove(const char *path, error *e)
 {
-    if (unlink(path) == 0 || errno == ENOENT) return true;
+    if (unlink(path) == 0) return parent_sync(path, e);
+    if (errno == ENOENT) return true;
     int directory = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     if (directory < 0 || !remove_contents(directory) || rmdir(path) != 0) {
         if (errno == ENOENT) return true;
         return fail(e, "removed", path);
     }
-    return true;
+    return parent_sync(path, e);
 }

@@ -53,8 +53,8 @@ bool store_directory_sync(const char *path, error *e);
 /* Renames and flushes both parent directories. `to` must not be there, or be an empty directory. */
 bool store_rename(const char *from, const char *to, error *e);
 
-/* Removes a file or a directory with all that is in it; symbolic links are not followed. Nothing
- * there is no error. */
+/* Removes a file or a directory with all that is in it, and flushes the name's end to disk; symbolic
+ * links are not followed. Nothing there is no error. */
 bool store_remove(const char *path, error *e);
 
 #endif

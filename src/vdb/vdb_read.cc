@@ -12,14 +12,18 @@
 #include <cstdlib>
 #include <cstring>
 #include <istream>
+#include <sstream>
 #include <streambuf>
 #include <vector>
 
+#include <dlfcn.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <openvdb/openvdb.h>
 #include <openvdb/io/Archive.h>
+#include <openvdb/io/Compression.h>
+#include <openvdb/io/DelayedLoadMetadata.h>
 #include <openvdb/io/io.h>
 
 namespace vdb = openvdb;
@@ -48,6 +52,19 @@ std::string format(const char *text, unsigned long long a, unsigned long long b)
 class fd_buffer : public std::streambuf {
 public:
     fd_buffer(int fd, int64_t size) : fd_(fd), size_(size), next_(0), block_(1 << 16) {}
+
+    /* What packed values of a node begin with: the length of what follows, or of values that are as they are with a
+     * minus before it. */
+    void check_packed(size_t bytes)
+    {
+        int64_t length, here = next_ - (egptr() - gptr());
+        if (egptr() - gptr() >= ssize_t(sizeof length))
+            std::memcpy(&length, gptr(), sizeof length);
+        else if (pread(fd_, &length, sizeof length, off_t(here)) != ssize_t(sizeof length))
+            return; /* the library finds that out */
+        if (length > 0 ? length > size_ - here : uint64_t(0) - uint64_t(length) != bytes)
+            throw fault(ERROR_INPUT_DAMAGED, "has values of another length than their node: it is damaged");
+    }
 
 protected:
     int_type underflow() override
@@ -127,9 +144,8 @@ public:
         vdb::io::setStreamMetadataPtr(in_, metadata_, /*transfer=*/false);
         vdb::io::setVersion(in_, libraryVersion(), fileVersion());
         vdb::io::setDataCompression(in_, compression());
-        check_metadata();
         vdb::MetaMap ignored;
-        ignored.readMeta(in_);
+        read_entries(ignored);
         count_ = readGridCount(in_);
         if (count_ < 0 || count_ > size_ / smallest_grid)
             throw fault(ERROR_INPUT_DAMAGED, format("says that it holds %llu grids in %llu bytes: it is damaged",
@@ -181,15 +197,15 @@ public:
         vdb::io::setGridClass(in_, vdb::GRID_UNKNOWN);
         vdb::io::setGridBackgroundValuePtr(in_, nullptr);
         readGridCompression(in_);
-        check_metadata();
         grid.clearMetadata();
-        grid.readMeta(in_);
+        read_entries(grid);
         current_->gridMetadata() = static_cast<vdb::MetaMap &>(grid);
         vdb::io::setGridClass(in_, grid.getGridClass());
     }
 
     void read_transform(vdb::GridBase &grid)
     {
+        check_transform();
         try {
             grid.readTransform(in_);
         } catch (const vdb::ArithmeticError &x) {
@@ -244,22 +260,48 @@ private:
                                "with a current OpenVDB", version, vdb::OPENVDB_FILE_VERSION));
     }
 
-    /* Walks over a block of metadata and comes back: the library allocates what the lengths say. */
-    void check_metadata()
+    /* A block of metadata. The library would allocate what the lengths say, and read a value in the length of its type
+     * whatever the file says, from which on both read different things: so each value is handed to it alone. What
+     * serves delayed loading is left out. */
+    void read_entries(vdb::MetaMap &to)
     {
-        std::streampos start = in_.tellg();
         int32_t entries = read_int<int32_t>();
         if (entries < 0) throw fault(ERROR_INPUT_DAMAGED, "has a negative count of metadata: it is damaged");
         for (int32_t i = 0; i < entries; i++) {
-            read_string();
-            read_string();
+            std::string name = read_string(), type = read_string();
             uint32_t bytes = read_int<uint32_t>();
             int64_t here = in_.tellg();
             if (bytes > size_ - here)
                 throw fault(ERROR_INPUT_DAMAGED,
                             format("has metadata of %llu bytes with %llu left in the file: it was cut short or is "
                                    "damaged", bytes, (unsigned long long)(size_ - here)));
-            in_.seekg(here + bytes);
+            if (!vdb::Metadata::isRegisteredType(type) || type == vdb::io::DelayedLoadMetadata::staticTypeName()) {
+                in_.seekg(here + bytes);
+                continue;
+            }
+            std::string text(reinterpret_cast<const char *>(&bytes), sizeof bytes);
+            text.resize(sizeof bytes + bytes);
+            in_.read(&text[sizeof bytes], std::streamsize(bytes));
+            std::istringstream alone(text);
+            alone.exceptions(in_.exceptions());
+            vdb::Metadata::Ptr value = vdb::Metadata::createMetadata(type);
+            value->read(alone);
+            to.insertMeta(name, *value);
+        }
+    }
+
+    /* Walks over the kind of a transform, and over that of the map within a frustum, which the library would follow to
+     * any depth, and comes back. */
+    void check_transform()
+    {
+        const std::string frustum = vdb::math::NonlinearFrustumMap::mapType();
+        std::streampos start = in_.tellg();
+        if (read_string() == frustum) {
+            bool old = fileVersion() < vdb::OPENVDB_FILE_VERSION_FLOAT_FRUSTUM_BBOX;
+            size_t box = 6 * (old ? sizeof(int32_t) : sizeof(double));
+            in_.seekg(std::streamoff(box + 2 * sizeof(double)), std::ios_base::cur); /* and taper and depth */
+            if (read_string() == frustum)
+                throw fault(ERROR_INPUT_DAMAGED, "has a frustum within a frustum for a transform: it is damaged");
         }
         in_.seekg(start);
     }
@@ -371,8 +413,20 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
         throw fault(ERROR_INPUT_UNSUPPORTED, "its transform cannot be inverted: it is singular or nearly so");
 }
 
-template <typename Tree> void check_budget(const Tree &tree, size_t limit)
+/* The library takes a file's word for where the parts of the root lie; its nodes below lie right by themselves. */
+void check_corner(const vdb::Coord &corner, int32_t side)
 {
+    for (int axis = 0; axis < 3; axis++)
+        if (corner[axis] % side != 0)
+            throw fault(ERROR_INPUT_DAMAGED, "a part of its tree lies where none can: it is damaged");
+}
+
+/* Between topology and values. */
+template <typename Tree> void check_topology(const Tree &tree, size_t limit)
+{
+    const int32_t side = Tree::RootNodeType::ChildNodeType::DIM;
+    for (auto child = tree.root().cbeginChildOn(); child; ++child) check_corner(child.getCoord(), side);
+    for (auto tile = tree.root().cbeginValueAll(); tile; ++tile) check_corner(tile.getCoord(), side);
     typedef typename Tree::ValueType value;
     unsigned long long leaves = tree.leafCount();
     unsigned long long each = VDB_LEAF_VOXELS * (sizeof(value) + sizeof(float)) + 256;
@@ -433,7 +487,7 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
     copy_transform(*grid, out->index_to_world);
     if (d.parent.empty()) {
         grid->readTopology(file.stream());
-        check_budget(grid->tree(), limit);
+        check_topology(grid->tree(), limit);
         grid->readBuffers(file.stream());
     } else { /* the tree is shared with another grid, which stands elsewhere in the file */
         reader again(fd);
@@ -443,7 +497,7 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
             throw fault(ERROR_INPUT_DAMAGED, "shares the tree of a grid of another type: the file is damaged");
         again.read_transform(*parent);
         parent->readTopology(again.stream());
-        check_budget(vdb::gridPtrCast<Grid>(parent)->tree(), limit);
+        check_topology(vdb::gridPtrCast<Grid>(parent)->tree(), limit);
         parent->readBuffers(again.stream());
         grid->setTree(parent->baseTreePtr());
     }
@@ -454,6 +508,47 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
 }
 
 } // namespace
+
+/* OpenVDB 10.0 reads values that are as they are in whatever length the file gives, over the end of their node's, and
+ * looks afterwards; it also allocates what the length of packed ones says. So these two stand before the library's own:
+ * whoever calls them, in the library too, finds these first, and they go on to those. */
+typedef void unpacker(std::istream &, char *, size_t);
+
+static unpacker *find_library(unpacker *ours)
+{
+    Dl_info info;
+    bool named = dladdr(reinterpret_cast<void *>(ours), &info) && info.dli_sname;
+    return named ? reinterpret_cast<unpacker *>(dlsym(RTLD_NEXT, info.dli_sname)) : nullptr;
+}
+
+static void unpack(unpacker *library, std::istream &in, char *data, size_t bytes)
+{
+    if (!library) throw fault(ERROR_INTERNAL, "cannot be unpacked: OpenVDB's function for it was not found");
+    fd_buffer *buffer = dynamic_cast<fd_buffer *>(in.rdbuf());
+    if (buffer && data) buffer->check_packed(bytes);
+    library(in, data, bytes);
+}
+
+namespace openvdb {
+OPENVDB_USE_VERSION_NAMESPACE
+namespace OPENVDB_VERSION_NAME {
+namespace io {
+
+void unzipFromStream(std::istream &in, char *data, size_t bytes)
+{
+    static unpacker *const library = find_library(&unzipFromStream);
+    unpack(library, in, data, bytes);
+}
+
+void bloscFromStream(std::istream &in, char *data, size_t bytes)
+{
+    static unpacker *const library = find_library(&bloscFromStream);
+    unpack(library, in, data, bytes);
+}
+
+} // namespace io
+} // namespace OPENVDB_VERSION_NAME
+} // namespace openvdb
 
 extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
 {

@@ -43,6 +43,9 @@ static bool check_values(const header *h, error *e)
     if (h->size[0] * h->size[1] > most_samples / h->size[2])
         return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld x %lld x %lld samples", (long long)h->size[0],
                          (long long)h->size[1], (long long)h->size[2]);
+    if (h->byte_skip > most_samples || h->byte_skip < -most_samples)
+        return error_set(e, ERROR_INPUT_DAMAGED, "claims that its data begin after %lld bytes",
+                         (long long)h->byte_skip);
     for (int k = 0; k < 16; k++)
         if (!isfinite(h->index_to_world[k]))
             return error_set(e, ERROR_INPUT_DAMAGED, "has an orientation whose numbers are not finite");

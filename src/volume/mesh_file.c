@@ -17,12 +17,6 @@ static const off_t bytes_per_second = 1 << 20;
 /* Squares of what is larger overflow long before the surface does anybody any good. */
 static const double largest_coordinate = 1e30;
 
-typedef struct answer {
-    FILE *stream;
-    mesh_reader_header header;
-    char text[MESH_READER_TEXT_MAX + 1];
-} answer;
-
 /* The ending of the file's name in lower case, if it looks like one. */
 static void ending_of(const char *path, char out[16])
 {
@@ -54,16 +48,18 @@ static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e
     return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
 }
 
-static bool read_header(answer *a, error *e)
+static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
 {
-    mesh_reader_header *h = &a->header;
-    if (!read_all(a->stream, h, sizeof *h, 1, e)) return false;
+    char text[MESH_READER_TEXT_MAX + 1] = "";
+    if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
         return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
-    if (h->text_length && !read_all(a->stream, a->text, 1, h->text_length, e)) return false;
-    for (char *p = a->text; *p; p++)
-        if ((unsigned char)*p < ' ') *p = ' ';
-    return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", a->text);
+    if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
+    for (char *p = text; *p; p++) /* it may quote the file */
+        if (*p < ' ' || *p > '~') *p = '?';
+    if (h->code != ERROR_NONE && !*text)
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader refuse it without a word");
+    return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
 }
 
 static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
@@ -109,31 +105,38 @@ static bool read_triangles(FILE *stream, mesh *m, error *e)
     return true;
 }
 
-static bool read_answer(answer *a, size_t limit, mesh *m, error *e)
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e)
 {
-    if (!read_header(a, e) || !check_counts(&a->header, limit, e)) return false;
-    m->vertex_count = a->header.vertices;
-    m->triangle_count = a->header.triangles;
-    m->vertex = mem_array(m->vertex_count, sizeof *m->vertex, "the mesh", e);
-    m->triangle = m->vertex ? mem_array(m->triangle_count, sizeof *m->triangle, "the mesh", e) : NULL;
-    if (!m->triangle || !read_vertices(a->stream, m, e) || !read_triangles(a->stream, m, e)) return false;
-    return fgetc(a->stream) == EOF ||
-           error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer more than it announced");
+    mesh m = {0};
+    bool ok = read_header(stream, header, e) && check_counts(header, memory_limit, e);
+    if (ok) {
+        m.vertex_count = header->vertices;
+        m.triangle_count = header->triangles;
+        m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
+        m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
+        ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e);
+    }
+    if (ok && fgetc(stream) != EOF)
+        ok = error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer more than it announced");
+    if (ok)
+        *out = m;
+    else
+        mesh_free(&m);
+    return ok;
 }
 
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
 {
     mesh m = {0};
-    answer a = {0};
+    mesh_reader_header header = {0};
     off_t size = 0;
     reader r;
     if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, size, &r, e)) return false;
-    a.stream = r.stream;
-    bool ok = read_answer(&a, file->memory_limit, &m, e);
-    ok = reader_end(&r, a.header.magic == MESH_READER_MAGIC, ok, e);
-    if (ok && a.header.others)
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, &header, &m, e);
+    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
+    if (ok && header.others)
         mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
-                  (unsigned long long)a.header.others);
+                  (unsigned long long)header.others);
     if (ok)
         *out = m;
     else

@@ -3,9 +3,11 @@
 #define HEXAD_VOLUME_MESH_FILE_H
 
 #include <stddef.h>
+#include <stdio.h>
 
 #include "base/error.h"
 #include "volume/mesh.h"
+#include "volume/mesh_reader.h"
 
 typedef struct mesh_file {
     int fd;              /* open for reading, at any offset; stays the caller's */
@@ -18,5 +20,8 @@ typedef struct mesh_file {
  * process dies of the file or takes too long; input_unsupported; no_surface when there is no triangle;
  * limit_memory. They do not name the file. *out is untouched on failure, otherwise for mesh_free. */
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
+
+/* Of that the answer alone, from its first byte to its end: what is checked. *header is what was read of it. */
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e);
 
 #endif

@@ -382,6 +382,8 @@ def broken(tmp_path):
     yield "words.nrrd", nrrd(header(encoding="ascii"), b"1 2 x " * 26520), "input_damaged", "text among its numbers"
     yield "huge.nrrd", nrrd(header(sizes="100000 100000 100000")), "input_damaged", "promises"
     yield "vast.nrrd", nrrd(header(sizes="1000000 1000000 1000000")), "input_damaged", "claims"
+    skip = ["byte skip: 9223372036854775807"]
+    yield "skip.nrrd", nrrd([*header(), *skip]), "input_damaged", "begin after 9223372036854775807 bytes"
     yield "negative.nrrd", nrrd(header(sizes="-3 4 5")), "input_damaged", "header cannot be read"
     yield "flat.nrrd", nrrd(header(sizes="1020 26 1"), raw), "no_surface", "one slice"
     yield "block.nrrd", nrrd(header(type="block")), "input_damaged", "block"

@@ -20,7 +20,7 @@
 #include "volume/mesh_reader.h"
 #include "volume_fixture.h"
 
-enum { SEED = 20260721, FAKES = 12 };
+enum { SEED = 20260721, FAKES = 14 };
 
 static volume *open_bytes(const void *bytes, size_t count, const char *path, int resolution, size_t memory,
                           error *e)
@@ -282,8 +282,10 @@ static int fake(int kind)
     if (kind == 5) h.vertices = (uint64_t)1 << 31;
     if (kind == 6) h.code = ERROR_CODE_COUNT;
     if (kind == 7) h.text_length = UINT32_MAX;
+    if (kind >= 13) h.code = ERROR_INPUT_DAMAGED, h.text_length = 2;
     fwrite(&h, kind == 8 ? 20 : sizeof h, 1, stdout);
-    if (kind == 8) return fflush(stdout);
+    if (kind >= 13) fwrite(kind == 13 ? "\0a" : "\xff\n", 2, 1, stdout);
+    if (kind == 8 || kind >= 13) return fflush(stdout);
     fwrite(corners, sizeof corners - sizeof bad, 1, stdout);
     fwrite(kind == 9 ? bad : corners[3], sizeof bad, 1, stdout);
     fwrite(faces, sizeof faces - sizeof none, 1, stdout);
@@ -309,7 +311,9 @@ static void answers_are_not_believed(void **state)
                                         "not finite",
                                         "none of its 4 vertices",
                                         "more than it announced",
-                                        "crash"};
+                                        "crash",
+                                        "without a word",
+                                        "??"};
     volume *v = NULL;
     error e = {0};
     v = open_bytes("x", 1, "a.fake0", 32, FIXTURE_MEMORY, &e); /* nothing wrong with this one */

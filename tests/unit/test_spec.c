@@ -847,7 +847,7 @@ static void test_frames(void **state)
     assert_string_equal(s->depends_on[0], "x");
     assert_int_equal(s->retention_s, 60);
     spec_set_frame(s, 10);
-    assert_string_equal(s->vdb.path, "a.0010.vdb");
+    assert_string_equal(s->surface.vdb.path, "a.0010.vdb");
     spec_free(s);
     spec_faults faults = bad(SPHERE ",\"queue\":{\"frames\":\"1-3\"}}", &e);
     assert_string_equal(faults.item[0].pointer, "/queue/frames");

@@ -293,6 +293,84 @@ static size_t slurp(int fd, unsigned char **bytes)
     return size;
 }
 
+/* Where the last of such bytes begin. */
+static unsigned char *find_bytes(unsigned char *bytes, size_t size, const void *wanted, size_t count)
+{
+    unsigned char *found = NULL, *at = bytes;
+    while ((at = memmem(at, size - (size_t)(at - bytes), wanted, count))) found = at++;
+    assert_non_null(found);
+    return found;
+}
+
+/* What the library would allocate by, or follow to any depth: the kind of a transform, and of one within another. */
+static void names_of_transforms(void **state)
+{
+    (void)state;
+    static const uint32_t most = INT32_MAX;
+    static const char *const kinds[] = {"UniformScaleMap", "AffineMap"}; /* of the fixture, and within its frustum */
+    fixture g = fixture_make(fixture_uniform, 2, fog_ball, 0);
+    vdb_draft d = draft_of(&g);
+    for (int inner = 0; inner < 2; inner++) {
+        unsigned char *bytes;
+        if (inner) d.index_to_world = NULL;
+        int whole = fixture_write(&d, 1, VDB_SEEKABLE, false);
+        size_t size = slurp(whole, &bytes);
+        memcpy(find_bytes(bytes, size, kinds[inner], strlen(kinds[inner])) - sizeof most, &most, sizeof most);
+        int fd = fixture_bytes(bytes, size);
+        expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("a name of 2147483647 bytes"));
+        close(fd);
+        close(whole);
+        free(bytes);
+    }
+    fixture_free(&g);
+}
+
+/* A truth value of nine bytes: the library reads one, and would take the others for the length of a name. */
+static void lengths_of_metadata(void **state)
+{
+    (void)state;
+    static const size_t head = 57; /* magic, three versions, whether there are offsets, an identifier */
+    static const char entry[] = "\1\0\0\0a\4\0\0\0bool\x9\0\0\0\1\xff\xff\xff\x7f\0\0\0";
+    fixture g = fixture_make(fixture_uniform, 6, fog_ball, 0);
+    vdb_draft d = draft_of(&g);
+    unsigned char *bytes, *longer;
+    error e = {0};
+    int whole = fixture_write(&d, 1, VDB_STREAM, false);
+    size_t size = slurp(whole, &bytes);
+    longer = mem_alloc(size + sizeof entry);
+    memcpy(longer, bytes, head + 4);
+    longer[head]++;
+    memcpy(longer + head + 4, entry, sizeof entry);
+    memcpy(longer + head + 4 + sizeof entry, bytes + head + 4, size - head - 4);
+    int fd = fixture_bytes(longer, size + sizeof entry);
+    volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
+    if (!v) fail_msg("%s", e.message);
+    volume_close(v);
+    close(fd);
+    close(whole);
+    free(longer);
+    free(bytes);
+    fixture_free(&g);
+}
+
+static void parts_of_trees_lie_on_their_grid(void **state)
+{
+    (void)state;
+    static const int32_t corner[3] = {12288, 4096, 8192};
+    const vdb_tile tile = {{corner[0], corner[1], corner[2]}, 4096, 1, true};
+    vdb_draft d = {.name = "tile", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
+                   .tile_count = 1, .tiles = &tile};
+    unsigned char *bytes;
+    int whole = fixture_write(&d, 1, VDB_SEEKABLE, false);
+    size_t size = slurp(whole, &bytes);
+    find_bytes(bytes, size, corner, sizeof corner)[0] = 8;
+    int fd = fixture_bytes(bytes, size);
+    expect(fd, NULL, 0.5, ERROR_INPUT_DAMAGED, WORDS("lies where none can"));
+    close(fd);
+    close(whole);
+    free(bytes);
+}
+
 static void every_truncation_is_noticed(void **state)
 {
     (void)state;
@@ -377,7 +455,9 @@ int main(void)
         cmocka_unit_test(the_choice_of_the_grid), cmocka_unit_test(what_is_not_a_volume),
         cmocka_unit_test(volumes_without_a_surface), cmocka_unit_test(bands_that_do_not_hold_the_surface),
         cmocka_unit_test(values_that_are_not_finite), cmocka_unit_test(coordinates_at_the_limits_of_int32),
-        cmocka_unit_test(transforms_that_cannot_be), cmocka_unit_test(the_limit_of_memory), cmocka_unit_test(every_truncation_is_noticed),
+        cmocka_unit_test(transforms_that_cannot_be), cmocka_unit_test(the_limit_of_memory),
+        cmocka_unit_test(names_of_transforms), cmocka_unit_test(lengths_of_metadata),
+        cmocka_unit_test(parts_of_trees_lie_on_their_grid), cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
     };
     return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);

@@ -1,0 +1,44 @@
+/* points.ply: ply_read. What is accepted is written, must be verified, and read as the same again. */
+#include <string.h>
+
+#include "formats/ply.h"
+#include "fuzz/target.h"
+
+static void write_again(const ply_file *f)
+{
+    error e = {0};
+    char *text = NULL;
+    size_t length = 0;
+    ply_file again;
+    threads *alone = threads_new(1, NULL, &e);
+    FILE *stream = open_memstream(&text, &length);
+    expect(alone && stream);
+    expect(ply_write(stream, &f->points, f->format, f->precision, alone, &e));
+    fclose(stream);
+    stream = fmemopen(text, length, "rb");
+    expect(stream);
+    expect(ply_verify(stream, &f->points, f->format, f->precision, alone, &e));
+    expect(ply_read(stream, &again, &e));
+    expect(again.points.count == f->points.count && again.format == f->format && again.precision == f->precision);
+    ply_file_free(&again);
+    fclose(stream);
+    free(text);
+    threads_free(alone);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    ply_file f;
+    if (size == 0) return 0; /* not for fmemopen */
+    FILE *stream = fmemopen((void *)data, size, "rb");
+    expect(stream);
+    if (ply_read(stream, &f, &e)) {
+        write_again(&f);
+        ply_file_free(&f);
+    } else {
+        expect(e.code == ERROR_INPUT_DAMAGED && *e.message);
+    }
+    fclose(stream);
+    return 0;
+}

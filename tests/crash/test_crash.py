@@ -1,0 +1,167 @@
+"""The crash tests for some seconds each, and the parts that they are made of; `make crashtest` is the whole."""
+import errno
+import os
+import pathlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+import calls  # noqa: E402
+import disk  # noqa: E402
+import farm  # noqa: E402
+import faults  # noqa: E402
+import kills  # noqa: E402
+import mutations  # noqa: E402
+import power  # noqa: E402
+
+SEED = os.environ.get("HEXAD_CRASH_SEED", "check")  # of a run that is to be seen again
+
+
+@pytest.fixture
+def supervision():
+    missing = calls.why_not()
+    if missing:
+        pytest.skip(missing)
+
+
+def test_kills(build, tmp_path, diagnose):
+    figures = kills.run(build, tmp_path, 20, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert sum(figures["cycles"].values()) == 20 and figures["ended"]["succeeded"]
+
+
+def test_faults(supervision, build, tmp_path, diagnose):
+    figures = faults.run(build, tmp_path, SEED, diagnose, every=25)
+    assert figures["faults"] > 10 and any("went on" in row for row in figures["table"].values())
+
+
+def test_power_losses(supervision, build, tmp_path, diagnose):
+    figures = power.run(build, tmp_path / "power", 12, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["syncs"] and sum(figures["losses"].values()) == 12
+
+
+def test_mutations_are_seen(supervision, build, tmp_path, diagnose):
+    """Those that take a moment; all of them are `make crashtest`'s."""
+    assert len(mutations.run(build, tmp_path, SEED, diagnose, some=2)) == 2
+
+
+def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):
+    """Is tried again although nothing else happens that would wake the daemon."""
+    accepted, failed = [], []
+
+    def judge(call):
+        if not any(call.paths):
+            accepted.extend(re.findall(rb"^HTTP/1.1 201 ", call.data()))
+        elif accepted and not failed and call.paths == ["queue.db-wal"] and call.name in calls.WRITES:
+            failed.append(call.name)
+            return "error", errno.ENOSPC
+        return None
+    daemon, book = farm.Daemon(build, tmp_path), farm.Book()
+    daemon.state.mkdir()
+    daemon.spawn(judge)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("first"))
+        book.settle(daemon)
+        daemon.end_by_drain()
+    assert failed and book.ended[job][0] == "succeeded" and not daemon.supervisor.failure
+
+
+def test_a_removal_is_on_disk_before_the_queue_ends_the_attempt(supervision, build, tmp_path):
+    """Else a power loss brings back what nobody looks for any more."""
+    daemon, book, record = farm.Daemon(build, tmp_path), farm.Book(), power.Record(SEED)
+    daemon.state.mkdir()
+    daemon.spawn(record)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("killed", count=200000, limits={"max_attempts": 1}))
+        farm.wait_until(daemon.workers, "the worker")
+        kills.kill_all(daemon.workers())
+        book.settle(daemon)
+        daemon.end_by_drain()
+    assert book.ended[job][0] == "failed" and not daemon.supervisor.failure
+    after = record.entries[record.entries.index(("remove", f"attempts/{job}.1")):]
+    ended = next(k for k, entry in enumerate(after) if entry[:2] == ("write", "queue.db-wal"))
+    assert any(entry[:2] == ("sync", "attempts") for entry in after[:ended]), after[:ended]
+
+
+def test_every_call_is_seen(supervision, tmp_path):
+    """Of a child of a child, too, and through the buffers of the C library."""
+    seen = []
+    script = "mkdir b; (echo hello > a; mv a b/c); rmdir b 2>&-; cat b/c > /dev/null; rm b/c"
+
+    def judge(call):
+        seen.append((call.name.removesuffix("at").removesuffix("at2"), call.paths))
+        if call.name in calls.WRITES:
+            assert call.data() == b"hello\n" and call.offset() == 0
+    with calls.Supervisor(tmp_path, judge, ["/bin/sh", "-c", script], cwd=tmp_path) as s:
+        assert s.process.wait() == 0
+    assert not s.failure
+    wanted = [("mkdir", ["b"]), ("open", ["a"]), ("write", ["a"]), ("rename", ["a", "b/c"]), ("rmdir", ["b"]),
+              ("open", ["b/c"]), ("unlink", ["b/c"])]
+    assert [entry for entry in seen if entry in wanted] == wanted
+
+
+def test_what_a_judge_says_is_done(supervision, tmp_path):
+    def judge(call):
+        if call.name not in calls.WRITES:
+            return None
+        if call.paths == ["part"]:
+            return "value", call.write_part(3)
+        return ("error", errno.EIO) if call.paths == ["error"] else ("value", 6)
+    for name, says, left in (("error", "I/O error", b""), ("claim", "", b""), ("part", "", b"hello\n")):
+        said = subprocess.PIPE
+        with calls.Supervisor(tmp_path, judge, ["/bin/sh", "-c", f"echo hello > {name}"], cwd=tmp_path, stderr=said) as s:
+            assert says.encode() in s.process.communicate()[1]
+        assert not s.failure and (tmp_path / name).read_bytes() == left
+
+
+def lost(entries, where, loss="nothing is left", seed=1):
+    """path -> content after a loss; directories end in a slash."""
+    model = disk.Disk()
+    for entry in entries:
+        model.apply(entry)
+    model.lose_power(where, loss, seed)
+    return {f"{p.relative_to(where)}/" if p.is_dir() else str(p.relative_to(where)): None if p.is_dir() else p.read_bytes()
+            for p in where.rglob("*")}
+
+
+def test_a_disk_keeps_what_was_synced(tmp_path):
+    entries = [("create", "a"), ("write", "a", 0, b"old"), ("sync", "a", 1), ("synced", 1), ("sync", ".", 2),
+               ("write", "a", 0, b"NEW"), ("create", "b"), ("synced", 2), ("sync", "a", 3)]
+    assert lost(entries, tmp_path / "nothing") == {"a": b"old"}
+    assert lost(entries, tmp_path / "all", "all is left") == {"a": b"NEW", "b": b""}
+    assert lost([*entries, ("synced", 3)], tmp_path / "synced") == {"a": b"NEW"}
+    some = [lost(entries, tmp_path / f"{seed}", "any of it is left", seed) for seed in range(40)]
+    assert {s["a"] for s in some} == {b"old", b"NEW"} and {"b" in s for s in some} == {True, False}
+
+
+def test_a_disk_forgets_what_an_fsync_failed_for(tmp_path):
+    entries = [("create", "a"), ("sync", ".", 1), ("synced", 1), ("write", "a", 0, b"one"), ("write", "a", 5, b"two"),
+               ("unsynced", "a"), ("write", "a", 5, b"TWO"), ("sync", "a", 2), ("synced", 2)]
+    assert lost(entries, tmp_path / "nothing") == {"a": bytes(5) + b"TWO"}
+    some = {lost(entries, tmp_path / f"{seed}", "any of it is left", seed)["a"] for seed in range(40)}
+    assert some == {bytes(5) + b"TWO", b"one" + bytes(2) + b"TWO"}
+
+
+def test_a_disk_renames_as_a_whole(tmp_path):
+    entries = [("mkdir", "a"), ("mkdir", "b"), ("create", "a/x"), ("sync", ".", 1), ("synced", 1), ("sync", "a", 2),
+               ("synced", 2), ("rename", "a/x", "b/y")]
+    assert lost(entries, tmp_path / "before") == {"a/": None, "a/x": b"", "b/": None}
+    for directory in "ab":
+        after = [*entries, ("sync", directory, 3), ("synced", 3)]
+        assert lost(after, tmp_path / directory) == {"a/": None, "b/": None, "b/y": b""}
+    some = [lost(entries, tmp_path / f"{seed}", "any of it is left", seed) for seed in range(40)]
+    assert {("a/x" in s) + ("b/y" in s) for s in some} == {1} and {"b/y" in s for s in some} == {True, False}
+
+
+def test_a_disk_tears_pages(tmp_path):
+    page = bytes(range(1, 9)) * 512
+    entries = [("create", "a"), ("sync", ".", 1), ("synced", 1), ("write", "a", 0, 3 * page)]
+    left = {lost(entries, tmp_path / f"{seed}", "any of it is left", seed)["a"] for seed in range(60)}
+    assert b"" in left and 3 * page in left
+    assert bytes(disk.PAGE) + page in left
+    assert any(0 < len(content) % disk.PAGE for content in left)
+    assert all(len(content) % disk.SECTOR == 0 for content in left)

@@ -1,0 +1,72 @@
+"""The fuzzers' targets: over every file that is kept, without clang; and, where clang is, a few seconds of each."""
+import json
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+
+import pytest
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
+# what a target reads of the shared data
+SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"]}
+# of a sanitized build; OpenVDB loses nodes of trees that are cut short
+SANITIZER = {"vdb": "detect_leaks=0:max_allocation_size_mb=256"}
+
+
+def replay(build, target, folders):
+    files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    done = subprocess.run([build / "fuzz" / f"replay_{target}", *folders], capture_output=True, text=True,
+                          env={**os.environ, "ASAN_OPTIONS": SANITIZER.get(target, "")})
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert done.stdout == f"{len(files)} files\n" and files
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_kept_files(build, source, target):
+    kept = [source / "fuzz" / kind / target for kind in ("corpus", "regressions")]
+    replay(build, target, [folder for folder in kept if folder.is_dir()])
+
+
+@pytest.mark.parametrize("target", SHARED)
+def test_shared_files(build, shared_data, target):
+    replay(build, target, [shared_data / folder for folder in SHARED[target]])
+
+
+def test_a_worker_outlives_what_was_found(build, source, tmp_path):
+    """As a job, with the modules that a worker loads."""
+    found = sorted((source / "fuzz" / "regressions" / "vdb").iterdir())
+    told = {}
+    for path in found:
+        spec = {"version": 1, "surface": {"vdb": {"path": str(path), "isovalue": 0.5}}, "sampling": {"count": 100}}
+        done = subprocess.run([build / "hexad-worker", "run", "-", "--output", tmp_path / path.name], text=True,
+                              input=json.dumps(spec), capture_output=True)
+        assert done.returncode in (0, 3, 4, 10), (path, done.returncode, done.stderr)
+        told[path.name] = done.stderr
+    assert "of another length than their node" in told["length-of-values"]
+
+
+def test_no_file_is_passed_over(build, tmp_path):
+    done = subprocess.run([build / "fuzz" / "replay_spec", tmp_path / "none"], capture_output=True, text=True)
+    assert done.returncode == 1 and "No such file" in done.stderr
+
+
+def test_a_few_seconds_of_each(build, source):
+    """In a build of its own, which stays for the next time; of the two builds that are tested the plain one does it."""
+    if not any(shutil.which(name) for name in ("clang", "clang-14")):
+        pytest.skip("there is no clang, which the fuzzers are built with")
+    if re.search(r"^SANITIZE_FLAGS = .", (build / "Makefile").read_text(), re.M):
+        pytest.skip("the fuzzers are tested with the plain build")
+    where = build / "fuzzers"
+    where.mkdir(exist_ok=True)
+    clean = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
+    if not (where / "config.status").exists():
+        subprocess.run([source / "configure", "--quiet", "--enable-fuzzers"], cwd=where, env=clean, check=True)
+    shutil.rmtree(where / "fuzz" / "smoke", ignore_errors=True)
+    done = subprocess.run(["make", "-j2", "fuzz-smoke"], cwd=where, env=clean, capture_output=True, text=True)
+    logs = "".join(path.read_text(errors="replace")[-3000:] for path in (where / "fuzz" / "smoke").glob("*/log"))
+    assert done.returncode == 0, done.stdout + done.stderr + logs
+    told = dict(re.findall(r"^(\w+): (\d+) executions", done.stdout, re.M))
+    assert set(told) == set(TARGETS) and all(int(count) > 0 for count in told.values()), done.stdout
