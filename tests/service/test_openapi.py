@@ -137,7 +137,7 @@ def strategy_of(schema, document):
 @st.composite
 def objects(draw, schema, document):
     """Objects with what is required, one of each choice, and some of the rest."""
-    properties = schema["properties"]
+    properties = schema.get("properties", {})  # surfaces within surfaces say theirs in words
     wanted, never = set(schema.get("required", [])), set()
     for part in schema.get("allOf", []):
         if "oneOf" in part:
