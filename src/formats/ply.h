@@ -1,10 +1,10 @@
 /* ply: points.ply and mesh.ply, written and, for verification, read back.
  *
- * One element `vertex` with PLY_PROPERTIES properties of one type, and for a set with ids the unsigned `id` and a
- * velocity after them; for a set with triangles a second, `face`, with the list `vertex_indices` of three. The
- * header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are the shortest
- * text that reads back to the same value of the property's type; the bytes are the same for any pool. Nothing
- * here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
+ * One element `vertex` with PLY_PROPERTIES properties of one type, and for a set with ids the unsigned `id`
+ * and a velocity after them; for a set with triangles a second, `face`, with the list `vertex_indices` of
+ * three. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
+ * the shortest text that reads back to the same value of the property's type; the bytes are the same for any
+ * pool. Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
  */
 #ifndef HEXAD_FORMATS_PLY_H
 #define HEXAD_FORMATS_PLY_H

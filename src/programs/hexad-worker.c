@@ -274,7 +274,8 @@ static void start_timer(double seconds)
 
 /* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
  * roots no file is one to be read. */
-static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous, error *e)
+static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous,
+                    error *e)
 {
     const sandbox_places places = {a->roots, a->root_count, a->output};
     if (!(*spec_file = open_spec(a->spec_path, e))) return false;

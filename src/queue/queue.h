@@ -106,8 +106,8 @@ typedef struct queue_submission {
     int64_t memory_mb, retention_s;
     const int *frames; /* a task for each, in this order, none twice; NULL: one task */
     size_t frame_count;
-    /* The tasks run one after the other, each told of the result before it. One that does not succeed ends those
-     * behind it, unless it failed of no_surface: then they do without it. */
+    /* The tasks run one after the other, each told of the result before it. One that does not succeed ends
+     * those behind it, unless it failed of no_surface: then they do without it. */
     bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;

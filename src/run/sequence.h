@@ -1,6 +1,6 @@
-/* sequence: a frame of a coherent sequence. It takes over the points of the frame before, and says of its own which
- * of those each is (id) and how fast it goes (velocity). Needs no daemon: what it knows of the frame before are
- * that frame's points.ply and report.json. */
+/* sequence: a frame of a coherent sequence. It takes over the points of the frame before, and says of its own
+ * which of those each is (id) and how fast it goes (velocity). Needs no daemon: what it knows of the frame
+ * before are that frame's points.ply and report.json. */
 #ifndef HEXAD_RUN_SEQUENCE_H
 #define HEXAD_RUN_SEQUENCE_H
 

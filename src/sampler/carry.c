@@ -19,8 +19,9 @@ static const double FARTHEST = 1;
 static const double OTHER_SHEET = 0.5;
 /* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
 static const double CROWDED = 0.6;
-/* A place so far from every point, of the spacing, is a hole. Corners of ideal cells are at 0.58, the middle of a
- * vacancy is at 1. What is filled with points so far from each other, at random, is as dense as a packing. */
+/* A place so far from every point, of the spacing, is a hole. Corners of ideal cells are at 0.58, the middle
+ * of a vacancy is at 1. What is filled with points so far from each other, at random, is as dense as a
+ * packing. */
 static const double HOLE = 0.78;
 /* When fewer than this share can be carried the surface is another one. */
 static const double SAME_SURFACE = 0.5;
@@ -287,8 +288,8 @@ static void rank_all(crowd *c, size_t first, size_t end)
     qsort_r(c->order + first, end - first, sizeof *c->order, compare_rank, c->rank);
 }
 
-/* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from each
- * other. Returns how many. */
+/* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
+ * each other. Returns how many. */
 static size_t give_birth(crowd *c, double gap, double apart, size_t most)
 {
     size_t born = 0;
@@ -358,7 +359,8 @@ static uint32_t nearest_carried(const crowd *c, size_t place)
     return nearest;
 }
 
-/* Where a place would have been in the frame before: it went the way of the nearest point, or of the whole. */
+/* Where a place would have been in the frame before: it went the way of the nearest point, or of the
+ * whole. */
 static vec3 origin_of(const crowd *c, size_t place)
 {
     uint32_t guide = nearest_carried(c, place);

@@ -1,12 +1,12 @@
 /* carry: the points of one frame taken onto the surface of the next, so that they stay where they were on it.
  *
  * All move with the surface as a whole (sampler/motion) and then each by itself along the gradient onto the
- * surface. A point dies when it does not reach the surface, comes to a sheet that faces another way, or comes to
- * lie closer to another than neighbours can be; where no point is near, one is born on the emptiest place.
+ * surface. A point dies when it does not reach the surface, comes to a sheet that faces another way, or comes
+ * to lie closer to another than neighbours can be; where no point is near, one is born on the emptiest place.
  * What is still missing or too much for the count is born on the emptiest places, or taken from the most
- * crowded, no two neighbours at a time as long as there are others. When most points die the surface is another
- * one, which is to be sampled anew. Deterministic for any number of threads.
- * World space and world units. */
+ * crowded, no two neighbours at a time as long as there are others. When most points die the surface is
+ * another one, which is to be sampled anew. Deterministic for any number of threads. World space and world
+ * units. */
 #ifndef HEXAD_SAMPLER_CARRY_H
 #define HEXAD_SAMPLER_CARRY_H
 
@@ -42,8 +42,8 @@ typedef struct carried {
     uint32_t *parent; /* its index in the frame before, or CARRY_NONE */
 } carried;
 
-/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was told to stop). The caller
- * frees, also after failure. */
+/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was told to stop). The
+ * caller frees, also after failure. */
 bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool,
                   carried *out, error *e);
 void carried_free(carried *c);

@@ -9,14 +9,14 @@
 static const size_t WITNESSES = 10000;
 /* Fewer that can answer tell nothing about seven unknowns. */
 static const size_t WITNESSES_LEAST = 20;
-/* Weights fall to a half at so many times the median distance; it is no less than a share of the spacing, where
- * what the surface does beside moving as a whole begins. */
+/* Weights fall to a half at so many times the median distance; it is no less than a share of the spacing,
+ * where what the surface does beside moving as a whole begins. */
 static const double DOUBT_MEDIANS = 1.5, DOUBT_LEAST = 0.05;
-/* What a motion by a length weighs against distances by that length, squared: makes the smallest of motions that
- * are equally good, and takes a few ten thousandths off those that are needed. */
+/* What a motion by a length weighs against distances by that length, squared: makes the smallest of motions
+ * that are equally good, and takes a few ten thousandths off those that are needed. */
 static const double REST_WEIGHT = 1e-4;
-/* A motion that leaves more than this of what there was to explain is none: on a surface that changes its shape all
- * over something always fits a little better. */
+/* A motion that leaves more than this of what there was to explain is none: on a surface that changes its
+ * shape all over something always fits a little better. */
 static const double EXPLAINED = 0.5;
 /* Newton's steps, and the length of one (of the spacing) that is the last. */
 enum { STEPS_MOST = 60 };
@@ -44,8 +44,8 @@ vec3 motion_turn(const motion *m, vec3 n)
     return rotate(m->rotation, n);
 }
 
-/* With J the left Jacobian of rotations, I + a [w] + b [w]^2, a turn by dw more moves an arm r by (J dw) x r; so
- * the derivative along n is J^T (r x n). */
+/* With J the left Jacobian of rotations, I + a [w] + b [w]^2, a turn by dw more moves an arm r by (J dw) x r;
+ * so the derivative along n is J^T (r x n). */
 void motion_derive(const motion *m, vec3 x, vec3 along, double out[MOTION_UNKNOWNS])
 {
     vec3 w = m->rotation, arm = vec3_scale(rotate(w, vec3_sub(x, m->centre)), exp(m->growth));
@@ -122,8 +122,8 @@ static double blame(const hearing *h, double scale)
     return sum / (double)h->count;
 }
 
-/* The normal equations of the weighted distances, with all unknowns as lengths; `doubt` is where weights are a
- * half. */
+/* The normal equations of the weighted distances, with all unknowns as lengths; `doubt` is where weights are
+ * a half. */
 static void set_up(const hearing *h, double doubt, double a[MOTION_UNKNOWNS][MOTION_UNKNOWNS],
                    double b[MOTION_UNKNOWNS])
 {

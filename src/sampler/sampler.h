@@ -38,9 +38,9 @@ typedef struct sampler_params {
     size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
     sampler_start start;
     bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
-    /* with SAMPLER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that fills
-     * space (geometry/morton), as the particles keep this order. They are near their rest, and are brought
-     * there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
+    /* with SAMPLER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that
+     * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
+     * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
     const vec3 *given, *given_normal;
     uint64_t seed;
     bool graded; /* (13)(14) */
