@@ -404,7 +404,7 @@ class Load:
         elif reply is not None and reply.status == 202:
             with self.book.mutex:
                 self.book.cancelled.add(job)
-        elif reply is not None and reply.status != 409:
+        elif reply is not None and reply.status != 409 and not (self.book.forgiving and reply.status >= 500):
             raise Violation(f"a cancellation is answered with {reply.status} {reply.body!r}")
 
     def read(self, rng, _):
