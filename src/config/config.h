@@ -32,7 +32,7 @@ typedef struct config {
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
-    config_list input_roots, output_roots;
+    config_list input_roots, output_roots, path_mappings;
     char *output_mode;  /* octal digits */
     char *output_group; /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */

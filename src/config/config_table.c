@@ -42,6 +42,13 @@ const config_row config_table[] = {
      "Directories below which a job may have its results copied (output.directory), as input_roots. Empty: no job"
      " may.",
      AT(output_roots)},
+    {"path_mappings", CONFIG_WORDS, "", 0, 0, "",
+     "What directories of other machines are called here: from=to, separated by commas; the key may be repeated."
+     " Z:/show=/mnt/show has a job that asks for Z:\\show\\a.vdb read /mnt/show/a.vdb. Input paths and output.directory"
+     " are mapped when a job is submitted, by the longest from whose directories they begin with; in those that begin"
+     " with a drive or \\\\ upper and lower case are one, and \\ is /. input_roots and output_roots hold for what comes"
+     " out.",
+     AT(path_mappings)},
     {"output_mode", CONFIG_TEXT, "0644", 0, 0, "",
      "Mode of these copies, octal; directories that are made for them can be searched, too, by who may read.",
      AT(output_mode)},

@@ -11,6 +11,7 @@
 #include "http/reply.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
+#include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
 
@@ -28,6 +29,7 @@ typedef struct http_context {
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;
+    const store_mappings *mappings; /* of paths; NULL: none */
     const char *state_dir;
     int max_attempts;        /* of a job that names no number */
     int64_t most_waiting;    /* jobs of one user; 0: any number */

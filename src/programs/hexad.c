@@ -28,6 +28,7 @@
 #include "queue/queue.h"
 #include "store/file.h"
 #include "store/inputs.h"
+#include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
 
@@ -55,6 +56,7 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs outputs;
+    store_mappings *mappings;
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -252,6 +254,18 @@ static void fini_outputs(service *s)
     s->outputs = (store_outputs){0};
 }
 
+static bool init_mappings(service *s, error *e)
+{
+    const config_list *given = &s->settings.path_mappings;
+    s->mappings = store_mappings_read((const char *const *)given->item, given->count, e);
+    return s->mappings != NULL;
+}
+
+static void fini_mappings(service *s)
+{
+    store_mappings_free(s->mappings);
+}
+
 static executor_settings executor_settings_of(const service *s)
 {
     const config *c = &s->settings;
@@ -332,6 +346,7 @@ static bool init_http(service *s, error *e)
         .roots = s->roots,
         .inputs = s->inputs,
         .outputs = &s->outputs,
+        .mappings = s->mappings,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
@@ -373,10 +388,10 @@ static const struct step {
     {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
     {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
     {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
-    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
-    {"executor", init_executor, fini_executor}, {"lounge", init_lounge, fini_lounge},
-    {"herald", init_herald, fini_herald},       {"http", init_http, fini_http},
-    {"port_file", init_port_file, fini_port_file},
+    {"mappings", init_mappings, fini_mappings}, {"socket", init_socket, fini_socket},
+    {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
+    {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
+    {"http", init_http, fini_http},             {"port_file", init_port_file, fini_port_file},
 };
 
 /* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
