@@ -14,6 +14,7 @@
 #include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
+#include "webhook/hosts.h"
 
 /* What the server counts, for /metrics. */
 typedef struct http_counters {
@@ -30,6 +31,7 @@ typedef struct http_context {
     store_inputs *inputs;
     const store_outputs *outputs;
     const store_mappings *mappings; /* of paths; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: none */
     const char *state_dir;
     int max_attempts;        /* of a job that names no number */
     int64_t most_waiting;    /* jobs of one user; 0: any number */

@@ -292,9 +292,17 @@ static bool check_output(const http_context *c, const order *o, reply *r)
     return false;
 }
 
+static bool check_webhook(const http_context *c, const order *o, reply *r)
+{
+    error e = {0};
+    if (!o->s->webhook || webhook_hosts_admit(c->webhooks, o->s->webhook, &e)) return true;
+    refuse_member(o, "/queue/webhook", &e, r);
+    return false;
+}
+
 static bool check_order(const http_context *c, const order *o, reply *r)
 {
-    return check_inputs(c, o, r) && check_output(c, o, r);
+    return check_inputs(c, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
 }
 
 static char *print_labels(const spec *s)
@@ -440,6 +448,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
         .most_waiting = c->most_waiting,
+        .webhook = s->webhook,
         .key = key,
         .body_hash = key ? hash : NULL,
     };

@@ -31,6 +31,8 @@
 #include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
+#include "webhook/courier.h"
+#include "webhook/hosts.h"
 
 /* In the state directory, or where systemd makes a place for it. */
 #define LISTEN_SOCKET_NAME "hexad.sock"
@@ -57,6 +59,8 @@ typedef struct service {
     store_roots *roots;
     store_outputs outputs;
     store_mappings *mappings;
+    webhook_hosts *webhook_hosts;
+    courier *courier; /* NULL: no webhooks */
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -330,6 +334,31 @@ static void fini_herald(service *s)
     herald_stop(s->herald);
 }
 
+static bool init_webhooks(service *s, error *e)
+{
+    const config *c = &s->settings;
+    s->webhook_hosts = webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
+    if (!s->webhook_hosts) return false;
+    courier_settings settings = {
+        .hosts = s->webhook_hosts,
+        .secret_file = c->webhook_secret_file,
+        .tries = (int)c->webhook_tries,
+        .timeout_s = c->webhook_timeout_s,
+        .retry_s = c->webhook_retry_s,
+        .retry_most_s = c->webhook_retry_most_s,
+    };
+    if (c->webhook_hosts.count) s->courier = courier_start(&settings, s->q, e);
+    if (s->courier || !c->webhook_hosts.count) return true;
+    webhook_hosts_free(s->webhook_hosts);
+    return false;
+}
+
+static void fini_webhooks(service *s)
+{
+    courier_stop(s->courier);
+    webhook_hosts_free(s->webhook_hosts);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -347,6 +376,7 @@ static bool init_http(service *s, error *e)
         .inputs = s->inputs,
         .outputs = &s->outputs,
         .mappings = s->mappings,
+        .webhooks = s->webhook_hosts,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
@@ -391,7 +421,8 @@ static const struct step {
     {"mappings", init_mappings, fini_mappings}, {"socket", init_socket, fini_socket},
     {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
     {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
-    {"http", init_http, fini_http},             {"port_file", init_port_file, fini_port_file},
+    {"webhooks", init_webhooks, fini_webhooks}, {"http", init_http, fini_http},
+    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
