@@ -528,6 +528,35 @@ char *json_pointer(const json_at *at, char *buffer, size_t size)
     return buffer;
 }
 
+/* The next part of a pointer, which `*pointer` is moved behind; released with free(). */
+static char *next_part(const char **pointer)
+{
+    size_t length = strcspn(*pointer, "/"), n = 0;
+    char *part = mem_strndup(*pointer, length);
+    *pointer += length;
+    for (const char *t = part; *t; t++) {
+        bool escaped = *t == '~' && (t[1] == '0' || t[1] == '1');
+        part[n++] = !escaped ? *t : *++t == '0' ? '~' : '/';
+    }
+    part[n] = '\0';
+    return part;
+}
+
+json *json_find(json *node, const char *pointer)
+{
+    while (node && *pointer == '/') {
+        pointer++;
+        char *part = next_part(&pointer), *end = part;
+        unsigned long index = strtoul(part, &end, 10);
+        if (!cJSON_IsArray(node))
+            node = cJSON_GetObjectItemCaseSensitive(node, part);
+        else
+            node = *part && !*end && index <= INT32_MAX ? cJSON_GetArrayItem(node, (int)index) : NULL;
+        free(part);
+    }
+    return *pointer ? NULL : node;
+}
+
 /* ---- building ---- */
 
 json *json_new_object(void)
@@ -595,6 +624,11 @@ json *json_put_array(json *object, const char *key)
     json *child = json_new_array();
     json_put(object, key, child);
     return child;
+}
+
+void json_set_string(json *string, const char *value)
+{
+    if (!cJSON_SetValuestring(string, value)) must(NULL);
 }
 
 void json_append(json *array, json *child)

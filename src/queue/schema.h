@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 2
+#define SCHEMA_VERSION 3
 
 bool schema_prepare(sqlite3 *database, error *e);
 

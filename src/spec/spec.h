@@ -247,6 +247,7 @@ typedef struct spec {
     int *frame;
     size_t frame_count;
     int64_t retention_s; /* 0: the service's */
+    char *webhook;       /* NULL: none */
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;

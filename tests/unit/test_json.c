@@ -135,6 +135,23 @@ static void test_places(void **state)
     json_free(root);
 }
 
+static void test_values_are_found_and_set(void **state)
+{
+    (void)state;
+    json *root = accept("{\"a/b~\":[10,{\"x\":\"old\"}],\"~1\":2,\"\":3}");
+    json_set_string(json_find(root, "/a~1b~0/1/x"), "longer than the old one");
+    json_at at = json_root(root), list = json_member(&at, "a/b~"), second = json_element(&list, 1);
+    assert_string_equal(json_string(json_member(&second, "x"), ""), "longer than the old one");
+    assert_ptr_equal(json_find(root, ""), root);
+    assert_ptr_equal(json_find(root, "/~01"), json_member(&at, "~1").node);
+    assert_ptr_equal(json_find(root, "/"), json_member(&at, "").node);
+    static const char *const none[] = {"a/b~", "/no", "/a~1b~0/2", "/a~1b~0/x", "/a~1b~0/", "/a~1b~0/-1",
+                                       "/a~1b~0/0/x", "/a~1b~0/1/x/y"};
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        if (json_find(root, none[i])) fail_msg("%s is found", none[i]);
+    json_free(root);
+}
+
 static void test_pointer_is_not_cut_inside_a_character(void **state)
 {
     (void)state;
@@ -335,6 +352,7 @@ int main(void)
         cmocka_unit_test(test_depth_limit),
         cmocka_unit_test(test_every_truncation_is_refused),
         cmocka_unit_test(test_places),
+        cmocka_unit_test(test_values_are_found_and_set),
         cmocka_unit_test(test_pointer_is_not_cut_inside_a_character),
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),
