@@ -22,12 +22,11 @@
 #define KEY_LENGTH_MOST 255
 #define JOBS_TAG_SIZE 40
 
-/* A text that this service stored as JSON; null should it not parse. */
+/* A text that this service stored as JSON, and looked at before it did. */
 static void put_stored(json *object, const char *key, const char *text)
 {
-    json *value = text ? json_parse(text, strlen(text), NULL) : NULL;
-    if (value)
-        json_put(object, key, value);
+    if (text)
+        json_put_text(object, key, text);
     else
         json_put_null(object, key);
 }
@@ -57,21 +56,14 @@ static void put_counts(json *object, const queue_counts *n)
 
 static void put_links(json *object, const queue_job *job)
 {
-    static const char *const parts[] = {"tasks", "attempts", "events", "log"};
+    static const char *const parts[] = {"self", "tasks", "attempts", "events", "log", "results"};
+    size_t count = sizeof parts / sizeof *parts - !(job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0);
     json *links = json_put_object(object, "links");
-    char *self = mem_printf("/v1/jobs/%s", job->id);
-    json_put_string(links, "self", self);
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
-        char *path = mem_printf("%s/%s", self, parts[i]);
+    for (size_t i = 0; i < count; i++) {
+        char path[64];
+        snprintf(path, sizeof path, "/v1/jobs/%s%s%s", job->id, i ? "/" : "", i ? parts[i] : "");
         json_put_string(links, parts[i], path);
-        free(path);
     }
-    if (job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0) {
-        char *results = mem_printf("%s/results", self);
-        json_put_string(links, "results", results);
-        free(results);
-    }
-    free(self);
 }
 
 /* What everybody may see of a job. */
@@ -146,7 +138,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     char tag[JOBS_TAG_SIZE];
     queue_attempt *attempts = NULL;
     size_t count = 0;
-    if (!queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
+    if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }

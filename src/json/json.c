@@ -4,6 +4,7 @@
  * LC_NUMERIC. */
 #include "json/json.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -583,6 +584,11 @@ void json_put_string(json *object, const char *key, const char *value)
     json_put(object, key, new_string(value));
 }
 
+void json_put_text(json *object, const char *key, const char *text)
+{
+    json_put(object, key, must(cJSON_CreateRaw(text)));
+}
+
 json *json_put_object(json *object, const char *key)
 {
     json *child = json_new_object();
@@ -662,8 +668,8 @@ static void add_number(text *t, double value)
         add_text(t, "null");
         return;
     }
-    if (value == floor(value) && fabs(value) <= exact_integer_limit) {
-        snprintf(digits, sizeof digits, "%.0f", value);
+    if (value == floor(value) && fabs(value) <= exact_integer_limit && !(value == 0 && signbit(value))) {
+        snprintf(digits, sizeof digits, "%" PRId64, (int64_t)value);
     } else {
         for (int precision = 15; precision <= 17; precision++) {
             snprintf(digits, sizeof digits, "%.*g", precision, value);
@@ -673,6 +679,14 @@ static void add_number(text *t, double value)
     add_text(t, digits);
 }
 
+/* How many bytes stand for themselves. */
+static size_t plain_length(const char *s)
+{
+    size_t n = 0;
+    while ((unsigned char)s[n] >= 0x20 && (unsigned char)s[n] < 0x80 && s[n] != '"' && s[n] != '\\') n++;
+    return n;
+}
+
 /* Bytes that are not UTF-8, as a worker's last words may be, become U+FFFD: what we print is always JSON. */
 static void add_string(text *t, const char *s)
 {
@@ -680,7 +694,8 @@ static void add_string(text *t, const char *s)
     for (size_t left = strlen(s), n; left > 0; s += n, left -= n) {
         unsigned char c = (unsigned char)*s;
         char escape[8];
-        n = utf8_sequence((const unsigned char *)s, left);
+        n = plain_length(s);
+        if (n == 0) n = utf8_sequence((const unsigned char *)s, left);
         if (c == '"' || c == '\\') {
             escape[0] = '\\';
             escape[1] = (char)c;
@@ -730,6 +745,10 @@ static void add_children(text *t, const cJSON *node, int level)
 
 static void add_node(text *t, const cJSON *node, int level)
 {
+    if (cJSON_IsRaw(node)) {
+        add_text(t, node->valuestring);
+        return;
+    }
     switch (json_type_of(json_root(node))) {
     case JSON_BOOL:
         add_text(t, cJSON_IsTrue(node) ? "true" : "false");
