@@ -1,15 +1,15 @@
 /* Load on an HTTP server at a Unix socket, by one thread over many connections that are kept open.
  *
- *     load get SOCKET PATHS CONNECTIONS LIMIT          PATHS: a file of paths, one a line, asked for in turn
- *     load post SOCKET PATHS CONNECTIONS LIMIT BODY    BODY: a file, sent as JSON
- *     load streams SOCKET PATHS COPIES                 of each path as many event streams, all at once, to their ends
- *     load rows DIRECTORY SECONDS                      durable transactions of one row in a second
+ *     load get SOCKET PATHS CONNECTIONS LIMIT        PATHS: a file of paths, one a line, asked for in turn
+ *     load post SOCKET PATHS CONNECTIONS LIMIT BODY  BODY: a file, sent as JSON
+ *     load streams SOCKET PATHS COPIES               event streams of each path, at once, to their ends
+ *     load rows DIRECTORY SECONDS                    durable transactions of one row in a second
  *
- * LIMIT is a number of requests, or seconds with an s behind: "2.5s". Each connection sends a request when the
- * last one is answered. get and post print one JSON object: count and failed (answers other than 2xx, of all),
- * rate (a second), bytes (of the last body), p50_ms, p99_ms and max_ms from sending to the last byte. streams
- * says "open" when every stream has begun and, when every stream has ended, an object a line: path, ids (of the
- * events) and received_ms (when each came, of the wall clock). */
+ * LIMIT is a number of requests, or seconds with an s behind: "2.5s". Each connection sends a request when
+ * the last one is answered. get and post print one JSON object: count and failed (answers other than 2xx, of
+ * all), rate (a second), bytes (of the last body), p50_ms, p99_ms and max_ms from sending to the last byte.
+ * streams says "open" when every stream has begun and, when every stream has ended, an object a line: path,
+ * ids (of the events) and received_ms (when each came, of the wall clock). */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdbool.h>
@@ -189,8 +189,8 @@ static int compare(const void *a, const void *b)
     return (*x > *y) - (*x < *y);
 }
 
-static int run_requests(const char *socket_path, const char *paths, const char *connections, const char *limit,
-                        const char *body_path)
+static int run_requests(const char *socket_path, const char *paths, const char *connections,
+                        const char *limit, const char *body_path)
 {
     load l = {.most = SIZE_MAX, .until_s = 1e300};
     size_t length = 0;
@@ -209,8 +209,8 @@ static int run_requests(const char *socket_path, const char *paths, const char *
     size_t n = l.took_count;
     if (!n) die("nothing was asked");
     qsort(l.took, n, sizeof *l.took, compare);
-    printf("{\"count\": %zu, \"failed\": %zu, \"rate\": %.1f, \"bytes\": %zu, \"p50_ms\": %.4f, \"p99_ms\": %.4f, "
-           "\"max_ms\": %.4f}\n",
+    printf("{\"count\": %zu, \"failed\": %zu, \"rate\": %.1f, \"bytes\": %zu, \"p50_ms\": %.4f, "
+           "\"p99_ms\": %.4f, \"max_ms\": %.4f}\n",
            n, l.failed, (double)n / span_s, l.bytes, l.took[n / 2] * 1e3, l.took[n * 99 / 100] * 1e3,
            l.took[n - 1] * 1e3);
     return 0;
@@ -267,7 +267,8 @@ static void open_stream(stream *s, const char *socket_path, const char *path)
 {
     s->path = path;
     s->fd = connect_to(socket_path);
-    char *request = mem_printf("GET %s HTTP/1.0\r\nHost: localhost\r\nAccept: text/event-stream\r\n\r\n", path);
+    char *request =
+        mem_printf("GET %s HTTP/1.0\r\nHost: localhost\r\nAccept: text/event-stream\r\n\r\n", path);
     write_all(s->fd, request, strlen(request));
     free(request);
 }
@@ -324,8 +325,8 @@ int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
     raise_descriptor_limit();
-    if (strcmp(what, "get") == 0 && argc == 6) return run_requests(argv[2], argv[3], argv[4], argv[5], NULL);
-    if (strcmp(what, "post") == 0 && argc == 7) return run_requests(argv[2], argv[3], argv[4], argv[5], argv[6]);
+    if ((strcmp(what, "get") == 0 && argc == 6) || (strcmp(what, "post") == 0 && argc == 7))
+        return run_requests(argv[2], argv[3], argv[4], argv[5], argv[6]); /* NULL: the end of the words */
     if (strcmp(what, "streams") == 0 && argc == 5) return run_streams(argv[2], argv[3], argv[4]);
     if (strcmp(what, "rows") == 0 && argc == 4) {
         printf("%.1f\n", durable_rows(argv[2], strtod(argv[3], NULL)));

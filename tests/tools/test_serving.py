@@ -36,7 +36,8 @@ def test_the_client_counts_answers_that_are_failures(service, build, tmp_path):
     paths, body = tmp_path / "paths", tmp_path / "body"
     paths.write_text("/v1/nothing\n/v1/jobs\n")
     load = build / "bench" / "load"
-    told = subprocess.run([load, "get", tmp_path / "socket", paths, "2", "10"], check=True, capture_output=True, text=True)
+    told = subprocess.run([load, "get", tmp_path / "socket", paths, "2", "10"], check=True, capture_output=True,
+                          text=True)
     assert '"count": 10, "failed": 5,' in told.stdout
     paths.write_text("/v1/jobs\n")
     body.write_text('{"version": 1}')
