@@ -46,7 +46,7 @@ class PointSet:
 
 
 def read_ply(path):
-    """Any PLY whose vertices are all floats or all doubles, as text or little-endian."""
+    """Any PLY whose vertices have floats, doubles and unsigned integers, as text or little-endian."""
     with open(path, "rb") as file:
         head, mark, body = file.read().partition(b"end_header\n")
     words = [line.split() for line in head.decode("ascii").splitlines()]
@@ -54,12 +54,12 @@ def read_ply(path):
         raise ValueError(f"{path} is not a PLY file")
     count = next(int(w[2]) for w in words if w[:2] == ["element", "vertex"])
     names = [w[2] for w in words if w[0] == "property"]
-    kinds = {w[1] for w in words if w[0] == "property"}
+    kinds = [{"float": "<f4", "double": "<f8", "uint": "<u4"}[w[1]] for w in words if w[0] == "property"]
     if ["format", "ascii", "1.0"] in words:
-        table = numpy.array(body.split(), float)
+        table = numpy.array(body.split(), float).reshape(count, len(names))
     else:
-        table = numpy.frombuffer(body, {"float": "<f4", "double": "<f8"}[kinds.pop()]).astype(float)
-    table = table.reshape(count, len(names))
+        rows = numpy.frombuffer(body, list(zip(names, kinds)), count)
+        table = numpy.stack([rows[name].astype(float) for name in names], axis=1)
     columns = {name: table[:, k] for k, name in enumerate(names)}
     return PointSet(table[:, 0:3], table[:, 3:6], columns["spacing"], columns["alpha"], columns)
 

@@ -29,6 +29,7 @@ typedef struct engine_request {
     sandbox_mode sandbox;    /* that the worker is told to enter */
     int threads;             /* > 0 */
     int frame;               /* QUEUE_NO_FRAME: none */
+    const char *previous;    /* the results that a frame of a sequence begins with; NULL: none */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */

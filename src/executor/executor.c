@@ -270,6 +270,8 @@ static void slot_start(executor *x, slot *s)
         if (!slot_publish(x, s)) slot_skip(x, s);
         return;
     }
+    int before = s->claimed.previous;
+    char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
     engine_request request = {
         .worker = x->worker,
         .directory = s->directory,
@@ -279,12 +281,14 @@ static void slot_start(executor *x, slot *s)
         .memory_mb = s->memory_mb,
         .threads = s->threads,
         .frame = task->frame,
+        .previous = previous,
         .file_mb = x->settings.file_mb,
         .sandbox = x->settings.sandbox,
     };
     s->started_ms = s->moved_ms = clock_monotonic_ms();
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
+    free(previous);
     if (s->attempt) {
         x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,

@@ -126,7 +126,7 @@ static _Noreturn void run_child(const launch *l)
 static char **make_arguments(const engine_request *request)
 {
     size_t count = 0;
-    char **a = mem_alloc((18 + 2 * request->input_root_count) * sizeof *a);
+    char **a = mem_alloc((20 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup("run");
     a[count++] = mem_strdup("-");
@@ -143,6 +143,10 @@ static char **make_arguments(const engine_request *request)
     if (request->frame != QUEUE_NO_FRAME) {
         a[count++] = mem_strdup("--frame");
         a[count++] = mem_printf("%d", request->frame);
+    }
+    if (request->previous) {
+        a[count++] = mem_strdup("--previous");
+        a[count++] = mem_strdup(request->previous);
     }
     for (size_t i = 0; i < request->input_root_count; i++) {
         a[count++] = mem_strdup("--input-root");

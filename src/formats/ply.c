@@ -17,11 +17,28 @@ enum { NUMBER_TEXT_MAX = 26 };
 /* A header or ASCII line that ply_write makes is shorter. */
 enum { LINE_MAX_BYTES = 1024 };
 
-static const char *const property_names[PLY_PROPERTIES] = {
-    "x",      "y",      "z",     "nx",     "ny",      "nz",           "kappa",
-    "kappa1", "kappa2", "alpha", "energy", "spacing", "spacing_local"};
+static const char *const property_names[PLY_PROPERTIES_MOST] = {"x",
+                                                                "y",
+                                                                "z",
+                                                                "nx",
+                                                                "ny",
+                                                                "nz",
+                                                                "kappa",
+                                                                "kappa1",
+                                                                "kappa2",
+                                                                "alpha",
+                                                                "energy",
+                                                                "spacing",
+                                                                "spacing_local",
+                                                                "id",
+                                                                "velocity_x",
+                                                                "velocity_y",
+                                                                "velocity_z"};
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
+/* The one property that is a whole number of 32 bits, whatever the others are. */
+enum { ID = PLY_PROPERTIES };
+static const char id_property[] = "property uint id";
 static const char face_property[] = "property list uchar int vertex_indices";
 
 /* A triangle in binary: how many corners, and each. */
@@ -29,7 +46,24 @@ enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8 };
 
 /* ---- writing ---- */
 
-static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES])
+static int count_properties(const points *s)
+{
+    return s->id ? PLY_PROPERTIES_MOST : PLY_PROPERTIES;
+}
+
+static const char *type_name(int property, ply_precision precision)
+{
+    return property == ID ? "uint" : precision_names[precision];
+}
+
+/* Bytes of a point in binary. */
+static size_t row_bytes(int properties, ply_precision precision)
+{
+    size_t wide = precision == PLY_FLOAT ? 4 : 8;
+    return properties > ID ? (size_t)(properties - 1) * wide + 4 : (size_t)properties * wide;
+}
+
+static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES_MOST])
 {
     row[0] = s->position[i].x;
     row[1] = s->position[i].y;
@@ -44,34 +78,42 @@ static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES])
     row[10] = s->energy[i];
     row[11] = s->spacing[i];
     row[12] = s->spacing_local[i];
+    if (!s->id) return;
+    row[ID] = s->id[i];
+    row[14] = s->velocity[i].x;
+    row[15] = s->velocity[i].y;
+    row[16] = s->velocity[i].z;
 }
 
-static bool check_row(const double row[PLY_PROPERTIES], size_t i, ply_precision precision, error *e)
+static bool check_row(const double *row, int properties, size_t i, ply_precision precision, error *e)
 {
-    for (int c = 0; c < PLY_PROPERTIES; c++)
+    for (int c = 0; c < properties; c++)
         if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
             return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
                              property_names[c], row[c], precision_names[precision]);
     return true;
 }
 
-static size_t pack_row(const double row[PLY_PROPERTIES], ply_precision precision, char *out)
+static size_t pack_row(const double *row, int properties, ply_precision precision, char *out)
 {
-    for (int c = 0; c < PLY_PROPERTIES; c++) {
-        if (precision == PLY_FLOAT) {
+    char *at = out;
+    for (int c = 0; c < properties; c++) {
+        if (c == ID || precision == PLY_FLOAT) {
             float value = (float)row[c];
-            uint32_t bits;
-            memcpy(&bits, &value, sizeof bits);
+            uint32_t bits = (uint32_t)row[ID];
+            if (c != ID) memcpy(&bits, &value, sizeof bits);
             bits = htole32(bits);
-            memcpy(out + 4 * c, &bits, sizeof bits);
+            memcpy(at, &bits, sizeof bits);
+            at += sizeof bits;
         } else {
             uint64_t bits;
             memcpy(&bits, &row[c], sizeof bits);
             bits = htole64(bits);
-            memcpy(out + 8 * c, &bits, sizeof bits);
+            memcpy(at, &bits, sizeof bits);
+            at += sizeof bits;
         }
     }
-    return PLY_PROPERTIES * (precision == PLY_FLOAT ? 4 : 8);
+    return (size_t)(at - out);
 }
 
 /* FLT_DIG and DBL_DIG digits may be enough, three more always are (IEEE 754). */
@@ -85,12 +127,15 @@ static size_t print_number(double value, ply_precision precision, char *out)
     return (size_t)n;
 }
 
-static size_t print_row(const double row[PLY_PROPERTIES], ply_precision precision, char *out)
+static size_t print_row(const double *row, int properties, ply_precision precision, char *out)
 {
     size_t n = 0;
-    for (int c = 0; c < PLY_PROPERTIES; c++) {
-        n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
-        out[n++] = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
+    for (int c = 0; c < properties; c++) {
+        if (c == ID)
+            n += (size_t)sprintf(out + n, "%" PRIu32, (uint32_t)row[c]);
+        else
+            n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
+        out[n++] = c + 1 < properties ? ' ' : '\n';
     }
     return n;
 }
@@ -104,8 +149,8 @@ static bool write_header(FILE *file, const points *set, ply_format format, ply_p
 {
     bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
                         set->count) > 0;
-    for (int c = 0; c < PLY_PROPERTIES; c++)
-        good = good && fprintf(file, "property %s %s\n", precision_names[precision], property_names[c]) > 0;
+    for (int c = 0; c < count_properties(set); c++)
+        good = good && fprintf(file, "property %s %s\n", type_name(c, precision), property_names[c]) > 0;
     if (set->triangle_count > 0)
         good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
     good = good && fputs("end_header\n", file) >= 0;
@@ -141,12 +186,14 @@ static void fill_blocks(void *context, int worker, size_t begin, size_t end)
         b->bytes = 0;
         b->good = true;
         for (size_t i = from; b->good && i < to; i++) {
-            double row[PLY_PROPERTIES];
+            double row[PLY_PROPERTIES_MOST] = {0};
+            int properties = count_properties(job->set);
             load_row(job->set, i, row);
-            b->good = check_row(row, i, job->precision, &b->e);
+            b->good = check_row(row, properties, i, job->precision, &b->e);
             if (!b->good) break;
-            b->bytes += job->format == PLY_ASCII ? print_row(row, job->precision, b->text + b->bytes)
-                                                 : pack_row(row, job->precision, b->text + b->bytes);
+            b->bytes += job->format == PLY_ASCII
+                            ? print_row(row, properties, job->precision, b->text + b->bytes)
+                            : pack_row(row, properties, job->precision, b->text + b->bytes);
         }
     }
 }
@@ -189,7 +236,7 @@ bool ply_write(FILE *file, const points *set, ply_format format, ply_precision p
     bool ok = write_header(file, set, format, precision, e);
     for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
         job.block[k].text =
-            mem_array(BLOCK_POINTS, PLY_PROPERTIES * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
+            mem_array(BLOCK_POINTS, PLY_PROPERTIES_MOST * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
         ok = job.block[k].text != NULL;
     }
     for (; ok && job.first < set->count; job.first += all) {
@@ -249,9 +296,20 @@ static bool parse_count(const char *line, const char *name, size_t *count, error
     return true;
 }
 
+/* The lines of the properties from `first` on to before `end`. */
+static bool expect_properties(FILE *file, ply_precision precision, int first, int end, error *e)
+{
+    char expected[LINE_MAX_BYTES];
+    for (int c = first; c < end; c++) {
+        snprintf(expected, sizeof expected, "property %s %s", type_name(c, precision), property_names[c]);
+        if (!expect_line(file, expected, e)) return false;
+    }
+    return true;
+}
+
 static bool read_header(FILE *file, ply_file *f, error *e)
 {
-    char line[LINE_MAX_BYTES], expected[LINE_MAX_BYTES];
+    char line[LINE_MAX_BYTES];
     if (!expect_line(file, "ply", e) || !read_line(file, line, e)) return false;
     if (strcmp(line, "format ascii 1.0") == 0)
         f->format = PLY_ASCII;
@@ -265,12 +323,12 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
     if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
         return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
-    for (int c = 1; c < PLY_PROPERTIES; c++) {
-        snprintf(expected, sizeof expected, "property %s %s", precision_names[f->precision],
-                 property_names[c]);
-        if (!expect_line(file, expected, e)) return false;
-    }
-    if (!read_line(file, line, e)) return false;
+    if (!expect_properties(file, f->precision, 1, PLY_PROPERTIES, e) || !read_line(file, line, e))
+        return false;
+    f->properties = strcmp(line, id_property) == 0 ? PLY_PROPERTIES_MOST : PLY_PROPERTIES;
+    if (f->properties == PLY_PROPERTIES_MOST &&
+        (!expect_properties(file, f->precision, ID + 1, PLY_PROPERTIES_MOST, e) || !read_line(file, line, e)))
+        return false;
     if (strcmp(line, "end_header") == 0) return true;
     return parse_count(line, "face", &f->points.triangle_count, e) && expect_line(file, face_property, e) &&
            expect_line(file, "end_header", e);
@@ -288,7 +346,7 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
         return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
-    size_t point = PLY_PROPERTIES * (size_t)(text ? 2 : f->precision == PLY_FLOAT ? 4 : 8);
+    size_t point = text ? 2 * (size_t)f->properties : row_bytes(f->properties, f->precision);
     size_t face = text ? FACE_TEXT_LEAST : FACE_BYTES;
     if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
         (!text && vertices * point + faces * face != left))
@@ -298,41 +356,57 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     return true;
 }
 
-static void unpack_row(const char *in, ply_precision precision, double row[PLY_PROPERTIES])
+static void unpack_row(const char *in, int properties, ply_precision precision, double *row)
 {
-    for (int c = 0; c < PLY_PROPERTIES; c++) {
-        if (precision == PLY_FLOAT) {
+    for (int c = 0; c < properties; c++) {
+        if (c == ID || precision == PLY_FLOAT) {
             uint32_t bits;
             float value;
-            memcpy(&bits, in + 4 * c, sizeof bits);
+            memcpy(&bits, in, sizeof bits);
+            in += sizeof bits;
             bits = le32toh(bits);
             memcpy(&value, &bits, sizeof value);
-            row[c] = value;
+            row[c] = c == ID ? (double)bits : (double)value;
         } else {
             uint64_t bits;
-            memcpy(&bits, in + 8 * c, sizeof bits);
+            memcpy(&bits, in, sizeof bits);
+            in += sizeof bits;
             bits = le64toh(bits);
             memcpy(&row[c], &bits, sizeof bits);
         }
     }
 }
 
-static bool parse_row(FILE *file, ply_precision precision, double row[PLY_PROPERTIES], error *e)
+/* A whole number of 32 bits, as it is printed. */
+static bool is_id(const char *text, size_t length)
+{
+    char *end;
+    bool digits = length > 0 && length <= 10 && strspn(text, "0123456789") >= length;
+    return digits && !(length > 1 && text[0] == '0') && strtoumax(text, &end, 10) <= UINT32_MAX;
+}
+
+static bool wrong_line(int properties, error *e)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %d numbers", properties);
+}
+
+static bool parse_row(FILE *file, int properties, ply_precision precision, double *row, error *e)
 {
     char line[LINE_MAX_BYTES], *at = line;
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
-    for (int c = 0; c < PLY_PROPERTIES; c++) {
+    for (int c = 0; c < properties; c++) {
         size_t n = strspn(at, "0123456789+-.eE");
-        char *end = at, stop = c + 1 < PLY_PROPERTIES ? ' ' : '\n';
-        if (n > 0) row[c] = precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
-        if (end != at + n || *end != stop || n == 0) return damaged(e, "a line is not 13 numbers");
+        char *end = at, stop = c + 1 < properties ? ' ' : '\n';
+        if (n > 0) row[c] = c != ID && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
+        if (end != at + n || *end != stop || n == 0 || (c == ID && !is_id(at, n)))
+            return wrong_line(properties, e);
         at = end + 1;
     }
-    return !*at || damaged(e, "a line is not 13 numbers");
+    return !*at || wrong_line(properties, e);
 }
 
 /* The arrays of a point set inside one allocation of `count` rows. */
-static void store_row(const points *set, size_t i, const double row[PLY_PROPERTIES])
+static void store_row(const points *set, size_t i, const double *row)
 {
     ((vec3 *)set->position)[i] = vec3_make(row[0], row[1], row[2]);
     ((vec3 *)set->normal)[i] = vec3_make(row[3], row[4], row[5]);
@@ -343,6 +417,9 @@ static void store_row(const points *set, size_t i, const double row[PLY_PROPERTI
     ((double *)set->energy)[i] = row[10];
     ((double *)set->spacing)[i] = row[11];
     ((double *)set->spacing_local)[i] = row[12];
+    if (!set->id) return;
+    ((uint32_t *)set->id)[i] = (uint32_t)row[ID];
+    ((vec3 *)set->velocity)[i] = vec3_make(row[14], row[15], row[16]);
 }
 
 static void lay_out(ply_file *f)
@@ -358,19 +435,22 @@ static void lay_out(ply_file *f)
     f->points.energy = d + 10 * n;
     f->points.spacing = d + 11 * n;
     f->points.spacing_local = d + 12 * n;
+    if (f->properties == PLY_PROPERTIES) return;
+    f->points.velocity = (const vec3 *)(d + 13 * n);
+    f->points.id = (const uint32_t *)(d + 16 * n);
 }
 
-static bool read_row(FILE *file, const ply_file *f, size_t i, double row[PLY_PROPERTIES], error *e)
+static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error *e)
 {
-    char packed[PLY_PROPERTIES * 8];
-    size_t bytes = PLY_PROPERTIES * (f->precision == PLY_FLOAT ? 4 : 8);
+    char packed[PLY_PROPERTIES_MOST * 8];
+    size_t bytes = row_bytes(f->properties, f->precision);
     if (f->format == PLY_ASCII) {
-        if (!parse_row(file, f->precision, row, e)) return error_prefix(e, "point %zu", i);
+        if (!parse_row(file, f->properties, f->precision, row, e)) return error_prefix(e, "point %zu", i);
     } else {
         if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
-        unpack_row(packed, f->precision, row);
+        unpack_row(packed, f->properties, f->precision, row);
     }
-    for (int c = 0; c < PLY_PROPERTIES; c++)
+    for (int c = 0; c < f->properties; c++)
         if (!isfinite(row[c]))
             return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, property_names[c],
                              row[c]);
@@ -426,9 +506,10 @@ static bool read_start(FILE *file, ply_file *f, error *e)
 bool ply_read(FILE *file, ply_file *out, error *e)
 {
     ply_file f = {0};
-    double row[PLY_PROPERTIES];
+    double row[PLY_PROPERTIES_MOST];
     if (!read_start(file, &f, e)) return false;
-    f.storage = mem_array(f.points.count, PLY_PROPERTIES * sizeof(double), "the points of a PLY file", e);
+    f.storage =
+        mem_array(f.points.count, (size_t)f.properties * sizeof(double), "the points of a PLY file", e);
     f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
     bool ok = f.storage && f.triangles;
@@ -457,17 +538,17 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
                 error *e)
 {
     ply_file f = {0};
-    double row[PLY_PROPERTIES], meant[PLY_PROPERTIES];
+    double row[PLY_PROPERTIES_MOST], meant[PLY_PROPERTIES_MOST];
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
-        f.format != format || f.precision != precision)
+        f.format != format || f.precision != precision || f.properties != count_properties(set))
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         if (!read_row(file, &f, i, row, e)) return false;
         load_row(set, i, meant);
-        for (int c = 0; c < PLY_PROPERTIES; c++)
-            if (row[c] != as_written(meant[c], precision))
+        for (int c = 0; c < f.properties; c++)
+            if (row[c] != (c == ID ? meant[c] : as_written(meant[c], precision)))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "PLY file: the %s of point %zu is not what was written", property_names[c],
                                  i);

@@ -439,6 +439,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .retention_s = s->retention_s > 0 ? s->retention_s : c->retention_s,
         .frames = s->frame,
         .frame_count = s->frame_count,
+        .ordered = s->coherent,
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
         .most_waiting = c->most_waiting,

@@ -71,6 +71,8 @@ static const char help_text[] =
     "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
     "                     (default: no bound, and one per processor)\n"
     "  --frame N          the frame of a spec with queue.frames\n"
+    "  --previous DIR     the results of the frame before, whose points a frame with queue.coherent begins\n"
+    "                     with (default: it is the first of the sequence)\n"
     "  --sandbox MODE     required, available or off (default): without network, programs, and files but\n"
     "                     those below the input roots and DIR; available: as far as the kernel can\n"
     "  --help, --version\n"
@@ -134,7 +136,7 @@ static void leave(const error *e)
 }
 
 typedef struct arguments {
-    const char *spec_path, *output;
+    const char *spec_path, *output, *previous;
     const char **roots;
     size_t root_count;
     bool progress;
@@ -155,8 +157,10 @@ static bool parse_number(const char *option, const char *text, long low, long *o
 }
 
 /* Of a sequence one frame is run, and of any other spec none. */
-static bool choose_frame(spec *s, long frame, error *e)
+static bool choose_frame(spec *s, long frame, bool previous, error *e)
 {
+    if (previous && !s->coherent)
+        return error_set(e, ERROR_SPEC_INVALID, "--previous belongs to a spec with queue.coherent");
     if (!s->frames && frame < 0) return true;
     if (!s->frames) return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
     for (size_t i = 0; i < s->frame_count; i++) {
@@ -175,7 +179,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
         {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},
+        {"memory-mb", required_argument, NULL, 'm'},   {"previous", required_argument, NULL, 'v'},
         {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
         {"sandbox", required_argument, NULL, 's'},     {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
@@ -185,6 +189,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             a->output = optarg;
         else if (c == 'p')
             a->progress = true;
+        else if (c == 'v')
+            a->previous = optarg;
         else if (c == 'r')
             a->roots[a->root_count++] = optarg;
         else if (c == 'f') {
@@ -268,10 +274,12 @@ static void start_timer(double seconds)
 
 /* Opens what is named on the command line, and closes the rest of the world. With a sandbox and without input
  * roots no file is one to be read. */
-static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, error *e)
+static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, sequence_files *previous,
+                    error *e)
 {
     const sandbox_places places = {a->roots, a->root_count, a->output};
     if (!(*spec_file = open_spec(a->spec_path, e))) return false;
+    if (a->previous && !sequence_open(a->previous, previous, e)) return false;
     if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
         !(*roots = store_roots_open(a->roots, a->root_count, e)))
         return false;
@@ -291,18 +299,21 @@ static int run_command(int argc, char **argv)
     spec *s = NULL;
     store_roots *roots = NULL;
     FILE *spec_file = NULL;
+    sequence_files previous = {0};
     run_summary summary;
     int code;
     handle_signals();
-    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &e)) goto fail;
+    if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
     if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
-    if (!choose_frame(s, a.frame, &e)) goto fail;
+    if (!choose_frame(s, a.frame, a.previous != NULL, &e)) goto fail;
     start_timer(s->timeout_s);
     run_options options = {
         .output = a.output,
         .roots = roots,
         .memory_mb = a.memory_mb,
         .threads = (int)a.threads,
+        .frame = (int)a.frame,
+        .previous = a.previous ? &previous : NULL,
         .progress_fd = (int)a.progress_fd,
         .progress_bar = a.progress,
         .cancel = &cancel_requested,
@@ -318,6 +329,7 @@ fail:
     code = fail(&e, &faults);
 done:
     if (spec_file && spec_file != stdin) fclose(spec_file);
+    sequence_close(&previous);
     spec_free(s);
     store_roots_close(roots);
     free(a.roots);

@@ -9,7 +9,7 @@
 #define BOOK_COLUMNS                                                                                         \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running,"      \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "           \
-    "retention_s"
+    "retention_s, is_ordered"
 
 static void read_book(sqlite3_stmt *s, book *b)
 {
@@ -33,6 +33,7 @@ static void read_book(sqlite3_stmt *s, book *b)
         .started_ms = sqlite3_column_int64(s, 17),
         .finished_ms = sqlite3_column_int64(s, 18),
         .retention_s = sqlite3_column_int64(s, 19),
+        .ordered = sqlite3_column_int(s, 20),
     };
     queue_state_from_name((const char *)sqlite3_column_text(s, 2), &b->state);
 }

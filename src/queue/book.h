@@ -14,7 +14,7 @@
 typedef struct book {
     int64_t seq, revision;
     queue_state state; /* as stored; book_save brings it up to date */
-    bool array, paused, cancelled;
+    bool array, ordered, paused, cancelled;
     int pending; /* jobs that it waits for */
     int tasks, ready, delayed, running, succeeded, failed, cancelled_tasks, timed_out, not_converged;
     int attempts;

@@ -108,6 +108,9 @@ typedef struct queue_submission {
     int64_t memory_mb, retention_s;
     const int *frames; /* a task for each, in this order, none twice; NULL: one task */
     size_t frame_count;
+    /* The tasks run one after the other, each told of the result before it. One that does not succeed ends
+     * those behind it, unless it failed of no_surface: then they do without it. */
+    bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
     const char *webhook;         /* may be NULL: an address that is told of the job's end */
@@ -226,6 +229,7 @@ void queue_attempts_free(queue_attempt *attempts, size_t count);
 typedef struct queue_claimed {
     queue_job job;
     queue_task task;
+    int previous; /* of a job in order: the last frame before that has succeeded; QUEUE_NO_FRAME: none */
 } queue_claimed;
 
 void queue_claimed_clear(queue_claimed *claimed);

@@ -7,11 +7,11 @@
 #include "base/memory.h"
 #include "queue/book.h"
 #include "queue/record.h"
+#include "queue/schema.h"
 
 /* How many of one owner's jobs are looked at for one that fits. */
 #define LOOK_AHEAD "64"
 
-#define CLAIMABLE "ready > 0 AND pending = 0 AND is_paused = 0"
 #define OWNERS_TURN "owner.unfinished > 0 AND (?1 = 0 OR owner.running < ?1)"
 
 typedef struct claiming {
@@ -67,14 +67,15 @@ static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
 /* The job whose turn it is, whether it fits or not. */
 static bool find_head(database *d, const queue_room *room, int64_t *seq, error *e)
 {
-    return read_seq(d,
-                    ASK(d, e,
-                        "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
-                        " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " CLAIMABLE
-                        "  ORDER BY priority DESC, seq LIMIT 1)"
-                        " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
-                        integer(room->most_of_owner)),
-                    seq, e);
+    return read_seq(
+        d,
+        ASK(d, e,
+            "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
+            " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
+            "  ORDER BY priority DESC, seq LIMIT 1)"
+            " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
+            integer(room->most_of_owner)),
+        seq, e);
 }
 
 /* The first that fits. */
@@ -84,7 +85,7 @@ static bool find_fitting(database *d, const queue_room *room, int64_t *seq, erro
                     ASK(d, e,
                         "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
                         " (SELECT seq FROM (SELECT seq, threads, memory_mb FROM job INDEXED BY job_ready"
-                        "   WHERE owner = owner.name AND " CLAIMABLE
+                        "   WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
                         " ORDER BY priority DESC, seq LIMIT " LOOK_AHEAD ")"
                         "  WHERE (min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5 LIMIT 1)"
                         " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
@@ -126,6 +127,18 @@ static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *cl
     return ok;
 }
 
+/* The frame whose result a task of a job in order begins with. */
+static bool find_previous(database *d, int64_t seq, int number, int *frame, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT frame FROM task WHERE job = ?1 AND number < ?2 AND state = 'succeeded'"
+                          " ORDER BY number DESC LIMIT 1",
+                          integer(seq), integer(number));
+    while (database_next(d, s, &ok, e)) *frame = sqlite3_column_int(s, 0);
+    return ok;
+}
+
 /* The first task of the job that waits becomes running. */
 static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
 {
@@ -157,6 +170,8 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     ok = book_save(d, &before, &b, now, e) &&
          book_note(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt, now, e) &&
          read_claimed(d, seq, number, &c->claimed, e);
+    c->claimed.previous = QUEUE_NO_FRAME;
+    if (b.ordered) ok = ok && find_previous(d, seq, number, &c->claimed.previous, e);
     c->found = ok;
     return ok;
 }
@@ -170,7 +185,8 @@ static bool claim(database *d, change *asked)
     if (c->room)
         ok = promote(d, now, e) && choose(d, c->room, &seq, e);
     else
-        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " CLAIMABLE, text(c->id)), &seq, e);
+        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)),
+                      &seq, e);
     return ok && (!seq || start_task(d, seq, c, now, e));
 }
 
@@ -213,6 +229,7 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         record_read_job(s, 0, &read[used].job);
         record_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
+        read[used].previous = QUEUE_NO_FRAME; /* nobody is going to start it */
         read[used++].job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
     }
     database_unlock(q);
@@ -302,6 +319,18 @@ static bool end_task(database *d, const settling *s, book *b, int frame, int64_t
            book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame, s->fence->attempt, now, e);
 }
 
+/* Of a job in order: those behind a task that did not succeed have nothing to begin with. */
+static bool end_followers(database *d, const settling *s, book *b, int frame, int64_t now, error *e)
+{
+    const queue_ending *x = s->ending;
+    char message[128];
+    if (!b->ordered || s->back || x->state == QUEUE_SUCCEEDED) return true;
+    if (x->error_code && strcmp(x->error_code, error_code_name(ERROR_NO_SURFACE)) == 0) return true;
+    snprintf(message, sizeof message, "frame %d, with whose points this one begins, is %s", frame,
+             queue_state_name(x->state));
+    return book_end_waiting(d, b, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now, e);
+}
+
 static bool settle(database *d, change *asked)
 {
     settling *s = (settling *)asked;
@@ -319,7 +348,7 @@ static bool settle(database *d, change *asked)
     s->accepted = true;
     return end_attempt(d, s, &b, frame, now, e) &&
            (s->back ? put_back(d, s, &b, now, e) : end_task(d, s, &b, frame, now, e)) &&
-           book_save(d, &before, &b, now, e);
+           end_followers(d, s, &b, frame, now, e) && book_save(d, &before, &b, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

@@ -24,6 +24,7 @@ static const char tables[] =
     "  max_attempts INTEGER NOT NULL,"
     "  retention_s INTEGER NOT NULL DEFAULT 0,"
     "  is_array INTEGER NOT NULL DEFAULT 0,"
+    "  is_ordered INTEGER NOT NULL DEFAULT 0,"
     "  is_paused INTEGER NOT NULL DEFAULT 0,"
     "  is_cancelled INTEGER NOT NULL DEFAULT 0,"
     "  pending INTEGER NOT NULL DEFAULT 0 CHECK (pending >= 0),"
@@ -58,7 +59,7 @@ static const char tables[] =
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;"
     "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
-    "  WHERE ready > 0 AND pending = 0 AND is_paused = 0;"
+    "  WHERE " SCHEMA_CLAIMABLE ";"
 
     "CREATE TABLE spec ("
     "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"

@@ -13,6 +13,11 @@
 
 #define SCHEMA_VERSION 3
 
+/* Of a job: a task of it may be started, as far as the job goes. Of one in order a task that runs, or waits
+ * before it is tried again, keeps those behind it waiting. */
+#define SCHEMA_CLAIMABLE                                                                                     \
+    "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
+
 bool schema_prepare(sqlite3 *database, error *e);
 
 #endif

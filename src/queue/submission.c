@@ -91,13 +91,15 @@ static bool insert_job(database *d, const submitting *s, book *b, int64_t now, e
     bool ok =
         RUN(d, e,
             "INSERT INTO job (id, owner, state, priority, threads, memory_mb, max_attempts, retention_s,"
-            " is_array, pending, tasks, ready, created_ms, name, labels, trace, webhook, key, body_hash)"
-            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
+            " is_array, is_ordered, pending, tasks, ready, created_ms, name, labels, trace, webhook, key,"
+            " body_hash)"
+            " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?19, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17,"
+            " ?18)",
             text(s->receipt.id), text(s->owner), text(queue_state_name(b->state)), integer(in->priority),
             integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
             integer(b->array), integer(b->pending), integer(b->tasks), integer(now), text(in->name),
             text(in->labels), text(in->trace), text(in->webhook), text(in->key),
-            text(in->key ? in->body_hash : NULL));
+            text(in->key ? in->body_hash : NULL), integer(b->ordered));
     b->seq = database_last_row(d);
     return ok &&
            RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(b->seq), text(in->spec),
@@ -137,6 +139,7 @@ static bool put(database *d, change *c)
     int tasks = s->in->frames ? (int)s->in->frame_count : 1;
     book b = {.revision = 1,
               .array = s->in->frames != NULL,
+              .ordered = s->in->ordered,
               .pending = pending,
               .tasks = tasks,
               .ready = tasks,

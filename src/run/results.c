@@ -124,8 +124,13 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
 static bool write_points_vdb(const char *directory, const results_input *in, json *outputs, error *e)
 {
     const points *set = in->set;
-    const vdb_points grid = {set->count, &set->position[0].x, &set->normal[0].x, set->spacing_local,
-                             POINTS_VOXEL * in->h};
+    const vdb_points grid = {.count = set->count,
+                             .position = &set->position[0].x,
+                             .normal = &set->normal[0].x,
+                             .spacing = set->spacing_local,
+                             .voxel_size = POINTS_VOXEL * in->h,
+                             .id = set->id,
+                             .velocity = set->velocity ? &set->velocity[0].x : NULL};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);

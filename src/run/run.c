@@ -12,6 +12,7 @@
 #include "run/progress.h"
 #include "run/report.h"
 #include "run/results.h"
+#include "run/sequence.h"
 #include "run/source.h"
 #include "run/watch.h"
 #include "sampler/quality.h"
@@ -30,6 +31,8 @@ static const double BYTES_PER_PARTICLE_SWARM = 5000;
 static const double BYTES_PER_VERTEX = 120;
 /* Of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
 static const double BYTES_PER_GRID_POINT = 200;
+/* Of a frame that is carried over: places for births and their lists, beside the points before. */
+static const double BYTES_PER_CARRIED = 800;
 /* Likewise of the preview's pixels. */
 static const double BYTES_PER_PIXEL = 20;
 /* Below this many points a second thread costs more than it brings. */
@@ -65,7 +68,8 @@ typedef struct job {
     surface *scan;
     size_t count; /* that the target asks for; of the next run, when it asks for time */
     solution solution;
-    int64_t end_ms; /* with a time for a target: when the job is to be over */
+    sequence sequence; /* with queue.coherent */
+    int64_t end_ms;    /* with a time for a target: when the job is to be over */
     json *report;
     results_facts results;
 } job;
@@ -102,6 +106,7 @@ static double bytes_per_particle(const job *j)
     /* one after the other */
     double more =
         fmax(j->spec->has_mesh ? BYTES_PER_VERTEX : 0, j->spec->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    if (j->options->previous) more = fmax(more, BYTES_PER_CARRIED);
     return more +
            (j->spec->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
@@ -140,6 +145,7 @@ static bool load(job *j, error *e)
     if (workers > THREADS_MAX) workers = THREADS_MAX;
     j->pool = threads_new(workers, j->options->cancel, e);
     return j->pool && choose_isa(s, &j->isa, e) &&
+           (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
            source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
 }
 
@@ -201,8 +207,8 @@ static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent"
                                            [SPEC_ENERGY_GAUSSIAN] = "gaussian",
                                            [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
 
-/* Places j->count particles. */
-static bool place(const job *j, solution *out, error *e)
+/* Places j->count particles: those of the frame before, if there are any. */
+static bool place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
     if (!start_grading(j, &out->grading, e)) return false;
@@ -212,14 +218,22 @@ static bool place(const job *j, solution *out, error *e)
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
+    carried brought = {0};
+    if (j->options->previous && !sequence_carry(&j->sequence, j->source.field, j->scan, out->grading,
+                                                j->count, s->seed, j->pool, &brought, e))
+        goto done;
     const sampler_params params = {
+        .given = brought.position,
+        .given_normal = brought.normal,
         .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
         .count = inserts ? (size_t)start : j->count,
         .max_sigma = inserts ? s->control.max_sigma : 0,
         .min_count = (size_t)s->control.min_count,
         .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
         .count_limit = (size_t)(particle_memory(j) / bytes_per_particle(j)),
-        .start = s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM : SAMPLER_START_SURFACE,
+        .start = brought.position              ? SAMPLER_START_GIVEN
+                 : s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM
+                                               : SAMPLER_START_SURFACE,
         .random_in_cells = source_starts_in_cells(&j->source),
         .seed = s->seed,
         .graded = s->has_alpha,
@@ -240,6 +254,8 @@ static bool place(const job *j, solution *out, error *e)
         .energy_tolerance = s->energy_tolerance,
     };
     out->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
+done:
+    carried_free(&brought);
     return out->sampler != NULL;
 }
 
@@ -315,7 +331,9 @@ static bool write_points(job *j, error *e)
                         .energy = p->energy,
                         .spacing = p->spacing,
                         .spacing_local = s->spacing_local,
-                        .degree = s->degree};
+                        .degree = s->degree,
+                        .id = j->sequence.id,
+                        .velocity = j->sequence.velocity};
     results_input in = {
         .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
@@ -382,7 +400,9 @@ static bool relax(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return fill_time(j, e);
-    return relax_until_done(j, j->solution.sampler, 0, e) && sampler_finish(j->solution.sampler, e);
+    const sampler *s = j->solution.sampler;
+    return relax_until_done(j, j->solution.sampler, 0, e) && sampler_finish(j->solution.sampler, e) &&
+           (!j->spec->coherent || sequence_end(&j->sequence, sampler_result_points(s), e));
 }
 
 static bool measure_result(job *j, error *e)
@@ -409,6 +429,7 @@ static bool write_report(job *j, run_summary *out, error *e)
         j->isa,      &j->progress,
     };
     report_fill(j->report, &facts);
+    if (j->spec->coherent) sequence_describe(&j->sequence, j->report);
     if (!may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
     *out = (run_summary){converged, p->count, s->quality.hex_fraction, j->results.max_residual,
                          1e-3 * (double)(clock_monotonic_ms() - j->progress.start_ms)};
@@ -455,6 +476,7 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
     ok = ok && write_report(&j, out, e);
     json_free(j.report);
     free_solution(&j.solution);
+    sequence_free(&j.sequence);
     surface_free(j.scan);
     source_close(&j.source);
     threads_free(j.pool);

@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "run/sequence.h"
 #include "spec/spec.h"
 #include "store/root.h"
 
@@ -21,6 +22,8 @@ typedef struct run_options {
     const store_roots *roots;            /* where inputs may lie; NULL: anywhere */
     int64_t memory_mb;                   /* when the spec does not say */
     int threads; /* at most, and when the spec does not say; 0: the processors there are */
+    int frame;                           /* that is run, of a spec with queue.frames */
+    const sequence_files *previous;      /* of a coherent sequence the frame before; NULL: there is none */
     int progress_fd;                     /* -1: no progress lines */
     bool progress_bar;                   /* on standard error */
     const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */

@@ -93,6 +93,7 @@ static void replace_lost(sampler *s)
         s->p->position[i] = x;
         s->p->normal[i] = normal;
         s->removed++;
+        s->replaced[i] = true;
         finish_particle(s, i);
     }
 }
@@ -141,6 +142,7 @@ static bool describe_points(sampler *s, error *e)
     s->out.count = n;
     s->out.position = s->p->position;
     s->out.normal = s->p->normal;
+    s->out.replaced = s->replaced;
     s->out.kappa = s->column;
     s->out.kappa1 = s->column + n;
     s->out.kappa2 = s->column + 2 * n;
@@ -156,6 +158,8 @@ bool sampler_finish(sampler *s, error *e)
 {
     while (s->level < s->levels - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
+    s->replaced = mem_array(s->p->count, sizeof *s->replaced, "the result", e);
+    if (!s->replaced) return false;
     threads_run(s->pool, s->p->count, 256, finish_chunk, s);
     replace_lost(s);
     count_lost(s);

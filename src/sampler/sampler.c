@@ -168,16 +168,32 @@ static bool arrange(sampler *s, error *e)
     return ok;
 }
 
+static bool is_given(const sampler *s)
+{
+    return s->params.start == SAMPLER_START_GIVEN;
+}
+
+/* Places the particles, in an order for sweeps. */
+static bool place(sampler *s, error *e)
+{
+    size_t removed;
+    if (is_given(s)) {
+        memcpy(s->p->position, s->params.given, s->p->count * sizeof *s->p->position);
+        memcpy(s->p->normal, s->params.given_normal, s->p->count * sizeof *s->p->normal);
+        return true;
+    }
+    if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
+    s->removed += removed;
+    return arrange(s, e);
+}
+
 /* Particles on the coarsest level, where they start. */
 static bool begin(sampler *s, double support, error *e)
 {
     s->p->count = s->level_count[0];
     enter_level(s, support);
     if (s->params.max_sigma > 0) s->sigma = fmin(s->sigma, s->params.max_sigma);
-    size_t removed;
-    if (!start_place(s->field, s->scan, &s->params, s->spacing, s->pool, s->p, &removed, e)) return false;
-    s->removed += removed;
-    if (!arrange(s, e)) return false;
+    if (!place(s, e)) return false;
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
     return s->method->begin(s, e);
 }
@@ -201,7 +217,8 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     if (!s->sweep || !s->p || !s->relax) goto fail;
     s->capacity = params->count;
     s->level_count[0] = params->count;
-    s->levels = params->coarse_to_fine
+    s->stage = is_given(s) ? SAMPLER_STAGES - 1 : 0;
+    s->levels = params->coarse_to_fine && !is_given(s)
                     ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)
                     : 1;
     /* a support that is given is meant for the whole count */
@@ -220,6 +237,7 @@ void sampler_free(sampler *s)
     particles_free(s->p);
     relax_free(s->relax);
     free(s->sweep);
+    free(s->replaced);
     free(s->column);
     free(s);
 }
@@ -282,6 +300,7 @@ static int level_sweeps(const sampler *s)
  * shorter ones settle it; where it does not come to rest for long they become shorter still. */
 static double glide_omega(const sampler *s)
 {
+    if (is_given(s)) return OMEGA_LEAST;
     if (s->level == 0 && s->stage < SAMPLER_STAGES - 1) return OMEGA_SETTLE;
     double t = (double)s->sweeps_in_round / level_sweeps(s);
     if (t < 1) return OMEGA_SHAKE + (OMEGA_SETTLE - OMEGA_SHAKE) * t * t;
@@ -292,6 +311,7 @@ static double glide_omega(const sampler *s)
  * level has been shaken, long steps are watched, and with time all are. */
 static double glide_longest(const sampler *s)
 {
+    if (is_given(s)) return GLIDE_LONGEST;
     bool first_stages = s->level == 0 && s->stage < SAMPLER_STAGES - 1;
     double t = s->sweeps_in_round / (double)(first_stages ? STAGE_SHAKEN : level_sweeps(s));
     return t < 1 ? INFINITY : GLIDE_LONGEST / (t * t);
@@ -303,7 +323,7 @@ static bool glides_are_at_rest(const sampler *s, const relax_sums *sums)
 {
     static const double stage_step[SAMPLER_STAGES] = {0.03, 0.01, 0.001};
     bool last_stage = s->stage == SAMPLER_STAGES - 1, last_level = s->level == s->levels - 1;
-    if (last_stage && s->sweeps_in_round < level_sweeps(s)) return false;
+    if (last_stage && s->sweeps_in_round < level_sweeps(s) && !is_given(s)) return false;
     if (last_level && last_stage) return sums->rms_step < s->params.step_tolerance;
     return s->level > 0 || sums->rms_step < stage_step[s->stage] || s->sweeps_in_round >= STAGE_SWEEPS_MOST;
 }

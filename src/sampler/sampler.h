@@ -30,13 +30,18 @@ typedef struct sampler sampler;
 
 typedef enum sampler_start {
     SAMPLER_START_SURFACE, /* in proportion to the area */
-    SAMPLER_START_RANDOM   /* uniform in the domain (formulas) or in the crossing cells (volumes) */
+    SAMPLER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing cells (volumes) */
+    SAMPLER_START_GIVEN    /* where `given` has them */
 } sampler_start;
 
 typedef struct sampler_params {
     size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
     sampler_start start;
     bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
+    /* with SAMPLER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that
+     * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
+     * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
+    const vec3 *given, *given_normal;
     uint64_t seed;
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
@@ -122,6 +127,7 @@ typedef struct sampler_points {
     const double *kappa, *kappa1, *kappa2, *alpha;
     const double *energy;  /* E_i, full sum under the final sigma; with a grading over the size squared */
     const double *spacing; /* requested */
+    const bool *replaced;  /* put on a new place since it was lost */
     size_t lost;           /* not on the surface, and no place found for them */
     double max_residual;   /* max |F| / |grad F|, over h */
     double sigma, mean_energy, ideal_energy, mean_neighbours;

@@ -59,6 +59,7 @@ struct sampler {
     double fraction;
     struct swarm *swarm; /* of sampler_witkin_heckbert */
     sampler_points out;
+    bool *replaced; /* of each particle, from sampler_finish on */
     double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
 };
 

@@ -686,6 +686,21 @@ static void check_camera(reading *r, const json_at *at)
                   "up must not be zero, nor point along the line from position to target");
 }
 
+static void check_coherent(reading *r, const json_at *at)
+{
+    const spec *s = r->s;
+    json_at coherent = json_member(at, "coherent");
+    if (!s->coherent) return;
+    if (!s->frames)
+        add_fault(r, &coherent, ERROR_SPEC_INVALID, "goes with queue.frames, which the job does not have");
+    if (s->method != SPEC_METHOD_SIZED)
+        add_fault(r, &coherent, ERROR_SPEC_INVALID,
+                  "goes with the method \"sized\" only (which alpha does not): grade by sampling.curvature or grid");
+    if (s->time_s > 0)
+        add_fault(r, &coherent, ERROR_SPEC_INVALID,
+                  "does not go with sampling.time_s, as frames would differ in their counts: give a count or spacing");
+}
+
 static void check_frames(reading *r, const json_at *at)
 {
     spec *s = r->s;
@@ -786,7 +801,10 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     if (strcmp(group, "/region") == 0 && r->total == before) check_box(r, at, &r->s->region);
     if (strcmp(group, "/solver") == 0 && r->total == before) check_solver(r, at);
     if (strcmp(group, "/output/preview/camera") == 0 && r->total == before) check_camera(r, at);
-    if (strcmp(group, "/queue") == 0 && r->total == before) check_frames(r, at); /* the surface stands before it */
+    if (strcmp(group, "/queue") == 0 && r->total == before) { /* the surface and the method stand before it */
+        check_frames(r, at);
+        check_coherent(r, at);
+    }
 }
 
 /* ---- the whole ---- */

@@ -246,6 +246,7 @@ typedef struct spec {
     char *frames; /* as given, NULL: the job is no sequence; their numbers: */
     int *frame;
     size_t frame_count;
+    bool coherent; /* each frame begins with the points of the one before */
     int64_t retention_s; /* 0: the service's */
     char *webhook;       /* NULL: none */
 

@@ -1091,7 +1091,12 @@ const spec_row spec_rows[] = {
      AT(frames),
      .prose = "One task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first #### or %04d in each path of an input"
               " is the frame's number."},
-    LATER("/queue/coherent", SPEC_CHOICE_NONE, "Points that keep their identity over frames."),
+    {.pointer = "/queue/coherent",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(coherent),
+     .prose = "Points that stay put: each frame begins with the points of the one before, carried along by the motion"
+              " of the surface, and each point keeps its id. With frames, and the method sized."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

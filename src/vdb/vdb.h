@@ -109,13 +109,15 @@ typedef struct vdb_points {
     const double *normal;   /* 3 a point */
     const double *spacing;  /* of each */
     double voxel_size;      /* of the grid, world, > 0; no more than 2^31 of them span the points */
+    const uint32_t *id;     /* of each, none twice; NULL: their places in the arrays, from 0 */
+    const double *velocity; /* 3 a point; NULL: none */
 } vdb_points;
 
-/* Writes a whole seekable file at the descriptor's offset: one grid "points" whose transform has its
- * origin at the corner of the points' box, with the attributes P (relative to its voxel's centre, so exact
- * to 2^-24 voxels), N (vec3f), pscale (float, half the spacing) and id (int64, the point's place in the
- * arrays, from 0). The same points give the same bytes: the format's identifier, random as the library has
- * it, is made of the contents. Errors: limit_memory; internal when writing fails. */
+/* Writes a whole seekable file at the descriptor's offset: one grid "points" whose transform has its origin
+ * at the corner of the points' box, with the attributes P (relative to its voxel's centre, so exact to 2^-24
+ * voxels), N (vec3f), pscale (float, half the spacing), id (int64) and, when there are any, the velocities v
+ * (vec3f). The same points give the same bytes: the format's identifier, random as the library has it, is
+ * made of the contents. Errors: limit_memory; internal when writing fails. */
 bool vdb_write_points(int fd, const vdb_points *points, error *e);
 
 /* Reads a file from its beginning and says (internal) when it does not hold the points. */

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <sstream>
+#include <unordered_map>
 #include <vector>
 
 #include <sys/stat.h>
@@ -21,6 +22,7 @@ namespace
 
 typedef vdb::points::PointDataGrid grid;
 typedef vdb::points::TypedAttributeArray<vdb::Vec3f> normal_array;
+typedef vdb::points::TypedAttributeArray<vdb::Vec3f> velocity_array;
 typedef vdb::points::TypedAttributeArray<float> scale_array;
 typedef vdb::points::TypedAttributeArray<int64_t> id_array;
 
@@ -55,18 +57,19 @@ template <typename Value> class source
     double factor;
 };
 
-/* The places 0, 1, 2, ... */
-class places
+/* The ids that are given, or the places 0, 1, 2, ... */
+class ids
 {
   public:
     typedef int64_t value_type;
     typedef int64_t ValueType;
-    explicit places(size_t count) : count(count) {}
+    explicit ids(const vdb_points &p) : count(p.count), given(p.id) {}
     size_t size() const { return count; }
-    void get(int64_t &out, size_t i, vdb::Index = 0) const { out = int64_t(i); }
+    void get(int64_t &out, size_t i, vdb::Index = 0) const { out = given ? given[i] : int64_t(i); }
 
   private:
     size_t count;
+    const uint32_t *given;
 };
 
 vdb::math::Transform::Ptr transform_for(const vdb_points &p)
@@ -93,7 +96,11 @@ grid::Ptr build(const vdb_points &p)
     vdb::points::appendAttribute(tree, "id", id_array::attributeType());
     vdb::points::populateAttribute(tree, order, "N", source<vdb::Vec3f>(p.normal, p.count, 1));
     vdb::points::populateAttribute(tree, order, "pscale", source<float>(p.spacing, p.count, 0.5));
-    vdb::points::populateAttribute(tree, order, "id", places(p.count));
+    vdb::points::populateAttribute(tree, order, "id", ids(p));
+    if (p.velocity) {
+        vdb::points::appendAttribute(tree, "v", velocity_array::attributeType());
+        vdb::points::populateAttribute(tree, order, "v", source<vdb::Vec3f>(p.velocity, p.count, 1));
+    }
     made->setName(grid_name);
     return made;
 }
@@ -139,19 +146,42 @@ fault differs(const char *what, size_t i)
                  std::string("the ") + what + " of point " + std::to_string(i) + " is not what was written");
 }
 
+/* Which point has an id; the number of all: none. */
+class places
+{
+  public:
+    explicit places(const vdb_points &p) : count(p.count), given(p.id)
+    {
+        for (size_t i = 0; given && i < count; i++) of_id[given[i]] = i;
+    }
+    size_t find(int64_t id) const
+    {
+        if (!given) return id >= 0 && size_t(id) < count ? size_t(id) : count;
+        const auto found = of_id.find(id);
+        return found == of_id.end() ? count : found->second;
+    }
+
+  private:
+    size_t count;
+    const uint32_t *given;
+    std::unordered_map<int64_t, size_t> of_id;
+};
+
 /* Of a leaf's points; notes those that are seen. */
 void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Transform &transform,
-                 const vdb_points &p, std::vector<bool> &seen)
+                 const vdb_points &p, const places &where, std::vector<bool> &seen)
 {
     vdb::points::AttributeHandle<vdb::Vec3f> offset(leaf.constAttributeArray("P"));
     vdb::points::AttributeHandle<vdb::Vec3f> normal(leaf.constAttributeArray("N"));
     vdb::points::AttributeHandle<float> scale(leaf.constAttributeArray("pscale"));
     vdb::points::AttributeHandle<int64_t> id(leaf.constAttributeArray("id"));
+    vdb::points::AttributeHandle<vdb::Vec3f>::Ptr velocity;
+    if (p.velocity)
+        velocity = vdb::points::AttributeHandle<vdb::Vec3f>::create(leaf.constAttributeArray("v"));
     for (auto point = leaf.beginIndexOn(); point; ++point) {
-        const int64_t place = id.get(*point);
-        if (place < 0 || size_t(place) >= p.count || seen[size_t(place)])
+        const size_t i = where.find(id.get(*point));
+        if (i == p.count || seen[i])
             throw fault(ERROR_INTERNAL, "an id stands twice, or is none that was written");
-        const size_t i = size_t(place);
         seen[i] = true;
         const vdb::Vec3d world =
             transform.indexToWorld(vdb::Vec3d(offset.get(*point)) + point.getCoord().asVec3d());
@@ -160,6 +190,7 @@ void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Tran
             const double slack = place_tolerance * p.voxel_size + 1e-15 * std::abs(p.position[at]);
             if (!(std::abs(world[k] - p.position[at]) <= slack)) throw differs("position", i);
             if (normal.get(*point)[k] != float(p.normal[at])) throw differs("normal", i);
+            if (velocity && velocity->get(*point)[k] != float(p.velocity[at])) throw differs("velocity", i);
         }
         if (scale.get(*point) != float(0.5 * p.spacing[i])) throw differs("pscale", i);
     }
@@ -192,9 +223,10 @@ extern "C" bool vdb_verify_points(int fd, const vdb_points *points, error *e)
             throw fault(ERROR_INTERNAL, "the file does not hold one points grid");
         const grid::Ptr found = vdb::gridPtrCast<grid>((*grids)[0]);
         std::vector<bool> seen(points->count, false);
+        const places where(*points);
         if (vdb::points::pointCount(found->tree()) != points->count)
             throw fault(ERROR_INTERNAL, "the points grid does not hold all points");
         for (auto leaf = found->tree().cbeginLeaf(); leaf; ++leaf)
-            verify_leaf(*leaf, found->transform(), *points, seen);
+            verify_leaf(*leaf, found->transform(), *points, where, seen);
     });
 }

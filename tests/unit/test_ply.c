@@ -277,6 +277,49 @@ static void test_full_disk(void **state)
 }
 
 /* A mesh: three corners of a set of four, and what is wrong with others. */
+static void test_ids_and_velocities(void **state)
+{
+    (void)state;
+    static const uint32_t id[3] = {7, 16777217, UINT32_MAX - 1}; /* the second is no float */
+    static const vec3 velocity[3] = {{0, 0.5, -1}, {1e-3, 0, 0}, {-0.25, 2, 3}};
+    for (int format = 0; format <= 1; format++)
+        for (int precision = 0; precision <= 1; precision++) {
+            point_set s = point_set_sphere(3, vec3_make(0, 0, 0), 1);
+            s.points.id = id;
+            s.points.velocity = velocity;
+            bytes b = write_set(&s.points, (ply_format)format, (ply_precision)precision);
+            error e = {0};
+            ply_file f = {0};
+            assert_non_null(strstr(b.data, "property uint id\n"));
+            if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
+            check_equal(&s.points, &f.points, precision == PLY_FLOAT);
+            assert_memory_equal(f.points.id, id, sizeof id);
+            for (int i = 0; i < 3; i++)
+                assert_true(f.points.velocity[i].x == (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
+                            f.points.velocity[i].z == velocity[i].z);
+            FILE *file = fmemopen(b.data, b.length, "rb");
+            assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            static const uint32_t other[3] = {7, 16777216, UINT32_MAX - 1};
+            s.points.id = other;
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_non_null(strstr(e.message, "the id of point 1"));
+            s.points.id = NULL;
+            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            fclose(file);
+            for (size_t n = 0; n < b.length; n++)
+                if (read_bytes(b.data, n, &f, NULL)) fail_msg("accepted %zu of %zu bytes", n, b.length);
+            refuse_with(&b, "uint id", "int id", "expected");
+            if (format == PLY_ASCII) {
+                refuse_with(&b, " 16777217 ", " 4294967296 ", "a line is not 17 numbers");
+                refuse_with(&b, " 16777217 ", " 1.5 ", "a line is not 17 numbers");
+                refuse_with(&b, " 16777217 ", " -1 ", "a line is not 17 numbers");
+            }
+            free(b.data);
+            ply_file_free(&f);
+            point_set_free(&s);
+        }
+}
+
 static void test_triangles(void **state)
 {
     (void)state;
@@ -327,6 +370,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_triangles),
+        cmocka_unit_test(test_ids_and_velocities),
         cmocka_unit_test(test_round_trips),
         cmocka_unit_test(test_header),
         cmocka_unit_test(test_every_truncation_is_refused),

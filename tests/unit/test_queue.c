@@ -393,6 +393,88 @@ static void test_cancel_of_an_array(void **state)
     claim(p, id);
 }
 
+/* Claims the next task of a job in order, which has to begin with the points of `previous`. */
+static queue_task claim_after(place *p, const char *id, int previous)
+{
+    queue_claimed claimed = {0};
+    bool found = false;
+    assert_true(queue_claim(p->q, &wide, &claimed, &found, NULL));
+    assert_true(found);
+    assert_string_equal(claimed.job.id, id);
+    assert_int_equal(claimed.previous, previous);
+    queue_task task = claimed.task;
+    queue_claimed_clear(&claimed);
+    return task;
+}
+
+static void put_in_order(place *p, char id[ULID_SIZE])
+{
+    queue_submission s = plain;
+    s.frames = frames;
+    s.frame_count = 3;
+    s.ordered = true;
+    submit_for(p, &s, id);
+}
+
+static void test_tasks_in_order_begin_with_the_one_before(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], other[ULID_SIZE];
+    put_in_order(p, id);
+    put(p, "other", 0, other);
+    queue_task first = claim_after(p, id, QUEUE_NO_FRAME);
+    claim(p, other); /* no other frame meanwhile */
+    claim(p, NULL);
+    reopen(p);
+    assert_true(finish(p, id, 0, first.attempt, &success));
+    queue_task second = claim_after(p, id, 1);
+    assert_int_equal(second.frame, 3);
+    /* it crashes: those behind it wait until it is tried again */
+    assert_true(queue_requeue(p->q, &(queue_fence){id, 1, second.attempt}, true, INT64_MAX, &crash,
+                              &(bool){0}, NULL));
+    claim(p, NULL);
+    expect_state(p, id, QUEUE_RUNNING);
+}
+
+static void test_what_follows_a_failure_fails_with_it(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    put_in_order(p, id);
+    assert_true(finish(p, id, 0, claim_after(p, id, QUEUE_NO_FRAME).attempt, &success));
+    assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &crash));
+    queue_job job = get(p, id);
+    assert_int_equal(job.state, QUEUE_FAILED);
+    assert_int_equal(job.tasks.succeeded, 1);
+    assert_int_equal(job.tasks.failed, 2);
+    assert_string_equal(job.error_message, "2 of 3 frames failed; frame 3: killed");
+    queue_job_clear(&job);
+    queue_task last = {0};
+    bool found = false;
+    assert_true(queue_get_frame(p->q, id, frames[2], &last, &found, NULL) && found);
+    assert_string_equal(last.error_code, "dependency_failed");
+    assert_non_null(strstr(last.error_message, "frame 3, with whose points this one begins, is failed"));
+    queue_task_clear(&last);
+    /* both are tried again, in order */
+    assert_int_equal(tell(p, id, QUEUE_RETRY, true), QUEUE_RUNNING);
+    assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &success));
+    assert_true(finish(p, id, 2, claim_after(p, id, 3).attempt, &success));
+    expect_state(p, id, QUEUE_SUCCEEDED);
+}
+
+static void test_a_frame_without_a_surface_is_passed_over(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_ending empty = crash;
+    empty.error_code = "no_surface";
+    put_in_order(p, id);
+    assert_true(finish(p, id, 0, claim_after(p, id, QUEUE_NO_FRAME).attempt, &success));
+    assert_true(finish(p, id, 1, claim_after(p, id, 1).attempt, &empty));
+    assert_true(finish(p, id, 2, claim_after(p, id, 1).attempt, &success));
+    expect_state(p, id, QUEUE_FAILED);
+}
+
 static void test_edits_have_revisions(void **state)
 {
     place *p = *state;
@@ -658,6 +740,9 @@ int main(void)
         CASE(test_who_depends_on_a_failure_fails),
         CASE(test_an_array_has_one_state),
         CASE(test_cancel_of_an_array),
+        CASE(test_tasks_in_order_begin_with_the_one_before),
+        CASE(test_what_follows_a_failure_fails_with_it),
+        CASE(test_a_frame_without_a_surface_is_passed_over),
         CASE(test_edits_have_revisions),
         CASE(test_what_is_over_is_forgotten),
         CASE(test_list_pages_newest_first),

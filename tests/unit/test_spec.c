@@ -598,7 +598,8 @@ static void test_normalised_is_idempotent(void **state)
               "\"points_vdb\":false,"
               "\"mesh\":false},"
               "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
-              "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"retention_s\":0}}");
+              "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"coherent\":false,"
+              "\"retention_s\":0}}");
     free(text);
     spec_free(s);
 }
@@ -821,12 +822,40 @@ static void test_invalid_fault_behind_others(void **state)
 {
     (void)state;
     error e = {0};
-    spec_faults faults = bad(SPHERE ",\"queue\":{\"coherent\":1,\"webhook\":1,\"priority\":5000}}",
-                             &e);
+    spec_faults faults = bad(SPHERE ",\"queue\":{\"webhook\":1,\"priority\":5000}}", &e);
     assert_true(faults.count > 1);
     assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_non_null(strstr(e.message, "/queue/priority"));
+}
+
+static void test_coherent_sequences(void **state)
+{
+    (void)state;
+    static const char start[] = "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.####.vdb\"}},\"queue\":"
+                                "{\"frames\":\"1-3\",\"coherent\":true},\"sampling\":";
+    static const char *const wrong[][2] = {{"{\"time_s\":9}}", "sampling.time_s"},
+                                           {"{\"count\":9},\"solver\":{\"method\":\"paper\"}}", "\"sized\""},
+                                           {"{\"count\":9,\"alpha\":{\"d\":1}}}", "\"sized\""}};
+    error e = {0};
+    char *text = mem_printf("%s{\"count\":9}}", start);
+    json *document = json_parse(text, strlen(text), NULL);
+    spec *s = spec_parse(document, NULL, &e);
+    if (!s) fail_msg("%s", e.message);
+    assert_true(s->coherent);
+    spec_free(s);
+    json_free(document);
+    free(text);
+    for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+        text = mem_printf("%s%s", start, wrong[k][0]);
+        spec_faults faults = bad(text, &e);
+        assert_string_equal(faults.item[0].pointer, "/queue/coherent");
+        assert_non_null(strstr(e.message, wrong[k][1]));
+        free(text);
+    }
+    spec_faults faults = bad(SPHERE ",\"queue\":{\"coherent\":true}}", &e);
+    assert_string_equal(faults.item[0].pointer, "/queue/coherent");
+    assert_non_null(strstr(e.message, "queue.frames"));
 }
 
 static void test_frames(void **state)
@@ -904,6 +933,7 @@ int main(void)
         cmocka_unit_test(test_words_of_every_row),
         cmocka_unit_test(test_every_later_member_is_not_supported),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_coherent_sequences),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),
         cmocka_unit_test(test_region),

@@ -16,8 +16,11 @@ enum { MOST_BYTES = 1 << 22 };
 
 static vdb_points points_of(const point_set *s, double voxel_size)
 {
-    return (vdb_points){s->points.count, &s->position[0].x, &s->normal[0].x, s->points.spacing_local,
-                        voxel_size};
+    return (vdb_points){.count = s->points.count,
+                        .position = &s->position[0].x,
+                        .normal = &s->normal[0].x,
+                        .spacing = s->points.spacing_local,
+                        .voxel_size = voxel_size};
 }
 
 static int write_points(const vdb_points *grid)
@@ -79,6 +82,33 @@ static void what_differs_is_told(void **state)
     point_set_free(&s);
 }
 
+static void ids_and_velocities_are_read_back(void **state)
+{
+    (void)state;
+    static uint32_t id[500];
+    static vec3 velocity[500];
+    point_set s = point_set_sphere(500, vec3_make(1, 2, 3), 1);
+    vdb_points grid = points_of(&s, 0.1);
+    for (uint32_t i = 0; i < 500; i++) {
+        id[i] = 4000000000u - 7 * i;
+        velocity[i] = vec3_make(i, -0.5, 1e-3 * i);
+    }
+    grid.id = id;
+    grid.velocity = &velocity[0].x;
+    int fd = write_points(&grid);
+    error e = {0};
+    if (!vdb_verify_points(fd, &grid, &e)) fail_msg("%s", e.message);
+    velocity[3].y = 1;
+    assert_false(vdb_verify_points(fd, &grid, &e));
+    assert_non_null(strstr(e.message, "velocity of point 3"));
+    velocity[3].y = -0.5;
+    id[4]++;
+    assert_false(vdb_verify_points(fd, &grid, &e));
+    assert_non_null(strstr(e.message, "an id"));
+    close(fd);
+    point_set_free(&s);
+}
+
 static void the_same_points_give_the_same_bytes(void **state)
 {
     (void)state;
@@ -104,6 +134,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(points_are_read_back),
         cmocka_unit_test(what_differs_is_told),
+        cmocka_unit_test(ids_and_velocities_are_read_back),
         cmocka_unit_test(the_same_points_give_the_same_bytes),
     };
     return cmocka_run_group_tests_name("vdb_points", tests, NULL, NULL);

@@ -1,0 +1,170 @@
+"""Coherent sequences end to end: a torus that moves, turns and grows, through REST and by the worker alone."""
+import json
+import pathlib
+import shutil
+import sys
+
+import numpy
+import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
+
+import measure  # noqa: E402
+import sequence  # noqa: E402
+
+FRAMES, COUNT, VOXEL = 20, 2000, 0.08
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory):
+    pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write level sets with")
+    where = tmp_path_factory.mktemp("footage")
+    for frame in range(1, FRAMES + 1):
+        sequence.write_torus(sequence.Torus(frame, sequence.TORUS), VOXEL, where / f"torus.{frame:04d}.vdb")
+    return where
+
+
+def spec_of(footage, frames, **parts):
+    return {"version": 1, "surface": {"vdb": {"path": str(footage / "torus.####.vdb")}}, "sampling": {"count": COUNT},
+            "output": {"preview": False, **parts.pop("output", {})}, "queue": {"frames": frames, "coherent": True},
+            **parts}
+
+
+def read(where):
+    return measure.read_ply(where / "points.ply"), json.loads((where / "report.json").read_text())
+
+
+def ids_of(points):
+    return points.columns["id"].astype(int)
+
+
+def test_twenty_frames_are_one_job_of_points_that_stay_put(new_service, footage):
+    service = new_service("--input_roots", footage).start()
+    job = service.submit(spec_of(footage, f"1-{FRAMES}"))
+    done = service.wait_state(job, "succeeded")
+    assert done["outcome"] == "converged"
+    # one after the other, however many workers there are
+    tasks = service.get(f"/v1/jobs/{job}/tasks?limit={FRAMES}").json["tasks"]
+    assert all(a["finished"] <= b["started"] for a, b in zip(tasks, tasks[1:]))
+    before = None
+    for frame in range(1, FRAMES + 1):
+        points, report = read(service.state / "results" / f"{job}.{frame}")
+        area = sequence.Torus(frame, sequence.TORUS).area()
+        assert measure.measure(points, area)["hex_fraction"] >= sequence.HEX_LEAST
+        assert len(set(ids_of(points))) == COUNT
+        told = report["sequence"]
+        assert told["frame"] == frame and told["carried"] + told["born"] == COUNT
+        if before:
+            assert told["previous_frame"] == frame - 1
+            way = sequence.ways({"torus": sequence.TORUS}, frame, before, points)
+            assert numpy.median(way) < sequence.DRIFT_MOST * measure.ideal_spacing(area, COUNT)
+            kept = numpy.intersect1d(ids_of(before), ids_of(points), return_indices=True)
+            assert len(kept[0]) == told["carried"]
+            velocity = numpy.stack([points.columns[f"velocity_{axis}"] for axis in "xyz"], axis=1)
+            gone = points.position[kept[2]] - before.position[kept[1]]
+            assert abs(velocity[kept[2]] - gone).max() < 1e-5
+        before = points
+
+
+def test_what_follows_a_frame_that_fails_is_tried_again_with_it(new_service, footage, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for frame in (1, 3):
+        shutil.copy(footage / f"torus.{frame:04d}.vdb", mine)
+    service = new_service("--input_roots", mine).start()
+    job = service.submit(spec_of(mine, "1-3"))
+    failed = service.wait_state(job, "failed")
+    assert failed["error"]["code"] == "input_missing"
+    assert "2 of 3 frames failed; frame 2:" in failed["error"]["message"]
+    assert [p.name for p in (service.state / "results").iterdir()] == [f"{job}.1"]
+    shutil.copy(footage / "torus.0002.vdb", mine)
+    assert service.post(f"/v1/jobs/{job}/retry").status == 200
+    service.wait_state(job, "succeeded")
+    for frame in (2, 3):
+        told = read(service.state / "results" / f"{job}.{frame}")[1]["sequence"]
+        assert told["previous_frame"] == frame - 1 and told["carried"] == COUNT
+
+
+def test_the_worker_alone_carries_points(worker, footage, tmp_path):
+    spec = spec_of(footage, "1-5x2", output={"ply": {"format": "ascii"}})
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    done = worker(spec, "--frame", 3, "--previous", "1", "--sandbox", "available", "--input-root", footage, output="3")
+    assert done.returncode in (0, 10), done.stderr
+    again = worker(spec, "--frame", 3, "--previous", "1", "--threads", 1, output="again")
+    assert again.returncode in (0, 10), again.stderr
+    first, then = read(tmp_path / "1")[0], read(tmp_path / "3")[0]
+    assert (tmp_path / "3" / "points.ply").read_bytes() == (tmp_path / "again" / "points.ply").read_bytes()
+    _, i, j = numpy.intersect1d(ids_of(first), ids_of(then), return_indices=True)
+    velocity = numpy.stack([then.columns[f"velocity_{axis}"] for axis in "xyz"], axis=1)
+    assert abs(2 * velocity[j] - (then.position[j] - first.position[i])).max() < 1e-5  # per frame, and these are two
+
+
+def test_a_count_that_changes_is_met_by_births_and_deaths(worker, footage, tmp_path):
+    assert worker(spec_of(footage, "1-3"), "--frame", 1, output="1").returncode in (0, 10)
+    more, fewer = (spec_of(footage, "1-3", sampling={"count": n}) for n in (COUNT + 20, COUNT - 20))
+    assert worker(more, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
+    assert worker(fewer, "--frame", 3, "--previous", "2", output="3").returncode in (0, 10)
+    second, third = read(tmp_path / "2"), read(tmp_path / "3")
+    assert second[1]["sequence"]["born"] == 20 and set(ids_of(second[0])) == set(range(COUNT + 20))
+    assert third[1]["sequence"]["died"] == 40 and third[1]["sequence"]["born"] == 0
+    assert third[1]["sequence"]["next_id"] == COUNT + 20  # no id is used twice, whoever is gone
+    assert third[0].count == COUNT - 20
+
+
+@pytest.mark.parametrize("parts", [
+    {"sampling": {"count": COUNT, "curvature": {"ratio": 4, "exponent": 1}}},
+    {"region": {"min": [-3, -3, -3], "max": [0.3, 3, 3]}},
+], ids=["graded", "region"])
+def test_graded_and_cut_surfaces(worker, footage, tmp_path, parts):
+    spec = spec_of(footage, "1-2", **parts)
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
+    first, second = read(tmp_path / "1")[0], read(tmp_path / "2")[0]
+    way = sequence.ways({"torus": sequence.TORUS}, 2, first, second)
+    assert numpy.median(way) < sequence.DRIFT_MOST * second.spacing.min()
+    if "region" in parts:  # who is on the rim stays on it, unless the rim has become too short
+        on_rim = [set(ids_of(p)[p.position[:, 0] == numpy.float32(0.3)]) for p in (first, second)]
+        assert len(on_rim[0]) > 20 and len(on_rim[0] & on_rim[1]) > 0.8 * len(on_rim[0])
+
+
+def test_another_surface_begins_anew(worker, footage, tmp_path):
+    shutil.copy(footage / "torus.0001.vdb", tmp_path / "torus.0001.vdb")
+    far = {**sequence.TORUS, "velocity": [9, 9, 9]}
+    sequence.write_torus(sequence.Torus(2, far), VOXEL, tmp_path / "torus.0002.vdb")
+    spec = spec_of(tmp_path, "1-2", output={"points_vdb": True})
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
+    points, report = read(tmp_path / "2")
+    told = report["sequence"]
+    assert (told["previous_frame"], told["carried"], told["born"], told["died"]) == (1, 0, COUNT, COUNT)
+    assert set(ids_of(points)) == set(range(COUNT, 2 * COUNT))
+    assert not any(points.columns[f"velocity_{axis}"].any() for axis in "xyz")
+
+
+@pytest.mark.parametrize("previous, code, words", [
+    ("nowhere", "input_missing", "nowhere/points.ply"),
+    ("plain", "input_damaged", "coherent sequence"),
+    ("same", "input_damaged", "frame 2"),
+    ("cut", "input_damaged", "ends too early"),
+])
+def test_results_that_cannot_be_carried_are_refused(worker, footage, tmp_path, previous, code, words):
+    spec = spec_of(footage, "1-3")
+    if previous == "plain":
+        alone = {**spec, "queue": {"frames": "1-3"}}
+        assert worker(alone, "--frame", 1, output="plain").returncode in (0, 10)
+    elif previous != "nowhere":
+        assert worker(spec, "--frame", 2, output=previous).returncode in (0, 10)
+    if previous == "cut":
+        where = tmp_path / "cut" / "points.ply"
+        where.write_bytes(where.read_bytes()[:-1])
+        words = "points of its header"
+    done = worker(spec, "--frame", 2 if previous == "same" else 3, "--previous", previous, output="out")
+    told = json.loads(done.stderr.splitlines()[-1])
+    assert told["code"] == code and words in told["message"], told
+
+
+def test_previous_belongs_to_coherent_sequences(worker, footage):
+    spec = spec_of(footage, "1-3")
+    assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
+    done = worker({**spec, "queue": {"frames": "1-3"}}, "--frame", 2, "--previous", "1")
+    assert done.returncode == 2 and "queue.coherent" in done.stderr
