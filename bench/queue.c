@@ -8,9 +8,8 @@
 #include <string.h>
 #include <time.h>
 
-#include <sqlite3.h>
-
 #include "base/memory.h"
+#include "durable.h"
 #include "queue/queue.h"
 #include "store/file.h"
 
@@ -30,32 +29,6 @@ static double now_s(void)
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
-}
-
-/* Durable transactions of one row in a second. */
-static double measure_rows(const char *base)
-{
-    sqlite3 *d;
-    sqlite3_stmt *s;
-    char *path = mem_printf("%s/rows.db", base);
-    if (sqlite3_open(path, &d) != SQLITE_OK ||
-        sqlite3_exec(d,
-                     "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
-                     "CREATE TABLE IF NOT EXISTS row (id INTEGER PRIMARY KEY, text TEXT)",
-                     NULL, NULL, NULL) != SQLITE_OK ||
-        sqlite3_prepare_v2(d, "INSERT INTO row (text) VALUES ('of a job')", -1, &s, NULL) != SQLITE_OK)
-        die(sqlite3_errmsg(d));
-    int rows = 0;
-    double start = now_s();
-    for (; now_s() < start + SPAN_S; rows++) {
-        if (sqlite3_step(s) != SQLITE_DONE) die(sqlite3_errmsg(d));
-        sqlite3_reset(s);
-    }
-    double rate = rows / (now_s() - start);
-    sqlite3_finalize(s);
-    sqlite3_close(d);
-    free(path);
-    return rate;
 }
 
 static const queue_submission job = {
@@ -170,7 +143,7 @@ static bool bench_rates(queue *q, const char *base)
 {
     double rows[ROUNDS], jobs[ROUNDS], ratio[ROUNDS];
     for (int i = 0; i < ROUNDS; i++) {
-        rows[i] = measure_rows(base);
+        rows[i] = durable_rows(base, SPAN_S);
         jobs[i] = submit_all(q, CLIENTS, SPAN_S, 0) / SPAN_S;
         ratio[i] = jobs[i] / rows[i];
         printf("durable rows %.0f/s, submissions by %d threads %.0f/s\n", rows[i], CLIENTS, jobs[i]);

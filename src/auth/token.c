@@ -96,20 +96,6 @@ static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
     return !ferror(file) || error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
 }
 
-/* Whether nobody but the service and root can have had a hand in it, or a look. */
-static bool check_reach(int fd, const char *path, error *e)
-{
-    struct stat info;
-    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
-    if (info.st_uid != geteuid() && info.st_uid != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "%s belongs to user %u, not to the one that runs the service",
-                         path, (unsigned)info.st_uid);
-    return !(info.st_mode & 077) ||
-           error_set(e, ERROR_SPEC_INVALID, "%s can be reached by others (mode %04o): chmod 600 it", path,
-                     (unsigned)info.st_mode & 07777);
-}
-
 bool token_set_read(const char *path, token_set *set, error *e)
 {
     token_set read = {0};
@@ -124,7 +110,7 @@ bool token_set_read(const char *path, token_set *set, error *e)
         if (fd >= 0) close(fd);
         return false;
     }
-    bool ok = check_reach(fd, path, e) && read_lines(file, path, &read, e);
+    bool ok = store_file_check_private(fd, path, e) && read_lines(file, path, &read, e);
     fclose(file);
     if (ok)
         *set = read;

@@ -54,10 +54,15 @@ static void list_clear(config_list *list)
     *list = (config_list){0};
 }
 
-static void list_append(config_list *list, const char *value)
+static bool is_list(const config_row *row)
+{
+    return row->type == CONFIG_LIST || row->type == CONFIG_WORDS;
+}
+
+static void list_append(config_list *list, const char *value, const char *separators)
 {
     while (*value) {
-        size_t length = strcspn(value, ":,");
+        size_t length = strcspn(value, separators);
         const char *first = value;
         value += length + (value[length] != '\0');
         while (length && (*first == ' ' || *first == '\t')) first++, length--;
@@ -77,7 +82,10 @@ static bool set_value(config *c, const config_row *row, const char *value, error
         *(char **)at = mem_strdup(value);
         return true;
     case CONFIG_LIST:
-        list_append(at, value);
+        list_append(at, value, ":,");
+        return true;
+    case CONFIG_WORDS:
+        list_append(at, value, ",");
         return true;
     case CONFIG_INTEGER:
     case CONFIG_REAL:
@@ -106,9 +114,9 @@ static const config_row *find_row(const char *key, size_t length)
 static bool set_from(source *s, const config_row *row, const char *value)
 {
     bool *seen = &s->seen[row - config_table];
-    if (*seen && row->type != CONFIG_LIST)
+    if (*seen && !is_list(row))
         return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
-    if (!*seen && row->type == CONFIG_LIST) list_clear((config_list *)((char *)s->c + row->offset));
+    if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
     return set_value(s->c, row, value, s->e);
 }
@@ -250,6 +258,7 @@ static size_t size_of(config_type type)
     case CONFIG_TEXT:
         return sizeof(char *);
     case CONFIG_LIST:
+    case CONFIG_WORDS:
         return sizeof(config_list);
     case CONFIG_INTEGER:
         return sizeof(int64_t);
@@ -266,7 +275,7 @@ static size_t size_of(config_type type)
 static bool are_equal(const config_row *row, const void *a, const void *b)
 {
     if (row->type == CONFIG_TEXT) return strcmp(*(char *const *)a, *(char *const *)b) == 0;
-    if (row->type != CONFIG_LIST) return memcmp(a, b, size_of(row->type)) == 0;
+    if (!is_list(row)) return memcmp(a, b, size_of(row->type)) == 0;
     const config_list *left = a, *right = b;
     bool equal = left->count == right->count;
     for (size_t i = 0; equal && i < left->count; i++) equal = strcmp(left->item[i], right->item[i]) == 0;
@@ -291,7 +300,7 @@ void config_clear(config *c)
     for (size_t i = 0; i < config_table_size; i++) {
         void *at = (char *)c + config_table[i].offset;
         if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
-        if (config_table[i].type == CONFIG_LIST) list_clear(at);
+        if (is_list(&config_table[i])) list_clear(at);
     }
     *c = (config){0};
 }

@@ -32,7 +32,7 @@ typedef struct config {
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
-    config_list input_roots, output_roots;
+    config_list input_roots, output_roots, path_mappings;
     char *output_mode;  /* octal digits */
     char *output_group; /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
@@ -48,6 +48,10 @@ typedef struct config {
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t upload_limit_bytes, upload_total_bytes;
     double connection_timeout_s, wait_limit_s;
+    config_list webhook_hosts;
+    char *webhook_secret_file;
+    int64_t webhook_tries;
+    double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
     log_level log_level;
 } config;
 

@@ -42,6 +42,13 @@ const config_row config_table[] = {
      "Directories below which a job may have its results copied (output.directory), as input_roots. Empty: no job"
      " may.",
      AT(output_roots)},
+    {"path_mappings", CONFIG_WORDS, "", 0, 0, "",
+     "What directories of other machines are called here: from=to, separated by commas; the key may be repeated."
+     " Z:/show=/mnt/show has a job that asks for Z:\\show\\a.vdb read /mnt/show/a.vdb. Input paths and output.directory"
+     " are mapped when a job is submitted, by the longest from whose directories they begin with; in those that begin"
+     " with a drive or \\\\ upper and lower case are one, and \\ is /. input_roots and output_roots hold for what comes"
+     " out.",
+     AT(path_mappings)},
     {"output_mode", CONFIG_TEXT, "0644", 0, 0, "",
      "Mode of these copies, octal; directories that are made for them can be searched, too, by who may read.",
      AT(output_mode)},
@@ -119,6 +126,24 @@ const config_row config_table[] = {
      AT(connection_timeout_s)},
     {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
      "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
+    {"webhook_hosts", CONFIG_WORDS, "", 0, 0, "",
+     "Hosts that a job may have told of its end (queue.webhook): HOST, for its ports 80 and 443, or HOST:PORT; separated"
+     " by commas, and the key may be repeated. Empty: webhooks are refused and none is called.",
+     AT(webhook_hosts)},
+    {"webhook_secret_file", CONFIG_TEXT, "", 0, 0, "",
+     "What webhooks are signed with: a file of mode 0600 with one line of at least 16 characters. webhook_hosts needs"
+     " it. Each call has the headers of standardwebhooks.com: webhook-id, one for each end of a job however often it is"
+     " told; webhook-timestamp, the second of the try; and webhook-signature, v1, and the base64 of the HMAC-SHA256 of"
+     " ID.TIMESTAMP.BODY. A receiver refuses other signatures, old timestamps and what it knows.",
+     AT(webhook_secret_file)},
+    {"webhook_tries", CONFIG_INTEGER, "12", 1, 1000, "tries",
+     "How often a webhook is called until its answer is one of 2xx. Redirects are not followed.", AT(webhook_tries)},
+    {"webhook_timeout_s", CONFIG_REAL, "10", 0.1, 3600, "s", "Of one such call; others wait for it.",
+     AT(webhook_timeout_s)},
+    {"webhook_retry_s", CONFIG_REAL, "5", 0.01, 86400, "s",
+     "How long after a call that failed the next is made; doubled after each further one.", AT(webhook_retry_s)},
+    {"webhook_retry_most_s", CONFIG_REAL, "3600", 0.01, 1e6, "s", "The longest of these waits.",
+     AT(webhook_retry_most_s)},
     {"log_level", CONFIG_LEVEL, "info", 0, 0, "", "error, warning, info or debug.", RELOADS(log_level)},
 };
 

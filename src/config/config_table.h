@@ -8,6 +8,7 @@
 typedef enum config_type {
     CONFIG_TEXT,    /* char * */
     CONFIG_LIST,    /* config_list, separated by `:` or `,`, and the key may be repeated */
+    CONFIG_WORDS,   /* config_list, separated by `,` only, and the key may be repeated */
     CONFIG_INTEGER, /* int64_t */
     CONFIG_REAL,    /* double */
     CONFIG_SANDBOX, /* sandbox_mode */

@@ -11,8 +11,10 @@
 #include "http/reply.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
+#include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
+#include "webhook/hosts.h"
 
 /* What the server counts, for /metrics. */
 typedef struct http_counters {
@@ -28,6 +30,8 @@ typedef struct http_context {
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;
+    const store_mappings *mappings; /* of paths; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: none */
     const char *state_dir;
     int max_attempts;        /* of a job that names no number */
     int64_t most_waiting;    /* jobs of one user; 0: any number */

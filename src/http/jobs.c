@@ -12,6 +12,7 @@
 #include "base/frames.h"
 #include "http/condition.h"
 #include "http/parameter.h"
+#include "http/paths.h"
 #include "http/tasks.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -22,14 +23,32 @@
 #define KEY_LENGTH_MOST 255
 #define JOBS_TAG_SIZE 40
 
-/* A text that this service stored as JSON; null should it not parse. */
+/* A text that this service stored as JSON, and looked at before it did. */
 static void put_stored(json *object, const char *key, const char *text)
 {
-    json *value = text ? json_parse(text, strlen(text), NULL) : NULL;
-    if (value)
-        json_put(object, key, value);
+    if (text)
+        json_put_text(object, key, text);
     else
         json_put_null(object, key);
+}
+
+/* The same to be worked on; NULL should it not parse. */
+static json *parse_stored(const char *text)
+{
+    return text ? json_parse(text, strlen(text), NULL) : NULL;
+}
+
+/* What was asked for, and which of its paths are others here. */
+static void put_spec(json *object, const char *stored_spec, const char *stored_paths)
+{
+    json *document = parse_stored(stored_spec), *paths = parse_stored(stored_paths);
+    if (document) {
+        paths_restore(paths, document);
+        json_put(object, "spec", document);
+    } else {
+        json_put_null(object, "spec");
+    }
+    json_put(object, "paths", paths ? paths : json_new_array());
 }
 
 /* Its number of revision; and while progress is told, what that was: `"7"`, `"7.1f3a9c02"`. */
@@ -43,35 +62,29 @@ static void print_tag(const queue_job *job, const char *progress, char tag[JOBS_
         snprintf(tag, JOBS_TAG_SIZE, "\"%lld\"", (long long)job->revision);
 }
 
+/* This and the links are in every answer: printed at once instead of as twelve values with a name each. */
 static void put_counts(json *object, const queue_counts *n)
 {
-    json *o = json_put_object(object, "tasks");
-    json_put_integer(o, "all", n->all);
-    json_put_integer(o, "waiting", n->waiting);
-    json_put_integer(o, "running", n->running);
-    json_put_integer(o, "succeeded", n->succeeded);
-    json_put_integer(o, "failed", n->failed);
-    json_put_integer(o, "cancelled", n->cancelled);
-    json_put_integer(o, "timed_out", n->timed_out);
+    char text[256];
+    snprintf(text, sizeof text,
+             "{\"all\":%d,\"waiting\":%d,\"running\":%d,\"succeeded\":%d,\"failed\":%d,\"cancelled\":%d,"
+             "\"timed_out\":%d}",
+             n->all, n->waiting, n->running, n->succeeded, n->failed, n->cancelled, n->timed_out);
+    json_put_text(object, "tasks", text);
 }
 
 static void put_links(json *object, const queue_job *job)
 {
-    static const char *const parts[] = {"tasks", "attempts", "events", "log"};
-    json *links = json_put_object(object, "links");
-    char *self = mem_printf("/v1/jobs/%s", job->id);
-    json_put_string(links, "self", self);
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
-        char *path = mem_printf("%s/%s", self, parts[i]);
-        json_put_string(links, parts[i], path);
-        free(path);
-    }
-    if (job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0) {
-        char *results = mem_printf("%s/results", self);
-        json_put_string(links, "results", results);
-        free(results);
-    }
-    free(self);
+    static const char *const parts[] = {"tasks", "attempts", "events", "log", "results"};
+    bool results = job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0;
+    size_t count = sizeof parts / sizeof *parts - !results;
+    char text[512];
+    int used = snprintf(text, sizeof text, "{\"self\":\"/v1/jobs/%s\"", job->id);
+    for (size_t i = 0; i < count; i++)
+        used += snprintf(text + used, sizeof text - (size_t)used, ",\"%s\":\"/v1/jobs/%s/%s\"", parts[i],
+                         job->id, parts[i]);
+    snprintf(text + used, sizeof text - (size_t)used, "}");
+    json_put_text(object, "links", text);
 }
 
 /* What everybody may see of a job. */
@@ -146,13 +159,14 @@ static void answer_job(const http_context *c, const http_request *request, const
     char tag[JOBS_TAG_SIZE];
     queue_attempt *attempts = NULL;
     size_t count = 0;
-    if (!queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
+    if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }
     char *progress = progress_of(c, job);
     json *document = describe_job(job, progress);
-    put_stored(document, "spec", access_is_owner(request->caller, job->owner) ? job->spec : NULL);
+    bool own = access_is_owner(request->caller, job->owner);
+    put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) tasks_append_attempt(list, &attempts[i]);
     queue_attempts_free(attempts, count);
@@ -184,18 +198,12 @@ static void append_fault(json *errors, const char *pointer, const char *detail)
     json_put_string(o, "detail", detail);
 }
 
-/* Parses the body into a spec, or answers why not. */
-static spec *read_spec(const http_request *request, reply *r)
+/* Builds a spec, or answers why not. */
+static spec *build_spec(const json *document, reply *r)
 {
     error e = {0};
-    json *document = json_parse(request->body, request->length, &e);
-    if (!document) {
-        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
-        return NULL;
-    }
     spec_faults faults = {0};
     spec *s = spec_parse(document, &faults, &e);
-    json_free(document);
     if (s) return s;
     json *errors = json_new_array();
     for (size_t i = 0; i < faults.count; i++)
@@ -204,11 +212,56 @@ static spec *read_spec(const http_request *request, reply *r)
     return NULL;
 }
 
+/* A job that is asked for: the spec with the paths of this machine, and which of them were mapped, or
+ * NULL. */
+typedef struct order {
+    spec *s;
+    json *paths;
+} order;
+
+static void order_clear(order *o)
+{
+    spec_free(o->s);
+    json_free(o->paths);
+}
+
+/* Parses the body into an order, or answers why not. */
+static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
+{
+    error e = {0};
+    json *document = json_parse(request->body, request->length, &e);
+    if (!document) {
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+        return false;
+    }
+    o->s = build_spec(document, r);
+    if (o->s) o->paths = paths_map(c->mappings, o->s, document);
+    if (o->paths) {
+        spec_free(o->s);
+        o->s = build_spec(document, r);
+    }
+    json_free(document);
+    return o->s != NULL;
+}
+
+/* Answers that a member cannot be; of a path that was mapped with both names. */
+static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
+{
+    const char *asked = paths_asked(o->paths, pointer);
+    error told = *why;
+    if (asked)
+        error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message, asked);
+    json *errors = json_new_array();
+    append_fault(errors, pointer, told.message);
+    reply_set_error(r, &told, errors);
+}
+
 /* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
  * opens them again under the same roots. Of a sequence the first frame is looked at. */
-static bool check_inputs(const http_context *c, const spec *s, reply *r)
+static bool check_inputs(const http_context *c, const order *o, reply *r)
 {
     spec_input input;
+    const spec *s = o->s;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
@@ -218,23 +271,32 @@ static bool check_inputs(const http_context *c, const spec *s, reply *r)
             close(fd);
             continue;
         }
-        json *errors = json_new_array();
-        append_fault(errors, input.pointer, e.message);
-        reply_set_error(r, &e, errors);
+        refuse_member(o, input.pointer, &e, r);
         return false;
     }
     return true;
 }
 
 /* Looks whether a copy of the results may go where the spec wants it. */
-static bool check_output(const http_context *c, const spec *s, reply *r)
+static bool check_output(const http_context *c, const order *o, reply *r)
 {
     error e = {0};
-    if (!s->directory || store_output_check(c->outputs, s->directory, &e)) return true;
-    json *errors = json_new_array();
-    append_fault(errors, "/output/directory", e.message);
-    reply_set_error(r, &e, errors);
+    if (!o->s->directory || store_output_check(c->outputs, o->s->directory, &e)) return true;
+    refuse_member(o, "/output/directory", &e, r);
     return false;
+}
+
+static bool check_webhook(const http_context *c, const order *o, reply *r)
+{
+    error e = {0};
+    if (!o->s->webhook || webhook_hosts_admit(c->webhooks, o->s->webhook, &e)) return true;
+    refuse_member(o, "/queue/webhook", &e, r);
+    return false;
+}
+
+static bool check_order(const http_context *c, const order *o, reply *r)
+{
+    return check_inputs(c, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
 }
 
 static char *print_labels(const spec *s)
@@ -270,7 +332,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     char tag[JOBS_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = describe_job(&job, NULL);
-    put_stored(document, "spec", put->spec);
+    put_spec(document, put->spec, put->paths);
     json_put_array(document, "attempts");
     print_tag(&job, NULL, tag);
     reply_set_json(r, 201, document);
@@ -353,20 +415,23 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
-static void put_in_queue(const http_context *c, const http_request *request, const spec *s, reply *r)
+static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
+    const spec *s = o->s;
     error e = {0};
     queue_receipt receipt = {0};
     char hash[STORE_HASH_SIZE];
     const char *key = NULL;
     if (!read_key(request, hash, &key, r)) return;
-    char *labels = print_labels(s), *text = json_print(s->normalised);
+    char *labels = print_labels(s), *text = json_print(s->normalised),
+         *paths = o->paths ? json_print(o->paths) : NULL;
     queue_submission submission = {
         .name = s->name,
         .owner = request->caller->user,
         .labels = labels,
         .trace = read_trace(request),
         .spec = text,
+        .paths = paths,
         .priority = s->priority,
         .max_attempts = s->max_attempts > 0 ? s->max_attempts : c->max_attempts,
         .threads = s->threads,
@@ -378,6 +443,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
         .most_waiting = c->most_waiting,
+        .webhook = s->webhook,
         .key = key,
         .body_hash = key ? hash : NULL,
     };
@@ -389,6 +455,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         answer_receipt(c, request, &submission, &receipt, r);
     free(labels);
     free(text);
+    free(paths);
 }
 
 void jobs_submit(const http_context *c, const http_request *request, reply *r)
@@ -397,21 +464,22 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
         reply_set_unavailable(r, "the service drains and takes no jobs now");
         return;
     }
-    spec *s = read_spec(request, r);
-    if (s && check_inputs(c, s, r) && check_output(c, s, r)) put_in_queue(c, request, s, r);
-    spec_free(s);
+    order o = {0};
+    if (read_order(c, request, &o, r) && check_order(c, &o, r)) put_in_queue(c, request, &o, r);
+    order_clear(&o);
 }
 
 void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
-    spec *s = read_spec(request, r);
-    if (!s) return;
-    if (check_inputs(c, s, r) && check_output(c, s, r)) {
-        json *document = json_new_object();
-        json_put(document, "spec", json_copy(s->normalised));
+    order o = {0};
+    if (read_order(c, request, &o, r) && check_order(c, &o, r)) {
+        json *document = json_new_object(), *asked = json_copy(o.s->normalised);
+        paths_restore(o.paths, asked);
+        json_put(document, "spec", asked);
+        json_put(document, "paths", o.paths ? json_copy(o.paths) : json_new_array());
         reply_set_json(r, 200, document);
     }
-    spec_free(s);
+    order_clear(&o);
 }
 
 /* The same listing from where this page ends, for the header Link. */

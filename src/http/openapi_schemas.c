@@ -11,6 +11,10 @@
 #define OUTCOME "{'enum':['converged','not_converged',null]}"
 #define HASH "{'type':'string','pattern':'^[0-9a-f]{64}$'}"
 
+#define PATHS                                                                                                \
+    LIST(OBJECT("'pointer','asked','opened'",                                                                \
+                "'pointer':{'type':'string'},'asked':{'type':'string'},'opened':{'type':'string'}"))
+
 #define JOB_REQUIRED                                                                                         \
     "'id','name','owner','revision','state','paused','outcome','priority','labels','created','started','"    \
     "finished',"                                                                                             \
@@ -109,10 +113,10 @@ const openapi_schema openapi_schemas[] = {
                                                                     ",'threads':" COUNT
                                                                     ",'memory_mb':" COUNT)))},
     {"JobSummary", OBJECT(JOB_REQUIRED, JOB_PROPERTIES)},
-    {"Job", OBJECT(JOB_REQUIRED ",'spec','attempts'", JOB_PROPERTIES ",'spec':{'oneOf':[{'type':'null'}," REF(
-                                                          "JobSpec") "]},'attempts':" LIST(REF("Attempt")))},
+    {"Job", OBJECT(JOB_REQUIRED ",'spec','paths','attempts'", JOB_PROPERTIES ",'spec':{'oneOf':[{'type':'null'}," REF(
+                                                          "JobSpec") "]},'paths':" PATHS ",'attempts':" LIST(REF("Attempt")))},
     {"JobPage", OBJECT("'jobs','next'", "'jobs':" LIST(REF("JobSummary")) ",'next':" TEXT_OR_NULL)},
-    {"Validation", OBJECT("'spec'", "'spec':" REF("JobSpec"))},
+    {"Validation", OBJECT("'spec','paths'", "'spec':" REF("JobSpec") ",'paths':" PATHS)},
     {"Results", OBJECT("'results'", "'results':" LIST(OBJECT(
                                         "'name','bytes','sha256','content_type','href'",
                                         "'name':{'type':'string'},'bytes':" COUNT ",'sha256':" HASH

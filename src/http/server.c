@@ -349,7 +349,9 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
                              const char *path, void **slot)
 {
     exchange *x = mem_alloc(sizeof *x);
-    *x = (exchange){.s = s, .connection = connection, .answer.fd = -1};
+    x->s = s;
+    x->connection = connection;
+    x->answer.fd = -1;
     *slot = x;
     pthread_mutex_lock(&s->mutex);
     s->busy++;

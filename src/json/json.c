@@ -5,6 +5,7 @@
 #include "json/json.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -528,6 +529,35 @@ char *json_pointer(const json_at *at, char *buffer, size_t size)
     return buffer;
 }
 
+/* The next part of a pointer, which `*pointer` is moved behind; released with free(). */
+static char *next_part(const char **pointer)
+{
+    size_t length = strcspn(*pointer, "/"), n = 0;
+    char *part = mem_strndup(*pointer, length);
+    *pointer += length;
+    for (const char *t = part; *t; t++) {
+        bool escaped = *t == '~' && (t[1] == '0' || t[1] == '1');
+        part[n++] = !escaped ? *t : *++t == '0' ? '~' : '/';
+    }
+    part[n] = '\0';
+    return part;
+}
+
+json *json_find(json *node, const char *pointer)
+{
+    while (node && *pointer == '/') {
+        pointer++;
+        char *part = next_part(&pointer), *end = part;
+        unsigned long index = strtoul(part, &end, 10);
+        if (!cJSON_IsArray(node))
+            node = cJSON_GetObjectItemCaseSensitive(node, part);
+        else
+            node = *part && !*end && index <= INT32_MAX ? cJSON_GetArrayItem(node, (int)index) : NULL;
+        free(part);
+    }
+    return *pointer ? NULL : node;
+}
+
 /* ---- building ---- */
 
 json *json_new_object(void)
@@ -583,6 +613,11 @@ void json_put_string(json *object, const char *key, const char *value)
     json_put(object, key, new_string(value));
 }
 
+void json_put_text(json *object, const char *key, const char *text)
+{
+    json_put(object, key, must(cJSON_CreateRaw(text)));
+}
+
 json *json_put_object(json *object, const char *key)
 {
     json *child = json_new_object();
@@ -595,6 +630,11 @@ json *json_put_array(json *object, const char *key)
     json *child = json_new_array();
     json_put(object, key, child);
     return child;
+}
+
+void json_set_string(json *string, const char *value)
+{
+    if (!cJSON_SetValuestring(string, value)) must(NULL);
 }
 
 void json_append(json *array, json *child)
@@ -655,6 +695,17 @@ static void add_break(text *t, int level)
     for (int i = 0; i < level; i++) add(t, "  ", 2);
 }
 
+/* What most numbers are; without printf, which took a good part of an answer's time. */
+static void add_integer(text *t, int64_t value)
+{
+    char digits[24], *end = digits + sizeof digits, *at = end;
+    uint64_t left = value < 0 ? -(uint64_t)value : (uint64_t)value;
+    do *--at = (char)('0' + left % 10);
+    while (left /= 10);
+    if (value < 0) *--at = '-';
+    add(t, at, (size_t)(end - at));
+}
+
 static void add_number(text *t, double value)
 {
     char digits[40];
@@ -662,15 +713,23 @@ static void add_number(text *t, double value)
         add_text(t, "null");
         return;
     }
-    if (value == floor(value) && fabs(value) <= exact_integer_limit) {
-        snprintf(digits, sizeof digits, "%.0f", value);
-    } else {
-        for (int precision = 15; precision <= 17; precision++) {
-            snprintf(digits, sizeof digits, "%.*g", precision, value);
-            if (strtod(digits, NULL) == value) break;
-        }
+    if (value == floor(value) && fabs(value) <= exact_integer_limit && !(value == 0 && signbit(value))) {
+        add_integer(t, (int64_t)value);
+        return;
+    }
+    for (int precision = 15; precision <= 17; precision++) {
+        snprintf(digits, sizeof digits, "%.*g", precision, value);
+        if (strtod(digits, NULL) == value) break;
     }
     add_text(t, digits);
+}
+
+/* How many bytes stand for themselves. */
+static size_t plain_length(const char *s)
+{
+    size_t n = 0;
+    while ((unsigned char)s[n] >= 0x20 && (unsigned char)s[n] < 0x80 && s[n] != '"' && s[n] != '\\') n++;
+    return n;
 }
 
 /* Bytes that are not UTF-8, as a worker's last words may be, become U+FFFD: what we print is always JSON. */
@@ -680,7 +739,8 @@ static void add_string(text *t, const char *s)
     for (size_t left = strlen(s), n; left > 0; s += n, left -= n) {
         unsigned char c = (unsigned char)*s;
         char escape[8];
-        n = utf8_sequence((const unsigned char *)s, left);
+        n = plain_length(s);
+        if (n == 0) n = utf8_sequence((const unsigned char *)s, left);
         if (c == '"' || c == '\\') {
             escape[0] = '\\';
             escape[1] = (char)c;
@@ -730,6 +790,10 @@ static void add_children(text *t, const cJSON *node, int level)
 
 static void add_node(text *t, const cJSON *node, int level)
 {
+    if (cJSON_IsRaw(node)) {
+        add_text(t, node->valuestring);
+        return;
+    }
     switch (json_type_of(json_root(node))) {
     case JSON_BOOL:
         add_text(t, cJSON_IsTrue(node) ? "true" : "false");

@@ -58,6 +58,9 @@ size_t json_numbers(json_at array, double *out, size_t count);
  * returns `buffer`. */
 char *json_pointer(const json_at *at, char *buffer, size_t size);
 
+/* The value at a JSON Pointer from a node on, or NULL. */
+json *json_find(json *node, const char *pointer);
+
 /* Building. `child` is taken over. Putting a key that is there replaces it. A number that is not
  * finite is put as null. */
 json *json_new_object(void);
@@ -68,8 +71,11 @@ void json_put_bool(json *object, const char *key, bool value);
 void json_put_number(json *object, const char *key, double value);
 void json_put_integer(json *object, const char *key, int64_t value); /* exact to 2^53 */
 void json_put_string(json *object, const char *key, const char *value); /* NULL puts null */
+/* JSON that was printed or parsed here before, to be printed as it stands; nothing is found in it. */
+void json_put_text(json *object, const char *key, const char *text);
 json *json_put_object(json *object, const char *key); /* a new empty one, returned, owned by `object` */
 json *json_put_array(json *object, const char *key);
+void json_set_string(json *string, const char *value); /* of a node that is one */
 void json_append(json *array, json *child);
 void json_append_number(json *array, double value);
 void json_append_string(json *array, const char *value);

@@ -28,8 +28,11 @@
 #include "queue/queue.h"
 #include "store/file.h"
 #include "store/inputs.h"
+#include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
+#include "webhook/courier.h"
+#include "webhook/hosts.h"
 
 /* In the state directory, or where systemd makes a place for it. */
 #define LISTEN_SOCKET_NAME "hexad.sock"
@@ -55,6 +58,9 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs outputs;
+    store_mappings *mappings;
+    webhook_hosts *webhook_hosts;
+    courier *courier; /* NULL: no webhooks */
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -252,6 +258,18 @@ static void fini_outputs(service *s)
     s->outputs = (store_outputs){0};
 }
 
+static bool init_mappings(service *s, error *e)
+{
+    const config_list *given = &s->settings.path_mappings;
+    s->mappings = store_mappings_read((const char *const *)given->item, given->count, e);
+    return s->mappings != NULL;
+}
+
+static void fini_mappings(service *s)
+{
+    store_mappings_free(s->mappings);
+}
+
 static executor_settings executor_settings_of(const service *s)
 {
     const config *c = &s->settings;
@@ -316,6 +334,31 @@ static void fini_herald(service *s)
     herald_stop(s->herald);
 }
 
+static bool init_webhooks(service *s, error *e)
+{
+    const config *c = &s->settings;
+    s->webhook_hosts = webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
+    if (!s->webhook_hosts) return false;
+    courier_settings settings = {
+        .hosts = s->webhook_hosts,
+        .secret_file = c->webhook_secret_file,
+        .tries = (int)c->webhook_tries,
+        .timeout_s = c->webhook_timeout_s,
+        .retry_s = c->webhook_retry_s,
+        .retry_most_s = c->webhook_retry_most_s,
+    };
+    if (c->webhook_hosts.count) s->courier = courier_start(&settings, s->q, e);
+    if (s->courier || !c->webhook_hosts.count) return true;
+    webhook_hosts_free(s->webhook_hosts);
+    return false;
+}
+
+static void fini_webhooks(service *s)
+{
+    courier_stop(s->courier);
+    webhook_hosts_free(s->webhook_hosts);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -332,6 +375,8 @@ static bool init_http(service *s, error *e)
         .roots = s->roots,
         .inputs = s->inputs,
         .outputs = &s->outputs,
+        .mappings = s->mappings,
+        .webhooks = s->webhook_hosts,
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
@@ -373,9 +418,10 @@ static const struct step {
     {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
     {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
     {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
-    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
-    {"executor", init_executor, fini_executor}, {"lounge", init_lounge, fini_lounge},
-    {"herald", init_herald, fini_herald},       {"http", init_http, fini_http},
+    {"mappings", init_mappings, fini_mappings}, {"socket", init_socket, fini_socket},
+    {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
+    {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
+    {"webhooks", init_webhooks, fini_webhooks}, {"http", init_http, fini_http},
     {"port_file", init_port_file, fini_port_file},
 };
 

@@ -59,6 +59,7 @@ void queue_job_clear(queue_job *job)
     free(job->labels);
     free(job->trace);
     free(job->spec);
+    free(job->paths);
     free(job->error_code);
     free(job->error_message);
     free(job->cached_from);
@@ -111,11 +112,12 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     bool ok = false, got = false;
     database_lock(q);
     sqlite3_stmt *s = ASK(
-        q, e, "SELECT " JOB_COLUMNS ", spec FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
+        q, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
     while (database_next(q, s, &ok, e)) {
         got = true;
         record_read_job(s, 0, &read);
         read.spec = database_text(s, JOB_COLUMN_COUNT);
+        read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
     database_unlock(q);
     if (ok && got)

@@ -77,6 +77,7 @@ typedef struct queue_job {
     char *labels;     /* a JSON array of strings */
     char *trace;      /* traceparent; NULL: none */
     char *spec;       /* opaque to the queue; NULL in a listing */
+    char *paths;      /* as the submission's; NULL in a listing */
     queue_state state;
     queue_outcome outcome; /* converged when all tasks are */
     bool paused;
@@ -102,6 +103,7 @@ typedef struct queue_submission {
     const char *labels; /* a JSON array of strings */
     const char *trace;  /* may be NULL */
     const char *spec;
+    const char *paths; /* opaque: which of the spec's paths were asked for by other names; may be NULL */
     int priority, max_attempts, threads;
     int64_t memory_mb, retention_s;
     const int *frames; /* a task for each, in this order, none twice; NULL: one task */

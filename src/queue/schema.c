@@ -63,7 +63,8 @@ static const char tables[] =
 
     "CREATE TABLE spec ("
     "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
-    "  spec TEXT NOT NULL"
+    "  spec TEXT NOT NULL,"
+    "  paths TEXT"
     ") STRICT;"
 
     "CREATE TABLE task ("
@@ -171,7 +172,7 @@ static const char carry_over[] =
     "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), "
     "attempt,"
     "  created_ms, started_ms, finished_ms, name, labels, error_code, error_message FROM job_1;"
-    "INSERT INTO spec SELECT seq, spec FROM job_1;"
+    "INSERT INTO spec (job, spec) SELECT seq, spec FROM job_1;"
     "INSERT INTO task (job, number, state, outcome, attempt, spent, started_ms, finished_ms, error_code,"
     "  error_message)"
     " SELECT seq, 0, CASE state WHEN 'cancelling' THEN 'running' ELSE state END, outcome, attempt, spent,"
@@ -187,6 +188,9 @@ static const char carry_over[] =
     " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
     "1;"
     "DROP TABLE attempt_1; DROP TABLE job_1;";
+
+/* From version 2, in which no path of a spec was mapped. */
+static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
 
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
@@ -212,7 +216,7 @@ static bool make_tables(sqlite3 *database, int version, error *e)
 {
     bool ok = run(database, "BEGIN IMMEDIATE", e);
     if (ok && version == 1) ok = run(database, set_old_aside, e);
-    ok = ok && run(database, tables, e);
+    ok = ok && run(database, version == 2 ? add_paths : tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);

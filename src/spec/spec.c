@@ -862,6 +862,7 @@ void spec_free(spec *s)
     free(s->frames);
     free(s->frame);
     free(s->directory);
+    free(s->webhook);
     json_free(s->normalised);
     free(s);
 }

@@ -248,6 +248,7 @@ typedef struct spec {
     size_t frame_count;
     bool coherent; /* each frame begins with the points of the one before */
     int64_t retention_s; /* 0: the service's */
+    char *webhook;       /* NULL: none */
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;

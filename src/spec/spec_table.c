@@ -1105,7 +1105,13 @@ const spec_row spec_rows[] = {
      AT(retention_s),
      .unit = "s",
      .prose = "How long the job and its results are kept after its end. 0: as the service has it."},
-    LATER("/queue/webhook", SPEC_CHOICE_NONE, "An address that is told of the end."),
+    {.pointer = "/queue/webhook",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 2000,
+     AT(webhook),
+     .prose = "An address of http or https that is told when the job has ended, of a host that the service calls;"
+              " not again once it has said 2xx. It may be told twice, of a job that is retried once for each end."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;

@@ -174,6 +174,19 @@ static void print_digest(struct sha256_ctx *context, char hex[STORE_HASH_SIZE])
     for (size_t i = 0; i < sizeof digest; i++) snprintf(hex + 2 * i, 3, "%02x", digest[i]);
 }
 
+bool store_file_check_private(int fd, const char *path, error *e)
+{
+    struct stat info;
+    if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
+        return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
+    if (info.st_uid != geteuid() && info.st_uid != 0)
+        return error_set(e, ERROR_SPEC_INVALID, "%s belongs to user %u, not to the one that runs the service",
+                         path, (unsigned)info.st_uid);
+    return !(info.st_mode & 077) ||
+           error_set(e, ERROR_SPEC_INVALID, "%s can be reached by others (mode %04o): chmod 600 it", path,
+                     (unsigned)info.st_mode & 07777);
+}
+
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
 {
     struct sha256_ctx context;

@@ -12,7 +12,8 @@ and held against that:
   its listing; or failed with a code and a reason, and (but for faults) only when its attempts are spent; or cancelled,
   when that was asked;
 - what a client was told of a job's end stays so;
-- `results/` holds exactly the results of the jobs that succeeded, `attempts/` no more than logs;
+- `results/` holds exactly the results of the jobs that succeeded, `attempts/` no more than logs (but for a power loss
+  after a failed fsync, which may bring back what was removed);
 - no process of the service outlives the daemon; the daemon itself neither dies of a fault nor refuses to start after it;
 - `PRAGMA integrity_check` and `foreign_key_check` find nothing, in a copy made before SQLite repairs anything.
 

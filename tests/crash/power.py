@@ -132,7 +132,7 @@ def book_at(before, after, entries):
     """What clients had been told when the record had come so far."""
     book = Book()
     book.sent, book.cancelled = dict(after.sent), set(before.cancelled)
-    book.doubtful, book.forgiving = set(after.doubtful), after.forgiving
+    book.doubtful, book.forgiving, book.untidy = set(after.doubtful), after.forgiving, after.untidy
     book.accepted, book.ended = dict(before.accepted), dict(before.ended)
     for entry in entries:
         if entry[0] == "accepted":
@@ -191,7 +191,8 @@ class Rounds:
             shutil.copytree(self.base / "state", place / "state")
         else:
             (place / "state").mkdir()
-        self.book.forgiving |= chance > 0  # a job may fail of an fsync, too
+        if chance:  # a job may fail of an fsync, too
+            self.book.forgiving = self.book.untidy = True
         after = copy_book(self.book)
         entries = record(Daemon(self.build, place, "--workers", 2), after, self.disk(), seed, chance)
         self.count(entries)

@@ -113,7 +113,8 @@ class Service:
     def __init__(self, build, base, *options):
         self.build, self.base = build, pathlib.Path(base)
         self.options = [str(o) for o in options]
-        for key, value in (("--listen", "127.0.0.1:0"), ("--tcp_without_tokens", OPEN_TCP), ("--workers", "2")):
+        for key, value in (("--listen", "127.0.0.1:0"), ("--tcp_without_tokens", OPEN_TCP), ("--workers", "2"),
+                           ("--log_level", "debug")):
             if key not in self.options:
                 self.options += [key, value]
         self.state = self.base / "state"
@@ -128,7 +129,7 @@ class Service:
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(
                 [self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
-                 "--log_level", "debug", *self.options, *map(str, more)],
+                 *self.options, *map(str, more)],
                 stderr=log, stdin=subprocess.DEVNULL)
         wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")
         assert self.process.poll() is None, self.log.read_text()

@@ -81,7 +81,7 @@ static void test_options_win_over_the_file(void **state)
 {
     (void)state;
     write_file("# comment\n[hexad]\nworkers = 3\nlisten = 127.0.0.1:1\ninput_roots = /a:/b\n"
-               "input_roots = /c, /d\ndrain_s = 2.5\n");
+               "input_roots = /c, /d\npath_mappings = Z:/a=/b, /c=/d\ndrain_s = 2.5\n");
     char *argv[] = {"hexad",       "--workers=5", "--config",    path,
                     "--state-dir", "/s",          "--log_level", "debug"};
     config c = parse(COUNT(argv), argv);
@@ -89,6 +89,8 @@ static void test_options_win_over_the_file(void **state)
     assert_string_equal(c.listen, "127.0.0.1:1");
     assert_int_equal(c.input_roots.count, 4);
     assert_string_equal(c.input_roots.item[0], "/a");
+    assert_int_equal(c.path_mappings.count, 2); /* parted by commas only */
+    assert_string_equal(c.path_mappings.item[0], "Z:/a=/b");
     assert_string_equal(c.input_roots.item[3], "/d");
     assert_string_equal(c.state_dir, "/s");
     assert_true(c.drain_s == 2.5);

@@ -222,6 +222,30 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* Version 2 had no paths beside a spec. */
+static void test_paths_are_added_to_version_2(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    put(p, "before", 0, id);
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    static const char as_it_was[] = "ALTER TABLE spec DROP COLUMN paths; PRAGMA user_version = 2;";
+    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    queue_job job = get(p, id);
+    assert_null(job.paths);
+    queue_job_clear(&job);
+    queue_receipt receipt;
+    queue_submission s = {.labels = "[]", .spec = "{}", .paths = "[1]", .max_attempts = 1, .threads = 1};
+    assert_true(queue_put(p->q, &s, &receipt, NULL));
+    job = get(p, receipt.id);
+    assert_string_equal(job.paths, "[1]");
+    queue_job_clear(&job);
+}
+
 static void test_a_second_owner_is_refused(void **state)
 {
     place *p = *state;
@@ -301,6 +325,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
         CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
+        CASE(test_paths_are_added_to_version_2),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),

@@ -1,0 +1,92 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <string.h>
+
+#include "webhook/hosts.h"
+
+static const char *const table[] = {"farm.example", "Hooks.example:8443", "[::1]:9000", "127.0.0.1:8080"};
+
+static void test_what_is_listed_is_admitted(void **state)
+{
+    (void)state;
+    static const char *const good[] = {
+        "http://farm.example/x?y=1", "https://farm.example",         "https://FARM.example:443/",
+        "http://farm.example:80",    "https://hooks.example:8443/a", "http://hooks.example:8443",
+        "http://[::1]:9000/",        "http://127.0.0.1:8080/",       "HTTP://127.0.0.1:8080/%2e%2e"};
+    webhook_hosts *hosts = webhook_hosts_read(table, 4, NULL);
+    assert_non_null(hosts);
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        error e = {0};
+        if (!webhook_hosts_admit(hosts, good[i], &e)) fail_msg("%s: %s", good[i], e.message);
+    }
+    webhook_hosts_free(hosts);
+}
+
+static void test_all_else_is_refused(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {"http://farm.example:8080/",
+                                      "https://farm.example:80/",
+                                      "https://hooks.example/",
+                                      "http://farm.example.evil/",
+                                      "http://evil/farm.example",
+                                      "http://evil/#@farm.example/",
+                                      "http://evil\\@farm.example/",
+                                      "http://farm.example@evil/",
+                                      "http://user:word@farm.example/",
+                                      "http://farm.example\r\nHost: evil/",
+                                      "http://farm.example /",
+                                      "ftp://farm.example/",
+                                      "file:///etc/passwd",
+                                      "gopher://127.0.0.1:8080/",
+                                      "//farm.example/",
+                                      "farm.example",
+                                      "http://",
+                                      ""};
+    webhook_hosts *hosts = webhook_hosts_read(table, 4, NULL), *none = webhook_hosts_read(NULL, 0, NULL);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        error e = {0};
+        if (webhook_hosts_admit(hosts, bad[i], &e)) fail_msg("%s is admitted", bad[i]);
+        assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    }
+    error e = {0};
+    assert_false(webhook_hosts_admit(none, "http://farm.example/", &e));
+    assert_non_null(strstr(e.message, "webhook_hosts"));
+    assert_false(webhook_hosts_admit(NULL, "http://farm.example/", NULL));
+    webhook_hosts_free(none);
+    webhook_hosts_free(hosts);
+}
+
+static void test_bad_entries_are_named(void **state)
+{
+    (void)state;
+    static const char *const bad[] = {"",
+                                      "http://farm.example",
+                                      "farm.example/",
+                                      "farm.example/x",
+                                      "farm.example?x",
+                                      "farm.example#x",
+                                      "user@farm.example",
+                                      "farm.example:99999",
+                                      "a b"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        error e = {0};
+        const char *const entries[] = {"good.example", bad[i]};
+        if (webhook_hosts_read(entries, 2, &e)) fail_msg("%s is a host", bad[i]);
+        assert_non_null(strstr(e.message, bad[i]));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_what_is_listed_is_admitted),
+        cmocka_unit_test(test_all_else_is_refused),
+        cmocka_unit_test(test_bad_entries_are_named),
+    };
+    return cmocka_run_group_tests_name("webhook_hosts", tests, NULL, NULL);
+}
