@@ -108,8 +108,6 @@ static void put_type(json *schema, const spec_row *row)
         json_put_number(schema, "maxItems", row->high);
         put_length(json_put_object(schema, "items"), 1, SPEC_LABEL_LENGTH_MAX);
         break;
-    case SPEC_TYPE_LATER:
-        break;
     }
 }
 
@@ -137,8 +135,7 @@ static void put_choice(json *all, const char *group, spec_choice choice)
     const spec_row *member[16];
     size_t count = 0;
     for (size_t i = 0; i < spec_row_count && count < sizeof member / sizeof *member; i++)
-        if (spec_rows[i].choice == choice && spec_rows[i].type != SPEC_TYPE_LATER &&
-            spec_row_is_member(&spec_rows[i], group))
+        if (spec_rows[i].choice == choice && spec_row_is_member(&spec_rows[i], group))
             member[count++] = &spec_rows[i];
     if (count == 0) return;
     json *one_of = choice < SPEC_CHOICE_GRADING ? json_put_array(json_append_object(all), "oneOf") : NULL;
@@ -164,7 +161,7 @@ static void put_members(json *schema, const char *group, int shape)
     json_put_bool(schema, "additionalProperties", false);
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        if (!spec_row_is_member(row, group) || row->type == SPEC_TYPE_LATER) continue;
+        if (!spec_row_is_member(row, group)) continue;
         if (row->shapes && !(row->shapes & 1u << shape)) continue;
         json_put(properties, spec_row_key(row), describe(row));
         if (!(row->flags & SPEC_REQUIRED) || row->methods) continue;

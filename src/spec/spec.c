@@ -243,12 +243,6 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
         snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
     }
     describe(*at, given);
-    for (size_t i = 0; spec_word(row->words_later, i, word, sizeof word); i++) {
-        if (strcmp(word, text) != 0) continue;
-        add_fault(r, at, ERROR_NOT_SUPPORTED, "%s is not supported by this version: use %s", given,
-                  allowed);
-        return;
-    }
     add_fault(r, at, ERROR_SPEC_INVALID, "must be %s%s (given %s)",
               strchr(allowed, ',') ? "one of " : "", allowed, given);
 }
@@ -403,7 +397,6 @@ static void read_value(reading *r, const json_at *at, const spec_row *row, json 
         read_parts(r, at, row, normal);
         break;
     case SPEC_TYPE_GROUP:
-    case SPEC_TYPE_LATER:
         break; /* not values: see read_row and check_members */
     }
 }
@@ -474,9 +467,6 @@ static void check_members(reading *r, const json_at *at, const char *group)
         if (!row) {
             unknown_member(r, &member, group);
             unknown++;
-        } else if (row->type == SPEC_TYPE_LATER) {
-            add_fault(r, &member, ERROR_NOT_SUPPORTED, "'%s' is not supported by this version",
-                      member.key);
         }
     }
 }
@@ -556,7 +546,6 @@ static const char *method_name(reading *r)
 static void read_row(reading *r, const json_at *group, const spec_row *row, json *normal)
 {
     json_at at = json_member(group, spec_row_key(row));
-    if (row->type == SPEC_TYPE_LATER) return;
     if (row->methods && !(row->methods & 1u << r->s->method)) {
         if (at.node) add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the method \"%s\"", method_name(r));
         return;

@@ -13,10 +13,6 @@
 #define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
 #define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
 #define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
-#define LATER(where, choose, words_)                                                               \
-    {                                                                                              \
-        .pointer = where, .type = SPEC_TYPE_LATER, .choice = choose, UNSTORED, .prose = words_     \
-    }
 #define GROUP(where, flags_, words_)                                                               \
     {                                                                                              \
         .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_      \
@@ -1209,19 +1205,9 @@ void spec_print_help(FILE *file)
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
         fputs(row->pointer, file);
-        if (row->type == SPEC_TYPE_LATER)
-            fprintf(file, " (not supported by this version)");
-        else
-            print_values(file, row);
+        print_values(file, row);
         fputs("\n", file);
         print_prose(file, row->prose);
-        if (row->words_later) {
-            char word[64];
-            fputs("    Not supported by this version:", file);
-            for (size_t k = 0; spec_word(row->words_later, k, word, sizeof word); k++)
-                fprintf(file, " \"%s\"", word);
-            fputs("\n", file);
-        }
         fputs("\n", file);
     }
 }

@@ -26,8 +26,7 @@ typedef enum spec_type {
     SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface */
     SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
-    SPEC_TYPE_LABELS,   /* array of strings: char ** and, at `has`, their number */
-    SPEC_TYPE_LATER     /* in the contract but not built: refused with not_supported */
+    SPEC_TYPE_LABELS    /* array of strings: char ** and, at `has`, their number */
 } spec_type;
 
 /* "Exactly one of" and "at most one of" among the members of a group. */
@@ -64,7 +63,6 @@ typedef struct spec_row {
     double low, high;
     const char *otherwise;   /* the default as JSON; NULL: none */
     const char *words;       /* "a|b" */
-    const char *words_later; /* in the contract, not built */
     size_t offset,
         has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
     const char *unit;        /* NULL: none */

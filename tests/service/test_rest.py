@@ -150,8 +150,6 @@ def test_nonsense_specs_are_422_with_pointers(service):
     expect_problem(service.post("/v1/jobs", spec), 422, "spec_invalid", "/surface/analytic/radius")
     expect_problem(service.post("/v1/jobs", sphere(region={"min": [0, 0, 0], "max": [1, 1, 0]})), 422, "spec_invalid",
                    "/region/max/2")
-    expect_problem(service.post("/v1/jobs", sphere(queue={"webhook": "http://localhost"})), 422, "not_supported",
-                   "/queue/webhook")
 
 
 def vdb(path):

@@ -274,7 +274,6 @@ BAD_SPECS = {
     "an unknown member": (sphere(nonsense=1), "spec_invalid", "/nonsense"),
     "a wrong type": (sphere(count="many"), "spec_invalid", "/sampling/count"),
     "two targets": (sphere(sampling={"count": 5, "spacing": 1}), None, None),
-    "a part not built": (sphere(queue={"webhook": "http://localhost"}), "not_supported", "/queue/webhook"),
     "frames of nothing": (sphere(queue={"frames": "1-2"}), "spec_invalid", "/queue/frames"),
 }
 

@@ -141,7 +141,7 @@ static json *document_for(const spec_row *row)
         if (strncmp(row->pointer, documents[k].begins, strlen(documents[k].begins)) == 0)
             return document(documents[k].text);
     int shape = row->shapes ? __builtin_ctz(row->shapes) : 0;
-    bool target = row->choice == SPEC_CHOICE_TARGET && row->type != SPEC_TYPE_LATER; /* one at a time */
+    bool target = row->choice == SPEC_CHOICE_TARGET; /* one at a time */
     char *text = mem_printf("{\"version\":1,\"surface\":{\"analytic\":{\"shape\":%s}},\"sampling\":{%s}}",
                             shapes[shape], target ? "" : "\"count\":100");
     json *root = document(text);
@@ -264,7 +264,6 @@ static void test_types_of_every_row(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        if (row->type == SPEC_TYPE_LATER) continue;
         json *wrong[] = {number_of(1.5),   numbers(1.5, 2),  json_new_object(),
                          document("true"), document("null"), document("\"no such word\"")};
         for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
@@ -286,7 +285,7 @@ static void test_defaults_and_presence(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        if (row->type == SPEC_TYPE_LATER || row->type == SPEC_TYPE_GROUP) continue;
+        if (row->type == SPEC_TYPE_GROUP) continue;
         json *root = document_for(row);
         if (row->choice == SPEC_CHOICE_TARGET) put_at(root, "/sampling/count", number_of(100));
         if (row->type == SPEC_TYPE_NUMBERS && !is_bound_by_another(row))
@@ -320,44 +319,7 @@ static void test_words_of_every_row(void **state)
             try_value(row, document(quoted), true, NAN);
             free(quoted);
         }
-        for (size_t k = 0; spec_word(row->words_later, k, word, sizeof word); k++) {
-            error e = {0};
-            spec_faults faults;
-            char *quoted = mem_printf("\"%s\"", word);
-            json *root = document_for(row);
-            put_at(root, row->pointer, document(quoted));
-            assert_null(spec_parse(root, &faults, &e));
-            assert_int_equal(e.code, ERROR_NOT_SUPPORTED);
-            assert_int_equal(faults.count, 1);
-            assert_string_equal(faults.item[0].pointer, row->pointer);
-            json_free(root);
-            free(quoted);
-        }
     }
-}
-
-static void test_every_later_member_is_not_supported(void **state)
-{
-    (void)state;
-    int seen = 0;
-    for (size_t i = 0; i < spec_row_count; i++) {
-        const spec_row *row = &spec_rows[i];
-        if (row->type != SPEC_TYPE_LATER) continue;
-        error e = {0};
-        spec_faults faults;
-        json *root = document_for(row);
-        if (row->choice == SPEC_CHOICE_SURFACE) json_put_object(root, "surface");
-        if (row->choice == SPEC_CHOICE_TARGET) json_put_object(root, "sampling");
-        put_at(root, row->pointer, json_new_object());
-        assert_null(spec_parse(root, &faults, &e));
-        if (e.code != ERROR_NOT_SUPPORTED) fail_msg("%s: %s", row->pointer, e.message);
-        assert_int_equal(faults.count, 1);
-        assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
-        assert_string_equal(faults.item[0].pointer, row->pointer);
-        json_free(root);
-        seen++;
-    }
-    assert_true(seen > 0);
 }
 
 static void test_unknown_member_in_every_group(void **state)
@@ -817,18 +779,6 @@ static void test_all_faults_are_collected(void **state)
     free(closed);
 }
 
-/* The code must be spec_invalid behind any number of members that are not supported. */
-static void test_invalid_fault_behind_others(void **state)
-{
-    (void)state;
-    error e = {0};
-    spec_faults faults = bad(SPHERE ",\"queue\":{\"webhook\":1,\"priority\":5000}}", &e);
-    assert_true(faults.count > 1);
-    assert_int_equal(faults.item[0].code, ERROR_NOT_SUPPORTED);
-    assert_int_equal(e.code, ERROR_SPEC_INVALID);
-    assert_non_null(strstr(e.message, "/queue/priority"));
-}
-
 static void test_coherent_sequences(void **state)
 {
     (void)state;
@@ -931,7 +881,6 @@ int main(void)
         cmocka_unit_test(test_types_of_every_row),
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),
-        cmocka_unit_test(test_every_later_member_is_not_supported),
         cmocka_unit_test(test_frames),
         cmocka_unit_test(test_coherent_sequences),
         cmocka_unit_test(test_unknown_member_in_every_group),
@@ -947,7 +896,6 @@ int main(void)
         cmocka_unit_test(test_surfaces_of_surfaces),
         cmocka_unit_test(test_faults),
         cmocka_unit_test(test_all_faults_are_collected),
-        cmocka_unit_test(test_invalid_fault_behind_others),
         cmocka_unit_test(test_lengths),
         cmocka_unit_test(test_help_names_every_row),
     };
