@@ -120,7 +120,8 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 before = c->params->position[i],
              x = keep_in_faces(c->f, before, motion_apply(&c->motion, before));
         vec3 faced = motion_turn(&c->motion, c->params->normal[i]);
-        c->taken[i] = land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
+        bool left = c->f->open && project_rim_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
+        c->taken[i] = !left && land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
         c->position[i] = x;
     }
 }
@@ -187,7 +188,10 @@ static bool carry_all(crowd *c, error *e)
     set_spacings(c, 0);
     if (!build_lists(c, CROWDED, e)) return false;
     for (size_t i = 0; i < c->count; i++) c->taken[i] = false;
-    for (size_t i = 0; i < c->count; i++) c->taken[i] = !has_near(c, i, CROWDED, 0);
+    for (int inner = 0; inner <= 1; inner++) /* who is on a rim first: it is to stay closed */
+        for (size_t i = 0; i < c->count; i++)
+            if (inner == (project_rim_axes(c->f, c->position[i]) == 0))
+                c->taken[i] = !has_near(c, i, CROWDED, 0);
     close_gaps(c);
     return true;
 }

@@ -119,9 +119,9 @@ def test_graded_and_cut_surfaces(worker, footage, tmp_path, parts):
     spec = spec_of(footage, "1-2", **parts)
     assert worker(spec, "--frame", 1, output="1").returncode in (0, 10)
     assert worker(spec, "--frame", 2, "--previous", "1", output="2").returncode in (0, 10)
-    first, second = read(tmp_path / "1")[0], read(tmp_path / "2")[0]
-    way = sequence.ways({"torus": sequence.TORUS}, 2, first, second)
-    assert numpy.median(way) < sequence.DRIFT_MOST * second.spacing.min()
+    first, (second, report) = read(tmp_path / "1")[0], read(tmp_path / "2")
+    assert report["sequence"]["carried"] > 0.9 * COUNT
+    assert report["sequence"]["drift"]["median"] < sequence.DRIFT_MOST
     if "region" in parts:  # who is on the rim stays on it, unless the rim has become too short
         on_rim = [set(ids_of(p)[p.position[:, 0] == numpy.float32(0.3)]) for p in (first, second)]
         assert len(on_rim[0]) > 20 and len(on_rim[0] & on_rim[1]) > 0.8 * len(on_rim[0])
