@@ -61,12 +61,12 @@ class Daemon(Service):
         self.socket = base / "socket"
         # what dies is tried again at once, so that much dies in little time
         super().__init__(build, base.resolve(), "--listen", f"unix:{self.socket.resolve()}", "--retry_s", 0.02,
-                         "--retry_most_s", 0.1, *options)
+                         "--retry_most_s", 0.1, "--log_level", "info", *options)
         self.log = self.base / "log"
 
     def words(self):
         return [str(w) for w in (self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
-                                 "--log_level", "info", *self.options)]
+                                 *self.options)]
 
     def spawn(self, judge=None):
         """Starts it and does not wait; under supervision (calls.py) when there is a judge."""
