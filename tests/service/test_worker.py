@@ -238,7 +238,9 @@ def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
     diagnose(f"requested over its definition {ratio.min():.4f} to {ratio.max():.4f}, local over requested cv "
              f"{local.std() / local.mean():.4f}, exponent {slope:.4f}, spacings {points.spacing.min():.4f} to "
              f"{points.spacing.max():.4f}")
-    assert 0.95 < ratio.min() and ratio.max() < 1.05  # the request is averaged over a cell of the surface
+    # the request is averaged over a cell of the surface, which shows where a particle happens to lie on a tip
+    assert 0.93 < ratio.min() and ratio.max() < 1.07
+    assert numpy.percentile(ratio, 1) > 0.97 and numpy.percentile(ratio, 99) < 1.02
     assert points.spacing.max() / points.spacing.min() > 1.7
     assert abs(told["chord_error"] / (1e-3 * told["scale"] ** 2) - 1) < 1e-9
     assert told["least_spacing"] >= 0.02 and told["largest_spacing"] <= 0.08
