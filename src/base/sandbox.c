@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -181,7 +182,7 @@ static const int calls[] = {
     SCMP_SYS(fcntl), SCMP_SYS(fcntl64), SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3), SCMP_SYS(fsync),
     SCMP_SYS(fdatasync), SCMP_SYS(ftruncate), SCMP_SYS(unlink), SCMP_SYS(unlinkat), SCMP_SYS(rename),
     SCMP_SYS(renameat), SCMP_SYS(renameat2), SCMP_SYS(mkdir), SCMP_SYS(mkdirat), SCMP_SYS(pipe2),
-    SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64),
+    SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(fadvise64), SCMP_SYS(sendmsg), SCMP_SYS(recvmsg),
     /* threads, and the process that reads meshes */
     SCMP_SYS(futex), SCMP_SYS(futex_time64), SCMP_SYS(set_robust_list), SCMP_SYS(set_tid_address),
     SCMP_SYS(rseq), SCMP_SYS(arch_prctl), SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity),
@@ -204,7 +205,8 @@ static const int calls[] = {
 
 /* Calls whose numbers say what they do. clone makes threads, and what posix_spawn needs, but no name space
  * and no copy of the process; glibc asks for clone3 first, whose flags lie behind a pointer, and takes no
- * such call for an answer. Limits are one's own. */
+ * such call for an answer. Limits are one's own. Two ends of a stream hand descriptors to a reader; those of
+ * datagrams could send to any other socket. */
 static int add_checked_calls(scmp_filter_ctx filter)
 {
     const uint64_t spaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC | CLONE_NEWUSER |
@@ -213,8 +215,11 @@ static int add_checked_calls(scmp_filter_ctx filter)
     const struct scmp_arg_cmp own = SCMP_A0(SCMP_CMP_EQ, 0);
     const struct scmp_arg_cmp dies = SCMP_A0(SCMP_CMP_EQ, PR_SET_PDEATHSIG);
     const struct scmp_arg_cmp name = SCMP_A0(SCMP_CMP_EQ, PR_SET_NAME);
+    const struct scmp_arg_cmp pair[] = {SCMP_A0(SCMP_CMP_EQ, AF_UNIX),
+                                        SCMP_A1(SCMP_CMP_EQ, SOCK_STREAM | SOCK_CLOEXEC)};
     int why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1, &shares);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, &own);
+    if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(socketpair), 2, pair);
     if (SANITIZED) return why; /* the runtimes' prctl is in the table */
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &dies);
     if (why == 0) why = seccomp_rule_add_array(filter, SCMP_ACT_ALLOW, SCMP_SYS(prctl), 1, &name);

@@ -1,8 +1,8 @@
 /* sandbox: what a process that reads files from outside may still do, for itself and all that it starts.
  *
  * Three walls, none of which can be taken down again: no new privileges; a seccomp filter that knows the
- * calls of a worker and answers ENOSYS to every other (no sockets, no tracing, no name spaces, no mounts, no
- * rings); and Landlock, where the kernel has it: files are read below the places that were named, written
+ * calls of a worker and answers ENOSYS to every other (no sockets but a stream between its own processes, no
+ * tracing, no name spaces, no mounts, no rings); and Landlock, where the kernel has it: files are read below the places that were named, written
  * below one, and the only programs to execute are this one and its loader. Libraries stay readable where the
  * loader looks for them, as a worker loads those that it needs when it needs them. The only user of
  * libseccomp.

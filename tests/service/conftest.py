@@ -30,7 +30,7 @@ def service(new_service):
 @pytest.fixture(scope="module")
 def data_service(build, shared_data, tmp_path_factory):
     """One daemon for all tests of a file, open to the shared data."""
-    made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", shared_data)
+    made = Service(build, tmp_path_factory.mktemp("service"), "--input_roots", shared_data, "--threads", 8)
     yield made.start()
     made.clean_up()
 

@@ -2,8 +2,10 @@
 import json
 import subprocess
 
+import numpy
 import pytest
 
+import volumes
 from service import PATIENCE_S, last_words, sphere
 
 TETRAHEDRON = """OFF
@@ -32,6 +34,12 @@ def inputs(build, source, tmp_path_factory):
     (where / "mesh.off").write_text(TETRAHEDRON)
     box = json.loads((source / "examples" / "bspline-box.json").read_text())["surface"]["bspline"]
     (where / "box.json").write_text(json.dumps(box))
+    x, y, z = numpy.meshgrid(*[numpy.arange(16) - 7.5] * 3, indexing="ij")
+    ball = (numpy.sqrt(x * x + y * y + z * z) - 5).astype("f4")
+    volumes.write_nrrd(where / "ball.nrrd", ball, numpy.eye(4))
+    volumes.write_nifti(where / "ball.nii", ball, numpy.eye(4))
+    for k in range(16):
+        volumes.write_exr(where / f"ball.{k:04}.exr", volumes.Part({"Y": ball[:, :, k]}))
     return where
 
 
@@ -40,11 +48,14 @@ def surface(inputs, kind):
         "analytic": lambda: sphere()["surface"],
         "vdb": lambda: {"vdb": {"path": str(inputs / "example.vdb")}},
         "mesh": lambda: {"mesh": {"path": str(inputs / "mesh.off"), "resolution": 32}},
+        "nrrd": lambda: {"volume": {"path": str(inputs / "ball.nrrd"), "isovalue": 0}},
+        "nifti": lambda: {"volume": {"path": str(inputs / "ball.nii"), "isovalue": 0}},
+        "exr": lambda: {"exr": {"path": str(inputs / "ball.####.exr"), "slices": "0-15", "isovalue": 0}},
         "bspline": lambda: {"bspline": json.loads((inputs / "box.json").read_text())},
     }[kind]()
 
 
-@pytest.mark.parametrize("kind", ["analytic", "vdb", "mesh", "bspline"])
+@pytest.mark.parametrize("kind", ["analytic", "vdb", "mesh", "nrrd", "nifti", "exr", "bspline"])
 def test_the_same_bytes(worker, tmp_path, inputs, kind):
     for mode in ("off", "available"):
         done = worker(spec_of(surface(inputs, kind)), "--input-root", inputs, "--sandbox", mode, output=mode)
@@ -74,7 +85,7 @@ def test_modes_that_are_none(worker):
     assert "required, available or off" in last_words(done)["message"]
 
 
-@pytest.mark.parametrize("kind", ["vdb", "mesh"])
+@pytest.mark.parametrize("kind", ["vdb", "mesh", "exr"])
 def test_workers_of_the_daemon_are_inside(new_service, inputs, kind):
     service = new_service("--input_roots", inputs).start()
     assert "workers have no new privileges, filtered calls" in service.log.read_text()

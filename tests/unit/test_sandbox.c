@@ -121,6 +121,14 @@ static int make_netlink_socket(const place *p)
     return answer(socket(AF_NETLINK, SOCK_RAW, 0) >= 0);
 }
 
+/* Its ends could send to any socket that has a name. */
+static int make_datagram_pair(const place *p)
+{
+    int ends[2];
+    (void)p;
+    return answer(socketpair(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0, ends) == 0);
+}
+
 static int connect_descriptor(const place *p)
 {
     struct sockaddr nobody = {.sa_family = AF_UNSPEC};
@@ -221,6 +229,7 @@ static const struct call {
     {"socket(AF_INET)", make_inet_socket, false},
     {"socket(AF_UNIX)", make_unix_socket, false},
     {"socket(AF_NETLINK)", make_netlink_socket, false},
+    {"socketpair(SOCK_DGRAM)", make_datagram_pair, false},
     {"connect", connect_descriptor, false},
     {"ptrace", trace_parent, false},
     {"process_vm_readv", read_parent, false},
