@@ -56,6 +56,7 @@ static char *read_file(const char *path, size_t *length)
 }
 
 typedef struct list {
+    char *text; /* that the items are parts of */
     char **item;
     size_t count;
 } list;
@@ -64,10 +65,16 @@ static list read_lines(const char *path)
 {
     size_t length;
     list l = {0};
-    char *text = read_file(path, &length);
+    l.text = read_file(path, &length);
     l.item = mem_alloc((length + 1) * sizeof *l.item);
-    for (char *at = strtok(text, "\n"); at; at = strtok(NULL, "\n")) l.item[l.count++] = at;
+    for (char *at = strtok(l.text, "\n"); at; at = strtok(NULL, "\n")) l.item[l.count++] = at;
     return l;
+}
+
+static void free_lines(list *l)
+{
+    free(l->text);
+    free(l->item);
 }
 
 static int connect_to(const char *path)
@@ -213,6 +220,11 @@ static int run_requests(const char *socket_path, const char *paths, const char *
            "\"p99_ms\": %.4f, \"max_ms\": %.4f}\n",
            n, l.failed, (double)n / span_s, l.bytes, l.took[n / 2] * 1e3, l.took[n * 99 / 100] * 1e3,
            l.took[n - 1] * 1e3);
+    for (size_t i = 0; i < l.request_count; i++) free(l.request[i]);
+    free(l.request);
+    free(l.took);
+    free(body);
+    free_lines(&lines);
     return 0;
 }
 
@@ -309,7 +321,14 @@ static int run_streams(const char *socket_path, const char *paths, const char *c
             }
         }
     }
-    for (size_t i = 0; i < count; i++) print_stream(&streams[i]);
+    for (size_t i = 0; i < count; i++) {
+        print_stream(&streams[i]);
+        free(streams[i].id);
+        free(streams[i].received_ms);
+    }
+    free(streams);
+    close(set);
+    free_lines(&lines);
     return 0;
 }
 
