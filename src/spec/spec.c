@@ -24,8 +24,7 @@ typedef struct reading {
     int depth;             /* surfaces within surfaces */
     size_t surfaces;       /* read so far */
     spec_faults faults;
-    size_t total;     /* faults found, kept or not */
-    bool any_invalid; /* a fault that is spec_invalid was found */
+    size_t total;           /* faults found, kept or not */
     char method[SHOWN_MAX]; /* the name of s->method, when it was asked for */
     bool shape_known; /* s->analytic.shape holds what was given */
 } reading;
@@ -34,24 +33,20 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
 
 /* ---- faults ---- */
 
-static void add_fault(reading *r, const json_at *at, error_code code, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
+static void add_fault(reading *r, const json_at *at, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
-/* Past the list's end the first invalid one still gets a place, since it decides the code. */
-static void add_fault(reading *r, const json_at *at, error_code code, const char *format, ...)
+static void add_fault(reading *r, const json_at *at, const char *format, ...)
 {
-    bool first_invalid = code == ERROR_SPEC_INVALID && !r->any_invalid;
     r->total++;
-    r->any_invalid |= code == ERROR_SPEC_INVALID;
-    if (r->faults.count == SPEC_MAX_FAULTS && !first_invalid) return;
-    if (r->faults.count < SPEC_MAX_FAULTS) r->faults.count++;
-    spec_fault *fault = &r->faults.item[r->faults.count - 1];
+    if (r->faults.count == SPEC_MAX_FAULTS) return;
+    spec_fault *fault = &r->faults.item[r->faults.count++];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
     va_end(arguments);
     json_pointer(at, fault->pointer, sizeof fault->pointer);
-    fault->code = code;
+    fault->code = ERROR_SPEC_INVALID;
 }
 
 /* Copies a text, at most SHOWN_MAX bytes of it and never a part of a character. */
@@ -102,9 +97,9 @@ static void wrong(reading *r, const json_at *at, const spec_row *row, const char
     describe(*at, given);
     describe_range(row, range, sizeof range);
     if (row->low == row->high)
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be %s (given %s)", range, given);
+        add_fault(r, at, "must be %s (given %s)", range, given);
     else
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be %s %s (given %s)", kind, range, given);
+        add_fault(r, at, "must be %s %s (given %s)", kind, range, given);
 }
 
 /* ---- values ---- */
@@ -187,7 +182,7 @@ static void read_numbers(reading *r, const json_at *at, const spec_row *row, jso
     if (json_type_of(*at) != JSON_ARRAY) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of numbers (given %s)", given);
+        add_fault(r, at, "must be an array of numbers (given %s)", given);
         return;
     }
     size_t count = json_size(*at);
@@ -243,8 +238,7 @@ static void read_word(reading *r, const json_at *at, const spec_row *row, json *
         snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
     }
     describe(*at, given);
-    add_fault(r, at, ERROR_SPEC_INVALID, "must be %s%s (given %s)",
-              strchr(allowed, ',') ? "one of " : "", allowed, given);
+    add_fault(r, at, "must be %s%s (given %s)", strchr(allowed, ',') ? "one of " : "", allowed, given);
 }
 
 static void read_bool(reading *r, const json_at *at, const spec_row *row, json *normal)
@@ -252,7 +246,7 @@ static void read_bool(reading *r, const json_at *at, const spec_row *row, json *
     if (json_type_of(*at) != JSON_BOOL) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be true or false (given %s)", given);
+        add_fault(r, at, "must be true or false (given %s)", given);
         return;
     }
     bool value = json_bool(*at, false);
@@ -274,10 +268,9 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
     if (!text) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be a string (given %s)", given);
+        add_fault(r, at, "must be a string (given %s)", given);
     } else if ((double)length < row->low || (double)length > row->high) {
-        add_fault(r, at, ERROR_SPEC_INVALID,
-                  "must be a string of %.16g to %.16g characters (given %zu)", row->low, row->high,
+        add_fault(r, at, "must be a string of %.16g to %.16g characters (given %zu)", row->low, row->high,
                   length);
     } else {
         *(char **)target(r, row->offset) = mem_strdup(text);
@@ -291,8 +284,7 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of at most %.16g strings (given %s)",
-                  row->high, given);
+        add_fault(r, at, "must be an array of at most %.16g strings (given %s)", row->high, given);
         return;
     }
     char **labels = mem_alloc(count * sizeof *labels);
@@ -304,8 +296,8 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
         if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
             char given[SHOWN_MAX + 8];
             describe(element, given);
-            add_fault(r, &element, ERROR_SPEC_INVALID,
-                      "must be a string of 1 to %d characters (given %s)", SPEC_LABEL_LENGTH_MAX, given);
+            add_fault(r, &element, "must be a string of 1 to %d characters (given %s)", SPEC_LABEL_LENGTH_MAX,
+                      given);
             continue;
         }
         labels[(*(size_t *)target(r, row->has))++] = mem_strdup(text);
@@ -319,8 +311,7 @@ static void read_part(reading *r, const json_at *at, json *normal)
     enum { DEEPEST = 16, MOST_SURFACES = 256 };
     spec_surface *whole = r->surface, *part;
     if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
-        add_fault(r, at, ERROR_SPEC_INVALID, "there are more than %d surfaces, or %d within each other",
-                  MOST_SURFACES, DEEPEST);
+        add_fault(r, at, "there are more than %d surfaces, or %d within each other", MOST_SURFACES, DEEPEST);
         return;
     }
     part = mem_alloc(sizeof *part);
@@ -347,8 +338,7 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
     if (json_type_of(*at) != JSON_ARRAY || (double)count < row->low || (double)count > row->high) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be an array of %.0f to %.0f surfaces (given %s)", row->low,
-                  row->high, given);
+        add_fault(r, at, "must be an array of %.0f to %.0f surfaces (given %s)", row->low, row->high, given);
         return;
     }
     for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++)
@@ -450,10 +440,9 @@ static void unknown_member(reading *r, const json_at *at, const char *group)
     const char *instead = suggestion(group, at->key);
     shorten(at->key, key);
     if (instead)
-        add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s': did you mean '%s'?", key,
-                  instead);
+        add_fault(r, at, "unknown member '%s': did you mean '%s'?", key, instead);
     else
-        add_fault(r, at, ERROR_SPEC_INVALID, "unknown member '%s'", key);
+        add_fault(r, at, "unknown member '%s'", key);
 }
 
 /* Members that are unknown or not supported. An object's names differ, so after as many unknown
@@ -492,8 +481,8 @@ static void check_choice(reading *r, const json_at *at, const char *group, spec_
     }
     bool may_be_none = choice >= SPEC_CHOICE_GRADING;
     if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return;
-    add_fault(r, at, ERROR_SPEC_INVALID, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly",
-              all, count ? given : "none");
+    add_fault(r, at, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly", all,
+              count ? given : "none");
 }
 
 static const char *default_of(const reading *r, const spec_row *row)
@@ -531,7 +520,7 @@ static void read_member_group(reading *r, const json_at *at, const spec_row *row
     if (row->has != SPEC_NOWHERE) *(bool *)target(r, row->has) = on;
     if (!on) return;
     if (!place.node && row->flags & SPEC_REQUIRED) {
-        add_fault(r, at, ERROR_SPEC_INVALID, "is required");
+        add_fault(r, at, "is required");
         return;
     }
     read_group(r, &place, row->pointer, json_put_object(normal, spec_row_key(row)));
@@ -547,7 +536,7 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
 {
     json_at at = json_member(group, spec_row_key(row));
     if (row->methods && !(row->methods & 1u << r->s->method)) {
-        if (at.node) add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the method \"%s\"", method_name(r));
+        if (at.node) add_fault(r, &at, "is no member of the method \"%s\"", method_name(r));
         return;
     }
     if (row->type == SPEC_TYPE_GROUP) {
@@ -560,15 +549,14 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
             char shape[SHOWN_MAX] = "";
             spec_word(spec_row_find("/surface/analytic", "shape")->words, r->surface->analytic.shape, shape,
                       sizeof shape);
-            if (at.node)
-                add_fault(r, &at, ERROR_SPEC_INVALID, "is no member of the shape \"%s\"", shape);
+            if (at.node) add_fault(r, &at, "is no member of the shape \"%s\"", shape);
             return;
         }
     }
     if (at.node)
         read_value(r, &at, row, normal);
     else if (row->flags & SPEC_REQUIRED)
-        add_fault(r, &at, ERROR_SPEC_INVALID, "is required");
+        add_fault(r, &at, "is required");
     else
         read_default(r, group, row, normal);
 }
@@ -581,14 +569,12 @@ static void check_analytic(reading *r, const json_at *at)
             rounding = json_member(at, "rounding");
     double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
     if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
-        add_fault(r, &minor, ERROR_SPEC_INVALID,
-                  "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
+        add_fault(r, &minor, "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
                   a->minor_radius);
     if (a->shape == SPEC_SHAPE_TORUS && !(vec3_norm2(a->axis) > 0))
-        add_fault(r, &axis, ERROR_SPEC_INVALID, "must not be the zero vector");
+        add_fault(r, &axis, "must not be the zero vector");
     if (a->shape == SPEC_SHAPE_BOX && a->rounding > smallest)
-        add_fault(r, &rounding, ERROR_SPEC_INVALID,
-                  "must be at most the smallest half size, %.16g (given %.16g)", smallest,
+        add_fault(r, &rounding, "must be at most the smallest half size, %.16g (given %.16g)", smallest,
                   a->rounding);
 }
 
@@ -598,21 +584,19 @@ static void check_sampling(reading *r, const json_at *at)
     const spec *s = r->s;
     for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !s->has_curvature && !s->has_grid; k++) {
         json_at limit = json_member(at, limits[k]);
-        if (limit.node)
-            add_fault(r, &limit, ERROR_SPEC_INVALID, "belongs to a grading: give curvature or grid, or leave it out");
+        if (limit.node) add_fault(r, &limit, "belongs to a grading: give curvature or grid, or leave it out");
     }
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
     json_at time = json_member(at, "time_s");
     if (time.node && (s->min_spacing > 0 || s->max_spacing > 0))
-        add_fault(r, &time, ERROR_SPEC_INVALID, "needs to choose the count: leave out min_spacing and max_spacing");
+        add_fault(r, &time, "needs to choose the count: leave out min_spacing and max_spacing");
     if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
-        add_fault(r, &most, ERROR_SPEC_INVALID, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
+        add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                   s->max_spacing);
-    if (exponent.node && !(s->curvature.ratio > 0))
-        add_fault(r, &exponent, ERROR_SPEC_INVALID, "belongs to ratio");
+    if (exponent.node && !(s->curvature.ratio > 0)) add_fault(r, &exponent, "belongs to ratio");
     if (s->has_grid && s->surface.kind != SPEC_SURFACE_VDB)
-        add_fault(r, &grid, ERROR_SPEC_INVALID, "is a grid of the surface's VDB file: this surface has none");
+        add_fault(r, &grid, "is a grid of the surface's VDB file: this surface has none");
 }
 
 static void check_control(reading *r, const json_at *at)
@@ -620,8 +604,8 @@ static void check_control(reading *r, const json_at *at)
     const spec_control *c = &r->s->control;
     json_at start = json_member(at, "start_count");
     if (c->start_count > 0 && c->start_count < c->min_count)
-        add_fault(r, &start, ERROR_SPEC_INVALID, "must be at least min_count, %lld (given %lld)",
-                  (long long)c->min_count, (long long)c->start_count);
+        add_fault(r, &start, "must be at least min_count, %lld (given %lld)", (long long)c->min_count,
+                  (long long)c->start_count);
 }
 
 static void check_box(reading *r, const json_at *at, const spec_box *box)
@@ -631,7 +615,7 @@ static void check_box(reading *r, const json_at *at, const spec_box *box)
         double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
         if (low < high) continue;
         json_at side = json_element(&max, (size_t)axis); /* max itself where it is the default */
-        add_fault(r, side.node ? &side : at, ERROR_SPEC_INVALID,
+        add_fault(r, side.node ? &side : at,
                   "the box begins at %.16g and ends at %.16g: max must be above min", low, high);
     }
 }
@@ -642,25 +626,26 @@ static void check_bspline(reading *r, const json_at *at)
     json_at coefficients = json_member(at, "coefficients");
     double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
     if (b->coefficients && (double)b->coefficient_count != count)
-        add_fault(r, &coefficients, ERROR_SPEC_INVALID,
-                  "must be as many as dims says, %d x %d x %d = %.0f (given %zu)", b->dims[0],
-                  b->dims[1], b->dims[2], count, b->coefficient_count);
+        add_fault(r, &coefficients, "must be as many as dims says, %d x %d x %d = %.0f (given %zu)",
+                  b->dims[0], b->dims[1], b->dims[2], count, b->coefficient_count);
 }
 
 static void check_solver(reading *r, const json_at *at)
 {
     json_at method = json_member(at, "method"), step = json_member(at, "step");
     if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
-        add_fault(r, &step, ERROR_SPEC_INVALID, "belongs to the minimiser \"gradient\"");
+        add_fault(r, &step, "belongs to the minimiser \"gradient\"");
     if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
-        add_fault(r, &method, ERROR_SPEC_INVALID,
-                  "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
+        add_fault(
+            r, &method,
+            "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
     if ((r->s->has_curvature || r->s->has_grid) && r->s->method != SPEC_METHOD_SIZED)
-        add_fault(r, &method, ERROR_SPEC_INVALID, "sampling.%s belongs to the method \"sized\"",
+        add_fault(r, &method, "sampling.%s belongs to the method \"sized\"",
                   r->s->has_grid ? "grid" : "curvature");
     if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
-        add_fault(r, &method, ERROR_SPEC_INVALID,
-                  "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
+        add_fault(
+            r, &method,
+            "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
 }
 
 static void check_camera(reading *r, const json_at *at)
@@ -669,9 +654,9 @@ static void check_camera(reading *r, const json_at *at)
     json_at target = json_member(at, "target"), up = json_member(at, "up");
     vec3 sight = vec3_sub(c->target, c->position);
     if (!(vec3_norm2(sight) > 0))
-        add_fault(r, &target, ERROR_SPEC_INVALID, "must be another place than position");
+        add_fault(r, &target, "must be another place than position");
     else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
-        add_fault(r, up.node ? &up : at, ERROR_SPEC_INVALID,
+        add_fault(r, up.node ? &up : at,
                   "up must not be zero, nor point along the line from position to target");
 }
 
@@ -680,14 +665,15 @@ static void check_coherent(reading *r, const json_at *at)
     const spec *s = r->s;
     json_at coherent = json_member(at, "coherent");
     if (!s->coherent) return;
-    if (!s->frames)
-        add_fault(r, &coherent, ERROR_SPEC_INVALID, "goes with queue.frames, which the job does not have");
+    if (!s->frames) add_fault(r, &coherent, "goes with queue.frames, which the job does not have");
     if (s->method != SPEC_METHOD_SIZED)
-        add_fault(r, &coherent, ERROR_SPEC_INVALID,
-                  "goes with the method \"sized\" only (which alpha does not): grade by sampling.curvature or grid");
+        add_fault(r, &coherent,
+                  "goes with the method \"sized\" only (which alpha does not): grade by sampling.curvature "
+                  "or grid");
     if (s->time_s > 0)
-        add_fault(r, &coherent, ERROR_SPEC_INVALID,
-                  "does not go with sampling.time_s, as frames would differ in their counts: give a count or spacing");
+        add_fault(r, &coherent,
+                  "does not go with sampling.time_s, as frames would differ in their counts: give a count or "
+                  "spacing");
 }
 
 static void check_frames(reading *r, const json_at *at)
@@ -698,18 +684,19 @@ static void check_frames(reading *r, const json_at *at)
     bool any = false;
     if (!s->frames) return;
     if (!(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
-        add_fault(r, &frames, ERROR_SPEC_INVALID, "%s", e.message);
+        add_fault(r, &frames, "%s", e.message);
         return;
     }
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
     if (!any)
-        add_fault(r, &frames, ERROR_SPEC_INVALID,
+        add_fault(r, &frames,
                   "no path of the surface has a place for the frame's number: write it as #### or %%04d");
     if (s->directory && !frames_is_pattern(s->directory))
-        add_fault(r, &frames, ERROR_SPEC_INVALID,
-                  "output.directory has no place for the frame's number, so that frames would replace each other:"
-                  " write it as #### or %%04d");
+        add_fault(
+            r, &frames,
+            "output.directory has no place for the frame's number, so that frames would replace each other:"
+            " write it as #### or %%04d");
 }
 
 static void check_exr(reading *r, const json_at *at)
@@ -717,12 +704,12 @@ static void check_exr(reading *r, const json_at *at)
     spec_exr *x = &r->surface->exr;
     json_at slices = json_member(at, "slices"), path = json_member(at, "path");
     if (!surface_parse_slices(x))
-        add_fault(r, &slices, ERROR_SPEC_INVALID,
+        add_fault(r, &slices,
                   "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
                   "(given \"%s\")",
                   SURFACE_MOST_SLICES, x->slices);
     else if (!surface_name_slices(x))
-        add_fault(r, &path, ERROR_SPEC_INVALID, "must have one #### or %%04d, the number of the slice");
+        add_fault(r, &path, "must have one #### or %%04d, the number of the slice");
 }
 
 static void check_transform(reading *r, const json_at *at)
@@ -730,16 +717,14 @@ static void check_transform(reading *r, const json_at *at)
     const double *m = r->surface->matrix;
     json_at matrix = json_member(at, "matrix");
     if (r->surface->matrix_count != 16) {
-        add_fault(r, &matrix, ERROR_SPEC_INVALID, "must be 16 numbers (given %zu)", r->surface->matrix_count);
+        add_fault(r, &matrix, "must be 16 numbers (given %zu)", r->surface->matrix_count);
         return;
     }
     if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
-        add_fault(r, &matrix, ERROR_SPEC_INVALID,
-                  "must end in 0, 0, 0, 1: it is row by row, for column vectors");
+        add_fault(r, &matrix, "must end in 0, 0, 0, 1: it is row by row, for column vectors");
     double to[3][4], back[3][4];
     for (int k = 0; k < 12; k++) to[k / 4][k % 4] = m[k];
-    if (!isfinite(1 / affine_invert(to, back)))
-        add_fault(r, &matrix, ERROR_SPEC_INVALID, "cannot be inverted");
+    if (!isfinite(1 / affine_invert(to, back))) add_fault(r, &matrix, "cannot be inverted");
 }
 
 /* What a member of /surface is, and what no single row can say of it. */
@@ -775,7 +760,7 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
     if (at->node && json_type_of(*at) != JSON_OBJECT) {
         char given[SHOWN_MAX + 8];
         describe(*at, given);
-        add_fault(r, at, ERROR_SPEC_INVALID, "must be an object (given %s)", given);
+        add_fault(r, at, "must be an object (given %s)", given);
         return;
     }
     check_members(r, at, group);
@@ -800,15 +785,12 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
 
 static void sum_up(const reading *r, error *e)
 {
-    error_code code = r->any_invalid ? ERROR_SPEC_INVALID : ERROR_NOT_SUPPORTED;
-    size_t i = 0;
-    while (r->faults.item[i].code != code) i++;
-    const spec_fault *fault = &r->faults.item[i];
+    const spec_fault *fault = &r->faults.item[0];
     const char *where = *fault->pointer ? fault->pointer : "the spec";
     if (r->total > 1)
-        error_set(e, code, "%s: %s (and %zu more)", where, fault->detail, r->total - 1);
+        error_set(e, fault->code, "%s: %s (and %zu more)", where, fault->detail, r->total - 1);
     else
-        error_set(e, code, "%s: %s", where, fault->detail);
+        error_set(e, fault->code, "%s: %s", where, fault->detail);
 }
 
 spec *spec_parse(const json *document, spec_faults *faults, error *e)
@@ -820,7 +802,7 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e)
     if (document)
         read_group(&r, &root, "", r.s->normalised);
     else
-        add_fault(&r, &root, ERROR_SPEC_INVALID, "must be an object (given nothing)");
+        add_fault(&r, &root, "must be an object (given nothing)");
     if (faults) *faults = r.faults;
     if (r.total == 0) return r.s;
     sum_up(&r, e);

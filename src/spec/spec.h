@@ -260,7 +260,7 @@ typedef struct spec {
 typedef struct spec_fault {
     char pointer[256];
     char detail[384];
-    error_code code; /* ERROR_SPEC_INVALID or ERROR_NOT_SUPPORTED */
+    error_code code; /* ERROR_SPEC_INVALID */
 } spec_fault;
 
 typedef struct spec_faults {
@@ -269,7 +269,7 @@ typedef struct spec_faults {
 } spec_faults;
 
 /* Checks a document and builds the spec. On failure NULL; *faults holds what was found and *e sums
- * it up: code spec_invalid if any fault is, else not_supported. `faults` may be NULL. */
+ * it up: the first, and how many there are, code spec_invalid. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 void spec_free(spec *s);
 
