@@ -207,14 +207,14 @@ static bool is_other_side(const site *a, const site *b)
 }
 
 /* The clear star: a point's cell in its tangent plane. Distances there are those in space, so that on a
- * sphere the cell's edges are the very bisectors of voronoi_edge; elsewhere these lie off the plane by
+ * sphere the cell's edges are the very ones of the diagram in space; elsewhere these lie off the plane by
  * terms of second order in how far the surface bends within the lists, which FLAT_FACING and FLAT_HEIGHT
- * bound. A cell whose every edge is CLEAR times as long as what voronoi_edge doubts, and whose other
- * points would have to come as much nearer to have one, has the edges that voronoi_edge finds. */
+ * bound. A cell whose every edge is longer than CLEAR, in spacings, and whose other points would have to come
+ * nearer by as much to have one, has the neighbours that the triangles find. */
 static const double FLAT_FACING = 0.9, FLAT_HEIGHT = 0.22; /* the cosine of an angle, the sine of its half */
 /* Half of FLAT_FACING's angle away from VORONOI_OTHER_SIDE: on another sheet for every pair. */
 static const double FLAT_OTHER_SIDE = -0.77;
-/* On the tests' sets stars differ from pairs at 0.1, and no more at 0.5. */
+/* On the tests' sets no clear star differs from the triangles'. */
 static const double CLEAR = 0.225;
 /* Points that are looked at first, as far away as this in spacings: mostly the cell's neighbours alone. */
 static const double RING_FIRST = 1.45;
