@@ -277,18 +277,6 @@ static bool read_pixels(image *m)
 
 /* ---- the program */
 
-static bool write_all(const void *from, size_t count)
-{
-    for (const char *p = from; count > 0;) {
-        ssize_t done = write(STDOUT_FILENO, p, count);
-        if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) return false;
-        p += done;
-        count -= (size_t)done;
-    }
-    return true;
-}
-
 /* The next request, or 0 when there is none any more. */
 static char receive(int *fd)
 {
@@ -321,9 +309,9 @@ static bool answer(image *m, char what)
     } else {
         a.text_length = (uint32_t)strnlen(m->fault.message, EXR_READER_TEXT_MAX);
     }
-    bool written = write_all(&a, sizeof a) && write_all(m->fault.message, a.text_length);
+    bool written = reader_write(&a, sizeof a) && reader_write(m->fault.message, a.text_length);
     if (written && ok && what == EXR_READER_PIXELS)
-        written = write_all(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof(float));
+        written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof(float));
     free(m->values);
     free(m->waste);
     if (m->file) exr_finish(&m->file);

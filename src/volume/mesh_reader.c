@@ -89,24 +89,12 @@ static void close_file(struct aiFileIO *io, struct aiFile *file)
 
 /* ---- answering */
 
-static bool write_all(const void *from, size_t count)
-{
-    for (const char *p = from; count > 0;) {
-        ssize_t done = write(STDOUT_FILENO, p, count);
-        if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) return false;
-        p += done;
-        count -= (size_t)done;
-    }
-    return true;
-}
-
 static int answer_fault(error_code code, const char *text)
 {
     mesh_reader_header h = {
         .magic = MESH_READER_MAGIC, .code = (uint32_t)code, .text_length = (uint32_t)strlen(text)};
     if (h.text_length > MESH_READER_TEXT_MAX) h.text_length = MESH_READER_TEXT_MAX;
-    return write_all(&h, sizeof h) && write_all(text, h.text_length) ? 0 : 1;
+    return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
 }
 
 /* The answer is written by a walk over the scene's nodes, three times: to count, vertices, triangles. */

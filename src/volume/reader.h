@@ -43,4 +43,7 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e);
  * `descriptors`. Returns the memory limit, 0 when the arguments are none. */
 size_t reader_limit(int argc, char **argv, unsigned descriptors);
 
+/* In the process: writes all of it to the output; false when nobody reads any more. */
+bool reader_write(const void *from, size_t count);
+
 #endif

@@ -1,6 +1,7 @@
 /* What of reader.h runs in the process that reads, which may be a module of its own. */
 #include "volume/reader.h"
 
+#include <errno.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/prctl.h>
@@ -43,4 +44,16 @@ size_t reader_limit(int argc, char **argv, unsigned descriptors)
     set_limit(RLIMIT_FSIZE, 0, 0); /* a pipe has no size */
     set_limit(RLIMIT_NOFILE, descriptors, descriptors);
     return (size_t)memory;
+}
+
+bool reader_write(const void *from, size_t count)
+{
+    for (const char *p = from; count > 0;) {
+        ssize_t done = write(STDOUT_FILENO, p, count);
+        if (done < 0 && errno == EINTR) continue;
+        if (done <= 0) return false;
+        p += done;
+        count -= (size_t)done;
+    }
+    return true;
 }
