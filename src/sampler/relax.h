@@ -52,7 +52,7 @@ typedef struct relax_sums {
 /* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
  * `list_limit` bytes. `forces`: NULL, or, with the cotangent and amplitudes of 1, what serves particles whose
  * neighbours all face their way. Error: limit_memory. */
-relax *relax_new(size_t capacity, const energy_function *energy, kernel forces, size_t list_limit,
+relax *relax_new(size_t capacity, const energy_function *energy, const kernel *forces, size_t list_limit,
                  threads *pool, error *e);
 void relax_free(relax *r);
 
