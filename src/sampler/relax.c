@@ -1,5 +1,6 @@
 #include "sampler/relax.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/isa.h"
@@ -33,8 +34,8 @@ static const double STEP_FLOOR = 1e-3;
 static const double BOUND_SHARE = 0.9;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
-/* So many points are asked for before their turn comes. */
-static const uint32_t AHEAD = 24;
+/* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest cache. */
+static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 /* One Newton step from this fraction of h ends on the surface to about its square times kappa h. */
 static const double GLIDE_FARTHEST = 0.05;
 
@@ -160,6 +161,37 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
     return true;
+}
+
+typedef struct refresh_job {
+    relax *r;
+    const particles *p;
+    double room; /* over size */
+    atomic_bool stale;
+} refresh_job;
+
+static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    refresh_job *job = context;
+    neighbours *near = job->r->near;
+    float *moved = job->r->moved;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        neighbours_place before = near->place[i], now;
+        neighbours_move(near, i, job->p->position[i]);
+        now = near->place[i];
+        vec3 way = {now.x - before.x, now.y - before.y, now.z - before.z};
+        moved[i] += (float)(vec3_norm(way) * near->unit);
+        if ((double)moved[i] > job->room * job->p->size[i] || before.size != (float)job->p->size[i])
+            atomic_store(&job->stale, true);
+    }
+}
+
+bool relax_refresh(relax *r, const particles *p, double sigma)
+{
+    refresh_job job = {r, p, 0.5 * (r->sigma + r->skin - sigma), false};
+    threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
+    return !atomic_load(&job.stale);
 }
 
 typedef struct attempt {
@@ -473,32 +505,42 @@ static void sweep_batch(const sweep_job *job, int worker, const uint32_t *items,
     for (size_t k = 0; k < bent_count; k++) update_particle(job, worker, bent[k], sums);
 }
 
-/* Asks for what the points of `bin_item` from `at` on will need while those before them are worked on. (The
- * compiler leaves out calls of a function that does nothing else.) */
-ISA_INLINE void prefetch(const sweep_job *job, uint32_t at, uint32_t end)
+/* Asks for what a particle will need, which is found by way of what ask_far has asked for. (Inlined: the compiler
+ * leaves out calls of a function that does nothing else.) */
+ISA_INLINE void ask_near(const sweep_job *job, uint32_t i)
 {
     const neighbours *near = job->r->near;
-    for (; at < end; at++) {
-        uint32_t i = batch_point(near, at);
-        const uint32_t *list = neighbours_list(near, i);
-        __builtin_prefetch(list);
-        __builtin_prefetch(list + 12);
-        __builtin_prefetch(&job->p->position[i].x, 1);
-        __builtin_prefetch(&job->p->position[i].z, 1);
-        __builtin_prefetch(&job->p->normal[i].x, 1);
-        __builtin_prefetch(&job->p->normal[i].z, 1);
-        __builtin_prefetch(&near->place[i], 1);
-    }
+    const uint32_t *list = neighbours_list(near, i);
+    __builtin_prefetch(list);
+    __builtin_prefetch(list + 12);
+    __builtin_prefetch(&job->p->position[i].x, 1);
+    __builtin_prefetch(&job->p->position[i].z, 1);
+    __builtin_prefetch(&job->p->normal[i].x, 1);
+    __builtin_prefetch(&job->p->normal[i].z, 1);
+    __builtin_prefetch(&near->place[i], 1);
 }
 
+ISA_INLINE void ask_far(const sweep_job *job, uint32_t i)
+{
+    const neighbours *near = job->r->near;
+    __builtin_prefetch(&near->list_begin[i]);
+    __builtin_prefetch(&near->list_count[i]);
+    __builtin_prefetch(&job->r->moved[i], 1);
+    __builtin_prefetch(&job->r->flat[i]);
+    __builtin_prefetch(&job->p->rim[i]);
+    __builtin_prefetch(&job->p->size[i]);
+}
+
+/* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */
 static void sweep_batches(const sweep_job *job, int worker, uint32_t at, uint32_t end, part *sums)
 {
     const neighbours *near = job->r->near;
-    uint32_t asked = at, items[BATCH_MOST];
+    uint32_t near_end = at, far_end = at, items[BATCH_MOST];
     while (at < end) {
-        uint32_t count = batch_next(near, at, items), ahead = at + count + AHEAD < end ? at + count + AHEAD : end;
-        prefetch(job, asked, ahead);
-        asked = ahead;
+        uint32_t count = batch_next(near, at, items);
+        for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++) ask_far(job, batch_point(near, far_end));
+        for (; near_end < end && near_end < at + count + NEAR_AHEAD; near_end++)
+            ask_near(job, batch_point(near, near_end));
         sweep_batch(job, worker, items, count, sums);
         at += count;
     }
