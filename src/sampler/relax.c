@@ -166,7 +166,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
 typedef struct refresh_job {
     relax *r;
     const particles *p;
-    double room; /* over size */
+    double sigma;
     atomic_bool stale;
 } refresh_job;
 
@@ -177,19 +177,20 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
     float *moved = job->r->moved;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        neighbours_place before = near->place[i], now;
+        neighbours_place before = near->place[i], *now = &near->place[i];
         neighbours_move(near, i, job->p->position[i]);
-        now = near->place[i];
-        vec3 way = {now.x - before.x, now.y - before.y, now.z - before.z};
+        now->size = (float)job->p->size[i];
+        vec3 way = {now->x - before.x, now->y - before.y, now->z - before.z};
         moved[i] += (float)(vec3_norm(way) * near->unit);
-        if ((double)moved[i] > job->room * job->p->size[i] || before.size != (float)job->p->size[i])
-            atomic_store(&job->stale, true);
+        /* of a pair's reach each has its half */
+        double reach = 0.5 * (job->r->sigma + job->r->skin) * (double)before.size;
+        if ((double)moved[i] + 0.5 * job->sigma * job->p->size[i] > reach) atomic_store(&job->stale, true);
     }
 }
 
 bool relax_refresh(relax *r, const particles *p, double sigma)
 {
-    refresh_job job = {r, p, 0.5 * (r->sigma + r->skin - sigma), false};
+    refresh_job job = {r, p, sigma, false};
     threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
     return !atomic_load(&job.stale);
 }
