@@ -28,13 +28,14 @@ static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, f
 
 static bool sample_torus(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
-    vec3 a = vec3_unit(p->axis);
+    vec3 a = p->axis;
     double z = vec3_dot(d, a);
     vec3 q = vec3_axpy(-z, a, d);
     double rho = vec3_norm(q), u = rho - p->major_radius, length = sqrt(u * u + z * z);
     if (!(rho > 0) || !(length > 0)) return false;
+    double over = 1 / length;
     vec3 e = vec3_scale(q, 1 / rho);
-    vec3 n = vec3_add(vec3_scale(e, u / length), vec3_scale(a, z / length));
+    vec3 n = vec3_add(vec3_scale(e, u * over), vec3_scale(a, z * over));
     out->value = length - p->minor_radius;
     out->gradient = n;
     if (order == FIELD_HESSIAN) {
@@ -206,7 +207,7 @@ static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, ana
 
 static vec3 half_extent(const analytic_params *p)
 {
-    vec3 n = p->shape == ANALYTIC_TORUS ? vec3_unit(p->axis) : (vec3){0, 0, 0};
+    vec3 n = p->axis;
     double quartic = 0.5 * p->r / 0.13, R = p->major_radius, m = p->minor_radius;
     switch (p->shape) {
     case ANALYTIC_SPHERE:
@@ -271,6 +272,7 @@ analytic *analytic_new(const analytic_params *params, threads *pool, error *e)
     analytic *a = mem_alloc(sizeof *a);
     a->base.ops = &analytic_ops;
     a->params = *params;
+    a->params.axis = vec3_unit(params->axis);
     lay_out_grid(a);
     assert(a->grid.cells[0] > 0 && a->grid.cells[1] > 0 && a->grid.cells[2] > 0);
     if (!cell_grid_search(&a->grid, &a->base, &oracle, pool, e)) goto fail;

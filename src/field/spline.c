@@ -35,12 +35,24 @@ typedef struct support {
 #undef VERSION
 #undef VERSION_WIDEN
 #pragma GCC pop_options
+
+/* A cell's rows have four coefficients: wider vectors have nothing to hold. But there are twice as many, so that
+ * the weights stay in them. */
+#pragma GCC push_options
+#pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=256")
+#define VERSION(name) name##_avx512
+#define VERSION_WIDEN(n) ((lanes)_mm256_cvtps_pd((__m128)(n)))
+#include "field/spline_cell.h"
+#undef VERSION
+#undef VERSION_WIDEN
+#pragma GCC pop_options
 #else
 #define version_avx2 version_portable
+#define version_avx512 version_portable
 #endif
 
-/* A cell's rows have four coefficients: wider vectors have nothing to hold. */
 const spline *spline_for(isa which)
 {
-    return which == ISA_PORTABLE ? &version_portable : &version_avx2;
+    static const spline *const versions[ISA_COUNT] = {&version_portable, &version_avx2, &version_avx512};
+    return versions[which];
 }

@@ -124,7 +124,7 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
  * memory that a job takes. */
 static bool describe_energies(sampler *s, error *e)
 {
-    if (!relax_build(s->relax, s->p, s->sigma, 0, e)) return false;
+    if (!relax_refresh(s->relax, s->p, s->sigma) && !relax_build(s->relax, s->p, s->sigma, 0, e)) return false;
     s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma);
     s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
     relax_free(s->relax);

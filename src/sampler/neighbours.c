@@ -32,15 +32,17 @@ static bool reserve_bins(neighbours *n, size_t bins, error *e)
     const char *what = "neighbour lists";
     if (bins < FEWEST_BINS) bins = FEWEST_BINS;
     free(n->bin_begin);
+    free(n->bin_end);
     free(n->bin_cell);
     free(n->bin_split);
     free(n->block_bin);
     n->bin_capacity = bins;
-    n->bin_begin = mem_array(bins + 1, sizeof *n->bin_begin, what, e);
+    n->bin_begin = mem_array(bins, sizeof *n->bin_begin, what, e);
+    n->bin_end = mem_array(bins, sizeof *n->bin_end, what, e);
     n->bin_cell = mem_array(bins, sizeof *n->bin_cell, what, e);
     n->bin_split = mem_array(bins, sizeof *n->bin_split, what, e);
     n->block_bin = mem_array(bins, sizeof *n->block_bin, what, e);
-    return n->bin_begin && n->bin_cell && n->bin_split && n->block_bin;
+    return n->bin_begin && n->bin_end && n->bin_cell && n->bin_split && n->block_bin;
 }
 
 static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
@@ -87,6 +89,7 @@ void neighbours_free(neighbours *n)
     if (!n) return;
     free(n->place);
     free(n->bin_begin);
+    free(n->bin_end);
     free(n->bin_item);
     free(n->bin_cell);
     free(n->bin_split);
@@ -185,7 +188,7 @@ static uint32_t bin_at(neighbours *n, const place *p, visit *last)
     if (!n->cell[at]) {
         if (n->bin_count == n->bin_capacity) return NO_BIN;
         n->bin_cell[n->bin_count] = at;
-        n->bin_begin[n->bin_count] = 0;
+        n->bin_begin[n->bin_count] = n->bin_end[n->bin_count] = 0;
         n->bin_split[n->bin_count] = false;
         n->cell[at] = (uint32_t)++n->bin_count;
     }
@@ -219,7 +222,7 @@ static bool number_bins(neighbours *n)
         uint32_t bin = bin_at(n, &p, &last);
         if (bin == NO_BIN) return false;
         n->list_count[i] = bin;
-        n->bin_begin[bin]++;
+        n->bin_end[bin]++;
     }
     for (size_t b = 0; b < n->bin_count; b++) {
         place p = place_of_bin(n, b);
@@ -232,18 +235,6 @@ static bool number_bins(neighbours *n)
     return true;
 }
 
-static bool fill_bins(neighbours *n, error *e)
-{
-    while (!number_bins(n))
-        if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
-            return false;
-    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
-    for (size_t b = 0; b < n->bin_count; b++) n->bin_begin[b] = total += n->bin_begin[b];
-    n->bin_begin[n->bin_count] = total;
-    for (size_t i = n->count; i-- > 0;) n->bin_item[--n->bin_begin[n->list_count[i]]] = (uint32_t)i;
-    return true;
-}
-
 static int colour_of(uint64_t key)
 {
     return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
@@ -252,7 +243,7 @@ static int colour_of(uint64_t key)
 
 static inline bool has_points(const neighbours *n, size_t bin)
 {
-    return n->bin_begin[bin] < n->bin_begin[bin + 1];
+    return n->bin_begin[bin] < n->bin_end[bin];
 }
 
 /* Puts the blocks in the order of their colours, and the bins in that of their blocks. */
@@ -276,6 +267,22 @@ static void sort_blocks(neighbours *n)
     for (size_t b = n->bin_count; b-- > 0;)
         if (has_points(n, b))
             n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
+}
+
+static bool fill_bins(neighbours *n, error *e)
+{
+    while (!number_bins(n))
+        if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
+            return false;
+    sort_blocks(n);
+    uint32_t total = 0; /* ends are counts still */
+    for (uint32_t k = 0; k < n->block_begin[n->blocks]; k++) {
+        uint32_t bin = n->block_bin[k], count = n->bin_end[bin];
+        n->bin_begin[bin] = n->bin_end[bin] = total;
+        total += count;
+    }
+    for (size_t i = 0; i < n->count; i++) n->bin_item[n->bin_end[n->list_count[i]]++] = (uint32_t)i;
+    return true;
 }
 
 typedef struct search search;
@@ -361,7 +368,7 @@ static finder best_finder(void)
 static void add_near(search *s, uint32_t bin)
 {
     const neighbours *n = s->n;
-    size_t more = n->bin_begin[bin + 1] - n->bin_begin[bin];
+    size_t more = n->bin_end[bin] - n->bin_begin[bin];
     if (s->count + more + LANES > s->room) {
         s->room = 2 * (s->count + more + LANES);
         s->x = mem_resize(s->x, s->room * sizeof *s->x);
@@ -370,7 +377,7 @@ static void add_near(search *s, uint32_t bin)
         s->size = mem_resize(s->size, s->room * sizeof *s->size);
         s->item = mem_resize(s->item, s->room * sizeof *s->item);
     }
-    for (uint32_t b = n->bin_begin[bin]; b < n->bin_begin[bin + 1]; b++) {
+    for (uint32_t b = n->bin_begin[bin]; b < n->bin_end[bin]; b++) {
         const neighbours_place *p = &n->place[n->bin_item[b]];
         s->x[s->count] = p->x;
         s->y[s->count] = p->y;
@@ -480,7 +487,7 @@ static size_t list_bin(search *s, finder find, size_t bin)
         s->size[s->count] = NAN;
     }
     size_t longest = 0;
-    for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++) {
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++) {
         uint32_t i = n->bin_item[a];
         size_t begin = s->entries <= n->list_room ? s->entries : 0;
         if (begin + s->count + LANES > s->entry_room) {
@@ -505,7 +512,7 @@ static void keep_lists(build_job *job, const search *s, uint32_t bins, uint32_t 
     memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
     for (uint32_t k = bins; k < end; k++) {
         uint32_t bin = n->block_bin[k];
-        for (uint32_t a = n->bin_begin[bin]; a < n->bin_begin[bin + 1]; a++)
+        for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++)
             n->list_begin[n->bin_item[a]] += (uint32_t)begin;
     }
 }
@@ -570,11 +577,12 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
     n->longest = atomic_load(&job.longest);
     size_t entries = atomic_load(&job.entries);
     bool ok = true;
-    if (entries > n->list_room) {
-        ok = reserve_lists(n, entries + entries / 8, e);
+    if (entries + n->longest > n->list_room) {
+        ok = reserve_lists(n, entries + entries / 8 + n->longest, e);
         atomic_store(&job.entries, 0);
         if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
     }
+    if (ok) memset(n->list + entries, 0, n->longest * sizeof *n->list);
     for (search *s = job.searches; s < job.searches + workers; s++) {
         free(s->x);
         free(s->y);
@@ -622,7 +630,5 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
     n->per_unit = 1 / n->unit;
     build_job job = {.n = n, .x = x, .size = size};
     threads_run(pool, count, 4096, place_chunk, &job);
-    if (!fill_bins(n, e)) return false;
-    sort_blocks(n);
-    return fill_lists(n, pool, e);
+    return fill_bins(n, e) && fill_lists(n, pool, e);
 }

@@ -40,8 +40,9 @@ typedef struct neighbours {
     int levels;    /* in use */
 
     size_t bin_capacity, bin_count;
-    uint32_t *bin_begin; /* bin_count + 1: the bin's points in `bin_item` */
-    uint32_t *bin_item;  /* points by bin, ascending within a bin */
+    uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
+    uint32_t *bin_end;   /* to here */
+    uint32_t *bin_item;  /* points by bin, ascending within a bin; bins by block */
     uint32_t *bin_cell;  /* where it is: its entry in `cell` */
     bool *bin_split;     /* bins of the level below lie in it */
     vec3 origin;
@@ -77,19 +78,27 @@ void neighbours_free(neighbours *n);
 bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
                       threads *pool, error *e);
 
+/* The neighbours of point i, list_count[i] of them. The list may be read on up to the longest of all; what
+ * stands there are points, too. */
 static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 {
     return n->list + n->list_begin[i];
+}
+
+/* The points of blocks that follow one another, from `from` up to `to`: those of `bin_item` from *begin up to
+ * *end. */
+static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin, uint32_t *end)
+{
+    uint32_t first = n->block_begin[from], after = n->block_begin[to];
+    *begin = first < after ? n->bin_begin[n->block_bin[first]] : 0;
+    *end = first < after ? n->bin_end[n->block_bin[after - 1]] : 0;
 }
 
 /* Notes where point i has moved to, for those who look at places; bins and lists stay. */
 static inline void neighbours_move(neighbours *n, size_t i, vec3 x)
 {
     vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
-    neighbours_place *p = &n->place[i];
-    p->x = (int32_t)d.x;
-    p->y = (int32_t)d.y;
-    p->z = (int32_t)d.z;
+    n->place[i] = (neighbours_place){(int32_t)d.x, (int32_t)d.y, (int32_t)d.z, n->place[i].size};
 }
 
 #endif

@@ -1,8 +1,11 @@
 #include "sampler/relax.h"
 
+#include <stdatomic.h>
 #include <stdlib.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
+#include "sampler/batches.h"
 #include "sampler/energy.h"
 #include "sampler/kernel.h"
 #include "sampler/neighbours.h"
@@ -31,6 +34,8 @@ static const double STEP_FLOOR = 1e-3;
 static const double BOUND_SHARE = 0.9;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
+/* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest cache. */
+static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 /* One Newton step from this fraction of h ends on the surface to about its square times kappa h. */
 static const double GLIDE_FARTHEST = 0.05;
 
@@ -49,7 +54,7 @@ typedef struct part {
 struct relax {
     threads *pool;
     const energy_function *energy;
-    kernel forces; /* NULL: all with care */
+    const kernel *forces; /* NULL: all with care */
     neighbours *near;
     bool *flat;   /* all of a particle's neighbours face its way, clearly */
     float *moved; /* length of a particle's way since the lists were built */
@@ -60,7 +65,7 @@ struct relax {
     size_t scratch_entries;
 };
 
-relax *relax_new(size_t capacity, const energy_function *energy, kernel forces, size_t list_limit,
+relax *relax_new(size_t capacity, const energy_function *energy, const kernel *forces, size_t list_limit,
                  threads *pool, error *e)
 {
     relax *r = mem_alloc(sizeof *r);
@@ -152,9 +157,42 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
         return false;
     r->sigma = sigma;
     r->skin = skin;
+    if (r->forces) batches_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
     return true;
+}
+
+typedef struct refresh_job {
+    relax *r;
+    const particles *p;
+    double sigma;
+    atomic_bool stale;
+} refresh_job;
+
+static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    refresh_job *job = context;
+    neighbours *near = job->r->near;
+    float *moved = job->r->moved;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        neighbours_place before = near->place[i], *now = &near->place[i];
+        neighbours_move(near, i, job->p->position[i]);
+        now->size = (float)job->p->size[i];
+        vec3 way = {now->x - before.x, now->y - before.y, now->z - before.z};
+        moved[i] += (float)(vec3_norm(way) * near->unit);
+        /* of a pair's reach each has its half */
+        double reach = 0.5 * (job->r->sigma + job->r->skin) * (double)before.size;
+        if ((double)moved[i] + 0.5 * job->sigma * job->p->size[i] > reach) atomic_store(&job->stale, true);
+    }
+}
+
+bool relax_refresh(relax *r, const particles *p, double sigma)
+{
+    refresh_job job = {r, p, sigma, false};
+    threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
+    return !atomic_load(&job.stale);
 }
 
 typedef struct attempt {
@@ -288,11 +326,12 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
     project_point(a->params->field, &limits, x, normal);
 }
 
-/* A particle that goes to x, which is no farther than its room. */
-static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double room, part *sums)
+/* A particle that goes to x, `length` away, which is no farther than its room. */
+static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double room,
+                      part *sums)
 {
     particles *p = job->p;
-    double length = vec3_norm(vec3_sub(x, p->position[i])), step = length / p->size[i];
+    double step = length / p->size[i];
     sums->squares += step * step;
     sums->max_step = step > sums->max_step ? step : sums->max_step;
     sums->cramped += length >= CRAMPED_STEP * room;
@@ -322,7 +361,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
-            take_step(job, i, x, normal, room, sums);
+            take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), room, sums);
             p->lambda[i] = (float)(first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda);
             return;
         }
@@ -338,7 +377,7 @@ static void descend_gradient(const sweep_job *job, const attempt *a, const pair_
     double scale = -a->params->step * a->sigma * a->sigma;
     vec3 x, normal;
     if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
-        take_step(job, i, x, normal, room, sums);
+        take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), room, sums);
     else
         sums->rejected++;
 }
@@ -350,53 +389,80 @@ static double room_of(const relax *r, const particles *p, size_t i)
     return room > 0 ? room : 0;
 }
 
-/* The forces in single precision, in the frame of the particle's normal. */
-static void sum_forces(const relax *r, const particles *p, double sigma, size_t i, vec3 *axis1, vec3 *axis2,
-                       kernel_forces *out)
+/* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
+static void line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
+                    kernel_particles *out)
 {
     const neighbours *near = r->near;
-    vec3_frame(p->normal[i], axis1, axis2);
-    const float u[3] = {(float)axis1->x, (float)axis1->y, (float)axis1->z};
-    const float v[3] = {(float)axis2->x, (float)axis2->y, (float)axis2->z};
-    r->forces(near->place, neighbours_list(near, i), near->list_count[i], near->place[i], u, v,
-              (float)(sigma / near->unit), out);
+    for (size_t l = 0; l < KERNEL_LANES; l++) {
+        uint32_t i = items[l < count ? l : 0];
+        neighbours_place own = near->place[i];
+        const vec3 *x = &p->position[i], *n = &p->normal[i];
+        out->list[l] = neighbours_list(near, i);
+        out->count[l] = near->list_count[i];
+        out->x[l] = own.x;
+        out->y[l] = own.y;
+        out->z[l] = own.z;
+        out->size[l] = own.size;
+        out->room[l] = (float)room_of(r, p, i);
+        out->position.x[l] = x->x;
+        out->position.y[l] = x->y;
+        out->position.z[l] = x->z;
+        out->normal.x[l] = n->x;
+        out->normal.y[l] = n->y;
+        out->normal.z[l] = n->z;
+    }
 }
 
-/* The step of the quadratic model, and one Newton step back onto the surface. False, and nothing done,
- * where that does not end well. */
-static bool glide(const sweep_job *job, size_t i, part *sums)
+/* What the kernel is to know of a sweep. */
+static kernel_params glide_params(const relax *r, const relax_params *params)
 {
-    const relax *r = job->r;
-    const relax_params *params = job->params;
-    particles *p = job->p;
-    kernel_forces single;
-    vec3 axis1, axis2, x = p->position[i];
-    sum_forces(r, p, params->sigma, i, &axis1, &axis2, &single);
-    const pair_forces f = {
-        .d1 = single.d1, .d2 = single.d2, .h11 = single.h11, .h12 = single.h12, .h22 = single.h22};
-    double unit = r->near->unit, room = room_of(r, p, i), s1, s2;
-    double limit2 = (double)single.nearest2 * (unit * unit);
-    if (limit2 > room * room) limit2 = room * room;
-    damped_step(&f, 0, &s1, &s2);
-    double scale = params->omega * unit, length2 = scale * scale * (s1 * s1 + s2 * s2);
-    double bound2 = BOUND_SHARE * BOUND_SHARE * limit2, h = params->spacing * p->size[i];
-    if (length2 > bound2) {
-        scale *= sqrt(bound2 / length2);
-        length2 = bound2;
+    return (kernel_params){.unit = r->near->unit,
+                           .support = params->sigma,
+                           .omega = params->omega,
+                           .longest = params->glide * params->spacing,
+                           .farthest = GLIDE_FARTHEST * params->spacing};
+}
+
+_Static_assert(BATCH_MOST == KERNEL_LANES, "a batch fills the kernel's lanes");
+
+/* Moves particles that are nobody's neighbours among themselves and whose neighbours all face their way, by the
+ * kernel; those for which that does not end well stay, and are kept in `items`. Returns how many. */
+static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *sums)
+{
+    const kernel *k = job->r->forces;
+    const kernel_params params = glide_params(job->r, job->params);
+    kernel_particles own;
+    kernel_forces forces;
+    kernel_way way;
+    line_up(job->r, job->p, items, count, &own);
+    k->forces(job->r->near->place, &own, &params, &forces);
+    k->step(&own, &forces, &params, &way);
+    for (size_t l = 0; l < count; l++) {
+        field_sample s = {0};
+        vec3 to = {way.to.x[l], way.to.y[l], way.to.z[l]};
+        way.ends_well[l] &= field_sample_at(job->params->field, to, FIELD_GRADIENT, &s);
+        way.value[l] = s.value;
+        way.gradient.x[l] = s.gradient.x;
+        way.gradient.y[l] = s.gradient.y;
+        way.gradient.z[l] = s.gradient.z;
     }
-    if (length2 > params->glide * params->glide * h * h) return false;
-    vec3 q = vec3_axpy(scale * s1, axis1, vec3_axpy(scale * s2, axis2, x));
-    field_sample s;
-    if (!field_sample_at(params->field, q, FIELD_GRADIENT, &s)) return false;
-    double g2 = vec3_norm2(s.gradient), farthest = GLIDE_FARTHEST * h;
-    if (!(s.value * s.value < farthest * farthest * g2)) return false;
-    double over = 1 / sqrt(g2);
-    q = vec3_axpy(-s.value * over * over, s.gradient, q);
-    if (vec3_norm2(vec3_sub(q, x)) > limit2) return false;
-    sums->energy += (double)single.energy;
-    sums->lambda += LAMBDA_FLOOR;
-    take_step(job, i, q, vec3_scale(s.gradient, over), room, sums);
-    return true;
+    for (size_t l = count; l < KERNEL_LANES; l++)
+        way.value[l] = way.gradient.x[l] = way.gradient.y[l] = way.gradient.z[l] = 0;
+    k->land(&own, &params, &way);
+    size_t left = 0;
+    for (size_t l = 0; l < count; l++) {
+        if (!way.ends_well[l]) {
+            items[left++] = items[l];
+            continue;
+        }
+        sums->energy += (double)forces.energy[l];
+        sums->lambda += LAMBDA_FLOOR;
+        take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
+                  (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
+                  (double)own.room[l], sums);
+    }
+    return left;
 }
 
 static void update_particle(const sweep_job *job, int worker, size_t i, part *sums)
@@ -427,29 +493,59 @@ static void update_particle(const sweep_job *job, int worker, size_t i, part *su
     sums->lambda += (double)p->lambda[i];
 }
 
-static void sweep_bin(const sweep_job *job, int worker, uint32_t bin, part *sums)
+/* Updates a batch: those that glide go first. */
+static void sweep_batch(const sweep_job *job, int worker, const uint32_t *items, size_t count, part *sums)
 {
-    const relax *r = job->r;
-    const neighbours *near = r->near;
-    for (uint32_t k = near->bin_begin[bin]; k < near->bin_begin[bin + 1]; k++) {
-        uint32_t i = near->bin_item[k];
-        bool smooth = r->forces && r->flat[i] && !job->p->rim[i];
-        if (!smooth || !glide(job, i, sums)) update_particle(job, worker, i, sums);
-    }
+    uint32_t bent[BATCH_MOST], smooth[BATCH_MOST];
+    size_t bent_count = 0, smooth_count = 0;
+    for (size_t k = 0; k < count; k++)
+        if (job->r->flat[items[k]] && !job->p->rim[items[k]])
+            smooth[smooth_count++] = items[k];
+        else
+            bent[bent_count++] = items[k];
+    if (smooth_count > 0) smooth_count = glide(job, smooth, smooth_count, sums);
+    for (size_t k = 0; k < smooth_count; k++) update_particle(job, worker, smooth[k], sums);
+    for (size_t k = 0; k < bent_count; k++) update_particle(job, worker, bent[k], sums);
 }
 
-/* Asks for what the bin's particles will need while the one before is worked on. */
-static void prefetch_bin(const sweep_job *job, uint32_t bin)
+/* Asks for what a particle will need, which is found by way of what ask_far has asked for. (Inlined: the compiler
+ * leaves out calls of a function that does nothing else.) */
+ISA_INLINE void ask_near(const sweep_job *job, uint32_t i)
 {
     const neighbours *near = job->r->near;
-    for (uint32_t k = near->bin_begin[bin]; k < near->bin_begin[bin + 1]; k++) {
-        uint32_t i = near->bin_item[k];
-        const uint32_t *list = neighbours_list(near, i);
-        __builtin_prefetch(list);
-        __builtin_prefetch(list + 12);
-        __builtin_prefetch(&job->p->position[i], 1);
-        __builtin_prefetch(&job->p->normal[i], 1);
-        __builtin_prefetch(&near->place[i], 1);
+    const uint32_t *list = neighbours_list(near, i);
+    __builtin_prefetch(list);
+    __builtin_prefetch(list + 12);
+    __builtin_prefetch(&job->p->position[i].x, 1);
+    __builtin_prefetch(&job->p->position[i].z, 1);
+    __builtin_prefetch(&job->p->normal[i].x, 1);
+    __builtin_prefetch(&job->p->normal[i].z, 1);
+    __builtin_prefetch(&near->place[i], 1);
+}
+
+ISA_INLINE void ask_far(const sweep_job *job, uint32_t i)
+{
+    const neighbours *near = job->r->near;
+    __builtin_prefetch(&near->list_begin[i]);
+    __builtin_prefetch(&near->list_count[i]);
+    __builtin_prefetch(&job->r->moved[i], 1);
+    __builtin_prefetch(&job->r->flat[i]);
+    __builtin_prefetch(&job->p->rim[i]);
+    __builtin_prefetch(&job->p->size[i]);
+}
+
+/* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */
+static void sweep_batches(const sweep_job *job, int worker, uint32_t at, uint32_t end, part *sums)
+{
+    const neighbours *near = job->r->near;
+    uint32_t near_end = at, far_end = at, items[BATCH_MOST];
+    while (at < end) {
+        uint32_t count = batch_next(near, at, items);
+        for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++) ask_far(job, batch_point(near, far_end));
+        for (; near_end < end && near_end < at + count + NEAR_AHEAD; near_end++)
+            ask_near(job, batch_point(near, near_end));
+        sweep_batch(job, worker, items, count, sums);
+        at += count;
     }
 }
 
@@ -457,15 +553,14 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     const neighbours *near = job->r->near;
-    for (size_t block = job->first_block + begin; block < job->first_block + end; block++) {
-        part sums = {0};
-        uint32_t end_bin = near->block_begin[block + 1];
-        for (uint32_t k = near->block_begin[block]; k < end_bin; k++) {
-            if (k + 1 < end_bin) prefetch_bin(job, near->block_bin[k + 1]);
-            sweep_bin(job, worker, near->block_bin[k], &sums);
-        }
-        job->r->parts[block] = sums;
-    }
+    uint32_t at, to;
+    part sums = {0};
+    neighbours_points(near, job->first_block + begin, job->first_block + end, &at, &to);
+    if (job->r->forces)
+        sweep_batches(job, worker, at, to, &sums);
+    else
+        for (; at < to; at++) update_particle(job, worker, near->bin_item[at], &sums);
+    for (size_t k = begin; k < end; k++) job->r->parts[job->first_block + k] = k == begin ? sums : (part){0};
 }
 
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out)
@@ -474,7 +569,7 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     const uint32_t *colour = r->near->colour_begin;
     for (int c = 0; c < r->near->colours; c++) {
         job.first_block = colour[c];
-        threads_run(r->pool, colour[c + 1] - colour[c], 1, sweep_chunk, &job);
+        threads_run(r->pool, colour[c + 1] - colour[c], r->forces ? BATCH_BLOCKS : 1, sweep_chunk, &job);
     }
     relax_sums sums = {0};
     double squares = 0;
@@ -495,19 +590,35 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
     *out = sums;
 }
 
+/* The energies of particles where all neighbours face their way. */
+static void sum_energies(const sweep_job *job, const uint32_t *items, size_t count)
+{
+    const kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
+    kernel_particles own;
+    kernel_forces forces;
+    line_up(job->r, job->p, items, count, &own);
+    job->r->forces->forces(job->r->near->place, &own, &params, &forces);
+    for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)forces.energy[l];
+}
+
 static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     particles *p = job->p;
-    for (size_t i = begin; i < end; i++)
-        if (job->r->forces && job->r->flat[i]) {
-            kernel_forces f;
-            vec3 axis1, axis2;
-            sum_forces(job->r, p, job->sigma, i, &axis1, &axis2, &f);
-            p->energy[i] = f.energy;
-        } else
+    uint32_t smooth[KERNEL_LANES];
+    size_t count = 0;
+    for (size_t i = begin; i < end; i++) {
+        if (!job->r->forces || !job->r->flat[i]) {
             p->energy[i] = pair_energy_at(gather_list(job->r, p, worker, i), job->r->energy, p->position[i],
                                           job->sigma * p->size[i]);
+            continue;
+        }
+        smooth[count++] = (uint32_t)i;
+        if (count < KERNEL_LANES) continue;
+        sum_energies(job, smooth, count);
+        count = 0;
+    }
+    if (count > 0) sum_energies(job, smooth, count);
 }
 
 double relax_mean_energy(relax *r, particles *p, double sigma)

@@ -52,13 +52,17 @@ typedef struct relax_sums {
 /* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
  * `list_limit` bytes. `forces`: NULL, or, with the cotangent and amplitudes of 1, what serves particles whose
  * neighbours all face their way. Error: limit_memory. */
-relax *relax_new(size_t capacity, const energy_function *energy, kernel forces, size_t list_limit,
+relax *relax_new(size_t capacity, const energy_function *energy, const kernel *forces, size_t list_limit,
                  threads *pool, error *e);
 void relax_free(relax *r);
 
 /* Builds the lists for a support of `sigma` that may be used until a particle has moved skin / 2, both times
  * its size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
+
+/* Takes note of where particles have been put since the build, and of their sizes; they are the same. False where
+ * the lists do not cover a support of `sigma` there, so that they are to be built anew. */
+bool relax_refresh(relax *r, const particles *p, double sigma);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);

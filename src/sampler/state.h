@@ -36,7 +36,7 @@ struct sampler {
     particles *p;
     size_t capacity; /* of p and relax */
     relax *relax;
-    kernel forces; /* of relax; NULL: all with care, as what it does not know needs */
+    const kernel *forces; /* of relax; NULL: all with care, as what it does not know needs */
     double spacing; /* h */
     double sigma;
     double skin;

@@ -211,7 +211,8 @@ static void test_another_surface_is_not_carried_onto(void **state)
 {
     (void)state;
     analytic_params after = before;
-    after.center = (vec3){9, 9, 9};
+    after.center = (vec3){9, 9, 9}; /* a field of distances leads there from anywhere */
+    after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
     stage s = set_stage(&after, 1);
     const sampler_points *p = sampler_result_points(first);
     const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, 1};

@@ -100,7 +100,7 @@ static void points_of_one_colour_in_two_blocks_are_not_neighbours(void **state)
         for (int i = 0; i < COUNT; i++) colour[i] = -1;
         for (uint32_t block = n->colour_begin[c]; block < n->colour_begin[c + 1]; block++)
             for (uint32_t b = n->block_begin[block]; b < n->block_begin[block + 1]; b++)
-                for (uint32_t k = n->bin_begin[n->block_bin[b]]; k < n->bin_begin[n->block_bin[b] + 1]; k++) {
+                for (uint32_t k = n->bin_begin[n->block_bin[b]]; k < n->bin_end[n->block_bin[b]]; k++) {
                     colour[n->bin_item[k]] = (int)block;
                     seen++;
                 }

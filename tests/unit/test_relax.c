@@ -24,7 +24,7 @@ typedef struct bench {
     relax_params params;
 } bench;
 
-static void set_up(bench *b, int shape, kernel forces, uint64_t stream)
+static void set_up(bench *b, int shape, const kernel *forces, uint64_t stream)
 {
     error e = {0};
     rng r = rng_seed(test_seed(), stream);
@@ -86,7 +86,7 @@ static void energy_never_rises(void **state)
 }
 
 /* No particle moves farther from where the lists were built than they allow, nor off the surface. */
-static void check_lists_stay_valid(kernel forces)
+static void check_lists_stay_valid(const kernel *forces)
 {
     error e = {0};
     bench b;
