@@ -48,6 +48,7 @@ typedef struct config {
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t upload_limit_bytes, upload_total_bytes;
     double connection_timeout_s, wait_limit_s;
+    int64_t kept_documents;
     config_list webhook_hosts;
     char *webhook_secret_file;
     int64_t webhook_tries;

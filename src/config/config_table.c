@@ -126,6 +126,10 @@ const config_row config_table[] = {
      AT(connection_timeout_s)},
     {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
      "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
+    {"kept_documents", CONFIG_INTEGER, "4096", 0, 1 << 20, "documents",
+     "Documents of jobs that are kept ready to be sent again, each until its job changes. One takes its length, mostly"
+     " 1 to 2 KiB; none longer than 16 KiB is kept. 0: none.",
+     AT(kept_documents)},
     {"webhook_hosts", CONFIG_WORDS, "", 0, 0, "",
      "Hosts that a job may have told of its end (queue.webhook): HOST, for its ports 80 and 443, or HOST:PORT; separated"
      " by commas, and the key may be repeated. Empty: webhooks are refused and none is called.",

@@ -9,6 +9,7 @@
 #include "executor/executor.h"
 #include "http/lounge.h"
 #include "http/reply.h"
+#include "http/shelf.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
 #include "store/mapping.h"
@@ -40,6 +41,7 @@ typedef struct http_context {
     int64_t started_ms;      /* wall clock */
     http_counters *counters; /* the server's */
     lounge *lounge;
+    shelf *shelf; /* NULL: no document is kept */
 } http_context;
 
 #define HTTP_MAX_PARAMETERS 2

@@ -13,6 +13,7 @@
 #include "http/condition.h"
 #include "http/parameter.h"
 #include "http/paths.h"
+#include "http/shelf.h"
 #include "http/tasks.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -21,7 +22,6 @@
 /* In a job's own document; there is a listing of all. */
 #define ATTEMPTS_SHOWN 100
 #define KEY_LENGTH_MOST 255
-#define JOBS_TAG_SIZE 40
 
 /* A text that this service stored as JSON, and looked at before it did. */
 static void put_stored(json *object, const char *key, const char *text)
@@ -52,14 +52,14 @@ static void put_spec(json *object, const char *stored_spec, const char *stored_p
 }
 
 /* Its number of revision; and while progress is told, what that was: `"7"`, `"7.1f3a9c02"`. */
-static void print_tag(const queue_job *job, const char *progress, char tag[JOBS_TAG_SIZE])
+static void print_tag(const queue_job *job, const char *progress, char tag[SHELF_TAG_SIZE])
 {
     uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
     for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
     if (progress)
-        snprintf(tag, JOBS_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
+        snprintf(tag, SHELF_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
     else
-        snprintf(tag, JOBS_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+        snprintf(tag, SHELF_TAG_SIZE, "\"%lld\"", (long long)job->revision);
 }
 
 /* This and the links are in every answer: printed at once instead of as twelve values with a name each. */
@@ -156,7 +156,7 @@ static void answer_job(const http_context *c, const http_request *request, const
                        reply *r)
 {
     error e = {0};
-    char tag[JOBS_TAG_SIZE];
+    shelf_document made;
     queue_attempt *attempts = NULL;
     size_t count = 0;
     if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
@@ -170,10 +170,14 @@ static void answer_job(const http_context *c, const http_request *request, const
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) tasks_append_attempt(list, &attempts[i]);
     queue_attempts_free(attempts, count);
-    print_tag(job, progress, tag);
-    free(progress);
+    print_tag(job, progress, made.tag);
     reply_set_json(r, status, document);
-    reply_add_header(r, "ETag", tag);
+    reply_add_header(r, "ETag", made.tag);
+    made.text = r->body;
+    made.length = r->length;
+    /* progress comes and goes without a change of the job, but only of one that runs */
+    if (!progress && !job->tasks.running) shelf_put(c->shelf, job, own, &made);
+    free(progress);
 }
 
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r)
@@ -329,7 +333,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
         .memory_mb = put->memory_mb,
         .retention_s = put->retention_s,
     }; /* borrows its texts */
-    char tag[JOBS_TAG_SIZE];
+    char tag[SHELF_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = describe_job(&job, NULL);
     put_spec(document, put->spec, put->paths);
@@ -553,10 +557,28 @@ static bool knows_revision(const char *known, const queue_job *job)
     return jobs_read_tag(known, &revision) && revision == job->revision;
 }
 
+/* Answers from the shelf; false: it has not got the job's document. */
+static bool show_kept(const http_context *c, const http_request *request, reply *r)
+{
+    shelf_document kept;
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    if (request->header[HTTP_PREFER] || !shelf_find(c->shelf, c->q, request->parameter[0], request->caller, &kept))
+        return false;
+    if (known && condition_names(known, kept.tag, true)) {
+        reply_set_empty(r, 304);
+        free(kept.text);
+    } else {
+        reply_set_text(r, "application/json", kept.text);
+    }
+    reply_add_header(r, "ETag", kept.tag);
+    return true;
+}
+
 void jobs_show(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    char tag[JOBS_TAG_SIZE];
+    char tag[SHELF_TAG_SIZE];
+    if (show_kept(c, request, r)) return;
     if (!jobs_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t until_ms = request->came_ms + read_wait_ms(c, request);

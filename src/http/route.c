@@ -91,22 +91,22 @@ const route *route_at(size_t index)
     return index < COUNT ? &routes[index] : NULL;
 }
 
-/* Walks pattern and path part by part; a {..} takes any part that is not empty. */
+/* A {..} takes any part of the path that is not empty. */
 static bool fits(const char *pattern, const char *path, size_t *starts, size_t *lengths)
 {
     size_t count = 0;
     const char *start = path;
-    while (*pattern == '/' && *path == '/') {
-        size_t want = strcspn(++pattern, "/"), have = strcspn(++path, "/");
+    while (*pattern && *path) {
         if (*pattern == '{') {
+            size_t have = strcspn(path, "/");
             if (!have) return false;
             starts[count] = (size_t)(path - start);
             lengths[count++] = have;
-        } else if (want != have || strncmp(pattern, path, want) != 0) {
+            pattern += strcspn(pattern, "/");
+            path += have;
+        } else if (*pattern++ != *path++) {
             return false;
         }
-        pattern += want;
-        path += have;
     }
     return !*pattern && !*path;
 }
@@ -123,12 +123,14 @@ void route_find(const char *method, const char *path, route_match *match)
     *match = (route_match){0};
     if (strlen(path) >= sizeof match->path) return;
     if (strcmp(method, "HEAD") == 0) method = "GET";
-    for (size_t i = 0; i < COUNT; i++) {
+    for (size_t i = 0; !match->found && i < COUNT; i++) {
         size_t starts[HTTP_MAX_PARAMETERS] = {0}, lengths[HTTP_MAX_PARAMETERS] = {0};
         if (!fits(routes[i].pattern, path, starts, lengths)) continue;
         match->known = true;
-        allow(match, routes[i].method);
-        if (strcmp(routes[i].method, method) != 0) continue;
+        if (strcmp(routes[i].method, method) != 0) {
+            allow(match, routes[i].method);
+            continue;
+        }
         match->found = &routes[i];
         strcpy(match->path, path);
         for (size_t p = 0; p < HTTP_MAX_PARAMETERS; p++) {

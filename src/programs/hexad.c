@@ -385,14 +385,17 @@ static bool init_http(service *s, error *e)
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
         .lounge = s->lounge,
+        .shelf = shelf_new((size_t)c->kept_documents),
     };
     s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
+    if (!s->http) shelf_free(s->context.shelf);
     return s->http != NULL;
 }
 
 static void fini_http(service *s)
 {
     server_stop(s->http);
+    shelf_free(s->context.shelf);
 }
 
 static bool init_port_file(service *s, error *e)

@@ -119,6 +119,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
+    read.stamp = queue_stamp(q, read.seq);
     database_unlock(q);
     if (ok && got)
         *job = read;

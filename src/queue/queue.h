@@ -71,6 +71,7 @@ typedef struct queue_counts { /* tasks; the sum of all but `all` is `all` */
 typedef struct queue_job {
     char id[ULID_SIZE];
     int64_t seq;      /* order of arrival */
+    uint64_t stamp;   /* of queue_get: see queue_stamp */
     int64_t revision; /* raised by every change of what stands here */
     char *name;       /* NULL: none */
     char *owner;      /* the user; "" when nobody is known */
@@ -139,6 +140,11 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
 
 /* *found false: no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
+
+/* Another number after every change of the job with this seq, and now and then after one of another's: as long as it
+ * is what queue_get gave with the job, no change of what that gave has been acknowledged, nor of the job's attempts.
+ * Does not look into the database. */
+uint64_t queue_stamp(queue *q, int64_t seq);
 
 typedef struct queue_filter {
     int state;                 /* a queue_state, or -1: any */

@@ -86,6 +86,20 @@ def test_scopes(closed_service):
     assert with_token(service, service.token, "POST", path).status in (200, 202)
 
 
+def test_what_an_owner_is_shown_others_are_not(closed_service):
+    service = closed_service
+    owner, other = new_token(service, "carol"), new_token(service, "dave")
+    path = with_token(service, owner, "POST", "/v1/jobs", sphere()).json["links"]["self"]
+    wait_until(lambda: with_token(service, owner, "GET", path).json["state"] == "succeeded", "the job")
+    for _ in range(2):  # whose turn comes after whose makes no difference
+        for token, sees in ((owner, True), (other, False), (service.token, True)):
+            shown = with_token(service, token, "GET", path)
+            assert (shown.json["spec"] is not None) == sees
+            known = service.request("GET", path, headers={"Authorization": f"Bearer {token}",
+                                                          "If-None-Match": shown.headers["ETag"]})
+            assert known.status == 304
+
+
 def test_a_revoked_token_is_worth_nothing(closed_service):
     service = closed_service
     token = new_token(service, "erin")
