@@ -81,7 +81,7 @@ const config_row config_table[] = {
      " Landlock where there is none; the log says so. off: nothing of it.",
      AT(sandbox)},
     {"timeout_s", CONFIG_REAL, "0", 0, 1e7, "s",
-     "Time of an attempt of a job that names no limit. 0: none.", RELOADS(timeout_s)},
+     "Time that a job that names no limit may run, all attempts together. 0: none.", RELOADS(timeout_s)},
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "How long a worker may report no progress, of a job that names no limit. 0: for ever.",
      RELOADS(stall_s)},

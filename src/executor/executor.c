@@ -58,6 +58,7 @@ typedef struct slot {
     limits limit;
     int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
     int64_t started_wall_ms;
+    int64_t ran_ms; /* once it has ended */
     settlement_stop stop;
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
@@ -208,6 +209,7 @@ static void slot_decide(executor *x, slot *s)
     settlement_decide(&s->claimed, s->stop,
                       s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
                       s->directory, &s->verdict);
+    s->verdict.ran_ms = s->ran_ms;
     if (s->verdict.undecided) {
         log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
                   "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt,
@@ -263,6 +265,11 @@ static void slot_start(executor *x, slot *s)
     s->limit = read_limits(x, job->spec);
     if (s->memory_mb > x->memory_mb) {
         settlement_decide_too_large(&s->claimed, x->memory_mb, &s->verdict);
+        slot_skip(x, s);
+        return;
+    }
+    if (s->limit.timeout_s > 0 && (double)task->ran_ms >= 1000 * s->limit.timeout_s) {
+        settlement_decide_late(s->limit.timeout_s, &s->verdict);
         slot_skip(x, s);
         return;
     }
@@ -395,6 +402,12 @@ static int64_t after(int64_t from_ms, double seconds)
     return seconds > 0 && seconds < 1e12 ? from_ms + (int64_t)(seconds * 1000) : INT64_MAX;
 }
 
+/* When the time of the task is over, what attempts before took of it included. */
+static int64_t timeout_ms(const slot *s)
+{
+    return after(s->started_ms - s->claimed.task.ran_ms, s->limit.timeout_s);
+}
+
 /* Why the attempt has to be stopped now, if it has to. */
 static settlement_stop find_reason(executor *x, slot *s, int64_t now)
 {
@@ -402,7 +415,7 @@ static settlement_stop find_reason(executor *x, slot *s, int64_t now)
     bool cancelled = s->cancel_wanted;
     pthread_mutex_unlock(&x->mutex);
     if (cancelled) return SETTLEMENT_CANCELLED;
-    if (now >= after(s->started_ms, s->limit.timeout_s)) return SETTLEMENT_TIMED_OUT;
+    if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
     if (now >= after(s->moved_ms, s->limit.stall_s)) return SETTLEMENT_STALLED;
     if (atomic_load(&x->draining) && now >= atomic_load(&x->drain_ms)) return SETTLEMENT_DRAINED;
     return SETTLEMENT_NOT_STOPPED;
@@ -446,6 +459,7 @@ static void slot_serve(executor *x, slot *s)
         stop_if_due(x, s);
         return;
     }
+    s->ran_ms = clock_monotonic_ms() - s->started_ms;
     x->engine->settle(s->attempt, &s->ending);
     s->attempt = NULL;
     slot_decide(x, s);
@@ -458,8 +472,7 @@ static int64_t slot_due(executor *x, const slot *s)
     if (s->decided || !s->attempt) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;
-    int64_t due =
-        least(after(s->started_ms, s->limit.timeout_s), after(s->moved_ms, s->limit.stall_s));
+    int64_t due = least(timeout_ms(s), after(s->moved_ms, s->limit.stall_s));
     return atomic_load(&x->draining) ? least(due, atomic_load(&x->drain_ms)) : due;
 }
 

@@ -141,9 +141,9 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
 /* *found false: no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
-/* Another number after every change of the job with this seq, and now and then after one of another's: as long as it
- * is what queue_get gave with the job, no change of what that gave has been acknowledged, nor of the job's attempts.
- * Does not look into the database. */
+/* Another number after every change of the job with this seq, and now and then after one of another's: as
+ * long as it is what queue_get gave with the job, no change of what that gave has been acknowledged, nor of
+ * the job's attempts. Does not look into the database. */
 uint64_t queue_stamp(queue *q, int64_t seq);
 
 typedef struct queue_filter {
@@ -202,6 +202,7 @@ typedef struct queue_task {
     queue_outcome outcome;
     int attempt;           /* number of the last claim; 0: none */
     int spent;             /* attempts that count */
+    int64_t ran_ms;        /* how long those ran that count and were put back */
     int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
     char *error_code, *error_message; /* NULL: none */
@@ -272,6 +273,7 @@ typedef struct queue_ending {
     const char *error_code, *error_message; /* may be NULL */
     int exit_status, signal;                /* -1: not known or none */
     int64_t peak_memory_bytes;              /* 0: not known */
+    int64_t ran_ms;                         /* likewise; for queue_requeue */
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
@@ -289,8 +291,8 @@ typedef struct queue_fence {
  * task does not run. */
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
-/* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and no other
- * attempt starts before `not_before_ms` (wall clock; 0: at once). *accepted as above; a job that is
+/* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and its time
+ * against that of the task, and no other attempt starts before `not_before_ms` (wall clock; 0: at once). *accepted as above; a job that is
  * cancelling is not accepted. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);

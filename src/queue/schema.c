@@ -76,6 +76,7 @@ static const char tables[] =
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  ran_ms INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
     "  started_ms INTEGER,"
     "  finished_ms INTEGER,"
@@ -192,6 +193,9 @@ static const char carry_over[] =
 /* From version 2, in which no path of a spec was mapped. */
 static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
 
+/* From version 3, in which each attempt had all the time of its job. */
+static const char add_times[] = "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0";
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -216,8 +220,10 @@ static bool make_tables(sqlite3 *database, int version, error *e)
 {
     bool ok = run(database, "BEGIN IMMEDIATE", e);
     if (ok && version == 1) ok = run(database, set_old_aside, e);
-    ok = ok && run(database, version == 2 ? add_paths : tables, e);
+    if (ok && version < 2) ok = run(database, tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
+    if (ok && version == 2) ok = run(database, add_paths, e);
+    if (ok && version >= 2) ok = run(database, add_times, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;
