@@ -47,6 +47,7 @@ typedef struct config {
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t upload_limit_bytes, upload_total_bytes;
+    double inputs_keep_s; /* 0: for ever */
     double connection_timeout_s, wait_limit_s;
     int64_t kept_documents;
     config_list webhook_hosts;

@@ -115,6 +115,10 @@ const config_row config_table[] = {
     {"upload_total_bytes", CONFIG_INTEGER, "137438953472", 0, 1e15, "bytes",
      "What all files that clients have sent may take together, in the directory inputs of state_dir.",
      AT(upload_total_bytes)},
+    {"inputs_keep_s", CONFIG_REAL, "604800", 0, 1e10, "s",
+     "How long such a file is kept after it was last sent, named by a job that is submitted, or read by one that begins;"
+     " while a job that has not ended reads it, it stays. 0: for ever.",
+     AT(inputs_keep_s)},
     {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
      "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
     {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",

@@ -23,6 +23,7 @@
 #include "executor/publication.h"
 #include "executor/result.h"
 #include "executor/retention.h"
+#include "executor/sent.h"
 #include "executor/settlement.h"
 #include "json/json.h"
 #include "executor/rows.h"
@@ -256,6 +257,19 @@ static bool slot_recall(executor *x, slot *s)
     return found;
 }
 
+/* What a worker may read: of the files that clients sent those that its spec names, which are used by that. */
+static char **list_roots(const executor *x, const char *spec, size_t *count)
+{
+    store_inputs *inputs = x->settings.inputs;
+    sent_files sent = sent_files_of(spec, inputs ? store_inputs_directory(inputs) : NULL);
+    for (size_t i = 0; i < sent.count; i++) store_inputs_use(inputs, strrchr(sent.path[i], ':') + 1);
+    size_t given = x->settings.input_root_count;
+    char **roots = mem_resize(sent.path, (sent.count + given + 1) * sizeof *roots);
+    for (size_t i = 0; i < given; i++) roots[sent.count + i] = mem_strdup(x->input_roots[i]);
+    *count = sent.count + given;
+    return roots;
+}
+
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
@@ -278,13 +292,15 @@ static void slot_start(executor *x, slot *s)
         return;
     }
     int before = s->claimed.previous;
+    size_t root_count = 0;
+    char **roots = list_roots(x, job->spec, &root_count);
     char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
     engine_request request = {
         .worker = x->worker,
         .directory = s->directory,
         .spec = job->spec,
-        .input_roots = (const char *const *)x->input_roots,
-        .input_root_count = x->settings.input_root_count,
+        .input_roots = (const char *const *)roots,
+        .input_root_count = root_count,
         .memory_mb = s->memory_mb,
         .threads = s->threads,
         .frame = task->frame,
@@ -296,6 +312,8 @@ static void slot_start(executor *x, slot *s)
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     free(previous);
+    for (size_t i = 0; i < root_count; i++) free(roots[i]);
+    free(roots);
     if (s->attempt) {
         x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
@@ -597,6 +615,18 @@ static void copy_settings(executor *x, const executor_settings *settings)
     };
 }
 
+/* Those of the settings, and before them that of files that were sent. */
+static store_roots *open_roots(const executor_settings *settings, error *e)
+{
+    size_t count = 0;
+    const char **paths = mem_alloc((settings->input_root_count + 1) * sizeof *paths);
+    if (settings->inputs) paths[count++] = store_inputs_directory(settings->inputs);
+    for (size_t i = 0; i < settings->input_root_count; i++) paths[count++] = settings->input_roots[i];
+    store_roots *roots = store_roots_open(paths, count, e);
+    free(paths);
+    return roots;
+}
+
 executor *executor_start(const executor_settings *settings, queue *q, error *e)
 {
     executor *x = mem_alloc(sizeof *x);
@@ -614,9 +644,9 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    x->roots = ok ? store_roots_open(settings->input_roots, settings->input_root_count, e) : NULL;
+    x->roots = ok ? open_roots(settings, e) : NULL;
     ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
-         (x->retention = retention_start(q, x->state_dir, e));
+         (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
     if (ok) return x;

@@ -268,7 +268,10 @@ static bool check_inputs(const http_context *c, const order *o, reply *r)
     const spec *s = o->s;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
+        char name[STORE_INPUT_NAME_SIZE];
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        /* before it is looked for, so that it cannot go in between */
+        if (store_inputs_is_sent(path, name)) store_inputs_use(c->inputs, name + strlen(STORE_INPUT_PREFIX));
         int fd = store_open_input(c->roots, path, &e);
         free(path);
         if (fd >= 0) {
@@ -419,6 +422,20 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
+/* Names of the files that clients sent and that the job reads. */
+static char **list_sent(const spec *s, size_t *count)
+{
+    spec_input input;
+    char name[STORE_INPUT_NAME_SIZE], **names = NULL;
+    *count = 0;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        if (!store_inputs_is_sent(input.path, name)) continue;
+        names = mem_resize(names, (*count + 1) * sizeof *names);
+        names[(*count)++] = mem_strdup(name);
+    }
+    return names;
+}
+
 static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     const spec *s = o->s;
@@ -426,7 +443,9 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     queue_receipt receipt = {0};
     char hash[STORE_HASH_SIZE];
     const char *key = NULL;
+    size_t sent_count = 0;
     if (!read_key(request, hash, &key, r)) return;
+    char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
          *paths = o->paths ? json_print(o->paths) : NULL;
     queue_submission submission = {
@@ -446,6 +465,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .ordered = s->coherent,
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
+        .inputs = (const char *const *)sent,
+        .input_count = sent_count,
         .most_waiting = c->most_waiting,
         .webhook = s->webhook,
         .key = key,
@@ -457,6 +478,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
     else
         answer_receipt(c, request, &submission, &receipt, r);
+    for (size_t i = 0; i < sent_count; i++) free(sent[i]);
+    free(sent);
     free(labels);
     free(text);
     free(paths);

@@ -276,8 +276,10 @@ static executor_settings executor_settings_of(const service *s)
     return (executor_settings){
         .state_dir = s->state_dir,
         .worker = c->worker,
-        .input_roots = s->input_roots,
-        .input_root_count = s->input_root_count,
+        .input_roots = (const char *const *)c->input_roots.item,
+        .input_root_count = c->input_roots.count,
+        .inputs = s->inputs,
+        .inputs_keep_s = c->inputs_keep_s,
         .outputs = s->outputs,
         .workers = (int)c->workers,
         .threads = (int)c->threads,

@@ -114,6 +114,8 @@ typedef struct queue_submission {
     bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
+    const char *const *inputs; /* names of files that it reads and that queue_wants_input is asked for */
+    size_t input_count;
     const char *webhook;         /* may be NULL: an address that is told of the job's end */
     const char *key, *body_hash; /* idempotency: both or none; keys of different owners are different */
     int64_t most_waiting;        /* of the owner's jobs that have not ended; 0: any number */
@@ -155,6 +157,9 @@ typedef struct queue_filter {
 
 /* Newest first, without their specs. */
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e);
+
+/* Whether a job that has not ended reads the file of this name. */
+bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
 
 /* How many jobs are in each state. */
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
@@ -292,8 +297,8 @@ typedef struct queue_fence {
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
 /* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and its time
- * against that of the task, and no other attempt starts before `not_before_ms` (wall clock; 0: at once). *accepted as above; a job that is
- * cancelling is not accepted. */
+ * against that of the task, and no other attempt starts before `not_before_ms` (wall clock; 0: at once).
+ * *accepted as above; a job that is cancelling is not accepted. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);
 
