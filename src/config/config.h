@@ -52,7 +52,7 @@ typedef struct config {
     int64_t kept_documents;
     config_list webhook_hosts;
     char *webhook_secret_file;
-    int64_t webhook_tries;
+    int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
     log_level log_level;
 } config;

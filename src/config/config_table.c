@@ -144,9 +144,11 @@ const config_row config_table[] = {
      " told; webhook-timestamp, the second of the try; and webhook-signature, v1, and the base64 of the HMAC-SHA256 of"
      " ID.TIMESTAMP.BODY. A receiver refuses other signatures, old timestamps and what it knows.",
      AT(webhook_secret_file)},
+    {"webhook_calls", CONFIG_INTEGER, "8", 1, 256, "calls",
+     "Calls of webhooks at a time, each to another host.", AT(webhook_calls)},
     {"webhook_tries", CONFIG_INTEGER, "12", 1, 1000, "tries",
      "How often a webhook is called until its answer is one of 2xx. Redirects are not followed.", AT(webhook_tries)},
-    {"webhook_timeout_s", CONFIG_REAL, "10", 0.1, 3600, "s", "Of one such call; others wait for it.",
+    {"webhook_timeout_s", CONFIG_REAL, "10", 0.1, 3600, "s", "Of one such call; others to the same host wait for it.",
      AT(webhook_timeout_s)},
     {"webhook_retry_s", CONFIG_REAL, "5", 0.01, 86400, "s",
      "How long after a call that failed the next is made; doubled after each further one.", AT(webhook_retry_s)},

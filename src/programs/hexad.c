@@ -344,6 +344,7 @@ static bool init_webhooks(service *s, error *e)
     courier_settings settings = {
         .hosts = s->webhook_hosts,
         .secret_file = c->webhook_secret_file,
+        .calls = (int)c->webhook_calls,
         .tries = (int)c->webhook_tries,
         .timeout_s = c->webhook_timeout_s,
         .retry_s = c->webhook_retry_s,

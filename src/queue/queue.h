@@ -357,8 +357,9 @@ typedef struct queue_delivery {
 
 void queue_delivery_clear(queue_delivery *delivery);
 
-/* The one that is due first, which may lie ahead; it stays until it is ended. */
-bool queue_next_delivery(queue *q, queue_delivery *delivery, bool *found, error *e);
+/* The one that is due first, which may lie ahead; it stays until it is ended. Passes by those whose address begins
+ * with an item of `but`, a JSON array of texts. */
+bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
 /* It is delivered or given up; with again_ms > 0 it is to be tried again then. */
 bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);

@@ -698,7 +698,7 @@ static queue_delivery next_delivery(place *p, const char *id)
 {
     queue_delivery delivery = {0};
     bool found = false;
-    assert_true(queue_next_delivery(p->q, &delivery, &found, NULL));
+    assert_true(queue_next_delivery(p->q, "[]", &delivery, &found, NULL));
     assert_int_equal(found, id != NULL);
     if (id) assert_string_equal(delivery.id, id);
     return delivery;
