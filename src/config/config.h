@@ -44,6 +44,8 @@ typedef struct config {
     double retry_s, retry_most_s;
     double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
+    int64_t estimates; /* 0: none */
+    double estimate_timeout_s;
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t upload_limit_bytes, upload_total_bytes;

@@ -85,6 +85,12 @@ const config_row config_table[] = {
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "How long a worker may report no progress, of a job that names no limit. 0: for ever.",
      RELOADS(stall_s)},
+    {"estimates", CONFIG_INTEGER, "2", 0, 1024, "processes",
+     "How many specs that are only to be checked are looked at by workers at once, besides the attempts, each with the"
+     " memory and threads of its job; others go without an estimate. 0: all do, and no input is looked into.",
+     AT(estimates)},
+    {"estimate_timeout_s", CONFIG_REAL, "10", 0.01, 3600, "s", "How long such a worker may take.",
+     AT(estimate_timeout_s)},
     {"max_attempts", CONFIG_INTEGER, "3", 1, 100, "attempts",
      "How often a job whose worker crashes is tried, of a job that names no number.",
      AT(max_attempts)},

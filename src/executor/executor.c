@@ -257,19 +257,6 @@ static bool slot_recall(executor *x, slot *s)
     return found;
 }
 
-/* What a worker may read: of the files that clients sent those that its spec names, which are used by that. */
-static char **list_roots(const executor *x, const char *spec, size_t *count)
-{
-    store_inputs *inputs = x->settings.inputs;
-    sent_files sent = sent_files_of(spec, inputs ? store_inputs_directory(inputs) : NULL);
-    for (size_t i = 0; i < sent.count; i++) store_inputs_use(inputs, strrchr(sent.path[i], ':') + 1);
-    size_t given = x->settings.input_root_count;
-    char **roots = mem_resize(sent.path, (sent.count + given + 1) * sizeof *roots);
-    for (size_t i = 0; i < given; i++) roots[sent.count + i] = mem_strdup(x->input_roots[i]);
-    *count = sent.count + given;
-    return roots;
-}
-
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
@@ -293,10 +280,12 @@ static void slot_start(executor *x, slot *s)
     }
     int before = s->claimed.previous;
     size_t root_count = 0;
-    char **roots = list_roots(x, job->spec, &root_count);
+    char **roots = sent_list_roots(job->spec, x->settings.inputs, (const char *const *)x->input_roots,
+                                   x->settings.input_root_count, &root_count);
     char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
     engine_request request = {
         .worker = x->worker,
+        .command = "run",
         .directory = s->directory,
         .spec = job->spec,
         .input_roots = (const char *const *)roots,
@@ -312,8 +301,7 @@ static void slot_start(executor *x, slot *s)
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     free(previous);
-    for (size_t i = 0; i < root_count; i++) free(roots[i]);
-    free(roots);
+    sent_free_roots(roots, root_count);
     if (s->attempt) {
         x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,

@@ -5,48 +5,61 @@
 
 #include "base/memory.h"
 #include "json/json.h"
-#include "store/inputs.h"
 
-static void add(sent_files *files, const char *directory, const char *path)
+typedef struct list {
+    char **item;
+    size_t count;
+} list;
+
+static void append(list *l, char *item)
+{
+    l->item = mem_resize(l->item, (l->count + 1) * sizeof *l->item);
+    l->item[l->count++] = item;
+}
+
+static void add(list *l, store_inputs *inputs, const char *path)
 {
     char name[STORE_INPUT_NAME_SIZE];
     if (!store_inputs_is_sent(path, name)) return;
-    char *whole = mem_printf("%s/%s", directory, name);
-    for (size_t i = 0; i < files->count; i++) {
-        if (strcmp(files->path[i], whole) != 0) continue;
+    char *whole = mem_printf("%s/%s", store_inputs_directory(inputs), name);
+    for (size_t i = 0; i < l->count; i++) {
+        if (strcmp(l->item[i], whole) != 0) continue;
         free(whole);
         return;
     }
-    files->path = mem_resize(files->path, (files->count + 1) * sizeof *files->path);
-    files->path[files->count++] = whole;
+    store_inputs_use(inputs, name + strlen(STORE_INPUT_PREFIX));
+    append(l, whole);
 }
 
 /* As deep as json_parse admits. Long arrays are of numbers. */
-static void look(sent_files *files, const char *directory, json_at at)
+static void look(list *l, store_inputs *inputs, json_at at)
 {
     json_at first = json_element(&at, 0);
     size_t count = json_type_of(first) == JSON_NUMBER && !first.key ? 0 : json_size(at);
     for (size_t i = 0; i < count; i++) {
         json_at member = json_element(&at, i);
         const char *path = member.key && strcmp(member.key, "path") == 0 ? json_string(member, NULL) : NULL;
-        if (path) add(files, directory, path);
-        look(files, directory, member);
+        if (path) add(l, inputs, path);
+        look(l, inputs, member);
     }
 }
 
-sent_files sent_files_of(const char *spec, const char *directory)
+char **sent_list_roots(const char *spec, store_inputs *inputs, const char *const *given, size_t given_count,
+                       size_t *count)
 {
-    sent_files files = {0};
-    if (!directory) return files;
-    json *document = json_parse(spec, strlen(spec), NULL);
-    look(&files, directory, json_root(document));
-    json_free(document);
-    return files;
+    list l = {0};
+    if (inputs) {
+        json *document = json_parse(spec, strlen(spec), NULL);
+        look(&l, inputs, json_root(document));
+        json_free(document);
+    }
+    for (size_t i = 0; i < given_count; i++) append(&l, mem_strdup(given[i]));
+    *count = l.count;
+    return l.item;
 }
 
-void sent_files_clear(sent_files *files)
+void sent_free_roots(char **roots, size_t count)
 {
-    for (size_t i = 0; i < files->count; i++) free(files->path[i]);
-    free(files->path);
-    *files = (sent_files){0};
+    for (size_t i = 0; i < count; i++) free(roots[i]);
+    free(roots);
 }

@@ -1,17 +1,15 @@
-/* sent: which of the files that clients have sent a job reads. */
+/* sent: what a worker may read, of which files that clients have sent are those that its spec names. */
 #ifndef HEXAD_EXECUTOR_SENT_H
 #define HEXAD_EXECUTOR_SENT_H
 
 #include <stddef.h>
 
-typedef struct sent_files {
-    char **path;
-    size_t count;
-} sent_files;
+#include "store/inputs.h"
 
-/* Those in `directory` (store/inputs.h) that members named "path" of the spec name, whether they are there or not.
- * NULL for a directory has none. */
-sent_files sent_files_of(const char *spec, const char *directory);
-void sent_files_clear(sent_files *files);
+/* Paths to be freed, each and all: of `inputs` (NULL: there are none) those files that members named "path" of the spec
+ * name, whether they are there or not, which is a use of them; then the roots that are given. */
+char **sent_list_roots(const char *spec, store_inputs *inputs, const char *const *given, size_t given_count,
+                       size_t *count);
+void sent_free_roots(char **roots, size_t count);
 
 #endif

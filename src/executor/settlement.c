@@ -36,8 +36,7 @@ static void set_retry(settlement *s, const queue_claimed *c, const error *why)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* The worker's last line, when it is the JSON object of the contract. */
-static bool read_last_words(const char *words, error *said)
+bool settlement_read_last_words(const char *words, error *said)
 {
     json *document = json_parse(words, strlen(words), NULL);
     json_at root = json_root(document);
@@ -80,7 +79,7 @@ static void decide_success(const char *directory, settlement *s)
 static void decide_exit(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error said = {0};
-    bool spoke = read_last_words(ending->last_words, &said);
+    bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == EXIT_CANCELLED) {
         /* nobody here asked for it: a signal from outside, as good as a crash */
         error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");

@@ -37,6 +37,9 @@ typedef struct settlement {
     const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
 } settlement;
 
+/* What a worker says in its last line, when that is the JSON object of the contract. */
+bool settlement_read_last_words(const char *words, error *said);
+
 /* `limit_s` is the limit that was hit when `stop` says that one was. */
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);

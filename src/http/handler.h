@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "auth/access.h"
+#include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/lounge.h"
 #include "http/reply.h"
@@ -28,6 +29,7 @@ typedef struct http_counters {
 typedef struct http_context {
     queue *q;
     executor *x;
+    estimator *estimator;     /* NULL: nothing is estimated */
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;

@@ -496,16 +496,46 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
+/* Puts what the job would take into the document; false when *r says that it would fail. */
+static bool put_estimate(const http_context *c, const order *o, json *document, reply *r)
+{
+    error e = {0};
+    int threads = o->s->threads;
+    int64_t memory_mb = o->s->memory_mb;
+    char *found = NULL;
+    estimator_verdict verdict = ESTIMATOR_NONE;
+    if (!executor_size(c->x, &threads, &memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+        return false;
+    }
+    if (c->estimator) {
+        char *text = json_print(o->s->normalised);
+        verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
+                                memory_mb, &found, &e);
+        free(text);
+    } else {
+        error_set(&e, ERROR_NONE, "the service makes none (setting estimates)");
+    }
+    put_stored(document, "estimate", found);
+    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);
+    free(found);
+    if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    return verdict != ESTIMATOR_FAULT;
+}
+
 void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
     order o = {0};
-    if (read_order(c, request, &o, r) && check_order(c, &o, r)) {
-        json *document = json_new_object(), *asked = json_copy(o.s->normalised);
+    json *document = json_new_object();
+    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, &o, document, r)) {
+        json *asked = json_copy(o.s->normalised);
         paths_restore(o.paths, asked);
         json_put(document, "spec", asked);
         json_put(document, "paths", o.paths ? json_copy(o.paths) : json_new_array());
         reply_set_json(r, 200, document);
+        document = NULL;
     }
+    json_free(document);
     order_clear(&o);
 }
 

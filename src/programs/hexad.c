@@ -22,6 +22,7 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "config/config.h"
+#include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/herald.h"
 #include "http/server.h"
@@ -372,9 +373,13 @@ static bool init_http(service *s, error *e)
         .body_limit_bytes = (size_t)c->body_limit_bytes,
         .header_limit_bytes = (size_t)c->header_limit_bytes,
     };
+    executor_settings workers = executor_settings_of(s);
+    estimator *m = NULL;
+    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) return false;
     s->context = (http_context){
         .q = s->q,
         .x = s->x,
+        .estimator = m,
         .roots = s->roots,
         .inputs = s->inputs,
         .outputs = &s->outputs,
@@ -391,13 +396,17 @@ static bool init_http(service *s, error *e)
         .shelf = shelf_new((size_t)c->kept_documents),
     };
     s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
-    if (!s->http) shelf_free(s->context.shelf);
-    return s->http != NULL;
+    if (s->http) return true;
+    estimator_close(m);
+    shelf_free(s->context.shelf);
+    return false;
 }
 
 static void fini_http(service *s)
 {
+    if (s->context.estimator) estimator_dismiss(s->context.estimator);
     server_stop(s->http);
+    estimator_close(s->context.estimator);
     shelf_free(s->context.shelf);
 }
 
