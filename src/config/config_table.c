@@ -35,7 +35,7 @@ const config_row config_table[] = {
      " below the localstatedir of the build.",
      AT(state_dir)},
     {"input_roots", CONFIG_LIST, "", 0, 0, "",
-     "Directories below which a job may name input files, separated by colons or commas; the key"
+     "Directories below which a job may name input files, or single files, separated by colons or commas; the key"
      " may be repeated. Empty: no job may read a file.",
      AT(input_roots)},
     {"output_roots", CONFIG_LIST, "", 0, 0, "",

@@ -114,7 +114,8 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     if (ended)
         verdict = decide(&ending, request->directory, document, e);
     else
-        error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)", m->timeout_s);
+        error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)",
+                  m->timeout_s);
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return verdict;

@@ -496,8 +496,10 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Puts what the job would take into the document; false when *r says that it would fail. */
-static bool put_estimate(const http_context *c, const order *o, json *document, reply *r)
+/* Puts what the job would take into the document, for those who might submit it; false when *r says that it would
+ * fail. */
+static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
+                         reply *r)
 {
     error e = {0};
     int threads = o->s->threads;
@@ -508,7 +510,9 @@ static bool put_estimate(const http_context *c, const order *o, json *document, 
         reply_set_error(r, &e, NULL);
         return false;
     }
-    if (c->estimator) {
+    if (!(request->caller->scopes & SCOPE_SUBMIT)) {
+        error_set(&e, ERROR_NONE, "it needs the scope %s", scope_name(SCOPE_SUBMIT));
+    } else if (c->estimator) {
         char *text = json_print(o->s->normalised);
         verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
                                 memory_mb, &found, &e);
@@ -527,7 +531,7 @@ void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
     order o = {0};
     json *document = json_new_object();
-    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, &o, document, r)) {
+    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, request, &o, document, r)) {
         json *asked = json_copy(o.s->normalised);
         paths_restore(o.paths, asked);
         json_put(document, "spec", asked);

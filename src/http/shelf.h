@@ -1,8 +1,9 @@
 /* shelf: documents of jobs as they were last shown, to be shown again while their jobs do not change.
  *
- * Each is kept with the stamp that its job had (queue_stamp), and given out under no other, so that what is given
- * out holds every change that was acknowledged. What an owner is shown and what others are stand apart. The shelf has a
- * number of places, and no document over SHELF_BYTES_MOST is kept: the newest take the places of others. Any thread.
+ * Each is kept with the stamp that its job had (queue_stamp), and given out under no other, so that what is
+ * given out holds every change that was acknowledged. What an owner is shown and what others are stand apart.
+ * The shelf has a number of places, and no document over SHELF_BYTES_MOST is kept: the newest take the places of
+ * others. Any thread.
  */
 #ifndef HEXAD_HTTP_SHELF_H
 #define HEXAD_HTTP_SHELF_H

@@ -45,8 +45,8 @@ static const double TAIL_SLACK = 1.3;
 /* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below
  * this: its points no longer change places. */
 static const double STEP_FIT = 0.01;
-/* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would take is
- * begun if it should take longer, and none goes on after twice that. The most points tell best. */
+/* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would
+ * take is begun if it should take longer, and none goes on after twice that. The most points tell best. */
 static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;

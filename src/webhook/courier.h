@@ -1,8 +1,9 @@
 /* courier: the threads that tell others that jobs have ended.
  *
- * It posts what the queue's outbox holds, to several hosts at a time and to one host one after another, each
- * delivery until the receiver answers with a status of 2xx or the tries are spent. A delivery leaves the outbox afterwards, so a receiver may be told
- * twice, and is never told nothing because this program died. The headers are those of standardwebhooks.com:
+ * They post what the queue's outbox holds, to several hosts at a time and to one host one after another, each
+ * delivery until the receiver answers with a status of 2xx or the tries are spent. A delivery leaves the outbox
+ * afterwards, so a receiver may be told twice, and is never told nothing because this program died. The headers
+ * are those of standardwebhooks.com:
  * webhook-id is one number per end of a job and stays the same when it is told again; webhook-timestamp is
  * the second of the try; webhook-signature is `v1,` and the base64 of the HMAC-SHA256, under the secret, of
  * `ID.TIMESTAMP.BODY`. The body is `{"type": "job.ended", "data": {"job", "state", "outcome"}}`. No redirect

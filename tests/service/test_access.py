@@ -78,6 +78,8 @@ def test_scopes(closed_service):
     sender = new_token(service, "dave", "--scopes", "submit")
     expect_problem(with_token(service, reader, "POST", "/v1/jobs", sphere()), 403, "forbidden")
     assert with_token(service, reader, "GET", "/v1/jobs").status == 200
+    checked = with_token(service, reader, "POST", "/v1/jobs:validate", sphere())
+    assert checked.status == 200 and checked.json["estimate"] is None and "submit" in checked.json["estimate_missing"]
     expect_problem(with_token(service, sender, "GET", "/v1/jobs"), 403, "forbidden")
     reply = with_token(service, sender, "POST", "/v1/jobs", long_sphere())
     assert reply.status == 201
