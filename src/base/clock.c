@@ -33,3 +33,10 @@ char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE])
     snprintf(buffer, CLOCK_TEXT_SIZE, "%s.%03dZ", text, (int)ms);
     return buffer;
 }
+
+double clock_processor_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}

@@ -16,4 +16,7 @@ int64_t clock_wall_ms(void); /* since 1970-01-01T00:00:00Z */
 /* RFC 3339 in UTC, "2026-01-31T23:59:59.123Z"; writes into `buffer` and returns it. */
 char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE]);
 
+/* Seconds of processor time that this process has taken, with all its threads. */
+double clock_processor_s(void);
+
 #endif

@@ -25,7 +25,7 @@ typedef enum sandbox_mode {
 } sandbox_mode;
 
 typedef struct sandbox_places {
-    const char *const *readable; /* directories below which files can be read */
+    const char *const *readable; /* files that can be read, and directories below which all can */
     size_t readable_count;
     const char *writable; /* a directory below which files can be made, read, renamed and removed */
 } sandbox_places;

@@ -44,13 +44,17 @@ typedef struct config {
     double retry_s, retry_most_s;
     double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
+    int64_t estimates; /* 0: none */
+    double estimate_timeout_s;
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
     int64_t upload_limit_bytes, upload_total_bytes;
+    double inputs_keep_s; /* 0: for ever */
     double connection_timeout_s, wait_limit_s;
+    int64_t kept_documents;
     config_list webhook_hosts;
     char *webhook_secret_file;
-    int64_t webhook_tries;
+    int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
     log_level log_level;
 } config;

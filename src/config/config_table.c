@@ -35,7 +35,7 @@ const config_row config_table[] = {
      " below the localstatedir of the build.",
      AT(state_dir)},
     {"input_roots", CONFIG_LIST, "", 0, 0, "",
-     "Directories below which a job may name input files, separated by colons or commas; the key"
+     "Directories below which a job may name input files, or single files, separated by colons or commas; the key"
      " may be repeated. Empty: no job may read a file.",
      AT(input_roots)},
     {"output_roots", CONFIG_LIST, "", 0, 0, "",
@@ -81,10 +81,16 @@ const config_row config_table[] = {
      " Landlock where there is none; the log says so. off: nothing of it.",
      AT(sandbox)},
     {"timeout_s", CONFIG_REAL, "0", 0, 1e7, "s",
-     "Time of an attempt of a job that names no limit. 0: none.", RELOADS(timeout_s)},
+     "Time that a job that names no limit may run, all attempts together. 0: none.", RELOADS(timeout_s)},
     {"stall_s", CONFIG_REAL, "0", 0, 1e7, "s",
      "How long a worker may report no progress, of a job that names no limit. 0: for ever.",
      RELOADS(stall_s)},
+    {"estimates", CONFIG_INTEGER, "2", 0, 1024, "processes",
+     "How many specs that are only to be checked are looked at by workers at once, besides the attempts, each with the"
+     " memory and threads of its job; others go without an estimate. 0: all do, and no input is looked into.",
+     AT(estimates)},
+    {"estimate_timeout_s", CONFIG_REAL, "10", 0.01, 3600, "s", "How long such a worker may take.",
+     AT(estimate_timeout_s)},
     {"max_attempts", CONFIG_INTEGER, "3", 1, 100, "attempts",
      "How often a job whose worker crashes is tried, of a job that names no number.",
      AT(max_attempts)},
@@ -115,6 +121,10 @@ const config_row config_table[] = {
     {"upload_total_bytes", CONFIG_INTEGER, "137438953472", 0, 1e15, "bytes",
      "What all files that clients have sent may take together, in the directory inputs of state_dir.",
      AT(upload_total_bytes)},
+    {"inputs_keep_s", CONFIG_REAL, "604800", 0, 1e10, "s",
+     "How long such a file is kept after it was last sent, named by a job that is submitted, or read by one that begins;"
+     " while a job that has not ended reads it, it stays. 0: for ever.",
+     AT(inputs_keep_s)},
     {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
      "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
     {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",
@@ -126,6 +136,10 @@ const config_row config_table[] = {
      AT(connection_timeout_s)},
     {"wait_limit_s", CONFIG_REAL, "60", 0, 3600, "s",
      "The longest that a client may have an answer wait for a change (Prefer: wait).", AT(wait_limit_s)},
+    {"kept_documents", CONFIG_INTEGER, "4096", 0, 1 << 20, "documents",
+     "Documents of jobs that are kept ready to be sent again, each until its job changes. One takes its length, mostly"
+     " 1 to 2 KiB; none longer than 16 KiB is kept. 0: none.",
+     AT(kept_documents)},
     {"webhook_hosts", CONFIG_WORDS, "", 0, 0, "",
      "Hosts that a job may have told of its end (queue.webhook): HOST, for its ports 80 and 443, or HOST:PORT; separated"
      " by commas, and the key may be repeated. Empty: webhooks are refused and none is called.",
@@ -136,9 +150,11 @@ const config_row config_table[] = {
      " told; webhook-timestamp, the second of the try; and webhook-signature, v1, and the base64 of the HMAC-SHA256 of"
      " ID.TIMESTAMP.BODY. A receiver refuses other signatures, old timestamps and what it knows.",
      AT(webhook_secret_file)},
+    {"webhook_calls", CONFIG_INTEGER, "8", 1, 256, "calls",
+     "Calls of webhooks at a time, each to another host.", AT(webhook_calls)},
     {"webhook_tries", CONFIG_INTEGER, "12", 1, 1000, "tries",
      "How often a webhook is called until its answer is one of 2xx. Redirects are not followed.", AT(webhook_tries)},
-    {"webhook_timeout_s", CONFIG_REAL, "10", 0.1, 3600, "s", "Of one such call; others wait for it.",
+    {"webhook_timeout_s", CONFIG_REAL, "10", 0.1, 3600, "s", "Of one such call; others to the same host wait for it.",
      AT(webhook_timeout_s)},
     {"webhook_retry_s", CONFIG_REAL, "5", 0.01, 86400, "s",
      "How long after a call that failed the next is made; doubled after each further one.", AT(webhook_retry_s)},

@@ -20,6 +20,7 @@
 
 typedef struct engine_request {
     const char *worker;    /* path of the worker program */
+    const char *command;   /* "run" or "estimate" */
     const char *directory; /* the attempt's own, there and empty; the output goes there */
     const char *spec;      /* JSON text */
     const char *const *input_roots;

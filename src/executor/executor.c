@@ -23,6 +23,7 @@
 #include "executor/publication.h"
 #include "executor/result.h"
 #include "executor/retention.h"
+#include "executor/sent.h"
 #include "executor/settlement.h"
 #include "json/json.h"
 #include "executor/rows.h"
@@ -58,6 +59,7 @@ typedef struct slot {
     limits limit;
     int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
     int64_t started_wall_ms;
+    int64_t ran_ms; /* once it has ended */
     settlement_stop stop;
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
@@ -208,6 +210,7 @@ static void slot_decide(executor *x, slot *s)
     settlement_decide(&s->claimed, s->stop,
                       s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
                       s->directory, &s->verdict);
+    s->verdict.ran_ms = s->ran_ms;
     if (s->verdict.undecided) {
         log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
                   "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt,
@@ -266,18 +269,27 @@ static void slot_start(executor *x, slot *s)
         slot_skip(x, s);
         return;
     }
+    if (s->limit.timeout_s > 0 && (double)task->ran_ms >= 1000 * s->limit.timeout_s) {
+        settlement_decide_late(s->limit.timeout_s, &s->verdict);
+        slot_skip(x, s);
+        return;
+    }
     if (slot_recall(x, s)) {
         if (!slot_publish(x, s)) slot_skip(x, s);
         return;
     }
     int before = s->claimed.previous;
+    size_t root_count = 0;
+    char **roots = sent_list_roots(job->spec, x->settings.inputs, (const char *const *)x->input_roots,
+                                   x->settings.input_root_count, &root_count);
     char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
     engine_request request = {
         .worker = x->worker,
+        .command = "run",
         .directory = s->directory,
         .spec = job->spec,
-        .input_roots = (const char *const *)x->input_roots,
-        .input_root_count = x->settings.input_root_count,
+        .input_roots = (const char *const *)roots,
+        .input_root_count = root_count,
         .memory_mb = s->memory_mb,
         .threads = s->threads,
         .frame = task->frame,
@@ -289,6 +301,7 @@ static void slot_start(executor *x, slot *s)
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     free(previous);
+    sent_free_roots(roots, root_count);
     if (s->attempt) {
         x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
@@ -395,6 +408,12 @@ static int64_t after(int64_t from_ms, double seconds)
     return seconds > 0 && seconds < 1e12 ? from_ms + (int64_t)(seconds * 1000) : INT64_MAX;
 }
 
+/* When the time of the task is over, what attempts before took of it included. */
+static int64_t timeout_ms(const slot *s)
+{
+    return after(s->started_ms - s->claimed.task.ran_ms, s->limit.timeout_s);
+}
+
 /* Why the attempt has to be stopped now, if it has to. */
 static settlement_stop find_reason(executor *x, slot *s, int64_t now)
 {
@@ -402,7 +421,7 @@ static settlement_stop find_reason(executor *x, slot *s, int64_t now)
     bool cancelled = s->cancel_wanted;
     pthread_mutex_unlock(&x->mutex);
     if (cancelled) return SETTLEMENT_CANCELLED;
-    if (now >= after(s->started_ms, s->limit.timeout_s)) return SETTLEMENT_TIMED_OUT;
+    if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
     if (now >= after(s->moved_ms, s->limit.stall_s)) return SETTLEMENT_STALLED;
     if (atomic_load(&x->draining) && now >= atomic_load(&x->drain_ms)) return SETTLEMENT_DRAINED;
     return SETTLEMENT_NOT_STOPPED;
@@ -446,6 +465,7 @@ static void slot_serve(executor *x, slot *s)
         stop_if_due(x, s);
         return;
     }
+    s->ran_ms = clock_monotonic_ms() - s->started_ms;
     x->engine->settle(s->attempt, &s->ending);
     s->attempt = NULL;
     slot_decide(x, s);
@@ -458,8 +478,7 @@ static int64_t slot_due(executor *x, const slot *s)
     if (s->decided || !s->attempt) return s->retry_ms;
     if (s->forced) return INT64_MAX;
     if (s->asked) return s->force_ms;
-    int64_t due =
-        least(after(s->started_ms, s->limit.timeout_s), after(s->moved_ms, s->limit.stall_s));
+    int64_t due = least(timeout_ms(s), after(s->moved_ms, s->limit.stall_s));
     return atomic_load(&x->draining) ? least(due, atomic_load(&x->drain_ms)) : due;
 }
 
@@ -584,6 +603,18 @@ static void copy_settings(executor *x, const executor_settings *settings)
     };
 }
 
+/* Those of the settings, and before them that of files that were sent. */
+static store_roots *open_roots(const executor_settings *settings, error *e)
+{
+    size_t count = 0;
+    const char **paths = mem_alloc((settings->input_root_count + 1) * sizeof *paths);
+    if (settings->inputs) paths[count++] = store_inputs_directory(settings->inputs);
+    for (size_t i = 0; i < settings->input_root_count; i++) paths[count++] = settings->input_roots[i];
+    store_roots *roots = store_roots_open(paths, count, e);
+    free(paths);
+    return roots;
+}
+
 executor *executor_start(const executor_settings *settings, queue *q, error *e)
 {
     executor *x = mem_alloc(sizeof *x);
@@ -601,9 +632,9 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    x->roots = ok ? store_roots_open(settings->input_roots, settings->input_root_count, e) : NULL;
+    x->roots = ok ? open_roots(settings, e) : NULL;
     ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
-         (x->retention = retention_start(q, x->state_dir, e));
+         (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
     if (ok) return x;

@@ -17,6 +17,7 @@
 #include "base/sandbox.h"
 #include "executor/rows.h"
 #include "queue/queue.h"
+#include "store/inputs.h"
 #include "store/output.h"
 
 typedef struct executor executor;
@@ -26,6 +27,8 @@ typedef struct executor_settings {
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
+    store_inputs *inputs;   /* files that clients sent; outlives the executor; NULL: none */
+    double inputs_keep_s;   /* after their last use; 0: for ever */
     int workers;               /* attempts at once; 0: one per thread */
     int threads;               /* of all attempts; 0: the processors there are */
     int64_t host_memory_mb;    /* of all attempts; 0: nine tenths of what there is */

@@ -128,7 +128,7 @@ static char **make_arguments(const engine_request *request)
     size_t count = 0;
     char **a = mem_alloc((20 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
-    a[count++] = mem_strdup("run");
+    a[count++] = mem_strdup(request->command);
     a[count++] = mem_strdup("-");
     a[count++] = mem_strdup("--output");
     a[count++] = mem_strdup(request->directory);

@@ -17,10 +17,15 @@
 #define AT_ONCE 100
 /* After trouble with the database. */
 #define RETRY_MS 1000
+/* Between two looks at the files that were sent, at most; else a part of the time that they are kept. */
+#define LOOK_MOST_MS 3600000
+#define LOOKS_IN_KEEP 4
 
 struct retention {
     queue *q;
     char *state_dir;
+    store_inputs *inputs; /* NULL: none is collected */
+    int64_t keep_ms;
     pthread_t thread;
     pthread_mutex_t mutex;
     pthread_cond_t woken;
@@ -105,17 +110,41 @@ static bool wait_until(retention *r, int64_t wall_ms)
     return go_on;
 }
 
+/* What cannot be found out is wanted. */
+static bool is_wanted(void *context, const char *name)
+{
+    retention *r = context;
+    bool wanted = true;
+    return !queue_wants_input(r->q, name, &wanted, NULL) || wanted;
+}
+
+/* Collects files that were sent, if it is time; returns when it is again, wall clock. */
+static int64_t collect_inputs(retention *r, int64_t due_ms)
+{
+    error e = {0};
+    size_t gone = 0;
+    int64_t now = clock_wall_ms(), step = r->keep_ms / LOOKS_IN_KEEP + 1;
+    if (step > LOOK_MOST_MS) step = LOOK_MOST_MS;
+    /* a clock that was set back must not put it off */
+    if (!r->inputs || (now < due_ms && due_ms <= now + step)) return due_ms;
+    if (!store_inputs_collect(r->inputs, now - r->keep_ms, is_wanted, r, &gone, &e))
+        log_write(LOG_LEVEL_WARNING, "inputs are not collected: %s", e.message);
+    if (gone) log_write(LOG_LEVEL_INFO, "inputs collected count=%zu", gone);
+    return now + step;
+}
+
 static void *keep(void *argument)
 {
     retention *r = argument;
-    int64_t next = 0;
+    int64_t next = 0, look_ms = r->inputs ? 0 : INT64_MAX;
     do {
         bool more = false;
+        look_ms = collect_inputs(r, look_ms);
         if (!forget_some(r, &more) || (!more && !queue_next_expiry(r->q, &next, NULL)))
             next = clock_wall_ms() + RETRY_MS;
         else if (more)
             next = 0;
-    } while (wait_until(r, next));
+    } while (wait_until(r, next < look_ms ? next : look_ms));
     return NULL;
 }
 
@@ -127,10 +156,12 @@ static void release(retention *r)
     free(r);
 }
 
-retention *retention_start(queue *q, const char *state_dir, error *e)
+retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, error *e)
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
+    r->inputs = keep_s > 0 ? inputs : NULL;
+    r->keep_ms = (int64_t)(keep_s * 1000);
     r->state_dir = mem_strdup(state_dir);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_cond_init(&r->woken, NULL);

@@ -1,5 +1,5 @@
 /* retention: forgets jobs, with their results and logs: those whose time is over, and those that are
- * deleted.
+ * deleted; and files that clients sent and that have not been used for a time.
  *
  * The queue forgets a job first, then its directories go; a start removes what a crash between the two has
  * left, which is every directory with the form of a job's whose job is not there. A thread of its own
@@ -13,11 +13,13 @@
 
 #include "base/error.h"
 #include "queue/queue.h"
+#include "store/inputs.h"
 
 typedef struct retention retention;
 
-/* Removes what a crash left, and begins. The queue must outlive it; the path is copied. */
-retention *retention_start(queue *q, const char *state_dir, error *e);
+/* Removes what a crash left, and begins. Queue and inputs must outlive it; the path is copied. Files that were
+ * sent go when no job that has not ended reads them, keep_s after their last use; 0, or no inputs: never. */
+retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, error *e);
 void retention_stop(retention *r); /* accepts NULL */
 
 /* A job has ended, or is to be kept for another time than before. */

@@ -36,8 +36,7 @@ static void set_retry(settlement *s, const queue_claimed *c, const error *why)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* The worker's last line, when it is the JSON object of the contract. */
-static bool read_last_words(const char *words, error *said)
+bool settlement_read_last_words(const char *words, error *said)
 {
     json *document = json_parse(words, strlen(words), NULL);
     json_at root = json_root(document);
@@ -80,7 +79,7 @@ static void decide_success(const char *directory, settlement *s)
 static void decide_exit(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error said = {0};
-    bool spoke = read_last_words(ending->last_words, &said);
+    bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == EXIT_CANCELLED) {
         /* nobody here asked for it: a signal from outside, as good as a crash */
         error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
@@ -117,6 +116,14 @@ static void describe(const engine_ending *ending, const char *prefix, settlement
         snprintf(s->reason, sizeof s->reason, "%sexit status %d", prefix, ending->exit_status);
 }
 
+static void set_timed_out(settlement *s, double limit_s)
+{
+    error e = {0};
+    error_set(&e, ERROR_LIMIT_TIME, "the job ran longer than its timeout_s of %g s, all attempts together",
+              limit_s);
+    set_end(s, QUEUE_TIMED_OUT, &e);
+}
+
 void settlement_decide(const queue_claimed *c, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s)
 {
@@ -129,9 +136,8 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         set_end(s, QUEUE_CANCELLED, &e);
         return;
     case SETTLEMENT_TIMED_OUT:
+        set_timed_out(s, limit_s);
         describe(ending, "timeout: ", s);
-        error_set(&e, ERROR_LIMIT_TIME, "the job ran longer than its timeout_s of %g s", limit_s);
-        set_end(s, QUEUE_TIMED_OUT, &e);
         return;
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
@@ -172,6 +178,13 @@ void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb
     *s = (settlement){0};
     snprintf(s->reason, sizeof s->reason, "not started: too large");
     set_end(s, QUEUE_FAILED, &e);
+}
+
+void settlement_decide_late(double limit_s, settlement *s)
+{
+    *s = (settlement){0};
+    snprintf(s->reason, sizeof s->reason, "not started: no time is left");
+    set_timed_out(s, limit_s);
 }
 
 bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e)
@@ -251,6 +264,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         .exit_status = ending ? ending->exit_status : -1,
         .signal = ending ? ending->signal : -1,
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
+        .ran_ms = s->ran_ms,
         .host = place->host,
         .reason = s->reason,
         .cached_from = s->cached_from,

@@ -27,6 +27,7 @@ typedef struct settlement {
     bool deliver;         /* the directory is a result */
     bool requeue, counts; /* back into the queue; whether the attempt counts */
     bool wait;            /* before the next attempt: it crashed */
+    int64_t ran_ms;       /* how long the attempt ran; 0: not known */
     queue_state state;    /* otherwise: the task's end */
     queue_outcome outcome;
     error_code code; /* ERROR_NONE: no error */
@@ -35,6 +36,9 @@ typedef struct settlement {
     const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
     const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
 } settlement;
+
+/* What a worker says in its last line, when that is the JSON object of the contract. */
+bool settlement_read_last_words(const char *words, error *said);
 
 /* `limit_s` is the limit that was hit when `stop` says that one was. */
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
@@ -46,6 +50,9 @@ void settlement_decide_unstarted(const error *why, settlement *s);
 
 /* For an attempt that was not even tried, since the machine can never give what the job asks for. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
+
+/* For one whose task ran as long as it may in attempts before. */
+void settlement_decide_late(double limit_s, settlement *s);
 
 /* For a directory that was given the result of another job, whose id lives on. */
 bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);

@@ -6,9 +6,11 @@
 #include <stddef.h>
 
 #include "auth/access.h"
+#include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/lounge.h"
 #include "http/reply.h"
+#include "http/shelf.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
 #include "store/mapping.h"
@@ -27,6 +29,7 @@ typedef struct http_counters {
 typedef struct http_context {
     queue *q;
     executor *x;
+    estimator *estimator;     /* NULL: nothing is estimated */
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;
@@ -40,6 +43,7 @@ typedef struct http_context {
     int64_t started_ms;      /* wall clock */
     http_counters *counters; /* the server's */
     lounge *lounge;
+    shelf *shelf; /* NULL: no document is kept */
 } http_context;
 
 #define HTTP_MAX_PARAMETERS 2

@@ -75,7 +75,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     store_upload *file = NULL;
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
-    int64_t there = store_inputs_find(c->inputs, hex);
+    int64_t there = store_inputs_use(c->inputs, hex);
     if (there >= 0 && request->waits) { /* it has not begun to send */
         show(hex, there, 200, r);
         return NULL;

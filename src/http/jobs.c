@@ -13,6 +13,7 @@
 #include "http/condition.h"
 #include "http/parameter.h"
 #include "http/paths.h"
+#include "http/shelf.h"
 #include "http/tasks.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -21,7 +22,6 @@
 /* In a job's own document; there is a listing of all. */
 #define ATTEMPTS_SHOWN 100
 #define KEY_LENGTH_MOST 255
-#define JOBS_TAG_SIZE 40
 
 /* A text that this service stored as JSON, and looked at before it did. */
 static void put_stored(json *object, const char *key, const char *text)
@@ -52,14 +52,14 @@ static void put_spec(json *object, const char *stored_spec, const char *stored_p
 }
 
 /* Its number of revision; and while progress is told, what that was: `"7"`, `"7.1f3a9c02"`. */
-static void print_tag(const queue_job *job, const char *progress, char tag[JOBS_TAG_SIZE])
+static void print_tag(const queue_job *job, const char *progress, char tag[SHELF_TAG_SIZE])
 {
     uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
     for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
     if (progress)
-        snprintf(tag, JOBS_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
+        snprintf(tag, SHELF_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
     else
-        snprintf(tag, JOBS_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+        snprintf(tag, SHELF_TAG_SIZE, "\"%lld\"", (long long)job->revision);
 }
 
 /* This and the links are in every answer: printed at once instead of as twelve values with a name each. */
@@ -156,7 +156,7 @@ static void answer_job(const http_context *c, const http_request *request, const
                        reply *r)
 {
     error e = {0};
-    char tag[JOBS_TAG_SIZE];
+    shelf_document made;
     queue_attempt *attempts = NULL;
     size_t count = 0;
     if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
@@ -170,10 +170,14 @@ static void answer_job(const http_context *c, const http_request *request, const
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) tasks_append_attempt(list, &attempts[i]);
     queue_attempts_free(attempts, count);
-    print_tag(job, progress, tag);
-    free(progress);
+    print_tag(job, progress, made.tag);
     reply_set_json(r, status, document);
-    reply_add_header(r, "ETag", tag);
+    reply_add_header(r, "ETag", made.tag);
+    made.text = r->body;
+    made.length = r->length;
+    /* progress comes and goes without a change of the job, but only of one that runs */
+    if (!progress && !job->tasks.running) shelf_put(c->shelf, job, own, &made);
+    free(progress);
 }
 
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r)
@@ -264,7 +268,10 @@ static bool check_inputs(const http_context *c, const order *o, reply *r)
     const spec *s = o->s;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
+        char name[STORE_INPUT_NAME_SIZE];
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        /* before it is looked for, so that it cannot go in between */
+        if (store_inputs_is_sent(path, name)) store_inputs_use(c->inputs, name + strlen(STORE_INPUT_PREFIX));
         int fd = store_open_input(c->roots, path, &e);
         free(path);
         if (fd >= 0) {
@@ -329,7 +336,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
         .memory_mb = put->memory_mb,
         .retention_s = put->retention_s,
     }; /* borrows its texts */
-    char tag[JOBS_TAG_SIZE];
+    char tag[SHELF_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = describe_job(&job, NULL);
     put_spec(document, put->spec, put->paths);
@@ -415,6 +422,20 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
+/* Names of the files that clients sent and that the job reads. */
+static char **list_sent(const spec *s, size_t *count)
+{
+    spec_input input;
+    char name[STORE_INPUT_NAME_SIZE], **names = NULL;
+    *count = 0;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        if (!store_inputs_is_sent(input.path, name)) continue;
+        names = mem_resize(names, (*count + 1) * sizeof *names);
+        names[(*count)++] = mem_strdup(name);
+    }
+    return names;
+}
+
 static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     const spec *s = o->s;
@@ -422,7 +443,9 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     queue_receipt receipt = {0};
     char hash[STORE_HASH_SIZE];
     const char *key = NULL;
+    size_t sent_count = 0;
     if (!read_key(request, hash, &key, r)) return;
+    char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
          *paths = o->paths ? json_print(o->paths) : NULL;
     queue_submission submission = {
@@ -442,6 +465,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .ordered = s->coherent,
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
+        .inputs = (const char *const *)sent,
+        .input_count = sent_count,
         .most_waiting = c->most_waiting,
         .webhook = s->webhook,
         .key = key,
@@ -453,6 +478,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
     else
         answer_receipt(c, request, &submission, &receipt, r);
+    for (size_t i = 0; i < sent_count; i++) free(sent[i]);
+    free(sent);
     free(labels);
     free(text);
     free(paths);
@@ -469,16 +496,50 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
+/* Puts what the job would take into the document, for those who might submit it; false when *r says that it would
+ * fail. */
+static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
+                         reply *r)
+{
+    error e = {0};
+    int threads = o->s->threads;
+    int64_t memory_mb = o->s->memory_mb;
+    char *found = NULL;
+    estimator_verdict verdict = ESTIMATOR_NONE;
+    if (!executor_size(c->x, &threads, &memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+        return false;
+    }
+    if (!(request->caller->scopes & SCOPE_SUBMIT)) {
+        error_set(&e, ERROR_NONE, "it needs the scope %s", scope_name(SCOPE_SUBMIT));
+    } else if (c->estimator) {
+        char *text = json_print(o->s->normalised);
+        verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
+                                memory_mb, &found, &e);
+        free(text);
+    } else {
+        error_set(&e, ERROR_NONE, "the service makes none (setting estimates)");
+    }
+    put_stored(document, "estimate", found);
+    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);
+    free(found);
+    if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    return verdict != ESTIMATOR_FAULT;
+}
+
 void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
     order o = {0};
-    if (read_order(c, request, &o, r) && check_order(c, &o, r)) {
-        json *document = json_new_object(), *asked = json_copy(o.s->normalised);
+    json *document = json_new_object();
+    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, request, &o, document, r)) {
+        json *asked = json_copy(o.s->normalised);
         paths_restore(o.paths, asked);
         json_put(document, "spec", asked);
         json_put(document, "paths", o.paths ? json_copy(o.paths) : json_new_array());
         reply_set_json(r, 200, document);
+        document = NULL;
     }
+    json_free(document);
     order_clear(&o);
 }
 
@@ -553,10 +614,28 @@ static bool knows_revision(const char *known, const queue_job *job)
     return jobs_read_tag(known, &revision) && revision == job->revision;
 }
 
+/* Answers from the shelf; false: it has not got the job's document. */
+static bool show_kept(const http_context *c, const http_request *request, reply *r)
+{
+    shelf_document kept;
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    if (request->header[HTTP_PREFER] || !shelf_find(c->shelf, c->q, request->parameter[0], request->caller, &kept))
+        return false;
+    if (known && condition_names(known, kept.tag, true)) {
+        reply_set_empty(r, 304);
+        free(kept.text);
+    } else {
+        reply_set_text(r, "application/json", kept.text);
+    }
+    reply_add_header(r, "ETag", kept.tag);
+    return true;
+}
+
 void jobs_show(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    char tag[JOBS_TAG_SIZE];
+    char tag[SHELF_TAG_SIZE];
+    if (show_kept(c, request, r)) return;
     if (!jobs_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t until_ms = request->came_ms + read_wait_ms(c, request);

@@ -8,6 +8,7 @@
 #define COUNT "{'type':'integer','minimum':0}"
 #define REF(name) "{'$ref':'#/components/schemas/" name "'}"
 #define LIST(of) "{'type':'array','items':" of "}"
+#define POINT "{'type':'array','items':{'type':'number'},'minItems':3,'maxItems':3}"
 #define OUTCOME "{'enum':['converged','not_converged',null]}"
 #define HASH "{'type':'string','pattern':'^[0-9a-f]{64}$'}"
 
@@ -116,7 +117,19 @@ const openapi_schema openapi_schemas[] = {
     {"Job", OBJECT(JOB_REQUIRED ",'spec','paths','attempts'", JOB_PROPERTIES ",'spec':{'oneOf':[{'type':'null'}," REF(
                                                           "JobSpec") "]},'paths':" PATHS ",'attempts':" LIST(REF("Attempt")))},
     {"JobPage", OBJECT("'jobs','next'", "'jobs':" LIST(REF("JobSummary")) ",'next':" TEXT_OR_NULL)},
-    {"Validation", OBJECT("'spec','paths'", "'spec':" REF("JobSpec") ",'paths':" PATHS)},
+    {"Validation",
+     OBJECT("'spec','paths','estimate','estimate_missing'",
+            "'spec':" REF("JobSpec") ",'paths':" PATHS ",'estimate':{'oneOf':[{'type':'null'}," REF("Estimate") "]},"
+            "'estimate_missing':{'type':['string','null'],'description':'Why there is none.'}")},
+    {"Estimate",
+     OBJECT("'count','area','bounding_box','memory_bytes','seconds','threads'",
+            "'count':{'type':['integer','null'],'description':'Points; null when a time is the target.'},"
+            "'area':{'type':'number'},"
+            "'bounding_box':" OBJECT("'min','max'", "'min':" POINT ",'max':" POINT) ","
+            "'memory_bytes':" COUNT ","
+            "'seconds':{'type':['number','null'],'description':'That so many processors of this machine take, without"
+            " what writing the results does; null when it cannot be told.'},"
+            "'threads':" COUNT)},
     {"Results", OBJECT("'results'", "'results':" LIST(OBJECT(
                                         "'name','bytes','sha256','content_type','href'",
                                         "'name':{'type':'string'},'bytes':" COUNT ",'sha256':" HASH

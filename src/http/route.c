@@ -23,8 +23,9 @@ static const route routes[] = {
      BODY_PROBLEMS "idempotency_mismatch too_many_jobs"},
     {"GET", "/v1/jobs", jobs_list, SCOPE_READ, false, NULL, "listJobs", "List jobs, the newest first",
      "state owner label limit cursor", "", NULL, NULL, "200:JobPage", ""},
-    {"POST", "/v1/jobs:validate", jobs_validate, SCOPE_READ, false, NULL, "validateJob",
-     "Check a spec without submitting it", "", "", "JobSpec", EXAMPLE, "200:Validation", BODY_PROBLEMS},
+    {"POST", "/v1/jobs:validate", jobs_validate, SCOPE_READ, true, NULL, "validateJob",
+     "Check a spec without submitting it, and tell what it would take", "", "", "JobSpec", EXAMPLE, "200:Validation",
+     BODY_PROBLEMS "input_damaged grid_missing grid_ambiguous isovalue_required no_surface"},
     {"GET", "/v1/jobs/{id}", jobs_show, SCOPE_READ, false, NULL, "getJob", "Look at a job", "",
      "If-None-Match Prefer", NULL, NULL, "200:Job 304:-", "not_found"},
     {"PATCH", "/v1/jobs/{id}", change_edit, SCOPE_CANCEL, true, NULL, "editJob",
@@ -91,22 +92,22 @@ const route *route_at(size_t index)
     return index < COUNT ? &routes[index] : NULL;
 }
 
-/* Walks pattern and path part by part; a {..} takes any part that is not empty. */
+/* A {..} takes any part of the path that is not empty. */
 static bool fits(const char *pattern, const char *path, size_t *starts, size_t *lengths)
 {
     size_t count = 0;
     const char *start = path;
-    while (*pattern == '/' && *path == '/') {
-        size_t want = strcspn(++pattern, "/"), have = strcspn(++path, "/");
+    while (*pattern && *path) {
         if (*pattern == '{') {
+            size_t have = strcspn(path, "/");
             if (!have) return false;
             starts[count] = (size_t)(path - start);
             lengths[count++] = have;
-        } else if (want != have || strncmp(pattern, path, want) != 0) {
+            pattern += strcspn(pattern, "/");
+            path += have;
+        } else if (*pattern++ != *path++) {
             return false;
         }
-        pattern += want;
-        path += have;
     }
     return !*pattern && !*path;
 }
@@ -123,12 +124,14 @@ void route_find(const char *method, const char *path, route_match *match)
     *match = (route_match){0};
     if (strlen(path) >= sizeof match->path) return;
     if (strcmp(method, "HEAD") == 0) method = "GET";
-    for (size_t i = 0; i < COUNT; i++) {
+    for (size_t i = 0; !match->found && i < COUNT; i++) {
         size_t starts[HTTP_MAX_PARAMETERS] = {0}, lengths[HTTP_MAX_PARAMETERS] = {0};
         if (!fits(routes[i].pattern, path, starts, lengths)) continue;
         match->known = true;
-        allow(match, routes[i].method);
-        if (strcmp(routes[i].method, method) != 0) continue;
+        if (strcmp(routes[i].method, method) != 0) {
+            allow(match, routes[i].method);
+            continue;
+        }
         match->found = &routes[i];
         strcpy(match->path, path);
         for (size_t p = 0; p < HTTP_MAX_PARAMETERS; p++) {

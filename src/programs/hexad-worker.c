@@ -51,6 +51,7 @@ static void request_cancel(int number)
 
 static const char help_text[] =
     "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
+    "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
@@ -58,6 +59,8 @@ static const char help_text[] =
     "\n"
     "run: samples the surface that SPEC.json describes (-: standard input) and writes points.ply,\n"
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
+    "estimate: prints how many points that would be, and what area, memory and time they take, as a JSON\n"
+    "object, and writes it into DIR as estimate.json.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
@@ -66,7 +69,8 @@ static const char help_text[] =
     "  --output DIR       where results go; made if missing (required)\n"
     "  --progress         a progress bar on standard error\n"
     "  --progress-fd N    progress as JSON lines on descriptor N\n"
-    "  --input-root DIR   input files must lie below DIR; may be given several times\n"
+    "  --input-root DIR   input files must lie below DIR, or be it, if it is a file, named by its last part;\n"
+    "                     may be given several times\n"
     "  --memory-mb N      memory for jobs that do not say limits.memory_mb (default 4096)\n"
     "  --threads N        at most so many threads, and as many for jobs that do not say solver.threads\n"
     "                     (default: no bound, and one per processor)\n"
@@ -210,7 +214,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     }
     if (argc - optind != 1 || !a->output)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "run takes one SPEC.json (or -) and --output DIR: see hexad-worker --help");
+                         "%s takes one SPEC.json (or -) and --output DIR: see hexad-worker --help",
+                         argv[0]);
     a->spec_path = argv[optind];
     return true;
 }
@@ -291,7 +296,34 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
     return true;
 }
 
-static int run_command(int argc, char **argv)
+/* What comes of a spec that could be read; the exit status, or -1 and an error. */
+typedef int command(const spec *s, const run_options *options, error *e);
+
+static int run(const spec *s, const run_options *options, error *e)
+{
+    run_summary summary;
+    start_timer(s->timeout_s);
+    if (!run_job(s, options, &summary, e)) return -1;
+    printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
+           summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
+           summary.total_s);
+    return summary.converged ? EXIT_CONVERGED : EXIT_NOT_CONVERGED;
+}
+
+static int estimate(const spec *s, const run_options *options, error *e)
+{
+    json *document = run_estimate(s, options, e);
+    if (!document) return -1;
+    char *text = json_print(document), *path = mem_printf("%s/estimate.json", options->output);
+    bool ok = store_directory_create(options->output, e) && store_file_write(path, text, strlen(text), e);
+    if (ok) puts(text);
+    free(path);
+    free(text);
+    json_free(document);
+    return ok ? EXIT_SUCCESS : -1;
+}
+
+static int obey(int argc, char **argv, command *what)
 {
     error e = {0};
     spec_faults faults = {0};
@@ -300,13 +332,11 @@ static int run_command(int argc, char **argv)
     store_roots *roots = NULL;
     FILE *spec_file = NULL;
     sequence_files previous = {0};
-    run_summary summary;
     int code;
     handle_signals();
     if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
     if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
     if (!choose_frame(s, a.frame, a.previous != NULL, &e)) goto fail;
-    start_timer(s->timeout_s);
     run_options options = {
         .output = a.output,
         .roots = roots,
@@ -319,11 +349,7 @@ static int run_command(int argc, char **argv)
         .cancel = &cancel_requested,
         .leave = leave,
     };
-    if (!run_job(s, &options, &summary, &e)) goto fail;
-    printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
-           summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
-           summary.total_s);
-    code = summary.converged ? EXIT_CONVERGED : EXIT_NOT_CONVERGED;
+    if ((code = what(s, &options, &e)) < 0) goto fail;
     goto done;
 fail:
     code = fail(&e, &faults);
@@ -373,20 +399,21 @@ static int print_schema(void)
 
 int main(int argc, char **argv)
 {
-    const char *command = argc > 1 ? argv[1] : "--help";
-    if (strcmp(command, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
-    if (strcmp(command, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
-    if (strcmp(command, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
-    if (argc > 2 && strcmp(argv[2], "--help") == 0) command = "--help";
-    if (strcmp(command, "run") == 0) return run_command(argc - 1, argv + 1);
-    if (strcmp(command, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
-    if (strcmp(command, "make-example") == 0 && argc == 3) return make_example(argv[2]);
-    if (strcmp(command, "energies") == 0) return print_energies();
-    if (strcmp(command, "schema") == 0) return print_schema();
-    if (strcmp(command, "spec-help") == 0) {
+    const char *name = argc > 1 ? argv[1] : "--help";
+    if (strcmp(name, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
+    if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
+    if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
+    if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
+    if (strcmp(name, "run") == 0) return obey(argc - 1, argv + 1, run);
+    if (strcmp(name, "estimate") == 0) return obey(argc - 1, argv + 1, estimate);
+    if (strcmp(name, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
+    if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
+    if (strcmp(name, "energies") == 0) return print_energies();
+    if (strcmp(name, "schema") == 0) return print_schema();
+    if (strcmp(name, "spec-help") == 0) {
         spec_print_help(stdout);
         return 0;
     }
-    fputs(help_text, strcmp(command, "--help") == 0 ? stdout : stderr);
-    return strcmp(command, "--help") == 0 ? 0 : EXIT_SPEC;
+    fputs(help_text, strcmp(name, "--help") == 0 ? stdout : stderr);
+    return strcmp(name, "--help") == 0 ? 0 : EXIT_SPEC;
 }

@@ -22,6 +22,7 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "config/config.h"
+#include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/herald.h"
 #include "http/server.h"
@@ -276,8 +277,10 @@ static executor_settings executor_settings_of(const service *s)
     return (executor_settings){
         .state_dir = s->state_dir,
         .worker = c->worker,
-        .input_roots = s->input_roots,
-        .input_root_count = s->input_root_count,
+        .input_roots = (const char *const *)c->input_roots.item,
+        .input_root_count = c->input_roots.count,
+        .inputs = s->inputs,
+        .inputs_keep_s = c->inputs_keep_s,
         .outputs = s->outputs,
         .workers = (int)c->workers,
         .threads = (int)c->threads,
@@ -342,6 +345,7 @@ static bool init_webhooks(service *s, error *e)
     courier_settings settings = {
         .hosts = s->webhook_hosts,
         .secret_file = c->webhook_secret_file,
+        .calls = (int)c->webhook_calls,
         .tries = (int)c->webhook_tries,
         .timeout_s = c->webhook_timeout_s,
         .retry_s = c->webhook_retry_s,
@@ -369,9 +373,13 @@ static bool init_http(service *s, error *e)
         .body_limit_bytes = (size_t)c->body_limit_bytes,
         .header_limit_bytes = (size_t)c->header_limit_bytes,
     };
+    executor_settings workers = executor_settings_of(s);
+    estimator *m = NULL;
+    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) return false;
     s->context = (http_context){
         .q = s->q,
         .x = s->x,
+        .estimator = m,
         .roots = s->roots,
         .inputs = s->inputs,
         .outputs = &s->outputs,
@@ -385,14 +393,21 @@ static bool init_http(service *s, error *e)
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
         .lounge = s->lounge,
+        .shelf = shelf_new((size_t)c->kept_documents),
     };
     s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
-    return s->http != NULL;
+    if (s->http) return true;
+    estimator_close(m);
+    shelf_free(s->context.shelf);
+    return false;
 }
 
 static void fini_http(service *s)
 {
+    if (s->context.estimator) estimator_dismiss(s->context.estimator);
     server_stop(s->http);
+    estimator_close(s->context.estimator);
+    shelf_free(s->context.shelf);
 }
 
 static bool init_port_file(service *s, error *e)

@@ -56,7 +56,7 @@ static bool retry(database *d, book *b, bool *changed, error *e)
     if (lost) return true;
     *changed = true;
     if (!RUN(d, e,
-             "UPDATE task SET state = 'queued', spent = 0, error_code = NULL, error_message = NULL,"
+             "UPDATE task SET state = 'queued', spent = 0, ran_ms = 0, error_code = NULL, error_message = NULL,"
              " finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
              integer(b->seq)))
         return false;

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,6 +22,8 @@
 #define OPEN_PATIENCE_MS 5000
 /* As many statements as the program has, and some. */
 #define STATEMENTS 128
+/* Jobs whose numbers are as far apart share a stamp. */
+#define STAMPS 4096
 
 struct queue {
     int lock_fd; /* holds the lock on the state directory */
@@ -32,6 +35,7 @@ struct queue {
         sqlite3_stmt *prepared;
     } statement[STATEMENTS];
     overtaken overtaken;
+    atomic_uint_fast64_t stamp[STAMPS]; /* of jobs; raised under the mutex, read without */
     char *trouble; /* what kept the last change from being stored; NULL: nothing did */
 
     pthread_mutex_t gate; /* of the changes that wait; never held together with the other */
@@ -233,6 +237,21 @@ bool database_change(database *d, change *c, error *e)
     return c->ok;
 }
 
+/* ---- stamps */
+
+/* SQLite calls it for each row that a change touches. What is taken back after all has another stamp, too. */
+static void note_row(void *context, int operation, const char *schema, const char *table, sqlite3_int64 row)
+{
+    (void)operation, (void)schema;
+    queue *q = context;
+    if (strcmp(table, "job") == 0) atomic_fetch_add(&q->stamp[(uint64_t)row % STAMPS], 1);
+}
+
+uint64_t queue_stamp(queue *q, int64_t seq)
+{
+    return atomic_load(&q->stamp[(uint64_t)seq % STAMPS]);
+}
+
 /* ---- news */
 
 void queue_signal(queue *q)
@@ -308,7 +327,10 @@ queue *queue_open(const char *state_dir, error *e)
     if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->connection, e);
     /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */
-    if (ok) sqlite3_busy_timeout(q->connection, 0);
+    if (ok) {
+        sqlite3_busy_timeout(q->connection, 0);
+        sqlite3_update_hook(q->connection, note_row, q);
+    }
     if (!ok) {
         error_prefix(e, "%s", path);
         queue_close(q);

@@ -12,15 +12,16 @@ void queue_delivery_clear(queue_delivery *delivery)
     *delivery = (queue_delivery){0};
 }
 
-bool queue_next_delivery(queue *q, queue_delivery *delivery, bool *found, error *e)
+bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e)
 {
     queue_delivery read = {0};
     bool ok = false, any = false;
     static const char sql[] =
         "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms FROM outbox"
-        " JOIN job ON seq = job ORDER BY due_ms, number LIMIT 1";
+        " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
+        " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
     database_lock(q);
-    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    sqlite3_stmt *s = ASK(q, e, sql, text(but));
     while (database_next(q, s, &ok, e)) {
         any = true;
         read.number = sqlite3_column_int64(s, 0);

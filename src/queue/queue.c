@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "queue/record.h"
+#include "queue/schema.h"
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
     [QUEUE_QUEUED] = "queued",   [QUEUE_BLOCKED] = "blocked",       [QUEUE_PAUSED] = "paused",
@@ -119,6 +120,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
+    read.stamp = queue_stamp(q, read.seq);
     database_unlock(q);
     if (ok && got)
         *job = read;
@@ -174,6 +176,20 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
     *jobs = read;
     *count = used;
     return true;
+}
+
+bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
+{
+    bool ok = false, read = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e,
+                          "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
+                          " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
+                          text(name));
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int(s, 0);
+    database_unlock(q);
+    if (ok) *wanted = read;
+    return ok;
 }
 
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)

@@ -71,6 +71,7 @@ typedef struct queue_counts { /* tasks; the sum of all but `all` is `all` */
 typedef struct queue_job {
     char id[ULID_SIZE];
     int64_t seq;      /* order of arrival */
+    uint64_t stamp;   /* of queue_get: see queue_stamp */
     int64_t revision; /* raised by every change of what stands here */
     char *name;       /* NULL: none */
     char *owner;      /* the user; "" when nobody is known */
@@ -113,6 +114,8 @@ typedef struct queue_submission {
     bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
+    const char *const *inputs; /* names of files that it reads and that queue_wants_input is asked for */
+    size_t input_count;
     const char *webhook;         /* may be NULL: an address that is told of the job's end */
     const char *key, *body_hash; /* idempotency: both or none; keys of different owners are different */
     int64_t most_waiting;        /* of the owner's jobs that have not ended; 0: any number */
@@ -140,6 +143,11 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
 /* *found false: no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
+/* Another number after every change of the job with this seq, and now and then after one of another's: as
+ * long as it is what queue_get gave with the job, no change of what that gave has been acknowledged, nor of
+ * the job's attempts. Does not look into the database. */
+uint64_t queue_stamp(queue *q, int64_t seq);
+
 typedef struct queue_filter {
     int state;                 /* a queue_state, or -1: any */
     const char *owner, *label; /* NULL: any */
@@ -149,6 +157,9 @@ typedef struct queue_filter {
 
 /* Newest first, without their specs. */
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e);
+
+/* Whether a job that has not ended reads the file of this name. */
+bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
 
 /* How many jobs are in each state. */
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
@@ -196,6 +207,7 @@ typedef struct queue_task {
     queue_outcome outcome;
     int attempt;           /* number of the last claim; 0: none */
     int spent;             /* attempts that count */
+    int64_t ran_ms;        /* how long those ran that count and were put back */
     int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
     char *error_code, *error_message; /* NULL: none */
@@ -266,6 +278,7 @@ typedef struct queue_ending {
     const char *error_code, *error_message; /* may be NULL */
     int exit_status, signal;                /* -1: not known or none */
     int64_t peak_memory_bytes;              /* 0: not known */
+    int64_t ran_ms;                         /* likewise; for queue_requeue */
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
@@ -283,9 +296,9 @@ typedef struct queue_fence {
  * task does not run. */
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
-/* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and no other
- * attempt starts before `not_before_ms` (wall clock; 0: at once). *accepted as above; a job that is
- * cancelling is not accepted. */
+/* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and its time
+ * against that of the task, and no other attempt starts before `not_before_ms` (wall clock; 0: at once).
+ * *accepted as above; a job that is cancelling is not accepted. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);
 
@@ -344,8 +357,9 @@ typedef struct queue_delivery {
 
 void queue_delivery_clear(queue_delivery *delivery);
 
-/* The one that is due first, which may lie ahead; it stays until it is ended. */
-bool queue_next_delivery(queue *q, queue_delivery *delivery, bool *found, error *e);
+/* The one that is due first, which may lie ahead; it stays until it is ended. Passes by those whose address begins
+ * with an item of `but`, a JSON array of texts. */
+bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
 /* It is delivered or given up; with again_ms > 0 it is to be tried again then. */
 bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);

@@ -5,7 +5,14 @@
 #define TEXT_OF(x) #x
 #define TEXT(x) TEXT_OF(x)
 
-#define FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
+/* Which jobs read which of the files that clients sent. */
+#define INPUTS                                                                                               \
+    "CREATE TABLE input ("                                                                                   \
+    "  name TEXT NOT NULL,"                                                                                  \
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"                                         \
+    "  PRIMARY KEY (name, job)"                                                                              \
+    ") STRICT, WITHOUT ROWID;"                                                                               \
+    "CREATE INDEX input_by_job ON input (job);"
 
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
@@ -16,7 +23,7 @@ static const char tables[] =
     "  revision INTEGER NOT NULL DEFAULT 1,"
     "  owner TEXT NOT NULL,"
     "  state TEXT NOT NULL CHECK (state IN ('queued', 'blocked', 'paused', 'running', 'cancelling',"
-    "    " FINAL_STATES ")),"
+    "    " SCHEMA_FINAL_STATES ")),"
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  priority INTEGER NOT NULL,"
     "  threads INTEGER NOT NULL,"
@@ -71,11 +78,12 @@ static const char tables[] =
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
     "  number INTEGER NOT NULL,"
     "  frame INTEGER,"
-    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " FINAL_STATES
+    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " SCHEMA_FINAL_STATES
     ")),"
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  ran_ms INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
     "  started_ms INTEGER,"
     "  finished_ms INTEGER,"
@@ -124,6 +132,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
+    INPUTS
     "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
@@ -182,7 +191,7 @@ static const char carry_over[] =
     " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
     "attempt_1;"
     "INSERT INTO owner SELECT '', count(*), sum(state != 'queued') FROM job_1"
-    "  WHERE state NOT IN (" FINAL_STATES ") HAVING count(*) > 0;"
+    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") HAVING count(*) > 0;"
     "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
     "INSERT INTO event (at_ms, job, type, state, outcome)"
     " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
@@ -191,6 +200,13 @@ static const char carry_over[] =
 
 /* From version 2, in which no path of a spec was mapped. */
 static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
+
+/* From version 3, in which each attempt had all the time of its job and files that were sent stayed for ever.
+ * What the specs read of those is written down, as it is for new jobs. */
+static const char add_times_and_inputs[] =
+    "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
+    "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
+    "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
@@ -216,8 +232,10 @@ static bool make_tables(sqlite3 *database, int version, error *e)
 {
     bool ok = run(database, "BEGIN IMMEDIATE", e);
     if (ok && version == 1) ok = run(database, set_old_aside, e);
-    ok = ok && run(database, version == 2 ? add_paths : tables, e);
+    if (ok && version < 2) ok = run(database, tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
+    if (ok && version == 2) ok = run(database, add_paths, e);
+    if (ok && version >= 2) ok = run(database, add_times_and_inputs, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;

@@ -11,7 +11,9 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 3
+#define SCHEMA_VERSION 4
+
+#define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
 /* Of a job: a task of it may be started, as far as the job goes. Of one in order a task that runs, or waits
  * before it is tried again, keeps those behind it waiting. */

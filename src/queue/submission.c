@@ -118,6 +118,9 @@ static bool insert_tasks(database *d, const submitting *s, const book *b, error 
     for (size_t i = 0; ok && i < s->in->depends_on_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO dependency (job, needs) SELECT ?1, seq FROM job WHERE id = ?2",
                  integer(b->seq), text(s->in->depends_on[i]));
+    for (size_t i = 0; ok && i < s->in->input_count; i++)
+        ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job) VALUES (?1, ?2)", text(s->in->inputs[i]),
+                 integer(b->seq));
     return ok;
 }
 

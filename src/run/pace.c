@@ -48,6 +48,14 @@ size_t pace_next(const pace *p, double left_s)
     return count >= LEAST_GAIN * (double)p->count[0] ? (size_t)count : 0;
 }
 
+double pace_run(const pace *p, size_t count)
+{
+    double each = p->run_s[0] / (double)p->count[0];
+    if (p->runs > 1 && p->run_s[0] > p->run_s[1])
+        each = (p->run_s[0] - p->run_s[1]) / ((double)p->count[0] - (double)p->count[1]);
+    return p->run_s[0] + each * ((double)count - (double)p->count[0]);
+}
+
 double pace_rest(const pace *p, size_t count)
 {
     return p->runs == 0 ? 0 : p->rest_s[0] * (double)count / (double)p->count[0];

@@ -30,6 +30,10 @@ void pace_note(pace *p, size_t count, double run_s, double rest_s);
 /* The count of the next run when left_s remain; 0: none with more points fits. */
 size_t pace_next(const pace *p, double left_s);
 
+/* What a run of `count` points is expected to take, seconds, by the last two runs, the later one of more points: a
+ * part that is the same in all, as the coarsest levels are that they share, and one that goes with the count. */
+double pace_run(const pace *p, size_t count);
+
 /* What a run of `count` points is expected to take after its relaxation, seconds. */
 double pace_rest(const pace *p, size_t count);
 

@@ -39,13 +39,18 @@ static void put_mesh(json *report, json *warnings, const report_facts *facts)
                            "triangles are missing or too many meet (see mesh); ask for more points");
 }
 
+void report_put_box(json *object, bbox box)
+{
+    json *o = json_put_object(object, "bounding_box");
+    put_vec3(o, "min", box.min);
+    put_vec3(o, "max", box.max);
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
     json_put_number(object, "area", facts->scan->area);
-    json *box = json_put_object(object, "bounding_box");
-    put_vec3(box, "min", facts->scan->box.min);
-    put_vec3(box, "max", facts->scan->box.max);
+    report_put_box(object, facts->scan->box);
     json *warnings = json_put_array(object, "warnings");
     source_describe(facts->source, report, object, warnings);
     if (facts->results->widened)

@@ -28,4 +28,7 @@ typedef struct report_facts {
 /* All but `outputs`, which the caller has put into the object already. */
 void report_fill(json *report, const report_facts *facts);
 
+/* The object's `bounding_box`. */
+void report_put_box(json *object, bbox box);
+
 #endif

@@ -45,6 +45,12 @@ static const double TAIL_SLACK = 1.3;
 /* A run whose time is up before it is at rest is a result all the same when its steps (rms, of h) are below
  * this: its points no longer change places. */
 static const double STEP_FIT = 0.01;
+/* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would
+ * take is begun if it should take longer, and none goes on after twice that. The most points tell best. */
+static const double REHEARSAL_S = 1;
+/* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
+static const size_t REHEARSAL_STRIDE = 4;
+
 /* Of the particles that memory holds: the last result is kept beside the run that may replace it. */
 static const double TWO_RUNS = 0.8;
 
@@ -259,13 +265,18 @@ done:
     return out->sampler != NULL;
 }
 
-static bool start(job *j, error *e)
+/* How large the surface is, and how many points it takes. */
+static bool survey(job *j, error *e)
 {
     progress_enter(&j->progress, PROGRESS_START);
     j->scan = surface_scan(j->source.field, j->pool, e);
     if (!j->scan) return false;
-    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
-    return resolve_count(j, e) && place(j, &j->solution, e);
+    return j->spec->time_s > 0 || resolve_count(j, e); /* with a time, runs of several counts are to come */
+}
+
+static bool start(job *j, error *e)
+{
+    return survey(j, e) && (j->spec->time_s > 0 || place(j, &j->solution, e));
 }
 
 static double seconds_left(const job *j)
@@ -452,13 +463,14 @@ static void leave_job(void *context)
     j->options->leave(&e);
 }
 
-static bool run_phases(job *j, error *e)
+typedef bool phase(job *j, error *e);
+
+static bool run_phases(job *j, phase *const *phases, size_t count, error *e)
 {
-    static bool (*const phases[])(job *, error *) = {load, start, relax, measure_result, write_results};
     const watch_params params = {&j->progress, j->options->cancel, j->options->leave ? leave_job : NULL, j};
     watch *w = watch_start(&params, e);
     bool ok = w != NULL;
-    for (size_t k = 0; ok && k < sizeof phases / sizeof phases[0]; k++) {
+    for (size_t k = 0; ok && k < count; k++) {
         ok = phases[k](j, e);
         if (!may_go_on(j, e)) ok = false;
     }
@@ -466,19 +478,96 @@ static bool run_phases(job *j, error *e)
     return ok;
 }
 
+static void free_job(job *j)
+{
+    json_free(j->report);
+    free_solution(&j->solution);
+    sequence_free(&j->sequence);
+    surface_free(j->scan);
+    source_close(&j->source);
+    threads_free(j->pool);
+}
+
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
 {
+    static phase *const phases[] = {load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
-    bool ok = prepare_output(options->output, e) && run_phases(&j, e);
+    bool ok = prepare_output(options->output, e) && run_phases(&j, phases, sizeof phases / sizeof *phases, e);
     progress_end(&j.progress);
     ok = ok && write_report(&j, out, e);
-    json_free(j.report);
-    free_solution(&j.solution);
-    sequence_free(&j.sequence);
-    surface_free(j.scan);
-    source_close(&j.source);
-    threads_free(j.pool);
+    free_job(&j);
     return ok;
+}
+
+/* ---- what it would take */
+
+/* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
+static bool rehearse_once(job *j, double end_s, pace *p)
+{
+    solution s = {0};
+    double begin_s = clock_processor_s();
+    bool ok = place(j, &s, NULL);
+    while (ok && !sampler_ended(s.sampler))
+        ok = may_go_on(j, NULL) && clock_processor_s() < end_s && sampler_step(s.sampler, NULL);
+    ok = ok && sampler_finish(s.sampler, NULL) && measure(j, &s, NULL);
+    if (ok) pace_note(p, j->count, clock_processor_s() - begin_s, 0);
+    free_solution(&s);
+    return ok;
+}
+
+/* Seconds from the first point to the last measure; NAN when that cannot be told. That a rehearsal fails is no
+ * fault of the job's. */
+static double rehearse(job *j)
+{
+    size_t count = j->count;
+    double end_s = clock_processor_s() + 2 * REHEARSAL_S;
+    pace p = pace_begin(count);
+    if (j->spec->time_s > 0) return j->spec->time_s;
+    if (j->spec->has_control) return NAN; /* counts are its own to choose */
+    size_t part = 1;
+    while (count / part / REHEARSAL_STRIDE >= PACE_FIRST) part *= REHEARSAL_STRIDE;
+    for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
+        part /= REHEARSAL_STRIDE;
+        if (pace_run(&p, count / part) > REHEARSAL_S) break;
+    }
+    j->count = count;
+    /* few points are run by one thread, see place */
+    return p.runs > 0 ? pace_run(&p, count) / (count < THREADS_FROM ? 1 : threads_count(j->pool)) : NAN;
+}
+
+static json *describe_estimate(const job *j, double seconds)
+{
+    double memory = (double)j->memory - particle_memory(j) + (double)j->count * bytes_per_particle(j);
+    json *o = json_new_object();
+    if (j->count > 0)
+        json_put_integer(o, "count", (int64_t)j->count);
+    else
+        json_put_null(o, "count");
+    json_put_number(o, "area", j->scan->area);
+    report_put_box(o, j->scan->box);
+    json_put_integer(o, "memory_bytes", (int64_t)memory);
+    if (isnan(seconds))
+        json_put_null(o, "seconds");
+    else
+        json_put_number(o, "seconds", seconds);
+    json_put_integer(o, "threads", threads_count(j->pool));
+    return o;
+}
+
+json *run_estimate(const spec *s, const run_options *options, error *e)
+{
+    static phase *const phases[] = {load, survey};
+    json *estimate = NULL;
+    job j = {.spec = s, .options = options};
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    if (run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
+        double opened_s = clock_processor_s(), seconds = rehearse(&j);
+        /* a time that is the target holds for all of it */
+        if (may_go_on(&j, e)) estimate = describe_estimate(&j, s->time_s > 0 ? seconds : opened_s + seconds);
+    }
+    progress_end(&j.progress);
+    free_job(&j);
+    return estimate;
 }

@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "json/json.h"
 #include "run/sequence.h"
 #include "spec/spec.h"
 #include "store/root.h"
@@ -40,5 +41,16 @@ typedef struct run_summary {
 
 /* Errors: every code of the job contract. On failure no report.json is in the directory. */
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e);
+
+/* What the job would take, found out without doing it: an object to be freed with json_free. The surface is
+ * loaded and measured, and a few runs of few points (two seconds of a processor at most) tell what more of them take.
+ *     count         points; null when a time is the target
+ *     area, bounding_box {min, max}   of the surface
+ *     memory_bytes  at the peak
+ *     seconds       that `threads` processors would take, without what writing the results takes; null when
+ *                   it cannot be told
+ *     threads
+ * Errors: those that run_job would end with before the first point is placed. Writes no file. */
+json *run_estimate(const spec *s, const run_options *options, error *e);
 
 #endif

@@ -1040,7 +1040,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(timeout_s),
      .unit = "s",
-     .prose = "Time of one attempt."},
+     .prose = "Time that the job, or a frame of it, may run, all attempts together; those that the service gave back"
+              " do not count."},
     {.pointer = "/limits/stall_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,

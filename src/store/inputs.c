@@ -36,25 +36,38 @@ bool store_inputs_is_hash(const char *hex)
     return strlen(hex) == STORE_INPUT_HEX && strspn(hex, "0123456789abcdef") == STORE_INPUT_HEX;
 }
 
+bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
+{
+    size_t prefix = strlen(STORE_INPUT_PREFIX), length = STORE_INPUT_NAME_SIZE - 1;
+    if (strncmp(path, STORE_INPUT_PREFIX, prefix) != 0 || strlen(path) < length || strchr(path, '/'))
+        return false;
+    memcpy(name, path, length);
+    name[length] = '\0';
+    return store_inputs_is_hash(name + prefix) && (!path[length] || path[length] == '.');
+}
+
 static char *path_of(const store_inputs *s, const char *hex)
 {
     return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);
 }
 
+static bool is_name(const char *name)
+{
+    size_t prefix = strlen(STORE_INPUT_PREFIX);
+    return strncmp(name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(name + prefix);
+}
+
 /* Counts what is in place and removes what is not. */
 static bool take_stock(store_inputs *s, error *e)
 {
-    size_t prefix = strlen(STORE_INPUT_PREFIX);
     DIR *directory = opendir(s->directory);
     if (!directory)
         return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
     for (struct dirent *d; (d = readdir(directory));) {
         struct stat info;
-        bool own =
-            strncmp(d->d_name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(d->d_name + prefix);
         if (fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
             continue;
-        if (own)
+        if (is_name(d->d_name))
             s->used_bytes += info.st_size;
         else
             unlinkat(dirfd(directory), d->d_name, 0);
@@ -90,6 +103,45 @@ int64_t store_inputs_find(store_inputs *s, const char *hex)
     bool there = lstat(path, &info) == 0 && S_ISREG(info.st_mode);
     free(path);
     return there ? (int64_t)info.st_size : -1;
+}
+
+int64_t store_inputs_use(store_inputs *s, const char *hex)
+{
+    char *path = path_of(s, hex);
+    pthread_mutex_lock(&s->mutex); /* from here on it is not collected for a while */
+    int64_t bytes = store_inputs_find(s, hex);
+    if (bytes >= 0) utimensat(AT_FDCWD, path, NULL, AT_SYMLINK_NOFOLLOW);
+    pthread_mutex_unlock(&s->mutex);
+    free(path);
+    return bytes;
+}
+
+bool store_inputs_collect(store_inputs *s, int64_t before_ms, bool (*is_wanted)(void *context, const char *name),
+                          void *context, size_t *gone, error *e)
+{
+    DIR *directory = opendir(s->directory);
+    *gone = 0;
+    if (!directory)
+        return error_set(e, ERROR_INTERNAL, "%s cannot be read: %s", s->directory, strerror(errno));
+    for (struct dirent *d; (d = readdir(directory));) {
+        struct stat info;
+        if (!is_name(d->d_name)) continue;
+        pthread_mutex_lock(&s->mutex);
+        bool old = fstatat(dirfd(directory), d->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0 &&
+                   S_ISREG(info.st_mode) && (int64_t)info.st_mtim.tv_sec < before_ms / 1000;
+        if (old && !is_wanted(context, d->d_name) && unlinkat(dirfd(directory), d->d_name, 0) == 0) {
+            s->used_bytes -= info.st_size;
+            ++*gone;
+        }
+        pthread_mutex_unlock(&s->mutex);
+    }
+    closedir(directory);
+    return !*gone || store_directory_sync(s->directory, e);
+}
+
+const char *store_inputs_directory(const store_inputs *s)
+{
+    return s->directory;
 }
 
 /* Sets room aside; false when there is none. */

@@ -1,9 +1,10 @@
 /* inputs: files that clients have sent, each under the SHA-256 of its bytes.
  *
- * A directory of files named `sha256:HEX`, which the roots of jobs may include (store/root.h), so that a spec names
- * one as "sha256:HEX". What is in place was verified and never changes; a file that is sent again is not
- * kept twice. Uploads that a crash has left go when the directory is opened. One process owns the directory. Any
- * thread may call; an upload belongs to one thread at a time.
+ * A directory of files named `sha256:HEX`, which the roots of jobs may include (store/root.h), so that a spec
+ * names one as "sha256:HEX", perhaps with an ending, `sha256:HEX.obj`. What is in place was verified and never
+ * changes; a file that is sent again is not kept twice. The time of its last change is that of its last use.
+ * Uploads that a crash has left go when the directory is opened. One process owns the directory. Any thread
+ * may call; an upload belongs to one thread at a time.
  */
 #ifndef HEXAD_STORE_INPUTS_H
 #define HEXAD_STORE_INPUTS_H
@@ -23,11 +24,20 @@ typedef struct store_inputs store_inputs;
 /* Makes the directory when it is missing. A file may have `most_bytes`, all of them `total_bytes`. */
 store_inputs *store_inputs_open(const char *directory, int64_t most_bytes, int64_t total_bytes, error *e);
 void store_inputs_close(store_inputs *s); /* accepts NULL */
+const char *store_inputs_directory(const store_inputs *s);
 
 /* 64 digits, lower case. */
 bool store_inputs_is_hash(const char *hex);
+/* Whether a spec's path names such a file; then its name, without the ending. */
+bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE]);
 /* Its length in bytes, -1 when it is not there. */
 int64_t store_inputs_find(store_inputs *s, const char *hex);
+/* The same, as a use of the file. */
+int64_t store_inputs_use(store_inputs *s, const char *hex);
+/* Removes files that were last used before the time (wall clock) and that nobody wants any more; *gone is how many.
+ * `is_wanted` must not call back. */
+bool store_inputs_collect(store_inputs *s, int64_t before_ms, bool (*is_wanted)(void *context, const char *name),
+                          void *context, size_t *gone, error *e);
 /* *found false: there is none. A job that names it will not find it. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
 

@@ -27,6 +27,7 @@
 
 typedef struct root {
     int directory;
+    char *only;     /* the one file in it that may be read; NULL: all */
     char *given;    /* as configured, without trailing slashes */
     char *resolved; /* without symbolic links */
 } root;
@@ -43,17 +44,31 @@ static char *without_trailing_slashes(const char *path)
     return mem_strndup(path, length);
 }
 
+/* The directory itself, or that of a single file. */
+static int open_directory(const char *resolved, char **only)
+{
+    struct stat info;
+    if (stat(resolved, &info) != 0 || !S_ISREG(info.st_mode))
+        return open(resolved, O_PATH | O_DIRECTORY | O_CLOEXEC);
+    const char *name = strrchr(resolved, '/') + 1;
+    char *parent = mem_strndup(resolved, (size_t)(name - resolved));
+    int directory = open(parent, O_PATH | O_DIRECTORY | O_CLOEXEC), why = errno;
+    free(parent);
+    if (directory >= 0) *only = mem_strdup(name);
+    errno = why;
+    return directory;
+}
+
 static bool root_open(const char *path, root *r, error *e)
 {
-    int directory = open(path, O_PATH | O_DIRECTORY | O_CLOEXEC);
-    char *resolved = directory < 0 ? NULL : realpath(path, NULL);
-    if (!resolved) {
-        error_set(e, ERROR_INPUT_MISSING, "input root %s cannot be opened: %s", path,
-                  strerror(errno));
-        if (directory >= 0) close(directory);
+    char *resolved = realpath(path, NULL), *only = NULL;
+    int directory = resolved ? open_directory(resolved, &only) : -1;
+    if (directory < 0) {
+        error_set(e, ERROR_INPUT_MISSING, "input root %s cannot be opened: %s", path, strerror(errno));
+        free(resolved);
         return false;
     }
-    *r = (root){directory, without_trailing_slashes(path), resolved};
+    *r = (root){directory, only, without_trailing_slashes(path), resolved};
     return true;
 }
 
@@ -74,6 +89,7 @@ void store_roots_close(store_roots *roots)
     if (!roots) return;
     for (size_t i = 0; i < roots->count; i++) {
         close(roots->item[i].directory);
+        free(roots->item[i].only);
         free(roots->item[i].given);
         free(roots->item[i].resolved);
     }
@@ -157,25 +173,19 @@ static const char *below(const char *path, const char *prefix)
 
 static const char *inside(const root *r, const char *path)
 {
+    if (r->only) {
+        bool meant = strcmp(path, r->only) == 0 || strcmp(path, r->given) == 0 || strcmp(path, r->resolved) == 0;
+        return meant ? r->only : NULL;
+    }
     if (path[0] != '/') return path;
     const char *rest = below(path, r->given);
     return rest ? rest : below(path, r->resolved);
 }
 
-/* A file that was sent has its hash for a name; an ending behind it, which tells readers of meshes what it is, is no
- * part of that. */
-static bool is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
-{
-    size_t prefix = strlen(STORE_INPUT_PREFIX), length = STORE_INPUT_NAME_SIZE - 1;
-    if (strncmp(path, STORE_INPUT_PREFIX, prefix) != 0 || strlen(path) < length) return false;
-    memcpy(name, path, length);
-    name[length] = '\0';
-    return store_inputs_is_hash(name + prefix) && path[length] == '.' && !strchr(path, '/');
-}
-
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
+    const char *asked = store_inputs_is_sent(path, name) ? name : path;
     bool found_root = false;
     int why = ENOENT;
     if (has_parent_step(path)) {
@@ -183,7 +193,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         return -1;
     }
     for (size_t i = 0; i < roots->count; i++) {
-        const char *rest = is_sent(path, name) ? name : inside(&roots->item[i], path);
+        const char *rest = inside(&roots->item[i], asked);
         if (!rest) continue;
         found_root = true;
         int fd = open_beneath(roots->item[i].directory, *rest ? rest : ".");

@@ -5,8 +5,8 @@
  * walks (openat2 with RESOLVE_BENEATH), so there is no moment between check and use. A kernel
  * without openat2 gets a walk that follows no symbolic link at all, which is stricter.
  *
- * The directory of files that clients have sent (store/inputs.h) is a root like others. A path `sha256:HEX` may
- * have an ending, `sha256:HEX.obj`, which is not looked at here.
+ * A root that is a file stands for itself alone, named by its last part. The directory of files that clients have
+ * sent (store/inputs.h) is a root like others; an ending behind the hash, `sha256:HEX.obj`, is not looked at.
  *
  * Roots are immutable once opened and may be used by any thread.
  */
@@ -19,7 +19,7 @@
 
 typedef struct store_roots store_roots;
 
-/* Opens the directories. NULL and an error (input_missing) when one is not there. The caller
+/* Opens the directories or files. NULL and an error (input_missing) when one is not there. The caller
  * releases with store_roots_close, which accepts NULL. A count of 0 gives an empty set, which
  * admits nothing. */
 store_roots *store_roots_open(const char *const *paths, size_t count, error *e);

@@ -28,15 +28,27 @@
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
 
+/* A thread that makes one call after another, as it is given them. */
+typedef struct caller {
+    courier *c;
+    CURL *curl;
+    char fault[CURL_ERROR_SIZE];
+    pthread_t thread;
+    bool started;
+    queue_delivery delivery;
+    char *host; /* that it calls, as its addresses begin; NULL: it has nothing to do. Guarded */
+} caller;
+
 struct courier {
     courier_settings settings;
     char *secret;
     queue *q;
-    CURL *curl;
-    char fault[CURL_ERROR_SIZE];
-    int64_t not_before_ms; /* monotonic; after trouble */
+    _Atomic int64_t not_before_ms; /* monotonic; after trouble */
     atomic_bool stopping;
-    pthread_t thread;
+    pthread_t thread; /* gives callers what is due */
+    pthread_mutex_t mutex;
+    pthread_cond_t given;
+    caller *callers;
 };
 
 static char *read_secret(const char *path, error *e)
@@ -117,16 +129,18 @@ static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all
 }
 
 /* Tells it once; why not, in words, when the receiver did not take it. */
-static bool post(courier *c, const queue_delivery *d, error *why)
+static bool post(caller *r, error *why)
 {
-    CURL *curl = c->curl;
+    const courier *c = r->c;
+    const queue_delivery *d = &r->delivery;
+    CURL *curl = r->curl;
     long status = 0;
     if (!webhook_hosts_admit(c->settings.hosts, d->url, why)) return false;
     char *body = describe(d);
     struct curl_slist *headers = make_headers(c, d, body);
     curl_easy_reset(curl);
-    c->fault[0] = '\0';
-    curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, c->fault);
+    r->fault[0] = '\0';
+    curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, r->fault);
     curl_easy_setopt(curl, CURLOPT_URL, d->url);
     curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
     curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* hosts that are listed are meant, and nobody between */
@@ -138,13 +152,13 @@ static bool post(courier *c, const queue_delivery *d, error *why)
     curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, drop_body);
     curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
     curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, look_up);
-    curl_easy_setopt(curl, CURLOPT_XFERINFODATA, c);
+    curl_easy_setopt(curl, CURLOPT_XFERINFODATA, (void *)c);
     CURLcode code = curl_easy_perform(curl);
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
     curl_slist_free_all(headers);
     free(body);
     if (code != CURLE_OK)
-        return error_set(why, ERROR_INTERNAL, "%s", *c->fault ? c->fault : curl_easy_strerror(code));
+        return error_set(why, ERROR_INTERNAL, "%s", *r->fault ? r->fault : curl_easy_strerror(code));
     return status / 100 == 2 || error_set(why, ERROR_INTERNAL, "the answer was %ld", status);
 }
 
@@ -156,11 +170,13 @@ static int64_t wait_ms(const courier_settings *s, int tries)
 }
 
 /* Tries it, and notes what came of that; false when that could not be noted. */
-static bool deliver(courier *c, const queue_delivery *d)
+static bool deliver(caller *r)
 {
+    const courier *c = r->c;
+    const queue_delivery *d = &r->delivery;
     error why = {0}, e = {0};
     int64_t again_ms = 0;
-    bool taken = post(c, d, &why);
+    bool taken = post(r, &why);
     if (!taken && c->stopping) return true;
     bool last = d->tries + 1 >= c->settings.tries;
     if (!taken && !last) again_ms = clock_wall_ms() + wait_ms(&c->settings, d->tries);
@@ -176,35 +192,120 @@ static bool deliver(courier *c, const queue_delivery *d)
     return false;
 }
 
-/* Takes what is due; returns when to look again, monotonic. */
-static int64_t deliver_due(courier *c)
+static void *make_calls(void *argument)
 {
-    while (!c->stopping && clock_monotonic_ms() >= c->not_before_ms) {
+    caller *r = argument;
+    courier *c = r->c;
+    pthread_mutex_lock(&c->mutex);
+    for (;;) {
+        while (!r->host && !c->stopping) pthread_cond_wait(&c->given, &c->mutex);
+        if (c->stopping) break;
+        pthread_mutex_unlock(&c->mutex);
+        if (!deliver(r)) c->not_before_ms = clock_monotonic_ms() + TROUBLE_MS;
+        pthread_mutex_lock(&c->mutex);
+        queue_delivery_clear(&r->delivery);
+        free(r->host);
+        r->host = NULL;
+        queue_signal(c->q); /* there may be more for this host, or there was nobody for others */
+    }
+    pthread_mutex_unlock(&c->mutex);
+    return NULL;
+}
+
+/* Who has nothing to do, or NULL; *busy is a JSON array of the hosts that are being called. */
+static caller *find_caller(courier *c, char **busy)
+{
+    caller *idle = NULL;
+    json *hosts = json_new_array();
+    pthread_mutex_lock(&c->mutex);
+    for (int i = 0; i < c->settings.calls; i++) {
+        if (c->callers[i].host)
+            json_append_string(hosts, c->callers[i].host);
+        else
+            idle = &c->callers[i];
+    }
+    pthread_mutex_unlock(&c->mutex);
+    *busy = json_print(hosts);
+    json_free(hosts);
+    return idle;
+}
+
+/* The part of an address that names scheme, host and port. */
+static char *host_of(const char *url)
+{
+    const char *host = strstr(url, "://");
+    return host ? mem_strndup(url, (size_t)(host - url) + 3 + strcspn(host + 3, "/?#")) : mem_strdup(url);
+}
+
+static void give(caller *r, const queue_delivery *d)
+{
+    pthread_mutex_lock(&r->c->mutex);
+    r->delivery = *d;
+    r->host = host_of(d->url);
+    pthread_cond_broadcast(&r->c->given);
+    pthread_mutex_unlock(&r->c->mutex);
+}
+
+/* Gives away what is due; returns when to look again, monotonic. */
+static int64_t give_due(courier *c)
+{
+    for (;;) {
         queue_delivery d = {0};
         bool found = false;
-        bool ok = queue_next_delivery(c->q, &d, &found, NULL);
+        char *busy;
+        int64_t now = clock_monotonic_ms(), not_before = c->not_before_ms;
+        if (now < not_before) return not_before;
+        caller *idle = find_caller(c, &busy);
+        bool ok = !idle || queue_next_delivery(c->q, busy, &d, &found, NULL);
+        free(busy);
         int64_t ahead_ms = ok && found ? d.due_ms - clock_wall_ms() : LOOK_MS;
-        if (ok && ahead_ms <= 0) ok = deliver(c, &d);
+        if (!ok) c->not_before_ms = now + TROUBLE_MS;
+        if (found && ahead_ms <= 0) {
+            give(idle, &d);
+            continue;
+        }
         queue_delivery_clear(&d);
-        if (!ok) c->not_before_ms = clock_monotonic_ms() + TROUBLE_MS;
-        if (ok && ahead_ms > 0) return clock_monotonic_ms() + (ahead_ms < LOOK_MS ? ahead_ms : LOOK_MS);
+        if (ok) return now + (ahead_ms < LOOK_MS ? ahead_ms : LOOK_MS);
     }
-    return c->not_before_ms;
 }
 
 static void *run(void *argument)
 {
     courier *c = argument;
     uint64_t seen = 0;
-    while (!c->stopping) queue_wait(c->q, &seen, deliver_due(c));
+    while (!c->stopping) queue_wait(c->q, &seen, give_due(c));
     return NULL;
 }
 
+/* Ends the callers; a call that is under way is broken off. */
 static void release(courier *c)
 {
-    if (c->curl) curl_easy_cleanup(c->curl);
+    pthread_mutex_lock(&c->mutex);
+    c->stopping = true;
+    pthread_cond_broadcast(&c->given);
+    pthread_mutex_unlock(&c->mutex);
+    for (int i = 0; i < c->settings.calls; i++) {
+        caller *r = &c->callers[i];
+        if (r->started) pthread_join(r->thread, NULL);
+        if (r->curl) curl_easy_cleanup(r->curl);
+        queue_delivery_clear(&r->delivery);
+        free(r->host);
+    }
+    pthread_cond_destroy(&c->given);
+    pthread_mutex_destroy(&c->mutex);
+    free(c->callers);
     free(c->secret);
     free(c);
+}
+
+static bool start_caller(courier *c, caller *r, error *e)
+{
+    r->c = c;
+    r->curl = curl_easy_init();
+    if (!r->curl) return error_set(e, ERROR_INTERNAL, "libcurl does not start");
+    int why = pthread_create(&r->thread, NULL, make_calls, r);
+    r->started = why == 0;
+    return r->started || error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
 }
 
 courier *courier_start(const courier_settings *settings, queue *q, error *e)
@@ -212,17 +313,15 @@ courier *courier_start(const courier_settings *settings, queue *q, error *e)
     courier *c = mem_alloc(sizeof *c);
     c->settings = *settings;
     c->q = q;
+    c->callers = mem_alloc((size_t)settings->calls * sizeof *c->callers);
+    pthread_mutex_init(&c->mutex, NULL);
+    pthread_cond_init(&c->given, NULL);
     c->secret = read_secret(settings->secret_file, e);
-    if (!c->secret) goto fail;
-    c->curl = curl_easy_init();
-    if (!c->curl) {
-        error_set(e, ERROR_INTERNAL, "libcurl does not start");
-        goto fail;
-    }
-    int why = pthread_create(&c->thread, NULL, run, c);
-    if (why == 0) return c;
-    error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
-fail:
+    bool ok = c->secret != NULL;
+    for (int i = 0; ok && i < settings->calls; i++) ok = start_caller(c, &c->callers[i], e);
+    int why = ok ? pthread_create(&c->thread, NULL, run, c) : 0;
+    if (why) ok = error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
+    if (ok) return c;
     release(c);
     return NULL;
 }

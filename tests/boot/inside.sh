@@ -50,8 +50,9 @@ is_confined() {
 }
 ps_user() { stat -c %U "/proc/$(main_pid)"; }
 
+# Of a job that a worker runs: a repeat would be given the result of the one before.
 journal_has_fields() {
-    job=$(spec "$sphere" | hexadctl submit -)
+    job=$(spec "$(echo "$sphere" | sed 's/1}}$/2}}/')" | hexadctl submit -)
     hexadctl wait "$job" && journalctl -o export "HEXAD_JOB=$job" >/tmp/entries &&
         grep -q '^HEXAD_ATTEMPT=1$' /tmp/entries && grep -q '^HEXAD_WORKER=[0-9]*$' /tmp/entries &&
         grep -q '^PRIORITY=6$' /tmp/entries

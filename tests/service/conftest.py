@@ -38,11 +38,11 @@ def data_service(build, shared_data, tmp_path_factory):
 @pytest.fixture
 def worker(build, tmp_path):
     """Runs hexad-worker; a document instead of a path is written down first."""
-    def call(spec, *words, output="out", **more):
+    def call(spec, *words, output="out", command="run", **more):
         if not isinstance(spec, str):
             (tmp_path / "spec.json").write_text(json.dumps(spec))
             spec = "spec.json"
         to = [] if output is None else ["--output", output]
-        return subprocess.run([build / "hexad-worker", "run", spec, *to, *map(str, words)], cwd=tmp_path, text=True,
+        return subprocess.run([build / "hexad-worker", command, spec, *to, *map(str, words)], cwd=tmp_path, text=True,
                               capture_output=True, timeout=PATIENCE_S, **more)
     return call

@@ -78,12 +78,28 @@ def test_scopes(closed_service):
     sender = new_token(service, "dave", "--scopes", "submit")
     expect_problem(with_token(service, reader, "POST", "/v1/jobs", sphere()), 403, "forbidden")
     assert with_token(service, reader, "GET", "/v1/jobs").status == 200
+    checked = with_token(service, reader, "POST", "/v1/jobs:validate", sphere())
+    assert checked.status == 200 and checked.json["estimate"] is None and "submit" in checked.json["estimate_missing"]
     expect_problem(with_token(service, sender, "GET", "/v1/jobs"), 403, "forbidden")
     reply = with_token(service, sender, "POST", "/v1/jobs", long_sphere())
     assert reply.status == 201
     path = f"/v1/jobs/{reply.json['id']}/cancel"
     expect_problem(with_token(service, sender, "POST", path), 403, "forbidden")
     assert with_token(service, service.token, "POST", path).status in (200, 202)
+
+
+def test_what_an_owner_is_shown_others_are_not(closed_service):
+    service = closed_service
+    owner, other = new_token(service, "carol"), new_token(service, "dave")
+    path = with_token(service, owner, "POST", "/v1/jobs", sphere()).json["links"]["self"]
+    wait_until(lambda: with_token(service, owner, "GET", path).json["state"] == "succeeded", "the job")
+    for _ in range(2):  # whose turn comes after whose makes no difference
+        for token, sees in ((owner, True), (other, False), (service.token, True)):
+            shown = with_token(service, token, "GET", path)
+            assert (shown.json["spec"] is not None) == sees
+            known = service.request("GET", path, headers={"Authorization": f"Bearer {token}",
+                                                          "If-None-Match": shown.headers["ETag"]})
+            assert known.status == 304
 
 
 def test_a_revoked_token_is_worth_nothing(closed_service):

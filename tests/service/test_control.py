@@ -146,6 +146,37 @@ def test_a_change_of_what_one_knows(gated):
     assert gated.job(job)["priority"] == 2
 
 
+def test_no_answer_is_older_than_a_change(gated):
+    """While others keep asking, so that there is an answer that was kept at every moment."""
+    gated.wait_worker(gated.submit(sphere()))
+    job = gated.submit(sphere())
+    path, over, faults = f"/v1/jobs/{job}", threading.Event(), []
+
+    def look():
+        connection, last = gated.connection(), 0
+        while not over.is_set():
+            connection.request("GET", path)
+            now = json.loads(connection.getresponse().read())["priority"]
+            if now < last:
+                faults.append((last, now))
+            last = now
+        connection.close()
+
+    threads = [threading.Thread(target=look) for _ in range(2)]
+    for t in threads:
+        t.start()
+    try:
+        for priority in range(1, 101):
+            assert gated.request("PATCH", path, json.dumps({"priority": priority}),
+                                 {"Content-Type": "application/json"}).status == 200
+            assert [gated.job(job)["priority"] for _ in range(2)] == [priority] * 2
+    finally:
+        over.set()
+        for t in threads:
+            t.join()
+    assert not faults
+
+
 def test_pause_resume_retry_delete(gated):
     job = gated.submit(sphere())
     other = gated.submit(sphere())

@@ -32,7 +32,8 @@ def show(tmp_path):
 
 @pytest.fixture
 def mapped(new_service, show):
-    return new_service("--input_roots", show, "--output_roots", show, "--path_mappings",
+    # no file is looked into: none of them is what it is called
+    return new_service("--input_roots", show, "--output_roots", show, "--estimates", 0, "--path_mappings",
                        f"/Volumes/show={show}, Z:\\show={show},/Volumes/show/none={show}/nothing").start()
 
 

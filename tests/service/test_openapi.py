@@ -22,7 +22,7 @@ def described(build, tmp_path_factory):
     """A service on a Unix socket, with the document that it serves."""
     from service import Service
 
-    service = Service(build, tmp_path_factory.mktemp("openapi"))
+    service = Service(build, tmp_path_factory.mktemp("openapi"), "--estimate_timeout_s", "0.5")
     for word in ("--listen", "--tcp_without_tokens"):
         at = service.options.index(word)
         del service.options[at:at + 2]
@@ -199,7 +199,8 @@ def test_generated_specs(described):
             assert reply.status in (400, 422), f"{spec} does not fit the schema and was taken"
         if reply.status == 200:
             again = described.post("/v1/jobs:validate", {**reply.json["spec"]})
-            assert again.status == 200 and again.json == reply.json
+            assert again.status == 200
+            assert all(again.json[part] == reply.json[part] for part in ("spec", "paths"))
 
     run()
 

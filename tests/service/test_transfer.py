@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from service import PATIENCE_S, sphere, wait_until
+from service import PATIENCE_S, gated_worker, sphere, wait_until
 from test_rest import exchange, expect_problem
 
 TETRAHEDRON = b"""v 1 1 1
@@ -108,6 +108,41 @@ def test_an_input_is_sent_and_used(service):
     assert report["inputs"][0]["sha256"] == name
 
 
+def test_a_result_of_what_was_sent_is_given_again(service):
+    """That others use the file meanwhile makes no difference."""
+    name = put(service, TETRAHEDRON).json["path"]
+    first = service.submit(mesh(f"{name}.obj"))
+    service.wait_state(first, "succeeded")
+    put(service, TETRAHEDRON)
+    again = service.wait_state(service.submit(mesh(f"{name}.obj")), "succeeded")
+    assert again["cached_from"] == first
+
+
+# what it was called with goes to its log
+ASKED = """#!/bin/sh
+cat > /dev/null
+echo "$@" >&2
+exit 3
+"""
+
+
+def test_a_worker_is_given_what_its_spec_names(new_service, tmp_path):
+    program = tmp_path / "asked"
+    program.write_text(ASKED)
+    program.chmod(0o700)
+    others = tmp_path / "others"
+    others.mkdir()
+    service = new_service("--worker", program, "--input_roots", others).start()
+    name, other = (put(service, data).json["path"] for data in (TETRAHEDRON, b"another's"))
+    both = {"union": [mesh(f"{name}.obj")["surface"], mesh(f"{name}.stl")["surface"]]}
+    for spec, wanted in ((mesh(f"{name}.obj"), [name]), (sphere(surface=both), [name]), (sphere(), [])):
+        job = service.submit(spec | {"name": other})
+        service.wait_state(job, "failed")
+        words = (service.state / "attempts" / f"{job}.1" / "worker.log").read_text().split()
+        roots = [b for a, b in zip(words, words[1:]) if a == "--input-root"]
+        assert roots == [str(service.state / "inputs" / w) for w in wanted] + [str(others)]
+
+
 def test_an_input_that_is_sent_twice_is_not_asked_for(service):
     put(service, TETRAHEDRON)
     name = hashlib.sha256(TETRAHEDRON).hexdigest()
@@ -158,6 +193,20 @@ def test_a_broken_upload_leaves_nothing(new_service):
     service.start()
     assert [f.name for f in kept.iterdir()] == [f"sha256:{name}"]
     expect_problem(put(service, b"y"), 507, "storage_full")
+
+
+def test_an_input_that_nobody_uses_goes(new_service, tmp_path):
+    service = new_service("--inputs_keep_s", 1, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+    kept = service.state / "inputs"
+    name = put(service, TETRAHEDRON).json["path"]
+    job = service.submit(mesh(f"{name}.obj"))
+    service.wait_worker(job)
+    put(service, b"another")
+    wait_until(lambda: [f.name for f in kept.iterdir()] == [name], "the other to go")
+    service.open_gate(job)
+    service.wait_state(job, "succeeded")
+    wait_until(lambda: not list(kept.iterdir()), "the input to go")
+    expect_problem(service.post("/v1/jobs", mesh(f"{name}.obj")), 422, "input_missing", "/surface/mesh/path")
 
 
 def test_an_admin_deletes_an_input(new_service):

@@ -184,6 +184,24 @@ def test_hosts_that_are_not_listed_are_refused(new_service, caller, receiver):
     assert receiver.calls.empty()
 
 
+def test_a_host_that_does_not_answer_holds_up_no_other(new_service, receiver, secret):
+    silent, release = Receiver(), threading.Event()
+    silent.answers.put(lambda: release.wait(PATIENCE_S) and 204)
+    service = new_service("--webhook_hosts", receiver.host, "--webhook_hosts", silent.host, "--webhook_secret_file",
+                          secret, "--webhook_timeout_s", "3600").start()
+    stuck = [service.submit(hooked(silent)) for _ in range(2)]
+    assert silent.next()[1]["data"]["job"] in stuck
+    for job in stuck:
+        service.wait_state(job, "succeeded")
+    job = service.submit(hooked(receiver))
+    assert receiver.next()[1]["data"]["job"] == job
+    assert silent.calls.empty()  # one call at a time to one host
+    release.set()
+    silent.next()
+    silent.server.shutdown()
+    silent.server.server_close()
+
+
 def test_a_host_that_is_listed_no_more_is_not_called(new_service, receiver, secret):
     service = new_service("--webhook_secret_file", secret, "--webhook_retry_s", "0.01", "--webhook_tries", "2")
     service.start("--webhook_hosts", receiver.host)

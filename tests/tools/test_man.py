@@ -68,27 +68,41 @@ def test_no_setting_is_missing(build, source, needs_mandoc):
 
 # ---- completion
 
-def complete(build, source, *words):
-    """What bash offers for the last of the words."""
-    script = (f'. "{source}/etc/completion.bash"; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _hexad; '
-              'printf "%s\\n" "${COMPREPLY[@]}"')
-    done = subprocess.run(["bash", "-c", script, "bash", build / words[0], *words[1:]], capture_output=True, text=True,
-                          check=True)
-    return done.stdout.split()
+BASH = r'''. "$0/completion.bash"; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _hexad
+printf "%s\n" "${COMPREPLY[@]}"'''
+# what zsh has for use within its editor alone: to keep what begins like the word, and to go by the names of files
+ZSH = """compadd() { shift; print -l -- ${(M)@:#$words[CURRENT]*} }; _files() { }
+words=("$@") CURRENT=$#; complete_it() { source $1 }; complete_it $0/completion.zsh"""
+
+
+@pytest.fixture(params=["bash", "zsh"])
+def complete(request, build, source):
+    """What the shell offers for the last of the words."""
+    shell = request.param
+    if not shutil.which(shell):
+        pytest.skip(f"{shell} is not here")
+
+    def call(*words):
+        start = {"bash": ["bash", "-c", BASH], "zsh": ["zsh", "-f", "-c", ZSH]}[shell]
+        done = subprocess.run([*start, source / "etc", build / words[0], *words[1:]],
+                              capture_output=True, text=True, check=True)
+        assert not done.stderr
+        return sorted(done.stdout.split())
+    return call
 
 
 @pytest.mark.parametrize("program", ["hexad", "hexadctl", "hexad-worker"])
-def test_all_options_are_completed(build, source, program):
-    assert complete(build, source, program, "--") == sorted(set(re.findall(OPTION, help_of(build, program))))
+def test_all_options_are_completed(build, complete, program):
+    assert complete(program, "--") == sorted(set(re.findall(OPTION, help_of(build, program))))
 
 
-def test_all_commands_are_completed(build, source):
+def test_all_commands_are_completed(source, complete):
     client = (source / "src/programs/hexadctl.c").read_text()
     names = re.findall(r'\{"([a-z -]+)", command_', client)
     assert {"submit", "fetch"} <= set(names)
-    assert set(complete(build, source, "hexadctl", "")) == {name.split()[0] for name in names}
+    assert set(complete("hexadctl", "")) == {name.split()[0] for name in names}
     for group, _, name in (n.partition(" ") for n in names):
-        assert not name or name in complete(build, source, "hexadctl", group, "")
-    assert complete(build, source, "hexadctl", "su") == ["submit"]
-    assert {"run", "make-example", "spec-help"} <= set(complete(build, source, "hexad-worker", ""))
-    assert complete(build, source, "hexadctl", "show", "") == []  # an id: nothing but names of files
+        assert not name or name in complete("hexadctl", group, "")
+    assert complete("hexadctl", "su") == ["submit"]
+    assert {"run", "make-example", "spec-help"} <= set(complete("hexad-worker", ""))
+    assert complete("hexadctl", "show", "") == []  # an id: nothing but names of files

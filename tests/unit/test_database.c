@@ -231,7 +231,9 @@ static void test_paths_are_added_to_version_2(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    static const char as_it_was[] = "ALTER TABLE spec DROP COLUMN paths; PRAGMA user_version = 2;";
+    static const char as_it_was[] =
+        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;"
+        "PRAGMA user_version = 2;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -244,6 +246,33 @@ static void test_paths_are_added_to_version_2(void **state)
     job = get(p, receipt.id);
     assert_string_equal(job.paths, "[1]");
     queue_job_clear(&job);
+}
+
+#define SENT "sha256:0123456789012345678901234567890123456789012345678901234567890123"
+
+static void test_times_and_inputs_are_added_to_version_3(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    bool wanted = false;
+    queue_submission s = plain;
+    s.spec = "{\"surface\":{\"mesh\":{\"path\":\"" SENT ".obj\"}}}";
+    submit_for(p, &s, id);
+    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
+    assert_false(wanted); /* it was not said */
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input; PRAGMA user_version = 3;";
+    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    assert_int_equal(get_task(p, id, 0).ran_ms, 0);
+    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
+    assert_true(wanted);
+    tell(p, id, QUEUE_CANCEL, true);
+    assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
+    assert_false(wanted);
 }
 
 static void test_a_second_owner_is_refused(void **state)
@@ -325,7 +354,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
         CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
-        CASE(test_paths_are_added_to_version_2),
+        CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),

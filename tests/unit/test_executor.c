@@ -380,6 +380,16 @@ static void test_a_timeout_kills(void **state)
     expect_child_gone(p);
 }
 
+/* Each attempt ends before the time is over, and all of them after it. */
+static void test_a_timeout_is_of_all_attempts(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    start(p, PROLOGUE "sleep 0.4\nkill -9 $$\n", 1);
+    put(p, "{\"limits\":{\"timeout_s\":1}}", 9, id);
+    expect_end(p, id, QUEUE_TIMED_OUT, "limit_time", "1 s");
+}
+
 static void test_a_stall_is_noticed(void **state)
 {
     place *p = *state;
@@ -640,7 +650,7 @@ int main(void)
         CASE(test_a_short_output_is_no_result),
         CASE(test_a_missing_worker_costs_no_job),
         CASE(test_progress_is_seen),
-        CASE(test_a_timeout_kills),
+        CASE(test_a_timeout_kills), CASE(test_a_timeout_is_of_all_attempts),
         CASE(test_a_stall_is_noticed),
         CASE(test_cancel_of_a_deaf_worker),
         CASE(test_drain_puts_back_uncounted),

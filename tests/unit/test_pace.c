@@ -95,6 +95,20 @@ static void nothing_fits_into_no_time(void **state)
     assert_true(pace_next(&p, 1) > PACE_FIRST);
 }
 
+/* A part that does not depend on the count, and one that goes with it. */
+static void a_run_is_foretold(void **state)
+{
+    (void)state;
+    pace p = pace_begin(SIZE_MAX);
+    pace_note(&p, 1000, 0.5, 0);
+    assert_float_equal(pace_run(&p, 4000), 2, 1e-6);
+    pace_note(&p, 4000, 0.8, 0);
+    assert_float_equal(pace_run(&p, 4000), 0.8, 1e-6);
+    assert_float_equal(pace_run(&p, 16000), 2, 1e-6);
+    pace_note(&p, 16000, 0.7, 0); /* less than fewer took: by the last alone */
+    assert_float_equal(pace_run(&p, 32000), 1.4, 1e-6);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -102,6 +116,7 @@ int main(void)
         cmocka_unit_test(noise_is_allowed_for),
         cmocka_unit_test(memory_bounds_the_count),
         cmocka_unit_test(nothing_fits_into_no_time),
+        cmocka_unit_test(a_run_is_foretold),
     };
     return cmocka_run_group_tests_name("pace", tests, NULL, NULL);
 }

@@ -622,6 +622,24 @@ static void test_list_by_owner_and_label(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
+static void test_attempts_that_count_add_their_time(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    put(p, "slow", 0, id);
+    queue_ending ran = crash;
+    ran.ran_ms = 700;
+    assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
+    assert_int_equal(get_task(p, id, 0).ran_ms, 700);
+    assert_true(requeue(p, id, claim(p, id), false, 0, &ran)); /* given back */
+    assert_int_equal(get_task(p, id, 0).ran_ms, 700);
+    assert_true(requeue(p, id, claim(p, id), true, 0, &ran));
+    assert_int_equal(claim_in(p, &wide, id).ran_ms, 1400);
+    assert_true(finish(p, id, 0, 4, &ran));
+    tell(p, id, QUEUE_RETRY, true);
+    assert_int_equal(get_task(p, id, 0).ran_ms, 0);
+}
+
 static void test_events_tell_what_happened(void **state)
 {
     place *p = *state;
@@ -680,7 +698,7 @@ static queue_delivery next_delivery(place *p, const char *id)
 {
     queue_delivery delivery = {0};
     bool found = false;
-    assert_true(queue_next_delivery(p->q, &delivery, &found, NULL));
+    assert_true(queue_next_delivery(p->q, "[]", &delivery, &found, NULL));
     assert_int_equal(found, id != NULL);
     if (id) assert_string_equal(delivery.id, id);
     return delivery;
@@ -747,6 +765,7 @@ int main(void)
         CASE(test_what_is_over_is_forgotten),
         CASE(test_list_pages_newest_first),
         CASE(test_list_by_owner_and_label),
+        CASE(test_attempts_that_count_add_their_time),
         CASE(test_events_tell_what_happened),
         CASE(test_ends_are_told),
     };

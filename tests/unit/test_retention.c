@@ -4,9 +4,11 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <fcntl.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -17,11 +19,14 @@
 #include "store/file.h"
 
 #define PATIENCE_MS 30000
+/* Of files that were sent; those of the tests were used long before, or will be. */
+#define KEEP_S 1
 
 typedef struct place {
     char base[64];
     queue *q;
     retention *r;
+    store_inputs *inputs;
 } place;
 
 static int set_up(void **state)
@@ -40,6 +45,7 @@ static int tear_down(void **state)
 {
     place *p = *state;
     retention_stop(p->r);
+    store_inputs_close(p->inputs);
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));
     free(p);
@@ -49,7 +55,7 @@ static int tear_down(void **state)
 static void begin(place *p)
 {
     error e = {0};
-    p->r = retention_start(p->q, p->base, &e);
+    p->r = retention_start(p->q, p->base, p->inputs, KEEP_S, &e);
     if (!p->r) fail_msg("%s", e.message);
 }
 
@@ -179,12 +185,73 @@ static void test_a_start_removes_orphans(void **state)
     assert_true(is_there(mem_printf("%s/results/lost+found", p->base)));
 }
 
+/* A file that was sent, last used so long ago. */
+static char *put_input(place *p, char digit, int64_t ago_s, char name[STORE_INPUT_NAME_SIZE])
+{
+    memset(name, digit, STORE_INPUT_NAME_SIZE - 1);
+    memcpy(name, STORE_INPUT_PREFIX, strlen(STORE_INPUT_PREFIX));
+    name[STORE_INPUT_NAME_SIZE - 1] = '\0';
+    char *path = mem_printf("%s/inputs/%s", p->base, name);
+    assert_true(store_file_write(path, "xyz", 3, NULL));
+    struct timespec times[2] = {{.tv_sec = clock_wall_ms() / 1000 - ago_s}};
+    times[1] = times[0];
+    assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
+    return path;
+}
+
+static void wait_gone(const char *path)
+{
+    for (int64_t since = clock_monotonic_ms(); access(path, F_OK) == 0; poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("%s is kept", path);
+}
+
+static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
+{
+    place *p = *state;
+    char name[STORE_INPUT_NAME_SIZE], id[ULID_SIZE];
+    char *directory = mem_printf("%s/inputs", p->base);
+    assert_true(store_directory_create(directory, NULL));
+    char *unused = put_input(p, 'a', 1000, name), *fresh = put_input(p, 'b', -1000, name),
+         *wanted = put_input(p, 'c', 1000, name);
+    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    assert_non_null(p->inputs);
+    const char *inputs[] = {name};
+    queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .inputs = inputs, .input_count = 1};
+    queue_receipt receipt;
+    assert_true(queue_put(p->q, &s, &receipt, NULL));
+    memcpy(id, receipt.id, sizeof id);
+    begin(p);
+    wait_gone(unused); /* in one look with the others */
+    assert_int_equal(access(fresh, F_OK), 0);
+    assert_int_equal(access(wanted, F_OK), 0);
+    run(p, id, QUEUE_NO_FRAME);
+    wait_gone(wanted);
+    assert_int_equal(access(fresh, F_OK), 0);
+    /* and gave its room back */
+    store_upload *upload = NULL;
+    assert_int_equal(store_upload_begin(p->inputs, name + strlen(STORE_INPUT_PREFIX), 6, &upload, NULL),
+                     STORE_UPLOAD_GOOD);
+    store_upload_end(upload);
+    /* a use keeps it */
+    free(unused);
+    unused = put_input(p, 'd', 1000, name);
+    assert_int_equal(store_inputs_use(p->inputs, name + strlen(STORE_INPUT_PREFIX)), 3);
+    struct stat info;
+    assert_int_equal(stat(unused, &info), 0);
+    assert_true(info.st_mtim.tv_sec > clock_wall_ms() / 1000 - 500);
+    free(unused);
+    free(fresh);
+    free(wanted);
+    free(directory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_start_removes_orphans, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
     };
     log_set_level(LOG_LEVEL_ERROR);
     return cmocka_run_group_tests_name("retention", tests, NULL, NULL);

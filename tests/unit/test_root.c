@@ -169,6 +169,29 @@ static void test_no_roots(void **state)
     assert_non_null(strstr(e.message, "/nonexistent/root"));
 }
 
+static void test_a_file_is_a_root_of_itself(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    char *file = mem_printf("%s/file", p->root);
+    const char *paths[] = {file};
+    store_roots *roots = store_roots_open(paths, 1, &e);
+    if (!roots) fail_msg("%s", e.message);
+    const char *names[] = {"file", file};
+    for (size_t i = 0; i < 2; i++) {
+        int fd = store_open_input(roots, names[i], &e);
+        if (fd < 0) fail_msg("%s", e.message);
+        close(fd);
+    }
+    const char *others[] = {"inner/deep", "./file", ".", "../outside"};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        assert_int_equal(store_open_input(roots, others[i], &e), -1);
+        assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    }
+    store_roots_close(roots);
+    free(file);
+}
+
 static void expect_walk(int directory, const char *path, int want)
 {
     int fd = store_open_walking(directory, path);
@@ -203,6 +226,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_escapes_are_forbidden, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_is_a_root_of_itself, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_walk_without_openat2, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("root", tests, NULL, NULL);

@@ -41,7 +41,8 @@ enum { STARTED_AGAIN = 42, NOT_ENTERED = 126 };
 
 typedef struct place {
     char base[64];
-    char *input, *file, *output, *outside; /* input/file is to be read, outside is beside both */
+    /* input/file and the single file are to be read, outside is beside them */
+    char *input, *file, *output, *outside, *single;
     pid_t parent;
 } place;
 
@@ -54,10 +55,12 @@ static int set_up(void **state)
     p->file = mem_printf("%s/input/file", p->base);
     p->output = mem_printf("%s/output", p->base);
     p->outside = mem_printf("%s/outside", p->base);
+    p->single = mem_printf("%s/single", p->base);
     p->parent = getpid();
     assert_int_equal(mkdir(p->input, 0700), 0);
     assert_int_equal(mkdir(p->output, 0700), 0);
-    assert_true(store_file_write(p->file, "x", 1, NULL) && store_file_write(p->outside, "x", 1, NULL));
+    assert_true(store_file_write(p->file, "x", 1, NULL) && store_file_write(p->outside, "x", 1, NULL) &&
+                store_file_write(p->single, "x", 1, NULL));
     *state = p;
     return 0;
 }
@@ -70,6 +73,7 @@ static int tear_down(void **state)
     free(p->file);
     free(p->output);
     free(p->outside);
+    free(p->single);
     free(p);
     return 0;
 }
@@ -80,8 +84,8 @@ static int run_inside(const place *p, int (*probe)(const place *))
     pid_t child = fork();
     assert_true(child >= 0);
     if (child == 0) {
-        const char *readable[] = {p->input};
-        const sandbox_places places = {readable, 1, p->output};
+        const char *readable[] = {p->input, p->single};
+        const sandbox_places places = {readable, 2, p->output};
         error e = {0};
         if (!sandbox_enter(SANDBOX_AVAILABLE, &places, &e)) {
             dprintf(STDERR_FILENO, "%s\n", e.message);
@@ -314,6 +318,11 @@ static int read_input(const place *p)
     return read_at(p->file);
 }
 
+static int read_single(const place *p)
+{
+    return read_at(p->single);
+}
+
 static int read_outside(const place *p)
 {
     return read_at(p->outside);
@@ -419,6 +428,7 @@ static const struct place_probe {
     int since; /* of Landlock's versions */
 } place_probes[] = {
     {"read an input", read_input, 0, 1},
+    {"read a single file", read_single, 0, 1},
     {"write a result", write_output, 0, 1},
     {"start the program itself", start_itself, 0, 1},
     {"read outside", read_outside, EACCES, 1},

@@ -1,0 +1,155 @@
+#include "executor/estimator.h"
+
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "executor/engine.h"
+#include "executor/local.h"
+#include "executor/sent.h"
+#include "executor/settlement.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* An object of some numbers. */
+#define LONGEST_BYTES 65536
+
+struct estimator {
+    executor_settings settings;
+    char *directory;
+    int at_once;
+    double timeout_s;
+    atomic_int running;
+    atomic_uint number; /* of the next one's directory */
+    int end_fd;         /* readable: no more */
+};
+
+estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e)
+{
+    estimator *m = mem_alloc(sizeof *m);
+    m->settings = *settings;
+    m->directory = mem_printf("%s/estimates", settings->state_dir);
+    m->at_once = at_once;
+    m->timeout_s = timeout_s;
+    m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    bool ok = m->end_fd >= 0 || error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
+    if (ok && store_remove(m->directory, e) && store_directory_create(m->directory, e)) return m;
+    estimator_close(m);
+    return NULL;
+}
+
+void estimator_dismiss(estimator *m)
+{
+    ssize_t written = write(m->end_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written; /* a counter that is full is readable, too */
+}
+
+void estimator_close(estimator *m)
+{
+    if (!m) return;
+    if (m->end_fd >= 0) close(m->end_fd);
+    free(m->directory);
+    free(m);
+}
+
+/* Waits for its end, which comes at once when the time is over or nobody is to wait any more. True: it was by
+ * itself. */
+static bool await(const estimator *m, engine_attempt *attempt)
+{
+    int64_t end_ms = clock_monotonic_ms() + (int64_t)(m->timeout_s * 1000);
+    const char *progress;
+    bool stopped = false;
+    while (!engine_local.poll(attempt, &progress)) {
+        struct pollfd fds[1 + ENGINE_MAX_FDS] = {{.fd = stopped ? -1 : m->end_fd, .events = POLLIN}};
+        size_t count = 1 + engine_local.watch(attempt, fds + 1);
+        int64_t left_ms = end_ms - clock_monotonic_ms();
+        poll(fds, count, stopped ? -1 : left_ms > 0 ? (int)left_ms + 1 : 0);
+        if (stopped || (!fds[0].revents && clock_monotonic_ms() < end_ms)) continue;
+        engine_local.cancel(attempt, true);
+        stopped = true;
+    }
+    return !stopped;
+}
+
+/* What it left, in so far as it is an object. */
+static char *read_document(const char *directory)
+{
+    size_t length = 0;
+    char *path = mem_printf("%s/estimate.json", directory);
+    char *text = store_file_read(path, LONGEST_BYTES, &length, NULL);
+    json *document = text ? json_parse(text, length, NULL) : NULL;
+    if (json_type_of(json_root(document)) != JSON_OBJECT) {
+        free(text);
+        text = NULL;
+    }
+    json_free(document);
+    free(path);
+    return text;
+}
+
+static estimator_verdict decide(const engine_ending *ending, const char *directory, char **document, error *e)
+{
+    if (ending->exit_status == 0 && (*document = read_document(directory))) return ESTIMATOR_MADE;
+    if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) && e->code != ERROR_INTERNAL &&
+        e->code != ERROR_CANCELLED)
+        return ESTIMATOR_FAULT;
+    error_set(e, ERROR_INTERNAL, "the worker that was to find out ended without a word");
+    return ESTIMATOR_NONE;
+}
+
+static estimator_verdict ask(estimator *m, engine_request *request, char **document, error *e)
+{
+    engine_ending ending = {0};
+    engine_attempt *attempt =
+        store_directory_create(request->directory, e) ? engine_local.start(request, e) : NULL;
+    if (!attempt) return ESTIMATOR_NONE;
+    bool ended = await(m, attempt);
+    engine_local.settle(attempt, &ending);
+    estimator_verdict verdict = ESTIMATOR_NONE;
+    if (ended)
+        verdict = decide(&ending, request->directory, document, e);
+    else
+        error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)",
+                  m->timeout_s);
+    free(ending.last_words);
+    store_remove(request->directory, NULL);
+    return verdict;
+}
+
+estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int threads, int64_t memory_mb,
+                                char **document, error *e)
+{
+    estimator_verdict verdict = ESTIMATOR_NONE;
+    const executor_settings *settings = &m->settings;
+    if (atomic_fetch_add(&m->running, 1) < m->at_once) {
+        size_t root_count = 0;
+        char *directory = mem_printf("%s/%u", m->directory, atomic_fetch_add(&m->number, 1));
+        char **roots = sent_list_roots(spec, settings->inputs, settings->input_roots,
+                                       settings->input_root_count, &root_count);
+        engine_request request = {
+            .worker = settings->worker,
+            .command = "estimate",
+            .directory = directory,
+            .spec = spec,
+            .input_roots = (const char *const *)roots,
+            .input_root_count = root_count,
+            .memory_mb = memory_mb,
+            .threads = threads,
+            .frame = frame,
+            .file_mb = settings->file_mb,
+            .sandbox = settings->sandbox,
+        };
+        verdict = ask(m, &request, document, e);
+        sent_free_roots(roots, root_count);
+        free(directory);
+    } else {
+        error_set(e, ERROR_INTERNAL, "%d others are being found out (setting estimates)", m->at_once);
+    }
+    atomic_fetch_sub(&m->running, 1);
+    return verdict;
+}

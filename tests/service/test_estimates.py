@@ -1,0 +1,114 @@
+"""What a job would take: told by the worker, and by the service to who has a spec checked."""
+import json
+
+import numpy
+import pytest
+
+from service import gated_worker, last_words, long_sphere, sphere, wait_until
+from test_rest import expect_problem
+
+
+@pytest.fixture
+def estimate(build, worker, tmp_path):
+    """Runs hexad-worker estimate; the object that it prints and writes."""
+    def call(spec, *words):
+        done = worker(spec, *words, command="estimate", output="estimate")
+        assert done.returncode == 0, done.stderr
+        found = json.loads(done.stdout)
+        assert json.loads((tmp_path / "estimate" / "estimate.json").read_text()) == found
+        assert len(list((tmp_path / "estimate").iterdir())) == 1
+        return found
+    return call
+
+
+TORUS = {"analytic": {"shape": "torus", "center": [0, 0, 0], "axis": [0, 0, 1], "major_radius": 1,
+                      "minor_radius": 0.3}}
+
+
+@pytest.mark.parametrize("sampling", [{"count": 3000}, {"spacing": 0.05}, {"density": 100}])
+def test_it_is_what_the_job_comes_to(estimate, worker, tmp_path, sampling):
+    spec = sphere(surface=TORUS, sampling=sampling, output={"preview": False})
+    found = estimate(spec, "--threads", 1)
+    assert worker(spec, "--threads", 1).returncode in (0, 10)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert found["count"] == report["count"] and found["threads"] == report["threads"]
+    assert found["area"] == report["surface"]["area"]
+    assert found["bounding_box"] == report["surface"]["bounding_box"]
+    assert 0 < found["memory_bytes"] <= report["peak_memory_bytes"] * 10
+    assert found["seconds"] > 0
+
+
+def test_what_cannot_be_told(estimate):
+    """A time is the target; counts are found on the way; a job that does not come to rest."""
+    found = estimate(sphere(sampling={"time_s": 3}))
+    assert found["count"] is None and found["seconds"] == 3
+    control = {"min_count": 100, "max_sigma": 0.3}
+    assert estimate(sphere(sampling={"control": control}, solver={"method": "paper"}))["seconds"] is None
+    assert estimate(long_sphere())["seconds"] is None
+
+
+def test_faults_are_those_of_the_job(worker, tmp_path):
+    (tmp_path / "bad.vdb").write_bytes(b"no volume")
+    for spec, code in ((sphere(surface={"vdb": {"path": "bad.vdb"}}), "input_damaged"),
+                       (sphere(count=10**7, limits={"memory_mb": 64}), "limit_memory"),
+                       (sphere(sampling={"spacing": 100}), "spec_invalid"),
+                       (sphere(region={"min": [5, 5, 5], "max": [6, 6, 6]}), "no_surface")):
+        done = worker(spec, command="estimate")
+        alone = worker(spec, output="run")
+        assert last_words(done) == last_words(alone) and last_words(done)["code"] == code
+        assert done.returncode == alone.returncode
+
+
+def test_a_check_tells_it(new_service, tmp_path):
+    (tmp_path / "bad.vdb").write_bytes(b"no volume")
+    service = new_service("--input_roots", tmp_path).start()
+    reply = service.post("/v1/jobs:validate", sphere(surface=TORUS))
+    assert reply.status == 200 and reply.json["estimate_missing"] is None
+    assert reply.json["estimate"]["count"] == 200 and abs(reply.json["estimate"]["area"] - 11.8435) < 1e-3
+    for surface, code in (({"vdb": {"path": str(tmp_path / "bad.vdb")}}, "input_damaged"),
+                          ({"vdb": {"path": str(tmp_path / "none.vdb")}}, "input_missing")):
+        expect_problem(service.post("/v1/jobs:validate", sphere(surface=surface)), 422, code)
+    expect_problem(service.post("/v1/jobs:validate", sphere(limits={"memory_mb": 1 << 24})), 422, "limit_memory")
+    # of a sequence it is the first frame's
+    x = numpy.arange(8) - 3.5
+    ball = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))) - 2
+    ball.astype("f4").tofile(tmp_path / "ball.0003.f32")
+    sequence = sphere(surface={"bspline": {"dims": [8, 8, 8], "path": str(tmp_path / "ball.####.f32")}},
+                      queue={"frames": "3-4"})
+    reply = service.post("/v1/jobs:validate", sequence)
+    assert reply.status == 200 and reply.json["estimate"]["count"] == 200, reply.body
+    assert service.get("/v1/jobs").json["jobs"] == [] and not list((service.state / "estimates").iterdir())
+
+
+def test_it_takes_a_time_and_no_more(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path, deaf=True), "--estimate_timeout_s", "0.2").start()
+    reply = service.post("/v1/jobs:validate", sphere())
+    assert reply.status == 200 and reply.json["estimate"] is None
+    assert "estimate_timeout_s" in reply.json["estimate_missing"]
+    wait_until(lambda: not service.children(), "its worker to go")
+    assert not list((service.state / "estimates").iterdir())
+    assert service.end() == 0
+
+
+def test_a_service_that_makes_none(new_service):
+    service = new_service("--estimates", 0).start()
+    reply = service.post("/v1/jobs:validate", sphere())
+    assert reply.status == 200 and reply.json["estimate"] is None and "estimates" in reply.json["estimate_missing"]
+
+
+ASKED = """#!/bin/sh
+spec=$(cat)
+printf '{"words": "%s"}' "$*" > "$4/estimate.json"
+"""
+
+
+def test_its_worker_is_held_like_others(new_service, tmp_path):
+    program = tmp_path / "asked"
+    program.write_text(ASKED)
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--input_roots", tmp_path).start()
+    words = service.post("/v1/jobs:validate", sphere(solver={"threads": 1})).json["estimate"]["words"].split()
+    assert words[:3] == ["estimate", "-", "--output"] and "/estimates/" in words[3]
+    told = dict(zip(words[4::2], words[5::2]))
+    assert told["--sandbox"] == "available" and told["--input-root"] == str(tmp_path)
+    assert told["--threads"] == "1" and int(told["--memory-mb"]) > 0
