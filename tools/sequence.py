@@ -147,7 +147,9 @@ def surface_of(name, case, shared, where):
 
 
 def run_frame(worker, spec, frame, where, previous):
-    words = [worker, "run", "-", "--output", where, "--frame", str(frame)]
+    words = [worker, "run", "-", "--output", where]
+    if "queue" in spec:
+        words += ["--frame", str(frame)]
     if previous:
         words += ["--previous", previous]
     done = subprocess.run(words, input=json.dumps(spec), text=True, capture_output=True)
@@ -244,7 +246,7 @@ def is_good(case, row):
     return row["hex"] >= case.get("hex_least", HEX_LEAST) and (row["median"] is None or row["median"] < DRIFT_MOST)
 
 
-def write_page(path, results, alone):
+def write_page(path, results, alone=()):
     lines = [HEAD.format(drift=DRIFT_MOST, hex=HEX_LEAST)]
     for name, rows in results.items():
         case = CASES[name]
@@ -257,8 +259,8 @@ def write_page(path, results, alone):
                   "|" + "---|" * 10]
         for r in rows:
             way = "| | " if r["median"] is None else f"| {r['median']:.4f} | {r['p95']:.3f} "
-            alone = f"{r['alone']:.3f} " if "alone" in r else ""
-            lines.append(f"| {r['frame']} | {r['count']} {way}| {r['hex']:.3f} | {alone}| {r['area_cv']:.3f} "
+            own = f"{r['alone']:.3f} " if "alone" in r else ""
+            lines.append(f"| {r['frame']} | {r['count']} {way}| {r['hex']:.3f} | {own}| {r['area_cv']:.3f} "
                          f"| {r['born']} | {r['died']} | {r['sweeps']} |{'' if is_good(case, r) else ' missed'}")
         lines.append("")
     if alone:
