@@ -292,7 +292,18 @@ static void rank_all(crowd *c, size_t first, size_t end)
     qsort_r(c->order + first, end - first, sizeof *c->order, compare_rank, c->rank);
 }
 
-/* Places all over the surface, PLACES for each point that there is to be, and their order. */
+/* The places to where the points leave most room, and their order. */
+static bool centre_places(crowd *c, error *e)
+{
+    set_spacings(c, c->carried);
+    if (!build_lists(c, NEAR, e)) return false;
+    threads_run(c->pool, c->count - c->carried, 256, centre_chunk, c);
+    if (!build_lists(c, NEAR, e)) return false;
+    rank_all(c, c->carried, c->count);
+    return true;
+}
+
+/* Places all over the surface, PLACES for each point that there is to be. */
 static bool draw_places(crowd *c, error *e)
 {
     rng r = rng_seed(c->params->seed, CARRY_STREAM);
@@ -309,12 +320,7 @@ static bool draw_places(crowd *c, error *e)
             break;
         }
     }
-    set_spacings(c, c->carried);
-    if (!build_lists(c, NEAR, e)) return false;
-    threads_run(c->pool, c->count - c->carried, 256, centre_chunk, c);
-    if (!build_lists(c, NEAR, e)) return false;
-    rank_all(c, c->carried, c->count);
-    return true;
+    return centre_places(c, e);
 }
 
 /* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
@@ -408,11 +414,33 @@ static bool thin_out(crowd *c, size_t most, bool last, size_t *there, error *e)
     return true;
 }
 
-/* Those that are taken, and a few sweeps for them. */
+static void swap_entries(crowd *c, size_t i, size_t j)
+{
+    const vec3 position = c->position[i], normal = c->normal[i];
+    const uint32_t parent = c->parent[i];
+    const bool taken = c->taken[i];
+    c->position[i] = c->position[j];
+    c->normal[i] = c->normal[j];
+    c->parent[i] = c->parent[j];
+    c->taken[i] = c->taken[j];
+    c->position[j] = position;
+    c->normal[j] = normal;
+    c->parent[j] = parent;
+    c->taken[j] = taken;
+}
+
+/* Places that are taken join the carried; the others stay places. */
+static void settle_born(crowd *c)
+{
+    for (size_t i = c->carried; i < c->count; i++)
+        if (c->taken[i]) swap_entries(c, i, c->carried++);
+    set_spacings(c, 0);
+}
+
+/* A few sweeps for the carried. */
 static bool ease(crowd *c, error *e)
 {
-    close_gaps(c);
-    size_t n = c->count;
+    size_t n = c->carried;
     particles *p = particles_new(n, e);
     relax *r = relax_new(n, &energy_cotangent, kernel_for(c->params->isa), SIZE_MAX, c->pool, e);
     relax_params params = {.field = c->f,
@@ -461,7 +489,9 @@ static bool populate(crowd *c, error *e)
         bool last = left == 1, missing = there < count;
         size_t most = ((missing ? count - there : there - count) + left - 1) / left;
         if (most > 0 && !(missing ? bear : thin_out)(c, most, last, &there, e)) return false;
-        if (!last && (!ease(c, e) || !(missing ? draw_places(c, e) : build_lists(c, NEAR, e)))) return false;
+        if (last) break;
+        (missing ? settle_born : close_gaps)(c);
+        if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
     }
     if (there == count) return true;
     return error_set(e, ERROR_NO_SURFACE, "particle %zu of %zu does not reach the surface in %d draws",
