@@ -6,8 +6,9 @@
 
 /* Blocks are looked at cell by cell. */
 enum { BLOCK = CELL_GRID_BLOCK, ROW = BLOCK + 1, SLAB = ROW * ROW };
-/* Where F is smooth it is nearly linear in a cell: the values at opposite corners have one sum. Sums that differ by
- * more than this, in cells, are of a kink; and an edge that passes is no farther from a corner than FARTHEST. */
+/* Where F is smooth it is nearly linear in a cell: the values at opposite corners have one sum. Sums that differ
+ * by more than this, in cells, are of a kink; and an edge in the cell is no farther from a corner than FARTHEST.
+ */
 static const double KINK = 0.1, FARTHEST = 1;
 /* A cell is searched for an edge at so many places along each axis, corners included. */
 enum { PLACES = 5 };
@@ -44,7 +45,8 @@ static void note_crossing(search *w, int64_t linear)
     g->crossing[g->count++] = linear;
 }
 
-/* Whether an edge of the surface enters a cell that has one sign at its corners; `low` and `high` are two of them. */
+/* Whether an edge of the surface enters a cell that has one sign at its corners, the outermost of which are
+ * `low` and `high`. */
 static bool hides_edge(const search *w, const double *value, vec3 low, vec3 high)
 {
     double cell = w->field->cell_size, nearest = INFINITY, least = INFINITY, most = -INFINITY;

@@ -384,7 +384,7 @@ static bool scatter(crowd *c, size_t first, size_t among, size_t most, bool live
         if (!free_to) continue;
         chosen[k] = true;
         c->taken[order[k]] = lives;
-        *there += lives ? 1 : -(size_t)1;
+        *there = lives ? *there + 1 : *there - 1;
         most--;
     }
     free(place);
@@ -437,7 +437,7 @@ static void settle_born(crowd *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried. */
+/* A few sweeps for the carried. After a stop none: the next lists tell of it. */
 static bool ease(crowd *c, error *e)
 {
     size_t n = c->carried;
@@ -458,7 +458,7 @@ static bool ease(crowd *c, error *e)
         p->rim[i] = c->f->open && !bbox_contains(bbox_grow(c->f->rims, -2 * c->spacing[i]), c->position[i]);
     }
     ok = ok && relax_build(r, p, params.sigma, EASING_SKIN * c->h, e);
-    for (int k = 0; ok && k < PORTION_SWEEPS; k++) {
+    for (int k = 0; ok && k < PORTION_SWEEPS && !threads_stopped(c->pool); k++) {
         relax_sums sums;
         relax_sweep(r, p, &params, &sums);
     }
@@ -489,7 +489,7 @@ static bool populate(crowd *c, error *e)
         bool last = left == 1, missing = there < count;
         size_t most = ((missing ? count - there : there - count) + left - 1) / left;
         if (most > 0 && !(missing ? bear : thin_out)(c, most, last, &there, e)) return false;
-        if (last) break;
+        if (last || there == count) break;
         (missing ? settle_born : close_gaps)(c);
         if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
     }
