@@ -235,8 +235,10 @@ HEAD_ALONE = """## smoke, frames alone
 
 The files' frames sampled by themselves. The surface has features of a voxel's size everywhere: at a spacing of a voxel
 and more a third of the points and more lie where sheets are closer than 1.2 spacings (unresolved, left out of hex), and
-what is left has no better order than this. From about 0.4 voxels on the bound can be met, by frames alone as by those
-that are carried.
+what is left has no better order than this. At 0.4 voxels the bound can be met, by frames alone as by those that are
+carried. Not so where there are droplets of a few points: each part is to have 30 on the coarsest level, so that there
+is but one level (file 3 at density 0.3, and the frames above that have 0.90 alone), and its order is that of a start
+from scattered points.
 
 | file | density | points | spacing, voxels | unresolved | hex |
 |---|---|---|---|---|---|"""
