@@ -102,7 +102,7 @@ CASES = {
                            " that faces their way, so that frame 3 begins anew",
                    "blend": SMOKE, "steps": 1, "frames": range(1, 3), "sampling": {"count": 40000},
                    "vdb": at_density(0.8)},
-    "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: a spacing of 1.2 voxels, among folds finer"
+    "smoke, coarse": {"what": "15 000 points at density 0.3, by 1/40 a frame: at 1.2 voxels, among folds finer"
                               " than that, where a frame alone has no better order",
                       "blend": SMOKE, "steps": 40, "frames": range(1, 6), "sampling": {"count": 15000},
                       "vdb": at_density(0.3), "hex_least": 0.85},
