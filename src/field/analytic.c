@@ -261,6 +261,7 @@ static void lay_out_grid(analytic *a)
     field_set_rims(&a->base, open ? FIELD_ALL_FACES : 0);
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
+    a->base.sharp = p->shape == ANALYTIC_BOX && p->rounding == 0;
     a->grid.box = a->base.domain;
     vec3 size = bbox_size(a->base.domain);
     for (int axis = 0; axis < 3; axis++)

@@ -6,6 +6,12 @@
 
 /* Blocks are looked at cell by cell. */
 enum { BLOCK = CELL_GRID_BLOCK, ROW = BLOCK + 1, SLAB = ROW * ROW };
+/* Where F is smooth it is nearly linear in a cell: the values at opposite corners have one sum. Sums that differ
+ * by more than this, in cells, are of a kink; and an edge in the cell is no farther from a corner than FARTHEST.
+ */
+static const double KINK = 0.1, FARTHEST = 1;
+/* A cell is searched for an edge at so many places along each axis, corners included. */
+enum { PLACES = 5 };
 
 typedef struct search {
     cell_grid *grid;
@@ -39,6 +45,42 @@ static void note_crossing(search *w, int64_t linear)
     g->crossing[g->count++] = linear;
 }
 
+/* Whether an edge of the surface enters a cell that has one sign at its corners, the outermost of which are
+ * `low` and `high`. */
+static bool hides_edge(const search *w, const double *value, vec3 low, vec3 high)
+{
+    double cell = w->field->cell_size, nearest = INFINITY, least = INFINITY, most = -INFINITY;
+    for (int v = 0; v < 4; v++) {
+        double sum = value[v] + value[7 - v];
+        least = fmin(least, sum);
+        most = fmax(most, sum);
+        nearest = fmin(nearest, fmin(fabs(value[v]), fabs(value[7 - v])));
+    }
+    if (nearest > FARTHEST * cell || most - least < KINK * cell) return false;
+    vec3 size = vec3_sub(high, low);
+    for (int n = 0; n < PLACES * PLACES * PLACES; n++) {
+        vec3 at = {n % PLACES, n / PLACES % PLACES, n / PLACES / PLACES};
+        vec3 x = {low.x + size.x * at.x / (PLACES - 1), low.y + size.y * at.y / (PLACES - 1),
+                  low.z + size.z * at.z / (PLACES - 1)};
+        if ((w->oracle->value(w->field, x) < 0) != (value[0] < 0)) return true;
+    }
+    return false;
+}
+
+static bool is_crossed(const search *w, const double *corners, const int64_t at[3])
+{
+    const cell_grid *g = w->grid;
+    double value[8];
+    int inside = 0;
+    for (int v = 0; v < 8; v++) {
+        value[v] = corners[(v & 1) + (v >> 1 & 1) * ROW + (v >> 2) * SLAB];
+        inside += value[v] < 0;
+    }
+    if (inside > 0 && inside < 8) return true;
+    return w->field->sharp && hides_edge(w, value, grid_corner(g, at[0], at[1], at[2]),
+                                         grid_corner(g, at[0] + 1, at[1] + 1, at[2] + 1));
+}
+
 static void search_cells(search *w, const int64_t *first)
 {
     const cell_grid *g = w->grid;
@@ -50,12 +92,9 @@ static void search_cells(search *w, const int64_t *first)
     for (int64_t k = 0; k < BLOCK && first[2] + k < g->cells[2]; k++)
         for (int64_t j = 0; j < BLOCK && first[1] + j < g->cells[1]; j++)
             for (int64_t i = 0; i < BLOCK && first[0] + i < g->cells[0]; i++) {
-                const double *c = w->corners + (k * ROW + j) * ROW + i;
-                int inside = 0;
-                for (int v = 0; v < 8; v++) inside += c[(v & 1) + (v >> 1 & 1) * ROW + (v >> 2) * SLAB] < 0;
-                if (inside > 0 && inside < 8)
-                    note_crossing(w,
-                                  ((first[2] + k) * g->cells[1] + first[1] + j) * g->cells[0] + first[0] + i);
+                const int64_t at[3] = {first[0] + i, first[1] + j, first[2] + k};
+                if (is_crossed(w, w->corners + (k * ROW + j) * ROW + i, at))
+                    note_crossing(w, (at[2] * g->cells[1] + at[1]) * g->cells[0] + at[0]);
             }
 }
 

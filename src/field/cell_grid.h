@@ -2,7 +2,8 @@
  *
  * For fields whose F can be asked for anywhere in the box at any time: formulas and splines. Crossing cells
  * are found by descending from large blocks, which a bound on F lets drop, to small ones, which are looked at
- * corner by corner. World units. A grid belongs to one thread until it is searched, to all afterwards.
+ * corner by corner, and between corners where a sharp edge may pass. World units. A grid belongs to one thread
+ * until it is searched, to all afterwards.
  */
 #ifndef HEXAD_FIELD_CELL_GRID_H
 #define HEXAD_FIELD_CELL_GRID_H

@@ -231,6 +231,7 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
 {
     combination *c = mem_alloc(sizeof *c);
     c->base.ops = &combination_ops;
+    c->base.sharp = true;
     c->parts = mem_alloc(count * sizeof *c->parts);
     c->count = count;
     set_parts(c, kind, parts);

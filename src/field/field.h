@@ -43,8 +43,9 @@ typedef struct field_ops {
     bool (*sample)(const field *f, vec3 x, field_order order, field_sample *out);
 
     /* The cells that the surface crosses: every cell with corners of both signs (zero counts as
-     * outside). Their order is fixed. They are small enough to see the surface's features: a voxel
-     * for volumes, a fixed fraction of the shape for formulas. */
+     * outside) and, where F is sharp, those that an edge of the surface enters between their corners.
+     * Their order is fixed. They are small enough to see the surface's features: a voxel for volumes, a
+     * fixed fraction of the shape for formulas. */
     size_t (*cell_count)(const field *f);
     void (*cell)(const field *f, size_t k, field_cell *out);
 
@@ -63,6 +64,7 @@ struct field {
                        * the domain (formulas) */
     double cell_size; /* longest edge of a cell, world units */
     bool open;        /* the surface is cut by faces of the domain and has rims there */
+    bool sharp;       /* F is about a distance near the surface, and has kinks where smooth parts meet */
 };
 
 enum { FIELD_ALL_FACES = 63 };

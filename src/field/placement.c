@@ -75,6 +75,7 @@ static void measure(placement *p)
         box = bbox_include(box, affine_apply(p->to_world, c & 1 ? high.x : low.x, c & 2 ? high.y : low.y,
                                              c & 4 ? high.z : low.z));
     p->base.domain = box;
+    p->base.sharp = p->part->sharp;
     p->base.extent = p->part->extent * bbox_longest(box) / bbox_longest(p->part->domain);
     field_cell cell; /* all of a field's cells have one shape */
     placement_cell(&p->base, 0, &cell);

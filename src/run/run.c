@@ -224,9 +224,17 @@ static bool place(job *j, solution *out, error *e)
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
+    const energy_function *energy = energy_find(energy_names[s->energy]);
+    const carry_params carry = {
+        .count = j->count,
+        .grading = out->grading,
+        .eased = energy == &energy_cotangent && !s->has_alpha && s->method != SPEC_METHOD_WITKIN_HECKBERT,
+        .isa = j->isa,
+        .seed = s->seed,
+    };
     carried brought = {0};
-    if (j->options->previous && !sequence_carry(&j->sequence, j->source.field, j->scan, out->grading,
-                                                j->count, s->seed, j->pool, &brought, e))
+    if (j->options->previous &&
+        !sequence_carry(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
     const sampler_params params = {
         .given = brought.position,
@@ -250,7 +258,7 @@ static bool place(job *j, solution *out, error *e)
         .grading = out->grading,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
-        .energy = energy_find(energy_names[s->energy]),
+        .energy = energy,
         .isa = j->isa,
         .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
         .step = s->step,

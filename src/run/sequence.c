@@ -91,7 +91,7 @@ static bool remember(sequence *s, const carried *c, error *e)
         !(s->origin = mem_array(n, sizeof *s->origin, what, e)) ||
         !(s->id = mem_array(n, sizeof *s->id, what, e)))
         return false;
-    memcpy(s->start, c->position, n * sizeof *s->start);
+    memcpy(s->start, c->landed, n * sizeof *s->start);
     memcpy(s->origin, c->origin, n * sizeof *s->origin);
     for (size_t i = 0; i < n; i++)
         s->id[i] = c->parent[i] == CARRY_NONE ? CARRY_NONE : s->before.points.id[c->parent[i]];
@@ -101,11 +101,12 @@ static bool remember(sequence *s, const carried *c, error *e)
     return true;
 }
 
-bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count,
-                    uint64_t seed, threads *pool, carried *out, error *e)
+bool sequence_carry(sequence *s, const field *f, const surface *scan, carry_params params, threads *pool,
+                    carried *out, error *e)
 {
-    const points *before = &s->before.points;
-    const carry_params params = {before->count, before->position, before->normal, count, g, seed};
+    params.previous_count = s->before.points.count;
+    params.position = s->before.points.position;
+    params.normal = s->before.points.normal;
     bool ok = carry_points(f, scan, &params, pool, out, e) && remember(s, out, e);
     ply_file_free(&s->before);
     return ok;

@@ -39,9 +39,10 @@ void sequence_close(sequence_files *files); /* also when nothing is open */
 /* Reads the frame before; without `files` the frame is the first. Errors: input_damaged, limit_memory. */
 bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e);
 
-/* Carries the points of the frame before; those of *out are the caller's to free. Errors: as carry_points. */
-bool sequence_carry(sequence *s, const field *f, const surface *scan, const grading *g, size_t count,
-                    uint64_t seed, threads *pool, carried *out, error *e);
+/* Carries the points of the frame before, which `params` need not have; those of *out are the caller's to free.
+ * Errors: as carry_points. */
+bool sequence_carry(sequence *s, const field *f, const surface *scan, carry_params params, threads *pool,
+                    carried *out, error *e);
 
 /* The points are final: gives velocities, ids to those that have none yet, and measures the drift. Errors:
  * limit_memory; internal when there are no more ids. */

@@ -4,7 +4,8 @@
  * surface. A point dies when it does not reach the surface, comes to a sheet that faces another way, or comes
  * to lie closer to another than neighbours can be; where no point is near, one is born on the emptiest place.
  * What is still missing or too much for the count is born on the emptiest places, or taken from the most
- * crowded, no two neighbours at a time as long as there are others. When most points die the surface is
+ * crowded, no two neighbours at a time as long as there are others; many of them in portions, far from each
+ * other, with a few sweeps between. When most points die the surface is
  * another one, which is to be sampled anew. Deterministic for any number of threads. World space and world
  * units. */
 #ifndef HEXAD_SAMPLER_CARRY_H
@@ -14,6 +15,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/isa.h"
 #include "base/threads.h"
 #include "field/field.h"
 #include "sampler/grading.h"
@@ -29,6 +31,8 @@ typedef struct carry_params {
     const vec3 *normal;     /* unit */
     size_t count;           /* points there are to be */
     const grading *grading; /* NULL: even */
+    bool eased;             /* sweeps, of the kernel's energy, between portions of births and deaths */
+    isa isa;                /* of these sweeps */
     uint64_t seed;
 } carry_params;
 
@@ -38,6 +42,7 @@ typedef struct carried {
     motion motion;
     vec3 *position; /* on the surface, in the order of Morton's curve */
     vec3 *normal;
+    vec3 *landed;     /* where it was carried to, before births and deaths moved it; of one born, no matter */
     vec3 *origin;     /* where it was in the frame before; of one that was born, where it would have been */
     uint32_t *parent; /* its index in the frame before, or CARRY_NONE */
 } carried;

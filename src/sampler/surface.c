@@ -307,6 +307,7 @@ void surface_cell(const surface *s, size_t k, field_cell *out)
 
 static bool is_bent(const triangulation *t)
 {
+    if (t->count == 0) return true; /* an edge passes between the corners */
     for (int i = 0; i < t->count; i++)
         for (int k = 0; k < 3; k++)
             if (vec3_dot(t->at[i][k].normal, t->at[0][0].normal) < BENT_FACING) return true;
@@ -329,7 +330,9 @@ static bool sample_parts(const field *f, const field_cell *cell, vec3 *node, dou
     return true;
 }
 
-static double part_area(const field *f, const vec3 *node, const double *value, int part)
+/* The area in a part; of what has no triangles takes over some. */
+static double part_area(const field *f, const vec3 *node, const double *value, int part,
+                        triangulation *lacking)
 {
     int first = part % PARTS + (part / PARTS % PARTS + part / PARTS / PARTS * NODES) * NODES, inside = 0;
     field_cell small;
@@ -343,19 +346,29 @@ static double part_area(const field *f, const vec3 *node, const double *value, i
     }
     if (inside == 0 || inside == 8) return 0;
     cut_cell(f, &small, &t);
-    for (int i = 0; i < t.count; i++) area += curved_area(f, t.at[i], EXCESS_DEPTH);
+    for (int i = 0; i < t.count; i++) {
+        double above = curved_area(f, t.at[i], EXCESS_DEPTH);
+        area += above;
+        if (!lacking || lacking->count == SURFACE_CELL_TRIANGLES) continue;
+        lacking->area[lacking->count] = above;
+        add_triangle(lacking, &t.at[i][0], &t.at[i][1], &t.at[i][2]);
+    }
     return area;
 }
 
-/* Measures a cell by its parts; its triangles keep their proportions. */
+/* Measures a cell by its parts; its triangles keep their proportions. What triangles cut off at a sharp edge
+ * goes with their size, in the mean of all cells along it: what the parts leave is a third of what they gain. */
 static void measure_parts(const field *f, const field_cell *cell, triangulation *out)
 {
     vec3 node[NODES * NODES * NODES];
-    double value[NODES * NODES * NODES], rough = 0, fine = 0;
+    double value[NODES * NODES * NODES], rough = 0, fine = 0, kept = 0;
     if (!sample_parts(f, cell, node, value)) return;
+    triangulation *lacking = out->count == 0 ? out : NULL;
     for (int i = 0; i < out->count; i++) rough += out->area[i];
-    for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, node, value, part);
-    for (int i = 0; i < out->count && rough > 0 && fine > 0; i++) out->area[i] *= fine / rough;
+    for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, node, value, part, lacking);
+    double whole = f->sharp ? fine + (fine - rough) / (PARTS - 1) : fine;
+    for (int i = 0; i < out->count; i++) kept += out->area[i];
+    for (int i = 0; i < out->count && kept > 0 && whole > 0; i++) out->area[i] *= whole / kept;
 }
 
 /* And what of them lies in the domain. */
@@ -369,10 +382,12 @@ static void measure_cell(const surface *s, size_t index, triangulation *out)
     out->box = bbox_empty();
     for (int i = 0; i < out->count; i++) {
         const corner *t = out->at[i];
-        for (int k = 0; whole && k < 3; k++) out->box = bbox_include(out->box, t[k].position);
         out->area[i] = whole ? curved_area(f, t, 0) : clipped_area(f, t, 0, &out->box);
     }
-    if (whole && is_bent(out)) measure_parts(f, &cell, out);
+    if (!whole) return;
+    if (is_bent(out)) measure_parts(f, &cell, out);
+    for (int i = 0; i < out->count; i++)
+        for (int k = 0; k < 3; k++) out->box = bbox_include(out->box, out->at[i][k].position);
 }
 
 typedef struct scan_job {

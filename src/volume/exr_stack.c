@@ -241,7 +241,8 @@ static bool span(exr_stack *s, error *e)
         }
         s->base.size[axis] = high[axis] - s->low[axis] + 1;
         if (s->base.size[axis] < 2)
-            return error_set(e, ERROR_NO_SURFACE, "its images are one pixel wide or high");
+            return error_set(e, ERROR_NO_SURFACE,
+                             "its images are one pixel wide or high: a volume has two along each axis");
     }
     s->base.size[2] = (int64_t)s->params.count;
     if (differ)

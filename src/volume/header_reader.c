@@ -171,8 +171,11 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
         found++;
     }
     if (found != 3)
-        return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                      "has %u axes (%s): a volume has three, and any others one sample each", n->dim, sizes);
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "has the sizes %s: a volume has three axes of two samples or more, and others only with "
+            "one sample (`unu slice` takes one volume out of several)",
+            sizes);
     for (int k = 0; k < 3; k++) {
         int kind = axis[k]->kind;
         if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)

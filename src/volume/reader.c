@@ -67,7 +67,8 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
         return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to be read: its reader was ended");
     if (WIFSIGNALED(status))
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader crash (%s): it is damaged",
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "made its reader crash (%s): it is damaged, or to be saved anew by another program",
                          strsignal(WTERMSIG(status)));
     return ok &&
            (WEXITSTATUS(status) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end"));

@@ -1,4 +1,5 @@
-"""Coherent sequences end to end: a torus that moves, turns and grows, through REST and by the worker alone."""
+"""Coherent sequences end to end, through REST and by the worker alone: a torus that moves, turns and grows, and smoke that
+drifts in a wind."""
 import json
 import pathlib
 import shutil
@@ -64,6 +65,73 @@ def test_twenty_frames_are_one_job_of_points_that_stay_put(new_service, footage)
             gone = points.position[kept[2]] - before.position[kept[1]]
             assert abs(velocity[kept[2]] - gone).max() < 1e-5
         before = points
+
+
+PUFFS = numpy.array([[-0.5, 0.1, -0.8, 0.28], [0.35, -0.2, -0.6, 0.25], [-0.1, 0.3, -0.1, 0.24], [0.3, -0.1, 0.4, 0.21],
+                     [-0.3, -0.15, 0.75, 0.19]])  # centre and width
+BREEZE, SPREAD, FOG_VOXEL, FOG_FRAMES = 0.02, 1.004, 0.08, 6
+
+
+def wind(x):
+    """A velocity without sources that turns from place to place (Arnold, Beltrami and Childress), along the last axis."""
+    x, y, z = numpy.moveaxis(2 * x, -1, 0)
+    return numpy.stack([0.3 * numpy.sin(z) + 0.2 * numpy.cos(y), 0.25 * numpy.sin(x) + 0.3 * numpy.cos(z),
+                        0.2 * numpy.sin(y) + 0.25 * numpy.cos(x)], axis=-1)
+
+
+def smoke(x, frame):
+    """Density: puffs that spread, carried along by the wind; so each place is followed back to where its smoke was."""
+    for _ in range(frame - 1):
+        x = x - BREEZE * wind(x - BREEZE / 2 * wind(x))
+    width = PUFFS[:, 3] * SPREAD ** (frame - 1)
+    return sum(numpy.exp(-((x - p[:3])**2).sum(axis=-1) / (2 * w**2)) for p, w in zip(PUFFS, width))
+
+
+@pytest.fixture(scope="module")
+def fog(tmp_path_factory):
+    openvdb = pytest.importorskip("pyopenvdb", reason="there is no pyopenvdb to write volumes with")
+    where, reach = tmp_path_factory.mktemp("fog"), 22
+    axis = numpy.arange(-reach, reach + 1) * FOG_VOXEL
+    places = numpy.stack(numpy.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    for frame in range(1, FOG_FRAMES + 1):
+        grid = openvdb.FloatGrid()
+        grid.copyFromArray(smoke(places, frame).astype("f4"), ijk=(-reach,) * 3)
+        grid.transform, grid.name = openvdb.createLinearTransform(FOG_VOXEL), "density"
+        grid.gridClass = openvdb.GridClass.FOG_VOLUME
+        openvdb.write(str(where / f"fog.{frame:04d}.vdb"), grids=[grid])
+    return where
+
+
+def slides(before, after, moved):
+    """How far points went along the surface, beside its motion as a whole, which the report tells."""
+    _, i, j = numpy.intersect1d(ids_of(before), ids_of(after), return_indices=True)
+    centre = numpy.array(moved["center"])
+    arm = (before.position[i] - centre) @ sequence.rotation(moved["rotation"]).T
+    way = after.position[j] - (centre + moved["translation"] + moved["scale"] * arm)
+    return numpy.linalg.norm(way - (way * after.normal[j]).sum(axis=1)[:, None] * after.normal[j], axis=1)
+
+
+def test_points_stay_put_on_smoke_that_drifts_and_spreads(new_service, fog, diagnose):
+    """At a spacing, so that the count grows with the surface, which changes its shape all over."""
+    spacing = 0.06
+    service = new_service("--input_roots", fog).start()
+    job = service.submit(spec_of(fog, f"1-{FOG_FRAMES}", sampling={"spacing": spacing}, surface={
+        "vdb": {"path": str(fog / "fog.####.vdb"), "isovalue": 0.4, "reconstruction": "smoothing"}}))
+    assert service.wait_state(job, "succeeded")["outcome"] == "converged"
+    before, born = None, 0
+    for frame in range(1, FOG_FRAMES + 1):
+        points, report = read(service.state / "results" / f"{job}.{frame}")
+        told, hexes = report["sequence"], measure.measure(points, report["surface"]["area"])["hex_fraction"]
+        assert hexes >= sequence.HEX_LEAST
+        if before:
+            assert abs(smoke(points.position, frame) - 0.4).max() < 0.02  # what voxels leave of the formula
+            way = numpy.median(slides(before, points, told["motion"])) / spacing
+            diagnose(f"frame {frame}: {points.count} points, {told['born']} born, hex {hexes:.3f}, way {way:.3f}")
+            assert way < sequence.DRIFT_MOST
+            assert told["carried"] > 0.98 * before.count
+            born += told["born"]
+        before = points
+    assert born > 50
 
 
 def test_what_follows_a_frame_that_fails_is_tried_again_with_it(new_service, footage, tmp_path):

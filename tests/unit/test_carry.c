@@ -12,6 +12,7 @@
 #include "close.h"
 #include "sampler/carry.h"
 #include "sampler/levels.h"
+#include "sampler/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 
@@ -85,16 +86,21 @@ static int free_first(void **state)
     return 0;
 }
 
-static carried carry(const stage *s, size_t count)
+static carried carry_by(const stage *s, size_t count, bool eased)
 {
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, count, NULL, 1};
+    const carry_params params = {p->count, p->position, p->normal, count, NULL, eased, ISA_PORTABLE, 1};
     carried c;
     error e = {0};
     if (!carry_points(&s->field->base, s->scan, &params, s->pool, &c, &e)) fail_msg("%s", e.message);
     assert_int_equal(c.count, count);
     assert_int_equal(c.count - c.born, p->count - c.died);
     return c;
+}
+
+static carried carry(const stage *s, size_t count)
+{
+    return carry_by(s, count, true);
 }
 
 /* The distance to the nearest other, over the spacing; of place i. */
@@ -157,7 +163,7 @@ static void test_births_are_far_from_others_and_from_each_other(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    carried c = carry(&s, POINTS + 60);
+    carried c = carry_by(&s, POINTS + 60, false);
     double h = levels_spacing(s.scan->area, POINTS + 60);
     assert_int_equal(c.born, 60);
     for (size_t i = 0; i < c.count; i++)
@@ -174,7 +180,7 @@ static void test_deaths_are_spread(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    carried c = carry(&s, POINTS - 60);
+    carried c = carry_by(&s, POINTS - 60, false);
     const sampler_points *p = sampler_result_points(first);
     double h = levels_spacing(s.scan->area, POINTS);
     bool stays[POINTS] = {false};
@@ -184,6 +190,60 @@ static void test_deaths_are_spread(void **state)
     for (size_t i = 0; i < POINTS; i++)
         for (size_t k = 0; k < i && !stays[i]; k++)
             if (!stays[k]) assert_true(vec3_norm(vec3_sub(p->position[i], p->position[k])) > 1.2 * h);
+    carried_free(&c);
+    strike(&s);
+}
+
+/* The share of points with six neighbours when the packing is at rest. */
+static double order_of(const stage *s, size_t count, const carried *start)
+{
+    error e = {0};
+    sampler *rest = pack(s, count, start);
+    const sampler_points *p = sampler_result_points(rest);
+    const quality_input in = {.count = count,
+                              .position = p->position,
+                              .normal = p->normal,
+                              .spacing = p->spacing,
+                              .h = levels_spacing(s->scan->area, count)};
+    quality q;
+    if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
+    sampler_free(rest);
+    return q.hex_fraction;
+}
+
+static void test_portions_keep_more_of_the_packing(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    const size_t counts[] = {POINTS + 60, POINTS - 60};
+    for (int k = 0; k < 2; k++) {
+        carried at_once = carry_by(&s, counts[k], false), eased = carry_by(&s, counts[k], true);
+        assert_int_equal(eased.born, k == 0 ? 60 : 0);
+        assert_int_equal(eased.died, k == 0 ? 0 : 60);
+        double order = order_of(&s, counts[k], &eased), rough = order_of(&s, counts[k], &at_once);
+        print_message("# hex_fraction with %zu of %d: %.3f in portions, %.3f at once\n", counts[k], POINTS,
+                      order, rough);
+        assert_true(order > rough + 0.02);
+        carried_free(&at_once);
+        carried_free(&eased);
+    }
+    strike(&s);
+}
+
+/* Drift is counted from where a point was carried to, not from where births moved it. */
+static void test_where_a_point_landed_is_kept(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    const sampler_points *p = sampler_result_points(first);
+    double h = levels_spacing(s.scan->area, POINTS), moved = 0;
+    carried c = carry(&s, POINTS + 60);
+    for (size_t i = 0; i < c.count; i++) {
+        if (c.parent[i] == CARRY_NONE) continue;
+        assert_true(vec3_norm(vec3_sub(c.landed[i], p->position[c.parent[i]])) < 1e-3 * h);
+        moved = fmax(moved, vec3_norm(vec3_sub(c.landed[i], c.position[i])));
+    }
+    assert_true(moved > 0.1 * h);
     carried_free(&c);
     strike(&s);
 }
@@ -215,7 +275,7 @@ static void test_another_surface_is_not_carried_onto(void **state)
     after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
     stage s = set_stage(&after, 1);
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, 1};
+    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, true, ISA_PORTABLE, 1};
     carried c;
     assert_true(carry_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
     assert_int_equal(c.count, 0);
@@ -232,7 +292,7 @@ static void test_a_stop_is_told(void **state)
     error e = {0};
     threads *pool = threads_new(2, &stop, &e);
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, 1};
+    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, true, ISA_PORTABLE, 1};
     carried c;
     stop = 1;
     assert_false(carry_points(&s.field->base, s.scan, &params, pool, &c, &e));
@@ -266,6 +326,8 @@ int main(void)
         cmocka_unit_test(test_a_turn_about_the_own_axis_is_not_made_up),
         cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),
         cmocka_unit_test(test_deaths_are_spread),
+        cmocka_unit_test(test_portions_keep_more_of_the_packing),
+        cmocka_unit_test(test_where_a_point_landed_is_kept),
         cmocka_unit_test(test_where_the_surface_is_new_points_are_born),
         cmocka_unit_test(test_another_surface_is_not_carried_onto),
         cmocka_unit_test(test_a_stop_is_told),
