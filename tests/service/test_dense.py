@@ -196,6 +196,7 @@ def stack(tmp_path, values, name="s", make=lambda k, pixels: [Part({"Y": pixels}
 def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"]).astype("f2").astype("f4")
     other = numpy.full(SIZE[:2], 7, "f4")
+    few = other[::2, ::2].astype("f2")
     low = (-5, 11)
     ways = {
         "float": lambda k, p: [Part({"Y": p})],
@@ -203,6 +204,8 @@ def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
         "zip": lambda k, p: [Part({"Y": p}, compression=3)],
         "zips": lambda k, p: [Part({"Y": p.astype("f2"), "R": other.astype("f2")}, compression=2)],
         "rgb": lambda k, p: [Part({"B": other, "G": other, "R": other, "Y": p, "id": other.astype("u4")})],
+        "fewer": lambda k, p: [Part({"BY": few, "RY": few, "Y": p.astype("f2")}, compression=2)],
+        "stored": lambda k, p: [Part({"Y": p.astype("f2")}, compression=6)],  # as it is: B44 would not be smaller
         "tiled": lambda k, p: [Part({"Y": p, "A": other}, tile=(16, 8))],
         "mipmapped": lambda k, p: [Part({"Y": p}, tile=(8, 8), levels=9)],
         "shifted": lambda k, p: [Part({"Y": p}, low=low)],
