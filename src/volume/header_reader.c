@@ -377,11 +377,10 @@ static const char *guess(const char *head)
     return "no volume of a known format";
 }
 
-static bool read_file(answer *a, const char *name)
+/* `head` is the file's first `length` bytes, with zeros behind them. */
+static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
-    char *head = calloc(1, HEAD_MAX + 1), front[sizeof(nifti_2_header)] = {0};
-    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
-    size_t length = read_head(head, HEAD_MAX);
+    char front[sizeof(nifti_2_header)] = {0};
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
     if (packed) {
@@ -399,6 +398,15 @@ static bool read_file(answer *a, const char *name)
     }
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "is %s: NRRD and NIfTI files are read",
                   packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
+}
+
+static bool read_file(answer *a, const char *name)
+{
+    char *head = calloc(1, HEAD_MAX + 1);
+    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
+    bool ok = read_header(a, head, read_head(head, HEAD_MAX), name);
+    free(head);
+    return ok;
 }
 
 __attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
