@@ -333,6 +333,14 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bo
     return single || name_of_image(a, name);
 }
 
+/* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
+static bool has_axes(const nifti_2_header *h)
+{
+    int64_t count = h->dim[0];
+    if (NIFTI2_NEEDS_SWAP(*h)) nifti_swap_8bytes(1, &count);
+    return count >= 1 && count <= 7;
+}
+
 static bool read_nifti(answer *a, const char *head, size_t length, const char *name, bool packed)
 {
     nifti_1_header first;
@@ -343,7 +351,7 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
     int version = nifti_header_version(head, length);
     if (version == 2) {
         memcpy(&second, head, sizeof second);
-        n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
+        if (has_axes(&second)) n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
     } else {
         memcpy(&first, head, sizeof first);
         n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);

@@ -397,6 +397,10 @@ def broken(tmp_path):
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
                                  ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
     yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK"
+    write_nifti(tmp_path / "two.nii", values, matrix, version=2)
+    two = bytearray((tmp_path / "two.nii").read_bytes())
+    two[16:24] = b"\xa8" * 8  # the number of axes, which libnifti believes
+    yield "axes.nii", two, "input_damaged", "contradicts itself"
     yield "empty.nii", b"", "input_damaged", "empty"
     yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git-LFS"
 
