@@ -68,6 +68,11 @@ static bool is_pattern(const char *s)
     return conversions == 1;
 }
 
+static bool is_int32(long value)
+{
+    return value >= INT32_MIN && value <= INT32_MAX;
+}
+
 /* "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
 static bool add_names(answer *a, char *value)
 {
@@ -75,11 +80,14 @@ static bool add_names(answer *a, char *value)
     long first, last, step;
     if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
         return add_name(a, value, strlen(value));
-    if (!is_pattern(pattern) || step == 0 || labs(last) > INT32_MAX || labs(first) > INT32_MAX)
+    if (!is_pattern(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
         return refuse(a, ERROR_INPUT_DAMAGED,
                       "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
     for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
         int length = snprintf(name, sizeof name, pattern, (int)k);
+        if (length >= (int)sizeof name)
+            return refuse(a, ERROR_INPUT_DAMAGED, "its data files \"%.200s\" have names beyond %zu bytes",
+                          value, sizeof name - 1);
         if (!add_name(a, name, (size_t)length)) return false;
     }
     return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "names no data file: \"%.200s\"", value);

@@ -254,7 +254,8 @@ def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
 def test_values_that_are_not_finite_are_counted(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[2, 3, 4], values[15, 13, 17], values[1, 1, 20] = numpy.nan, numpy.inf, -numpy.inf
-    for surface, kind in ((stack(tmp_path, values), "exr"), (tmp_path / "v.nrrd", "volume")):
+    halves = stack(tmp_path, values.astype("f2"), "halves")
+    for surface, kind in ((stack(tmp_path, values), "exr"), (halves, "exr"), (tmp_path / "v.nrrd", "volume")):
         write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"])
         report, points = sample(surface, kind=kind)
         assert report["surface"]["warnings"][0].startswith("3 values are not finite, the first at (2, 3, 4)")
@@ -394,6 +395,10 @@ def broken(tmp_path):
     yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_unsupported", "RGB-color"
     yield "missing.nhdr", nrrd([*header(), "data file: nowhere.raw"]), "input_missing", "nowhere.raw"
     yield "pattern.nhdr", nrrd([*header(), "data file: %s%d 1 3 1"]), "input_damaged", "FORMAT MIN MAX STEP"
+    wide = "data file: %999d 1 3 1"
+    yield "wide.nhdr", nrrd([*header(), wide]), "input_damaged", "names beyond 511 bytes"
+    far = "data file: %d 1 3 9223372036854775807"
+    yield "far.nhdr", nrrd([*header(), far]), "input_damaged", "FORMAT MIN MAX STEP"
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
                                  ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
     yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK"
