@@ -167,11 +167,12 @@ static void read_vector(reading *r, const json_at *at, const spec_row *row, json
         }
     }
     if (!good) return;
-    const int triple[3] = {(int)v.x, (int)v.y, (int)v.z};
-    if (whole)
+    if (whole) {
+        const int triple[3] = {(int)v.x, (int)v.y, (int)v.z};
         memcpy(target(r, row->offset), triple, sizeof triple);
-    else
+    } else {
         memcpy(target(r, row->offset), &v, sizeof v);
+    }
     json *list = json_put_array(normal, spec_row_key(row));
     for (int i = 0; i < 3; i++) json_append_number(list, vec3_get(v, i));
 }

@@ -10,6 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#define IMATH_HALF_NO_LOOKUP_TABLE
+#include <half.h>
 #include <openexr.h>
 
 #include "base/error.h"
@@ -26,10 +28,7 @@ typedef struct image {
     int part_index;
     exr_storage_t storage;
     exr_attr_box2i_t window;
-    uint16_t type; /* of the channel's numbers */
     float *values; /* of the data window */
-    void *waste;   /* where other channels go */
-    size_t waste_size;
     error fault;
 } image;
 
@@ -86,6 +85,11 @@ static const char *name_of(const image *m, int part)
     return exr_get_name(m->file, part, &name) == EXR_ERR_SUCCESS && name ? name : "";
 }
 
+static bool is_wanted(const image *m, const char *channel, int channels)
+{
+    return m->channel ? strcmp(channel, m->channel) == 0 : channels == 1;
+}
+
 /* The channel of a part, or NULL; *of_part lists them all. */
 static const exr_attr_chlist_entry_t *find_channel(const image *m, int part, char *of_part, size_t size)
 {
@@ -94,8 +98,7 @@ static const exr_attr_chlist_entry_t *find_channel(const image *m, int part, cha
     if (exr_get_channels(m->file, part, &list) != EXR_ERR_SUCCESS) return NULL;
     for (int k = 0; k < list->num_channels; k++) {
         append(of_part, size, list->entries[k].name.str);
-        if (m->channel ? strcmp(list->entries[k].name.str, m->channel) == 0 : list->num_channels == 1)
-            found = &list->entries[k];
+        if (is_wanted(m, list->entries[k].name.str, list->num_channels)) found = &list->entries[k];
     }
     return found;
 }
@@ -130,7 +133,6 @@ static bool choose(image *m)
         if (!channel) continue;
         if (found++ > 0) continue;
         m->part_index = part;
-        m->type = (uint16_t)channel->pixel_type;
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
             return error_set(
                 &m->fault, ERROR_INPUT_UNSUPPORTED,
@@ -175,37 +177,68 @@ static int64_t height_of(const image *m)
     return (int64_t)m->window.max.y - m->window.min.y + 1;
 }
 
-/* Where the numbers of channel k go: the wanted one's to their place, the others' away; the library (3.1.5)
- * writes all channels of some layouts, whatever it was told. */
-static bool place_channel(image *m, const exr_decode_pipeline_t *d, int k, int64_t x, int64_t y)
+/* What a row of a channel takes in a decoded chunk; a channel may have fewer samples than the image. */
+static size_t row_bytes(const exr_coding_channel_info_t *c, int64_t row)
 {
-    exr_coding_channel_info_t *c = &d->channels[k];
-    bool wanted = m->channel ? strcmp(c->channel_name, m->channel) == 0 : d->channel_count == 1;
-    /* a channel with fewer samples writes as if it had them all */
-    size_t size = (size_t)d->chunk.width * (size_t)d->chunk.height * sizeof(float);
-    int64_t stride = wanted ? width_of(m) : d->chunk.width;
-    if (wanted && (x + c->width > width_of(m) || y + c->height > height_of(m))) return false;
-    if (!wanted && size > m->waste_size) {
-        free(m->waste);
-        m->waste = malloc(size);
-        m->waste_size = m->waste ? size : 0;
-    }
-    c->decode_to_ptr = (uint8_t *)(wanted ? m->values + y * width_of(m) + x : m->waste);
-    c->user_data_type = c->data_type == EXR_PIXEL_UINT ? EXR_PIXEL_UINT : EXR_PIXEL_FLOAT;
-    c->user_bytes_per_element = sizeof(float);
-    c->user_pixel_stride = sizeof(float);
-    c->user_line_stride = (int32_t)(stride * (int64_t)sizeof(float));
-    return c->decode_to_ptr != NULL;
+    if (c->y_samples > 1 && row % c->y_samples != 0) return 0;
+    return (size_t)c->width * (size_t)c->bytes_per_element;
+}
+
+static float number_at(const uint8_t *p, uint16_t type)
+{
+    uint32_t bits = p[0] | (uint32_t)p[1] << 8;
+    float value;
+    if (type == EXR_PIXEL_HALF) return imath_half_to_float((imath_half_bits_t)bits);
+    bits |= (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+    if (type == EXR_PIXEL_UINT) return (float)bits;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Where a chunk's numbers go. */
+typedef struct target {
+    const image *m;
+    float *to; /* of its first pixel */
+} target;
+
+/* In the place of the library's own unpacking, which (3.1.5) writes all channels of some layouts whatever it
+ * was told, and where one of them has fewer samples takes the others' from wrong places and from beyond the
+ * chunk's end. The decoded rows lie one after the other, and in each its channels. */
+static exr_result_t take_channel(exr_decode_pipeline_t *d)
+{
+    const target *t = d->decoding_user_data;
+    const uint8_t *from = d->unpacked_buffer;
+    size_t left = d->chunk.unpacked_size;
+    for (int32_t row = 0; row < d->chunk.height; row++)
+        for (int k = 0; k < d->channel_count; k++) {
+            const exr_coding_channel_info_t *c = &d->channels[k];
+            size_t bytes = row_bytes(c, (int64_t)d->chunk.start_y + row);
+            float *to = t->to + row * width_of(t->m);
+            if (bytes > left) return EXR_ERR_CORRUPT_CHUNK;
+            if (bytes > 0 && is_wanted(t->m, c->channel_name, d->channel_count))
+                for (int32_t x = 0; x < c->width; x++)
+                    to[x] = number_at(from + (size_t)x * (size_t)c->bytes_per_element, c->data_type);
+            from += bytes;
+            left -= bytes;
+        }
+    return EXR_ERR_SUCCESS;
 }
 
 /* One chunk, whose first pixel is (x, y) of the data window. */
 static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y)
 {
     exr_decode_pipeline_t d = EXR_DECODE_PIPELINE_INITIALIZER;
-    bool ok = exr_decoding_initialize(m->file, m->part_index, chunk, &d) == EXR_ERR_SUCCESS;
-    for (int k = 0; ok && k < d.channel_count; k++) ok = place_channel(m, &d, k, x, y);
+    target to = {m, m->values + y * width_of(m) + x};
+    bool ok = x + chunk->width <= width_of(m) && y + chunk->height <= height_of(m) &&
+              /* which the library does not look at */
+              (chunk->compression != EXR_COMPRESSION_NONE || chunk->packed_size == chunk->unpacked_size) &&
+              exr_decoding_initialize(m->file, m->part_index, chunk, &d) == EXR_ERR_SUCCESS;
     ok = ok && exr_decoding_choose_default_routines(m->file, m->part_index, &d) == EXR_ERR_SUCCESS;
     if (ok) {
+        d.decoding_user_data = &to;
+        d.unpack_and_convert_fn = take_channel;
+        /* what did not become smaller is stored as it is, which the library does not know of B44 */
+        if (chunk->packed_size == chunk->unpacked_size) d.decompress_fn = NULL;
         exr_result_t result = exr_decoding_run(m->file, m->part_index, &d);
         ok = result == EXR_ERR_SUCCESS;
         if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
@@ -266,13 +299,7 @@ static bool read_pixels(image *m)
     }
     m->values = calloc((size_t)count, sizeof(float));
     if (!m->values) return damaged(m, "does not fit into memory");
-    if (!(m->storage == EXR_STORAGE_TILED ? decode_tiles(m) : decode_rows(m))) return false;
-    for (size_t k = 0; m->type == EXR_PIXEL_UINT && k < (size_t)count; k++) {
-        uint32_t whole;
-        memcpy(&whole, &m->values[k], sizeof whole);
-        m->values[k] = (float)whole;
-    }
-    return true;
+    return m->storage == EXR_STORAGE_TILED ? decode_tiles(m) : decode_rows(m);
 }
 
 /* ---- the program */
@@ -313,7 +340,6 @@ static bool answer(image *m, char what)
     if (written && ok && what == EXR_READER_PIXELS)
         written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof(float));
     free(m->values);
-    free(m->waste);
     if (m->file) exr_finish(&m->file);
     close(m->fd);
     return written;

@@ -82,7 +82,7 @@ static bool start(exr_stack *s, error *e)
     return s->running || (s->running = reader_start(&params, &s->reader, e));
 }
 
-static bool send_request(exr_stack *s, char what, int fd)
+static bool send_request(exr_stack *s, char what, int fd, error *e)
 {
     union {
         char room[CMSG_SPACE(sizeof(int))];
@@ -98,7 +98,8 @@ static bool send_request(exr_stack *s, char what, int fd)
     c->cmsg_type = SCM_RIGHTS;
     c->cmsg_len = CMSG_LEN(sizeof fd);
     memcpy(CMSG_DATA(c), &fd, sizeof fd);
-    return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1;
+    return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1 ||
+           error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
 }
 
 static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
@@ -126,7 +127,7 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     if (ok) {
         const window *w = &s->windows[k];
         *a = (exr_reader_answer){0};
-        ok = send_request(s, what, fd) && read_answer(s, a, e);
+        ok = send_request(s, what, fd, e) && read_answer(s, a, e);
         whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
         if (ok && what == EXR_READER_PIXELS) {
             size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
@@ -138,8 +139,8 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     close(fd);
     if (!whole) {
         s->running = false;
-        ok = reader_end(&s->reader, false, false, e) &&
-             error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        if (ok) error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        ok = reader_end(&s->reader, false, false, e);
     }
     return ok || error_prefix(e, "%s", s->params.paths[k]);
 }

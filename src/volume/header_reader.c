@@ -68,6 +68,11 @@ static bool is_pattern(const char *s)
     return conversions == 1;
 }
 
+static bool is_int32(long value)
+{
+    return value >= INT32_MIN && value <= INT32_MAX;
+}
+
 /* "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
 static bool add_names(answer *a, char *value)
 {
@@ -75,11 +80,14 @@ static bool add_names(answer *a, char *value)
     long first, last, step;
     if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
         return add_name(a, value, strlen(value));
-    if (!is_pattern(pattern) || step == 0 || labs(last) > INT32_MAX || labs(first) > INT32_MAX)
+    if (!is_pattern(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
         return refuse(a, ERROR_INPUT_DAMAGED,
                       "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
     for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
         int length = snprintf(name, sizeof name, pattern, (int)k);
+        if (length >= (int)sizeof name)
+            return refuse(a, ERROR_INPUT_DAMAGED, "its data files \"%.200s\" have names beyond %zu bytes",
+                          value, sizeof name - 1);
         if (!add_name(a, name, (size_t)length)) return false;
     }
     return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "names no data file: \"%.200s\"", value);
@@ -336,6 +344,14 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bo
     return single || name_of_image(a, name);
 }
 
+/* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
+static bool has_axes(const nifti_2_header *h)
+{
+    int64_t count = h->dim[0];
+    if (NIFTI2_NEEDS_SWAP(*h)) nifti_swap_8bytes(1, &count);
+    return count >= 1 && count <= 7;
+}
+
 static bool read_nifti(answer *a, const char *head, size_t length, const char *name, bool packed)
 {
     nifti_1_header first;
@@ -346,7 +362,7 @@ static bool read_nifti(answer *a, const char *head, size_t length, const char *n
     int version = nifti_header_version(head, length);
     if (version == 2) {
         memcpy(&second, head, sizeof second);
-        n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
+        if (has_axes(&second)) n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
     } else {
         memcpy(&first, head, sizeof first);
         n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);
@@ -380,11 +396,10 @@ static const char *guess(const char *head)
     return "no volume of a known format";
 }
 
-static bool read_file(answer *a, const char *name)
+/* `head` is the file's first `length` bytes, with zeros behind them. */
+static bool read_header(answer *a, char *head, size_t length, const char *name)
 {
-    char *head = calloc(1, HEAD_MAX + 1), front[sizeof(nifti_2_header)] = {0};
-    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
-    size_t length = read_head(head, HEAD_MAX);
+    char front[sizeof(nifti_2_header)] = {0};
     if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
     bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
     if (packed) {
@@ -402,6 +417,15 @@ static bool read_file(answer *a, const char *name)
     }
     return refuse(a, ERROR_INPUT_UNSUPPORTED, "is %s: NRRD and NIfTI files are read",
                   packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
+}
+
+static bool read_file(answer *a, const char *name)
+{
+    char *head = calloc(1, HEAD_MAX + 1);
+    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
+    bool ok = read_header(a, head, read_head(head, HEAD_MAX), name);
+    free(head);
+    return ok;
 }
 
 __attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)

@@ -4,6 +4,7 @@ import http.client
 import json
 import os
 import pathlib
+import shlex
 import signal
 import socket
 import subprocess
@@ -12,6 +13,8 @@ import time
 # what the setting tcp_without_tokens wants to hear
 OPEN_TCP = "anyone-on-this-machine-may-submit-and-cancel"
 PATIENCE_S = 120  # for a loaded machine; a test that works never waits that long
+# words in front of the daemon's own: a program that runs it and looks on (tests/valgrind/run)
+UNDER = shlex.split(os.environ.get("HEXAD_UNDER", ""))
 
 
 def wait_until(condition, what, seconds=PATIENCE_S):
@@ -128,7 +131,7 @@ class Service:
         self.log = self.base / f"log.{self.starts}"
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(
-                [self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
+                [*UNDER, self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
                  *self.options, *map(str, more)],
                 stderr=log, stdin=subprocess.DEVNULL)
         wait_until(lambda: self.port_file.exists() or self.process.poll() is not None, "the daemon")
@@ -142,6 +145,10 @@ class Service:
         return self.process.wait(PATIENCE_S)
 
     def clean_up(self):
+        if UNDER and self.process and self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)  # the second one cuts the drain short
+            self.process.send_signal(signal.SIGINT)
+            wait_until(lambda: self.process.poll() is not None, "the daemon's end")
         if self.process and self.process.poll() is None:
             self.process.kill()
             self.process.wait()

@@ -196,6 +196,7 @@ def stack(tmp_path, values, name="s", make=lambda k, pixels: [Part({"Y": pixels}
 def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"]).astype("f2").astype("f4")
     other = numpy.full(SIZE[:2], 7, "f4")
+    few = other[::2, ::2].astype("f2")
     low = (-5, 11)
     ways = {
         "float": lambda k, p: [Part({"Y": p})],
@@ -203,6 +204,8 @@ def test_stacks_of_every_kind_give_the_same_bytes(sample, tmp_path):
         "zip": lambda k, p: [Part({"Y": p}, compression=3)],
         "zips": lambda k, p: [Part({"Y": p.astype("f2"), "R": other.astype("f2")}, compression=2)],
         "rgb": lambda k, p: [Part({"B": other, "G": other, "R": other, "Y": p, "id": other.astype("u4")})],
+        "fewer": lambda k, p: [Part({"BY": few, "RY": few, "Y": p.astype("f2")}, compression=2)],
+        "stored": lambda k, p: [Part({"Y": p.astype("f2")}, compression=6)],  # as it is: B44 would not be smaller
         "tiled": lambda k, p: [Part({"Y": p, "A": other}, tile=(16, 8))],
         "mipmapped": lambda k, p: [Part({"Y": p}, tile=(8, 8), levels=9)],
         "shifted": lambda k, p: [Part({"Y": p}, low=low)],
@@ -251,7 +254,8 @@ def test_windows_that_differ_are_filled_with_zero(sample, tmp_path):
 def test_values_that_are_not_finite_are_counted(sample, tmp_path):
     values = ellipsoid(MATRICES["plain"])
     values[2, 3, 4], values[15, 13, 17], values[1, 1, 20] = numpy.nan, numpy.inf, -numpy.inf
-    for surface, kind in ((stack(tmp_path, values), "exr"), (tmp_path / "v.nrrd", "volume")):
+    halves = stack(tmp_path, values.astype("f2"), "halves")
+    for surface, kind in ((stack(tmp_path, values), "exr"), (halves, "exr"), (tmp_path / "v.nrrd", "volume")):
         write_nrrd(tmp_path / "v.nrrd", values, MATRICES["plain"])
         report, points = sample(surface, kind=kind)
         assert report["surface"]["warnings"][0].startswith("3 values are not finite, the first at (2, 3, 4)")
@@ -391,9 +395,17 @@ def broken(tmp_path):
     yield "colour.nrrd", nrrd(header(kinds="RGB-color domain domain", sizes="3 260 34")), "input_unsupported", "RGB-color"
     yield "missing.nhdr", nrrd([*header(), "data file: nowhere.raw"]), "input_missing", "nowhere.raw"
     yield "pattern.nhdr", nrrd([*header(), "data file: %s%d 1 3 1"]), "input_damaged", "FORMAT MIN MAX STEP"
+    wide = "data file: %999d 1 3 1"
+    yield "wide.nhdr", nrrd([*header(), wide]), "input_damaged", "names beyond 511 bytes"
+    far = "data file: %d 1 3 9223372036854775807"
+    yield "far.nhdr", nrrd([*header(), far]), "input_damaged", "FORMAT MIN MAX STEP"
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
                                  ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
     yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK"
+    write_nifti(tmp_path / "two.nii", values, matrix, version=2)
+    two = bytearray((tmp_path / "two.nii").read_bytes())
+    two[16:24] = b"\xa8" * 8  # the number of axes, which libnifti believes
+    yield "axes.nii", two, "input_damaged", "contradicts itself"
     yield "empty.nii", b"", "input_damaged", "empty"
     yield "lfs.nii", b"version https://git-lfs.github.com/spec/v1\n", "input_damaged", "Git-LFS"
 

@@ -92,18 +92,18 @@ EXR_TYPES = {"u4": (0, "<u4"), "f2": (1, "<f2"), "f4": (2, "<f4")}
 
 
 class Part:
-    """channels: arrays [x, y] by name; low: the first pixel of the data window; tile: (width, height), or scanlines;
-    levels: tiled with mip-maps, each further level filled with `levels`."""
+    """channels: arrays [x, y] by name, smaller ones have a sample for every few pixels; low: the first pixel of the data
+    window; tile: (width, height), or scanlines; levels: tiled with mip-maps, each further level filled with `levels`."""
 
     def __init__(self, channels, low=(0, 0), name=None, tile=None, levels=None, compression=0):
         self.channels = dict(sorted(channels.items()))
         self.low, self.name, self.tile, self.levels, self.compression = low, name, tile, levels, compression
-        self.size = next(iter(self.channels.values())).shape
+        self.size = tuple(numpy.max([v.shape for v in channels.values()], axis=0))
 
     def header(self, chunks):
         x, y = self.low
         box = struct.pack("<4i", x, y, x + self.size[0] - 1, y + self.size[1] - 1)
-        channels = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", EXR_TYPES[_kind(v)][0], 0, 1, 1)
+        channels = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", EXR_TYPES[_kind(v)][0], 0, *self._steps(v))
                             for name, v in self.channels.items()) + b"\0"
         head = _attribute("channels", "chlist", channels)
         head += _attribute("compression", "compression", bytes([self.compression]))
@@ -121,15 +121,21 @@ class Part:
             head += _attribute("tiles", "tiledesc", struct.pack("<2IB", *self.tile, 1 if self.levels is not None else 0))
         return head + b"\0"
 
+    def _steps(self, v):
+        """Columns and rows from one sample to the next."""
+        return self.size[0] // v.shape[0], self.size[1] // v.shape[1]
+
     def _pixels(self, channels, x, y, columns, rows):
-        data = b"".join(v[x:x + columns, row].astype(EXR_TYPES[_kind(v)][1]).tobytes()
-                        for row in range(y, min(y + rows, v_height(channels))) for v in channels.values())
+        height = max(v.shape[1] for v in channels.values())
+        data = b"".join(v[x:x + columns, row * v.shape[1] // height].astype(EXR_TYPES[_kind(v)][1]).tobytes()
+                        for row in range(y, min(y + rows, height)) for v in channels.values()
+                        if row * v.shape[1] % height == 0)
         return _pack_zip(data) if self.compression in (2, 3) else data
 
     def chunks(self):
         """Each chunk without the number of its part."""
         if not self.tile:
-            rows = {0: 1, 2: 1, 3: 16}[self.compression]
+            rows = {0: 1, 2: 1, 3: 16, 6: 32}[self.compression]
             for y in range(0, self.size[1], rows):
                 data = self._pixels(self.channels, 0, y, self.size[0], rows)
                 yield struct.pack("<2i", self.low[1] + y, len(data)) + data
@@ -146,10 +152,6 @@ class Part:
             level += 1
             channels = {name: numpy.full((max(width // 2, 1), max(height // 2, 1)), self.levels, v.dtype)
                         for name, v in channels.items()}
-
-
-def v_height(channels):
-    return next(iter(channels.values())).shape[1]
 
 
 def write_exr(path, *parts):

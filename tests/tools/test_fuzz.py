@@ -11,9 +11,10 @@ import pytest
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
 # what a target reads of the shared data
-SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"]}
-# of a sanitized build; OpenVDB loses nodes of trees that are cut short
-SANITIZER = {"vdb": "detect_leaks=0:max_allocation_size_mb=256"}
+SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"],
+          "exr": ["malformed/openexr_tests", "malformed/exrs_fuzzed", "malformed/exr_damaged"]}
+# of a sanitized build; OpenVDB loses nodes of trees that are cut short, the process that reads headers what it reads
+SANITIZER = {"vdb": "detect_leaks=0:max_allocation_size_mb=256", "dense": "detect_leaks=0"}
 
 
 def replay(build, target, folders):

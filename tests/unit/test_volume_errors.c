@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +15,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "volume/exr_stack.h"
 #include "volume_fixture.h"
 
 #define SEED 777u
@@ -449,6 +451,29 @@ static void flipped_bits_give_errors_or_volumes(void **state)
     fixture_free(&g);
 }
 
+/* The opener of a slice waits until its reader has ended, so that the question finds nobody. */
+static int open_when_the_reader_is_gone(void *context, const char *path, error *e)
+{
+    siginfo_t info;
+    (void)context, (void)e;
+    assert_int_equal(waitid(P_ALL, 0, &info, WEXITED | WNOWAIT), 0);
+    return open(path, O_RDONLY | O_CLOEXEC);
+}
+
+static void readers_that_are_gone_before_they_are_asked(void **state)
+{
+    (void)state;
+    const char *const paths[] = {"/proc/self/exe"};
+    const int numbers[] = {1};
+    const slices_files files = {open_when_the_reader_is_gone, NULL};
+    const exr_stack_params params = {.count = 1, .paths = paths, .numbers = numbers, .program = "/bin/false",
+                                     .memory_limit = 1 << 20, .files = &files};
+    error e = {0};
+    assert_null(exr_stack_open(&params, &e));
+    assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
+    assert_non_null(strstr(e.message, "could not be read to its end"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -459,6 +484,7 @@ int main(void)
         cmocka_unit_test(names_of_transforms), cmocka_unit_test(lengths_of_metadata),
         cmocka_unit_test(parts_of_trees_lie_on_their_grid), cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
+        cmocka_unit_test(readers_that_are_gone_before_they_are_asked),
     };
     return cmocka_run_group_tests_name("volume errors", tests, NULL, NULL);
 }

@@ -1,0 +1,84 @@
+/* An NRRD or NIfTI file: its header as the process that reads headers does, and its values, slice by slice.
+ *
+ * That process is one program in one file (header_reader.c), which is run here without a process: reader_start and
+ * what belongs to it are in the place of reader.c. What the libraries keep of a file is lost, as there. */
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+#include "fuzz/target.h"
+#include "volume/header_reader.c"
+#include "volume/stored.h"
+
+/* A slice of more is not read: only memory would be tried. */
+static const int64_t most_samples = 1 << 20;
+
+bool reader_check_file(int fd, const char *what, off_t *size, error *e)
+{
+    struct stat st;
+    (void)what;
+    if (fstat(fd, &st) != 0 || st.st_size == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
+    *size = st.st_size;
+    return true;
+}
+
+static char *answered; /* what the stream reads */
+
+bool reader_start(const reader_params *p, reader *out, error *e)
+{
+    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}, .text = malloc(HEADER_TEXT_MAX)};
+    (void)e;
+    expect(a.text && dup2(p->fd, STDIN_FILENO) == STDIN_FILENO);
+    read_file(&a, p->argument);
+    answered = realloc(answered, sizeof a.head + a.head.text_length);
+    expect(answered);
+    memcpy(answered, &a.head, sizeof a.head);
+    memcpy(answered + sizeof a.head, a.text, a.head.text_length);
+    out->stream = fmemopen(answered, sizeof a.head + a.head.text_length, "rb");
+    expect(out->stream);
+    free(a.text);
+    return true;
+}
+
+bool reader_end(reader *r, bool begun, bool ok, error *e)
+{
+    (void)begun, (void)e;
+    fclose(r->stream);
+    return ok;
+}
+
+/* Another file is this one again: what it holds is of no matter. */
+static int open_again(void *context, const char *path, error *e)
+{
+    (void)path, (void)e;
+    return dup(*(int *)context);
+}
+
+static void read_slices(slices *s)
+{
+    error e = {0};
+    float *values = calloc((size_t)(s->size[0] * s->size[1]), sizeof *values);
+    expect(values);
+    bool ok = s->ops->begin(s, &e);
+    for (int64_t k = 0; ok && k < s->size[2] && k < 64; k++) ok = s->ops->next(s, values, &e);
+    expect(ok || (e.code != ERROR_NONE && *e.message));
+    free(values);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    error e = {0};
+    int fd = memfd_create("dense", MFD_CLOEXEC);
+    expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
+    const slices_files files = {open_again, &fd};
+    slices *s = stored_open(fd, "a.nii.gz", NULL, &files, &e);
+    expect(s || (e.code != ERROR_NONE && *e.message));
+    if (s) {
+        for (int k = 0; k < 3; k++) expect(s->size[k] >= 2);
+        for (int k = 0; k < 16; k++) expect(isfinite(s->index_to_world[k]));
+        if (s->size[0] * s->size[1] <= most_samples) read_slices(s);
+        s->ops->close(s);
+    }
+    close(fd);
+    return 0;
+}
