@@ -26,11 +26,11 @@ enum { COUNT = 100000, SWEEPS = 10, RUNS = 5, FLOPS = 1 << 22, CHAINS = 16, WIDT
 
 /* Of one neighbour, counted in kernel.c; of one sample with its gradient, counted in spline.c and for the
  * torus. */
-static const double NEIGHBOUR_OPERATIONS = 64, SPLINE_OPERATIONS = 640, TORUS_OPERATIONS = 60;
+static const double NEIGHBOUR_OPERATIONS = 69, SPLINE_OPERATIONS = 640, TORUS_OPERATIONS = 60;
 /* Of the frame, the damped step and the projection. */
 static const double STEP_OPERATIONS = 120;
-/* Position, normal, place and way; list length, flags, the bin's item. */
-static const double OWN_BYTES = 24 + 24 + 16 + 4 + 4 + 2 + 4, COEFFICIENT_BYTES = 64 * 4;
+/* Position, normal, place, size and way; where the list begins and its length, flags, the bin's item. */
+static const double OWN_BYTES = 24 + 24 + 16 + 8 + 4 + 4 + 4 + 2 + 4, COEFFICIENT_BYTES = 64 * 4;
 static const double SUPPORT_SKIN = 0.2;
 
 static double cpu_seconds(void)
