@@ -36,8 +36,8 @@ typedef struct support {
 #undef VERSION_WIDEN
 #pragma GCC pop_options
 
-/* A cell's rows have four coefficients: wider vectors have nothing to hold. But there are twice as many, so that
- * the weights stay in them. */
+/* A cell's rows have four coefficients: wider vectors have nothing to hold. But there are twice as many, so
+ * that the weights stay in them. */
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=256")
 #define VERSION(name) name##_avx512

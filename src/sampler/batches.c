@@ -5,7 +5,6 @@
 
 #include "base/isa.h"
 
-
 /* Batches that wait for more points at a time: an even packing needs some eight until the first are full. */
 enum { OPEN = 16 };
 
@@ -104,4 +103,3 @@ void batches_form(neighbours *n, threads *pool)
         threads_run(pool, n->colour_begin[c + 1] - n->colour_begin[c], BATCH_BLOCKS, form_chunk, &job);
     }
 }
-

@@ -1,8 +1,8 @@
-/* batches: points of a few blocks of one colour that are nobody's neighbours among themselves, so that they may be
- * updated side by side with the result of one after the other.
+/* batches: points of a few blocks of one colour that are nobody's neighbours among themselves, so that they
+ * may be updated side by side with the result of one after the other.
  *
- * Batches follow one another over a block like a front, so that what one of them reads the one before has just
- * brought into the cache. */
+ * Batches follow one another over a block like a front, so that what one of them reads the one before has
+ * just brought into the cache. */
 #ifndef HEXAD_SAMPLER_BATCHES_H
 #define HEXAD_SAMPLER_BATCHES_H
 
@@ -13,23 +13,25 @@
 #include "sampler/neighbours.h"
 
 #define BATCH_MOST 16
-#define BATCH_BLOCKS 4 /* share their batches, counted from the first of their colour: fewer end half empty */
-#define BATCH_LAST ((uint32_t)1 << 31) /* marks the last of a batch in `bin_item`; there are never as many points */
+#define BATCH_BLOCKS 4 /* share their batches, from the first of their colour on: fewer end half empty */
+/* Marks the last of a batch in `bin_item`; there are never as many points. */
+#define BATCH_LAST ((uint32_t)1 << 31)
 
-/* Puts the points of each such group of blocks, in `bin_item`, in the order of their batches. From then on they are read by
- * the functions below, and bins tell no more who is in them. The same whatever the threads are. */
+/* Puts the points of each such group of blocks, in `bin_item`, in the order of their batches. From then on
+ * they are read by the functions below, and bins tell no more who is in them. The same whatever the threads
+ * are. */
 void batches_form(neighbours *n, threads *pool);
 
-static inline uint32_t batch_point(const neighbours *n, uint32_t at)
+static inline uint32_t batches_point(const neighbours *n, uint32_t at)
 {
     return n->bin_item[at] & ~BATCH_LAST;
 }
 
 /* The batch that begins at `at`: its points, up to BATCH_MOST; returns how many. */
-static inline uint32_t batch_next(const neighbours *n, uint32_t at, uint32_t *points)
+static inline uint32_t batches_next(const neighbours *n, uint32_t at, uint32_t *points)
 {
     uint32_t count = 0;
-    do points[count++] = batch_point(n, at);
+    do points[count++] = batches_point(n, at);
     while (!(n->bin_item[at++] & BATCH_LAST));
     return count;
 }

@@ -19,10 +19,6 @@ ISA_INLINE float wcotw(float q)
 
 /* Of the support: nearer ones are taken to be as near. */
 static const float CLOSEST = 1e-4f;
-/* Keeps the 2x2 system solvable when all neighbours lie on one line. */
-static const double HESSIAN_FLOOR = 1e-9;
-/* Of the longest displacement, what the step in the tangent plane may take: the projection adds its own. */
-static const double BOUND_SHARE = 0.9;
 
 /* The places of one neighbour of each particle. */
 typedef struct row {
@@ -151,13 +147,13 @@ ISA_INLINE void step(const kernel_particles *own, const kernel_forces *f, const 
     for (int l = 0; l < LANES; l++) {
         double h11 = (double)f->h11[l], h12 = (double)f->h12[l], h22 = (double)f->h22[l];
         double d1 = (double)f->d1[l], d2 = (double)f->d2[l], size = (double)own->size[l];
-        double floor = HESSIAN_FLOOR * (h11 + h22), a = h11 + floor, c = h22 + floor;
+        double floor = KERNEL_HESSIAN_FLOOR * (h11 + h22), a = h11 + floor, c = h22 + floor;
         double determinant = a * c - h12 * h12;
         double over = determinant > 0 ? 1 / determinant : 0;
         double s1 = (h12 * d2 - c * d1) * over, s2 = (h12 * d1 - a * d2) * over;
         double room = (double)own->room[l], limit2 = (double)f->nearest2[l] * unit2;
         limit2 = limit2 < room * room ? limit2 : room * room;
-        double bound2 = BOUND_SHARE * BOUND_SHARE * limit2;
+        double bound2 = KERNEL_BOUND_SHARE * KERNEL_BOUND_SHARE * limit2;
         double length2 = scale0 * scale0 * (s1 * s1 + s2 * s2);
         double scale = length2 > bound2 ? scale0 * sqrt(bound2 / length2) : scale0;
         double longest = params->longest * size;
@@ -175,8 +171,9 @@ ISA_INLINE void step(const kernel_particles *own, const kernel_forces *f, const 
 ISA_INLINE void land(const kernel_particles *own, const kernel_params *params, kernel_way *way)
 {
     for (int l = 0; l < LANES; l++) {
-        double gx = way->gradient.x[l], gy = way->gradient.y[l], gz = way->gradient.z[l], value = way->value[l];
-        double g2 = gx * gx + gy * gy + gz * gz, farthest = params->farthest * (double)own->size[l];
+        double gx = way->gradient.x[l], gy = way->gradient.y[l], gz = way->gradient.z[l];
+        double value = way->value[l], g2 = gx * gx + gy * gy + gz * gz;
+        double farthest = params->farthest * (double)own->size[l];
         double over = 1 / sqrt(g2), back = value * over * over;
         double x = way->to.x[l] - back * gx, y = way->to.y[l] - back * gy, z = way->to.z[l] - back * gz;
         double dx = x - own->position.x[l], dy = y - own->position.y[l], dz = z - own->position.z[l];

@@ -471,8 +471,8 @@ static void search_level(search *s)
             }
 }
 
-/* The lists of one bin's points, which begin where they do among those of the block. What there is no room for
- * is counted, not kept. */
+/* The lists of one bin's points, which begin where they do among those of the block. What there is no room
+ * for is counted, not kept. */
 static size_t list_bin(search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;

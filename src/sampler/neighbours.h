@@ -3,8 +3,8 @@
  *
  * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points
  * are binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is
- * the cutoff for that size. Cubes nest; they are gathered in blocks, which are hashed and each have a table of
- * their cubes, so that only where points are memory is taken.
+ * the cutoff for that size. Cubes nest; they are gathered in blocks, which are hashed and each have a table
+ * of their cubes, so that only where points are memory is taken.
  *
  * Blocks are of one level, and blocks whose coordinates agree in parity have one colour.
  * Two points in different blocks of one colour are farther apart than their cutoff, so neither is in the
@@ -42,7 +42,7 @@ typedef struct neighbours {
     size_t bin_capacity, bin_count;
     uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
     uint32_t *bin_end;   /* to here */
-    uint32_t *bin_item;  /* points by bin, ascending within a bin; bins by block */
+    uint32_t *bin_item;  /* points by bin, ascending, bins by block; or as batches_form leaves them */
     uint32_t *bin_cell;  /* where it is: its entry in `cell` */
     bool *bin_split;     /* bins of the level below lie in it */
     vec3 origin;
@@ -87,7 +87,8 @@ static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 
 /* The points of blocks that follow one another, from `from` up to `to`: those of `bin_item` from *begin up to
  * *end. */
-static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin, uint32_t *end)
+static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
+                                     uint32_t *end)
 {
     uint32_t first = n->block_begin[from], after = n->block_begin[to];
     *begin = first < after ? n->bin_begin[n->block_bin[first]] : 0;

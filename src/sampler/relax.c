@@ -26,15 +26,12 @@ static const double TRIAL_ACCEPT = 1e-4;
 static const double TRIAL_CELLS = 5;
 static const int TRIAL_STEPS = 3;
 static const double STRAIGHT_ACCEPT = 1e-7;
-/* Keeps the 2x2 system solvable when all neighbours lie on one line. */
-static const double HESSIAN_FLOOR = 1e-9;
 /* A particle whose lists allow less than this fraction of h waits for new ones. */
 static const double STEP_FLOOR = 1e-3;
-/* Of the longest displacement, what the step in the tangent plane may take: the projection adds its own. */
-static const double BOUND_SHARE = 0.9;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
-/* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest cache. */
+/* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
+ * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
 /* One Newton step from this fraction of h ends on the surface to about its square times kappa h. */
 static const double GLIDE_FARTHEST = 0.05;
@@ -45,7 +42,8 @@ typedef struct gather {
     pair_list list;
 } gather;
 
-/* Sums over the particles of a block, added up in the order of the blocks. */
+/* Sums over the particles of a few blocks, in the place of the first; those of the others are nothing. Added
+ * up in the order of the blocks. */
 typedef struct part {
     double energy, lambda, squares, max_step;
     size_t rejected, cramped;
@@ -58,7 +56,7 @@ struct relax {
     neighbours *near;
     bool *flat;   /* all of a particle's neighbours face its way, clearly */
     float *moved; /* length of a particle's way since the lists were built */
-    part *parts;  /* of the sweep, a block each */
+    part *parts;  /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
     gather *scratch;    /* one per worker */
@@ -268,7 +266,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
  * quadratic model expects of it. */
 static double damped_step(const pair_forces *f, double lambda, double *s1, double *s2)
 {
-    double floor = HESSIAN_FLOOR * (f->h11 + f->h22);
+    double floor = KERNEL_HESSIAN_FLOOR * (f->h11 + f->h22);
     double a = f->h11 * (1 + lambda) + floor, c = f->h22 * (1 + lambda) + floor, b = f->h12;
     double determinant = a * c - b * b, over = 1 / determinant;
     if (!(determinant > 0)) {
@@ -426,8 +424,8 @@ static kernel_params glide_params(const relax *r, const relax_params *params)
 
 _Static_assert(BATCH_MOST == KERNEL_LANES, "a batch fills the kernel's lanes");
 
-/* Moves particles that are nobody's neighbours among themselves and whose neighbours all face their way, by the
- * kernel; those for which that does not end well stay, and are kept in `items`. Returns how many. */
+/* Moves particles that are nobody's neighbours among themselves and whose neighbours all face their way, by
+ * the kernel; those for which that does not end well stay, and are kept in `items`. Returns how many. */
 static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *sums)
 {
     const kernel *k = job->r->forces;
@@ -441,7 +439,7 @@ static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *s
     for (size_t l = 0; l < count; l++) {
         field_sample s = {0};
         vec3 to = {way.to.x[l], way.to.y[l], way.to.z[l]};
-        way.ends_well[l] &= field_sample_at(job->params->field, to, FIELD_GRADIENT, &s);
+        way.ends_well[l] = way.ends_well[l] && field_sample_at(job->params->field, to, FIELD_GRADIENT, &s);
         way.value[l] = s.value;
         way.gradient.x[l] = s.gradient.x;
         way.gradient.y[l] = s.gradient.y;
@@ -485,7 +483,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, part *su
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
     double room = room_of(job->r, p, i);
     a.limit = fmin(sqrt(f.nearest2), room);
-    a.bound = BOUND_SHARE * a.limit;
+    a.bound = KERNEL_BOUND_SHARE * a.limit;
     if (params->minimiser == RELAX_GRADIENT)
         descend_gradient(job, &a, &f, i, room, sums);
     else
@@ -508,8 +506,8 @@ static void sweep_batch(const sweep_job *job, int worker, const uint32_t *items,
     for (size_t k = 0; k < bent_count; k++) update_particle(job, worker, bent[k], sums);
 }
 
-/* Asks for what a particle will need, which is found by way of what ask_far has asked for. (Inlined: the compiler
- * leaves out calls of a function that does nothing else.) */
+/* Asks for what a particle will need, which is found by way of what ask_far has asked for. (Inlined: the
+ * compiler leaves out calls of a function that does nothing else.) */
 ISA_INLINE void ask_near(const sweep_job *job, uint32_t i)
 {
     const neighbours *near = job->r->near;
@@ -540,10 +538,11 @@ static void sweep_batches(const sweep_job *job, int worker, uint32_t at, uint32_
     const neighbours *near = job->r->near;
     uint32_t near_end = at, far_end = at, items[BATCH_MOST];
     while (at < end) {
-        uint32_t count = batch_next(near, at, items);
-        for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++) ask_far(job, batch_point(near, far_end));
+        uint32_t count = batches_next(near, at, items);
+        for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++)
+            ask_far(job, batches_point(near, far_end));
         for (; near_end < end && near_end < at + count + NEAR_AHEAD; near_end++)
-            ask_near(job, batch_point(near, near_end));
+            ask_near(job, batches_point(near, near_end));
         sweep_batch(job, worker, items, count, sums);
         at += count;
     }

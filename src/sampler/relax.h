@@ -60,8 +60,9 @@ void relax_free(relax *r);
  * its size, with the pair weights of the present normals, alphas and sizes. Error: limit_memory. */
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
-/* Takes note of where particles have been put since the build, and of their sizes; they are the same. False where
- * the lists do not cover a support of `sigma` there, so that they are to be built anew. */
+/* Takes note of where particles have been put since the build, and of their sizes; they are as many. False
+ * where the lists do not cover a support of `sigma` there, so that they are to be built anew. Once after a
+ * build, and no sweeps after it: energies are all that the lists serve for then. */
 bool relax_refresh(relax *r, const particles *p, double sigma);
 
 /* One sweep over lists built for at least params->sigma. Allocates nothing. */

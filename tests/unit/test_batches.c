@@ -56,17 +56,18 @@ static void check(double widest)
     int *seen = calloc(COUNT, sizeof *seen);
     size_t batches = 0;
     for (int c = 0; c < f.near->colours; c++)
-        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1]; block += BATCH_BLOCKS) {
+        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1];
+             block += BATCH_BLOCKS) {
             size_t after = block + BATCH_BLOCKS;
             if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
             uint32_t at, end, points[BATCH_MOST];
             neighbours_points(f.near, block, after, &at, &end);
             while (at < end) {
-                uint32_t count = batch_next(f.near, at, points);
+                uint32_t count = batches_next(f.near, at, points);
                 assert_in_range(count, 1, BATCH_MOST);
                 for (uint32_t a = 0; a < count; a++) {
                     seen[points[a]]++;
-                    assert_int_equal(batch_point(f.near, at + a), points[a]);
+                    assert_int_equal(batches_point(f.near, at + a), points[a]);
                     for (uint32_t b = 0; b < a; b++)
                         assert_false(are_neighbours(f.near, points[a], points[b]));
                 }

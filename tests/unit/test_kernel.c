@@ -36,8 +36,8 @@ static void random_fixture(fixture *f, rng *r)
 {
     kernel_particles *p = &f->particles;
     memset(f, 0, sizeof *f);
-    f->params = (kernel_params){
-        .unit = unit, .support = sigma, .omega = 1.2, .longest = 0.2, .farthest = 0.05};
+    f->params =
+        (kernel_params){.unit = unit, .support = sigma, .omega = 1.2, .longest = 0.2, .farthest = 0.05};
     for (uint32_t l = 0; l < LANES; l++) {
         neighbours_place own = random_place(r, (vec3){0.05, 0.05, 0.01});
         vec3 n = vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1}));
@@ -85,11 +85,12 @@ static void sum_wide(const fixture *f, const kernel_forces *frames, size_t l, pa
                              .size2 = column[4]};
     vec3 axis1 = {frames->axis1[0][l], frames->axis1[1][l], frames->axis1[2][l]};
     vec3 axis2 = {frames->axis2[0][l], frames->axis2[1][l], frames->axis2[2][l]};
-    pair_forces_at(&pairs, &energy_cotangent, lane_of(&p->position, l), axis1, axis2, sigma * (double)p->size[l],
-                   out);
+    pair_forces_at(&pairs, &energy_cotangent, lane_of(&p->position, l), axis1, axis2,
+                   sigma * (double)p->size[l], out);
 }
 
-/* The pair kernel's numbers, to what single precision has; its terms are of the size of the stiffest pair's. */
+/* The pair kernel's numbers, to what single precision has; its terms are of the size of the stiffest pair's.
+ * */
 static void sums_are_those_in_double(void **state)
 {
     (void)state;

@@ -168,9 +168,50 @@ static void sheets_do_not_push_each_other(void **state)
     analytic_free(a);
 }
 
+/* Lists that are refreshed say of the energies what new ones say. */
+static void refreshed_lists_serve_as_new_ones(void **state)
+{
+    (void)state;
+    bench b;
+    error e = {0};
+    rng r = rng_seed(test_seed(), 9);
+    set_up(&b, 1, kernel_for(isa_best()), 5);
+    double h = b.params.spacing, skin = 0.3 * h;
+    assert_true(relax_build(b.r, b.p, b.params.sigma, skin, &e));
+    for (size_t i = 0; i < COUNT; i++) {
+        vec3 way = vec3_unit(random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1}));
+        b.p->position[i] = vec3_axpy(0.1 * h * rng_uniform(&r), way, b.p->position[i]);
+        b.p->size[i] = 1 + 0.02 * rng_uniform(&r);
+    }
+    assert_true(relax_refresh(b.r, b.p, b.params.sigma));
+    double refreshed = relax_mean_energy(b.r, b.p, b.params.sigma);
+    assert_true(relax_build(b.r, b.p, b.params.sigma, skin, &e));
+    assert_close(relax_mean_energy(b.r, b.p, b.params.sigma), refreshed, 1e-6 * refreshed);
+    tear_down(&b);
+}
+
+static void lists_that_do_not_cover_are_not_refreshed(void **state)
+{
+    (void)state;
+    for (int way = 0; way < 3; way++) {
+        bench b;
+        error e = {0};
+        set_up(&b, 1, kernel_for(isa_best()), 6);
+        double h = b.params.spacing, sigma = b.params.sigma;
+        assert_true(relax_build(b.r, b.p, sigma, 0.3 * h, &e));
+        if (way == 0) b.p->position[7].x += 0.16 * h;
+        if (way == 1) b.p->size[7] = 1 + 0.32 * h / sigma;
+        if (way == 2) sigma += 0.31 * h;
+        assert_false(relax_refresh(b.r, b.p, sigma));
+        tear_down(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(refreshed_lists_serve_as_new_ones),
+        cmocka_unit_test(lists_that_do_not_cover_are_not_refreshed),
         cmocka_unit_test(energy_never_rises),
         cmocka_unit_test(lists_stay_valid),
         cmocka_unit_test(unwatched_sweeps_end_as_low),
