@@ -381,7 +381,7 @@ def test_a_failure_leaves_no_report_of_before(worker, tmp_path):
 # ---- progress
 
 def test_progress(start_worker):
-    process = start_worker(sphere(8000))
+    process = start_worker(sphere(200000))  # to relax takes several times as long as lines are apart
     lines = [json.loads(line) for line in process.progress]
     process.communicate(timeout=PATIENCE_S)
     assert process.returncode in (0, 10)
