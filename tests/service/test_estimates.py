@@ -1,5 +1,6 @@
 """What a job would take: told by the worker, and by the service to who has a spec checked."""
 import json
+import threading
 
 import numpy
 import pytest
@@ -107,6 +108,38 @@ def test_a_service_that_makes_none(new_service):
     service = new_service("--estimates", 0).start()
     reply = service.post("/v1/jobs:validate", sphere())
     assert reply.status == 200 and reply.json["estimate"] is None and "estimates" in reply.json["estimate_missing"]
+
+
+def test_a_service_full_of_them_takes_jobs(new_service, tmp_path):
+    program, most = tmp_path / "sleeper", 33
+    program.write_text("#!/bin/sh\nexec sleep 1000\n")
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--estimates", most, "--estimate_timeout_s", 1000, "--drain_s", 0,
+                          "--grace_s", 0).start()
+    replies = []
+    askers = [threading.Thread(target=lambda: replies.append(service.post("/v1/jobs:validate", sphere())))
+              for _ in range(most)]
+    for asker in askers:
+        asker.start()
+    wait_until(lambda: len(service.children()) == most, "all workers")
+    service.submit(sphere())
+    assert not replies
+    assert service.end() == 0
+    for asker in askers:
+        asker.join()
+    assert [r.status for r in replies] == [200] * most
+
+
+def test_a_worker_that_does_not_start_leaves_nothing(new_service, tmp_path):
+    program = tmp_path / "gone"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o700)
+    service = new_service("--worker", program).start()
+    program.unlink()
+    reply = service.post("/v1/jobs:validate", sphere())
+    assert reply.status == 200 and reply.json["estimate"] is None
+    assert "cannot be started" in reply.json["estimate_missing"]
+    assert not list((service.state / "estimates").iterdir())
 
 
 ASKED = """#!/bin/sh
