@@ -33,12 +33,12 @@ static bool set_number(const config_row *row, const char *value, void *at, error
 {
     char expected[96], *end = NULL;
     bool whole = row->type == CONFIG_INTEGER;
-    snprintf(expected, sizeof expected, "a%s number from %.10g to %.10g%s%s", whole ? " whole" : "",
-             row->low, row->high, *row->unit ? " " : "", row->unit);
+    snprintf(expected, sizeof expected, "%sa%s number from %.10g to %.10g%s%s", row->or_zero ? "0 or " : "",
+             whole ? " whole" : "", row->low, row->high, *row->unit ? " " : "", row->unit);
     errno = 0;
     double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
-    if (errno || end == value || *end || !isfinite(number) || number < row->low ||
-        number > row->high)
+    if (errno || end == value || *end || !isfinite(number) || number > row->high ||
+        (number < row->low && !(row->or_zero && number == 0)))
         return bad(e, row, value, expected);
     if (whole)
         *(int64_t *)at = (int64_t)number;
@@ -346,7 +346,8 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
 {
     fprintf(file, "%sDefault: %s", prefix, *row->otherwise ? row->otherwise : "empty");
     if (*row->unit) fprintf(file, " %s", row->unit);
-    if (row->high > row->low) fprintf(file, " (%.10g to %.10g)", row->low, row->high);
+    if (row->high > row->low)
+        fprintf(file, " (%s%.10g to %.10g)", row->or_zero ? "0 or " : "", row->low, row->high);
     fputs(row->reloads ? ". SIGHUP reloads it.\n" : ".\n", file);
 }
 

@@ -2,8 +2,9 @@
 
 #include "config/config.h"
 
-#define AT(member) offsetof(config, member), false
-#define RELOADS(member) offsetof(config, member), true
+#define AT(member) offsetof(config, member), false, false
+#define AT_OR_ZERO(member) offsetof(config, member), false, true
+#define RELOADS(member) offsetof(config, member), true, false
 
 const config_row config_table[] = {
     {"listen", CONFIG_TEXT, "", 0, 0, "",
@@ -121,10 +122,10 @@ const config_row config_table[] = {
     {"upload_total_bytes", CONFIG_INTEGER, "137438953472", 0, 1e15, "bytes",
      "What all files that clients have sent may take together, in the directory inputs of state_dir.",
      AT(upload_total_bytes)},
-    {"inputs_keep_s", CONFIG_REAL, "604800", 0, 1e10, "s",
+    {"inputs_keep_s", CONFIG_REAL, "604800", 60, 1e10, "s",
      "How long such a file is kept after it was last sent, named by a job that is submitted, or read by one that begins;"
      " while a job that has not ended reads it, it stays. 0: for ever.",
-     AT(inputs_keep_s)},
+     AT_OR_ZERO(inputs_keep_s)},
     {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
      "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
     {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",

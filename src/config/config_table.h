@@ -24,6 +24,7 @@ typedef struct config_row {
     const char *prose;
     size_t offset; /* in config */
     bool reloads;  /* SIGHUP takes a new value over; other settings need a new start */
+    bool or_zero;  /* 0 may be given, too, which is below `low` */
 } config_row;
 
 extern const config_row config_table[];

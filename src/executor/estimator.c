@@ -107,13 +107,12 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     engine_ending ending = {0};
     engine_attempt *attempt =
         store_directory_create(request->directory, e) ? engine_local.start(request, e) : NULL;
-    if (!attempt) return ESTIMATOR_NONE;
-    bool ended = await(m, attempt);
-    engine_local.settle(attempt, &ending);
+    bool ended = attempt && await(m, attempt);
+    if (attempt) engine_local.settle(attempt, &ending);
     estimator_verdict verdict = ESTIMATOR_NONE;
     if (ended)
         verdict = decide(&ending, request->directory, document, e);
-    else
+    else if (attempt)
         error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)",
                   m->timeout_s);
     free(ending.last_words);

@@ -27,8 +27,10 @@ static void add(list *l, store_inputs *inputs, const char *path)
         free(whole);
         return;
     }
-    store_inputs_use(inputs, name + strlen(STORE_INPUT_PREFIX));
-    append(l, whole);
+    if (store_inputs_use(inputs, name + strlen(STORE_INPUT_PREFIX)) >= 0)
+        append(l, whole);
+    else
+        free(whole); /* gone: the worker says so when it looks for it */
 }
 
 /* As deep as json_parse admits. Long arrays are of numbers. */

@@ -447,7 +447,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     if (!read_key(request, hash, &key, r)) return;
     char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
-         *paths = o->paths ? json_print(o->paths) : NULL;
+         *paths = o->paths ? json_print(o->paths) : NULL, *webhook = s->webhook ? webhook_address(s->webhook) : NULL;
     queue_submission submission = {
         .name = s->name,
         .owner = request->caller->user,
@@ -468,7 +468,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
         .most_waiting = c->most_waiting,
-        .webhook = s->webhook,
+        .webhook = webhook,
         .key = key,
         .body_hash = key ? hash : NULL,
     };
@@ -483,6 +483,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     free(labels);
     free(text);
     free(paths);
+    free(webhook);
 }
 
 void jobs_submit(const http_context *c, const http_request *request, reply *r)

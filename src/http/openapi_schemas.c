@@ -128,7 +128,8 @@ const openapi_schema openapi_schemas[] = {
             "'bounding_box':" OBJECT("'min','max'", "'min':" POINT ",'max':" POINT) ","
             "'memory_bytes':" COUNT ","
             "'seconds':{'type':['number','null'],'description':'That so many processors of this machine take, without"
-            " what writing the results does; null when it cannot be told.'},"
+            " what writing the results does; null when it cannot be told: counts that sampling.control finds, or no rest in"
+            " the time that there was.'},"
             "'threads':" COUNT)},
     {"Results", OBJECT("'results'", "'results':" LIST(OBJECT(
                                         "'name','bytes','sha256','content_type','href'",

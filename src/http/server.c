@@ -28,7 +28,8 @@
 #define STREAM_BLOCK_BYTES 16384
 /* How long a stop waits for replies on their way. */
 #define STOP_MS 5000
-/* As many submissions may share a flush of the queue. They sleep most of the time. */
+/* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a worker's
+ * estimate come on top. */
 #define CREW_THREADS 32
 
 struct server {
@@ -546,7 +547,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&s->mutex, NULL);
     s->peers = peers_start(&settings->peers, access, e);
-    s->crew = s->peers ? crew_start(CREW_THREADS, e) : NULL;
+    s->crew = s->peers ? crew_start(CREW_THREADS + settings->estimates, e) : NULL;
     if (!s->crew) goto failed;
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);

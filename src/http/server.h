@@ -1,9 +1,9 @@
 /* server: HTTP/1.1 over libmicrohttpd, whose only user this is.
  *
- * One thread serves all connections with epoll and runs the handlers that only look; those that write are run
- * by a crew, while their connection is suspended. How many connections there may be and how slow they may
- * be is of http/peers. Bodies over the limit are answered 413: before they are read when their length is
- * announced, at its end for a chunked one, of which nothing is kept. A request with two lengths is refused.
+ * One thread serves all connections with epoll and runs the handlers that only look; those that write or wait
+ * for a worker are run by a crew, while their connection is suspended. How many connections there may be and how
+ * slow they may be is of http/peers. Bodies over the limit are answered 413: before they are read when their
+ * length is announced, at its end for a chunked one, of which nothing is kept. A request with two lengths is refused.
  * What the library refuses itself (a request line or headers that are none, headers over header_limit_bytes)
  * has an answer in HTML of its own; every other error is a problem document.
  */
@@ -19,6 +19,7 @@ typedef struct server server;
 typedef struct server_settings {
     peers_settings peers;
     size_t body_limit_bytes, header_limit_bytes;
+    unsigned estimates; /* requests that may wait for workers at once */
 } server_settings;
 
 /* Serves until server_stop. The socket stays the caller's; access and context outlive the server. */

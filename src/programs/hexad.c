@@ -372,6 +372,7 @@ static bool init_http(service *s, error *e)
                   .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
         .header_limit_bytes = (size_t)c->header_limit_bytes,
+        .estimates = (unsigned)c->estimates,
     };
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;

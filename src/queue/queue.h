@@ -358,7 +358,7 @@ typedef struct queue_delivery {
 void queue_delivery_clear(queue_delivery *delivery);
 
 /* The one that is due first, which may lie ahead; it stays until it is ended. Passes by those whose address begins
- * with an item of `but`, a JSON array of texts. */
+ * with an item of `but`, a JSON array of texts: to mean a host and no other, these end with the slash behind it. */
 bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
 /* It is delivered or given up; with again_ms > 0 it is to be tried again then. */

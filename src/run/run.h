@@ -43,12 +43,15 @@ typedef struct run_summary {
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e);
 
 /* What the job would take, found out without doing it: an object to be freed with json_free. The surface is
- * loaded and measured, and a few runs of few points (two seconds of a processor at most) tell what more of them take.
+ * loaded and measured, however long that takes, and a few runs of few points tell what more of them take: they
+ * are given up when they have taken two seconds of processor time, by all threads; what is at work then, a step or
+ * the placing or measuring of one run's points, comes to its end.
  *     count         points; null when a time is the target
  *     area, bounding_box {min, max}   of the surface
  *     memory_bytes  at the peak
  *     seconds       that `threads` processors would take, without what writing the results takes; null when
- *                   it cannot be told
+ *                   it cannot be told: of a control, whose counts are found on the way, of a frame that carries
+ *                   points over, and of a job that did not come to rest in that time
  *     threads
  * Errors: those that run_job would end with before the first point is placed. Writes no file. */
 json *run_estimate(const spec *s, const run_options *options, error *e);

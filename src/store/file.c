@@ -101,15 +101,18 @@ void store_file_abort(store_file *file)
     *file = (store_file){0};
 }
 
+bool store_file_flush(store_file *file, error *e)
+{
+    /* ferror: a write that failed earlier may have been followed by a good flush */
+    if (!ferror(file->stream) && fflush(file->stream) == 0 && fsync(fileno(file->stream)) == 0) return true;
+    if (!errno) errno = EIO;
+    return fail(e, "written", file->path);
+}
+
 bool store_file_commit(store_file *file, error *e)
 {
     bool ok = false;
-    /* ferror: a write that failed earlier may have been followed by a good flush */
-    if (ferror(file->stream) || fflush(file->stream) != 0 || fsync(fileno(file->stream)) != 0) {
-        if (!errno) errno = EIO;
-        fail(e, "written", file->path);
-        goto done;
-    }
+    if (!store_file_flush(file, e)) goto done;
     int closed = fclose(file->stream);
     file->stream = NULL;
     if (closed != 0) {

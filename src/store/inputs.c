@@ -220,12 +220,17 @@ store_upload_verdict store_upload_commit(store_upload *u, error *e)
     sha256_digest(&u->hash, sizeof digest, digest);
     for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
     if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
-    /* two that send the same at once: the second takes the place of the first, which has the same bytes */
-    bool twice = store_inputs_find(u->owner, hex) >= 0;
-    if (!store_file_commit(&u->file, e))
-        return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
-    u->committed = !twice;
-    return STORE_UPLOAD_GOOD;
+    bool ok = store_file_flush(&u->file, e); /* before others wait for the mutex */
+    if (ok) {
+        pthread_mutex_lock(&u->owner->mutex); /* what is there is not collected in between, which would count twice */
+        /* two that send the same at once: the second takes the place of the first, which has the same bytes */
+        bool twice = store_inputs_find(u->owner, hex) >= 0;
+        ok = store_file_commit(&u->file, e);
+        u->committed = ok && !twice;
+        pthread_mutex_unlock(&u->owner->mutex);
+    }
+    if (ok) return STORE_UPLOAD_GOOD;
+    return u->verdict = errno == ENOSPC || errno == EDQUOT ? STORE_UPLOAD_NO_ROOM : STORE_UPLOAD_FAILED;
 }
 
 void store_upload_end(store_upload *u)

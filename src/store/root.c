@@ -186,7 +186,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
     const char *asked = store_inputs_is_sent(path, name) ? name : path;
-    bool found_root = false;
+    bool found_root = asked == name; /* what was sent and is gone has no root any more */
     int why = ENOENT;
     if (has_parent_step(path)) {
         error_set(e, ERROR_PATH_FORBIDDEN, "%s: a path may not contain \"..\"", path);

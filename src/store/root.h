@@ -27,7 +27,7 @@ void store_roots_close(store_roots *roots);
 
 /* Opens a file for reading and returns its descriptor (close-on-exec), or -1 and an error:
  * path_forbidden   the path is outside the roots or leads out of them
- * input_missing    nothing readable is there
+ * input_missing    nothing readable is there, or what a client had sent is gone
  * input_unsupported  not a regular file
  * An absolute path belongs to the root that it begins with; a relative one is tried under each root
  * in order. With `roots` NULL (a worker that stands alone) the path is opened as it is. */

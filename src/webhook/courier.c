@@ -230,18 +230,11 @@ static caller *find_caller(courier *c, char **busy)
     return idle;
 }
 
-/* The part of an address that names scheme, host and port. */
-static char *host_of(const char *url)
-{
-    const char *host = strstr(url, "://");
-    return host ? mem_strndup(url, (size_t)(host - url) + 3 + strcspn(host + 3, "/?#")) : mem_strdup(url);
-}
-
 static void give(caller *r, const queue_delivery *d)
 {
     pthread_mutex_lock(&r->c->mutex);
     r->delivery = *d;
-    r->host = host_of(d->url);
+    r->host = webhook_host_of(d->url);
     pthread_cond_broadcast(&r->c->given);
     pthread_mutex_unlock(&r->c->mutex);
 }

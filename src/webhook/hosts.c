@@ -1,5 +1,6 @@
 #include "webhook/hosts.h"
 
+#include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -115,4 +116,25 @@ bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e)
     free(port);
     curl_url_cleanup(address);
     return ok;
+}
+
+char *webhook_address(const char *url)
+{
+    CURLU *address = curl_url();
+    char *text = NULL;
+    if (address && curl_url_set(address, CURLUPART_URL, url, CURLU_DISALLOW_USER) == CURLUE_OK)
+        text = take_part(address, CURLUPART_URL, CURLU_DEFAULT_PORT);
+    curl_url_cleanup(address);
+    char *begin = text ? strstr(text, "://") : NULL;
+    /* behind % is the name of a network interface */
+    for (char *c = begin ? begin + 3 : NULL; c && *c && !strchr("/%", *c); c++) *c = (char)tolower(*c);
+    return text;
+}
+
+char *webhook_host_of(const char *address)
+{
+    const char *begin = strstr(address, "://");
+    size_t length = begin ? (size_t)(begin - address) + 3 : 0;
+    length += strcspn(address + length, "/");
+    return mem_strndup(address, length + (address[length] == '/'));
 }

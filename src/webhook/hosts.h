@@ -21,4 +21,10 @@ void webhook_hosts_free(webhook_hosts *hosts);
  * without a user or password, of a host and port that are listed. `hosts` NULL: none is. */
 bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e);
 
+/* An address that was admitted, in the form in which those of one host begin alike: SCHEME://HOST:PORT/... with
+ * the port always and the host in lower case. To be freed; NULL when it is no address. */
+char *webhook_address(const char *url);
+/* That beginning, with the slash at its end, of what webhook_address returned. To be freed. */
+char *webhook_host_of(const char *address);
+
 #endif

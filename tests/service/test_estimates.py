@@ -1,5 +1,6 @@
 """What a job would take: told by the worker, and by the service to who has a spec checked."""
 import json
+import threading
 
 import numpy
 import pytest
@@ -47,6 +48,23 @@ def test_what_cannot_be_told(estimate):
     assert estimate(long_sphere())["seconds"] is None
 
 
+def write_balls(where):
+    """Frames 3 and 4 of a sequence; its surface."""
+    x = numpy.arange(8) - 3.5
+    ball = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))) - 2
+    for frame in (3, 4):
+        ball.astype("f4").tofile(where / f"ball.000{frame}.f32")
+    return {"bspline": {"dims": [8, 8, 8], "path": str(where / "ball.####.f32")}}
+
+
+def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
+    spec = sphere(surface=write_balls(tmp_path), queue={"frames": "3-4", "coherent": True})
+    assert worker(spec, "--frame", 3, output="3").returncode in (0, 10)
+    assert estimate(spec, "--frame", 3)["seconds"] > 0
+    found = estimate(spec, "--frame", 4, "--previous", "3")
+    assert found["count"] == 200 and found["seconds"] is None
+
+
 def test_faults_are_those_of_the_job(worker, tmp_path):
     (tmp_path / "bad.vdb").write_bytes(b"no volume")
     for spec, code in ((sphere(surface={"vdb": {"path": "bad.vdb"}}), "input_damaged"),
@@ -70,11 +88,7 @@ def test_a_check_tells_it(new_service, tmp_path):
         expect_problem(service.post("/v1/jobs:validate", sphere(surface=surface)), 422, code)
     expect_problem(service.post("/v1/jobs:validate", sphere(limits={"memory_mb": 1 << 24})), 422, "limit_memory")
     # of a sequence it is the first frame's
-    x = numpy.arange(8) - 3.5
-    ball = numpy.sqrt(sum(g * g for g in numpy.meshgrid(x, x, x))) - 2
-    ball.astype("f4").tofile(tmp_path / "ball.0003.f32")
-    sequence = sphere(surface={"bspline": {"dims": [8, 8, 8], "path": str(tmp_path / "ball.####.f32")}},
-                      queue={"frames": "3-4"})
+    sequence = sphere(surface=write_balls(tmp_path), queue={"frames": "3-4"})
     reply = service.post("/v1/jobs:validate", sequence)
     assert reply.status == 200 and reply.json["estimate"]["count"] == 200, reply.body
     assert service.get("/v1/jobs").json["jobs"] == [] and not list((service.state / "estimates").iterdir())
@@ -94,6 +108,38 @@ def test_a_service_that_makes_none(new_service):
     service = new_service("--estimates", 0).start()
     reply = service.post("/v1/jobs:validate", sphere())
     assert reply.status == 200 and reply.json["estimate"] is None and "estimates" in reply.json["estimate_missing"]
+
+
+def test_a_service_full_of_them_takes_jobs(new_service, tmp_path):
+    program, most = tmp_path / "sleeper", 33
+    program.write_text("#!/bin/sh\nexec sleep 1000\n")
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--estimates", most, "--estimate_timeout_s", 1000, "--drain_s", 0,
+                          "--grace_s", 0).start()
+    replies = []
+    askers = [threading.Thread(target=lambda: replies.append(service.post("/v1/jobs:validate", sphere())))
+              for _ in range(most)]
+    for asker in askers:
+        asker.start()
+    wait_until(lambda: len(service.children()) == most, "all workers")
+    service.submit(sphere())
+    assert not replies
+    assert service.end() == 0
+    for asker in askers:
+        asker.join()
+    assert [r.status for r in replies] == [200] * most
+
+
+def test_a_worker_that_does_not_start_leaves_nothing(new_service, tmp_path):
+    program = tmp_path / "gone"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o700)
+    service = new_service("--worker", program).start()
+    program.unlink()
+    reply = service.post("/v1/jobs:validate", sphere())
+    assert reply.status == 200 and reply.json["estimate"] is None
+    assert "cannot be started" in reply.json["estimate_missing"]
+    assert not list((service.state / "estimates").iterdir())
 
 
 ASKED = """#!/bin/sh

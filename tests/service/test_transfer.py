@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, sphere, wait_until
+from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
 from test_rest import exchange, expect_problem
 
 TETRAHEDRON = b"""v 1 1 1
@@ -195,18 +195,41 @@ def test_a_broken_upload_leaves_nothing(new_service):
     expect_problem(put(service, b"y"), 507, "storage_full")
 
 
+def start_later(service):
+    """As if the files that were sent had been used long ago: a service that starts looks at them at once."""
+    service.end(9)
+    for file in (service.state / "inputs").iterdir():
+        os.utime(file, (1, 1))
+    service.start()
+
+
 def test_an_input_that_nobody_uses_goes(new_service, tmp_path):
-    service = new_service("--inputs_keep_s", 1, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+    service = new_service("--inputs_keep_s", 60, "--worker", gated_worker(tmp_path), "--workers", 1).start()
     kept = service.state / "inputs"
     name = put(service, TETRAHEDRON).json["path"]
     job = service.submit(mesh(f"{name}.obj"))
     service.wait_worker(job)
     put(service, b"another")
+    start_later(service)
     wait_until(lambda: [f.name for f in kept.iterdir()] == [name], "the other to go")
     service.open_gate(job)
     service.wait_state(job, "succeeded")
+    start_later(service)
     wait_until(lambda: not list(kept.iterdir()), "the input to go")
     expect_problem(service.post("/v1/jobs", mesh(f"{name}.obj")), 422, "input_missing", "/surface/mesh/path")
+
+
+def test_a_job_whose_input_is_gone_says_so(new_service):
+    service = new_service("--workers", 1).start()
+    name = put(service, TETRAHEDRON).json["path"]
+    first = service.submit(long_sphere())
+    service.wait_worker(first)
+    job = service.submit(mesh(f"{name}.obj"))
+    (service.state / "inputs" / name).unlink()
+    assert service.post(f"/v1/jobs/{first}/cancel").status == 202
+    failed = service.wait_state(job, "failed")
+    assert failed["error"]["code"] == "input_missing" and name in failed["error"]["message"]
+    assert "root" not in failed["error"]["message"] and str(service.state) not in failed["error"]["message"]
 
 
 def test_an_admin_deletes_an_input(new_service):

@@ -114,6 +114,8 @@ static void test_faults_of_the_file_name_the_line(void **state)
     expect_file_fault("\n\nworkers = 1.5\n", ":3: workers");
     expect_file_fault("drain_s = nan\n", ":1: drain_s");
     expect_file_fault("memory_mb = -1\n", ":1: memory_mb");
+    expect_file_fault("inputs_keep_s = 59\n", "\"59\" is not 0 or a number from 60 to 1e+10 s");
+    expect_file_fault("inputs_keep_s = -1\n", ":1: inputs_keep_s");
     expect_file_fault("memory_mb = 99999999999999999999\n", ":1: memory_mb");
     expect_file_fault("log_level = loud\n", ":1: log_level");
     expect_file_fault("workers = 1\nworkers = 2\n", ":2: workers is given twice");

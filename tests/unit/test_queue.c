@@ -704,6 +704,35 @@ static queue_delivery next_delivery(place *p, const char *id)
     return delivery;
 }
 
+static void test_deliveries_to_busy_hosts_are_passed_by(void **state)
+{
+    static const char *const urls[] = {"https://farm:443/a", "https://farm:443/b", "https://farm2:443/",
+                                       "https://farm:81/"};
+    place *p = *state;
+    queue_submission s = plain;
+    char id[4][ULID_SIZE];
+    for (size_t i = 0; i < 4; i++) {
+        s.webhook = urls[i];
+        submit_for(p, &s, id[i]);
+        assert_true(finish(p, id[i], 0, claim(p, id[i]), &success));
+    }
+    static const struct {
+        const char *but;
+        int next; /* -1: none */
+    } looks[] = {{"[]", 0},
+                 {"[\"https://farm:443/\"]", 2},
+                 {"[\"https://farm:443/\",\"https://farm2:443/\"]", 3},
+                 {"[\"https://farm:443/\",\"https://farm2:443/\",\"https://farm:81/\"]", -1}};
+    for (size_t i = 0; i < sizeof looks / sizeof *looks; i++) {
+        queue_delivery delivery = {0};
+        bool found = false;
+        assert_true(queue_next_delivery(p->q, looks[i].but, &delivery, &found, NULL));
+        assert_int_equal(found, looks[i].next >= 0);
+        if (found) assert_string_equal(delivery.url, urls[looks[i].next]);
+        queue_delivery_clear(&delivery);
+    }
+}
+
 static void test_ends_are_told(void **state)
 {
     place *p = *state;
@@ -767,6 +796,7 @@ int main(void)
         CASE(test_list_by_owner_and_label),
         CASE(test_attempts_that_count_add_their_time),
         CASE(test_events_tell_what_happened),
+        CASE(test_deliveries_to_busy_hosts_are_passed_by),
         CASE(test_ends_are_told),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);

@@ -6,6 +6,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -245,6 +246,61 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     free(directory);
 }
 
+#define SENT "xyz"
+
+static bool wants_none(void *context, const char *name)
+{
+    (void)context;
+    (void)name;
+    return false;
+}
+
+static void *collect(void *argument)
+{
+    place *p = argument;
+    size_t gone;
+    return store_inputs_collect(p->inputs, clock_wall_ms() - 500000, wants_none, NULL, &gone, NULL) ? p : NULL;
+}
+
+static void send_it(place *p, const char *hex)
+{
+    store_upload *upload = NULL;
+    assert_int_equal(store_upload_begin(p->inputs, hex, -1, &upload, NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_write(upload, SENT, strlen(SENT), NULL), STORE_UPLOAD_GOOD);
+    assert_int_equal(store_upload_commit(upload, NULL), STORE_UPLOAD_GOOD);
+    store_upload_end(upload);
+}
+
+/* Whichever comes first, the room that is left is what the files leave. */
+static void test_what_is_sent_again_while_it_is_collected_is_counted_once(void **state)
+{
+    place *p = *state;
+    char hex[STORE_HASH_SIZE];
+    store_hash(SENT, strlen(SENT), hex);
+    char *directory = mem_printf("%s/inputs", p->base), *path = mem_printf("%s/sha256:%s", directory, hex);
+    p->inputs = store_inputs_open(directory, 100, 9, NULL);
+    assert_non_null(p->inputs);
+    send_it(p, hex);
+    for (int i = 0; i < 50; i++) {
+        struct timespec times[2] = {{.tv_sec = clock_wall_ms() / 1000 - 1000}};
+        times[1] = times[0];
+        assert_int_equal(utimensat(AT_FDCWD, path, times, 0), 0);
+        pthread_t other;
+        void *collected = NULL;
+        assert_int_equal(pthread_create(&other, NULL, collect, p), 0);
+        send_it(p, hex);
+        assert_int_equal(pthread_join(other, &collected), 0);
+        assert_non_null(collected);
+        assert_int_equal(access(path, F_OK), 0);
+        store_upload *upload = NULL;
+        assert_int_equal(store_upload_begin(p->inputs, hex, 7, &upload, NULL), STORE_UPLOAD_NO_ROOM);
+        assert_int_equal(store_upload_begin(p->inputs, hex, 6, &upload, NULL), STORE_UPLOAD_GOOD);
+        store_upload_end(upload);
+    }
+    free(path);
+    free(directory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -252,6 +308,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_start_removes_orphans, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_is_sent_again_while_it_is_collected_is_counted_once, set_up,
+                                        tear_down),
     };
     log_set_level(LOG_LEVEL_ERROR);
     return cmocka_run_group_tests_name("retention", tests, NULL, NULL);

@@ -4,6 +4,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "webhook/hosts.h"
@@ -81,12 +82,50 @@ static void test_bad_entries_are_named(void **state)
     }
 }
 
+static bool is_of_host(const char *host, const char *address)
+{
+    return strncmp(address, host, strlen(host)) == 0;
+}
+
+static void test_addresses_of_one_host_begin_alike(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *first, *second;
+        bool same;
+    } pairs[] = {{"http://farm", "http://Farm/x?y#z", true},
+                 {"http://farm?x", "http://farm:80/", true},
+                 {"HTTPS://[::1]/", "https://[::1]:443/X", true},
+                 {"http://farm", "http://farm2", false},
+                 {"http://farm", "http://farm.example/", false},
+                 {"http://farm", "http://farm:81/", false},
+                 {"http://farm:80", "http://farm:8080/", false},
+                 {"http://10.0.0.1", "http://10.0.0.10/x", false},
+                 {"http://farm:443", "https://farm/", false}};
+    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+        char *first = webhook_address(pairs[i].first), *second = webhook_address(pairs[i].second);
+        char *host = webhook_host_of(first), *other = webhook_host_of(second);
+        assert_true(is_of_host(host, first));
+        if (is_of_host(host, second) != pairs[i].same || is_of_host(other, first) != pairs[i].same)
+            fail_msg("%s and %s", first, second);
+        free(first);
+        free(second);
+        free(host);
+        free(other);
+    }
+    char *address = webhook_address("http://Farm/A?B=c%2fD");
+    assert_string_equal(address, "http://farm:80/A?B=c%2fD");
+    free(address);
+    assert_null(webhook_address("http://"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_listed_is_admitted),
         cmocka_unit_test(test_all_else_is_refused),
         cmocka_unit_test(test_bad_entries_are_named),
+        cmocka_unit_test(test_addresses_of_one_host_begin_alike),
     };
     return cmocka_run_group_tests_name("webhook_hosts", tests, NULL, NULL);
 }
