@@ -122,14 +122,14 @@ const openapi_schema openapi_schemas[] = {
             "'spec':" REF("JobSpec") ",'paths':" PATHS ",'estimate':{'oneOf':[{'type':'null'}," REF("Estimate") "]},"
             "'estimate_missing':{'type':['string','null'],'description':'Why there is none.'}")},
     {"Estimate",
-     OBJECT("'count','area','bounding_box','memory_bytes','seconds','threads'",
+     OBJECT("'count','area','bounding_box','memory_bytes','seconds','seconds_missing','threads'",
             "'count':{'type':['integer','null'],'description':'Points; null when a time is the target.'},"
             "'area':{'type':'number'},"
             "'bounding_box':" OBJECT("'min','max'", "'min':" POINT ",'max':" POINT) ","
             "'memory_bytes':" COUNT ","
             "'seconds':{'type':['number','null'],'description':'That so many processors of this machine take, without"
-            " what writing the results does; null when it cannot be told: counts that sampling.control finds, or no rest in"
-            " the time that there was.'},"
+            " what writing the results does; null when it cannot be told.'},"
+            "'seconds_missing':{'type':['string','null'],'description':'Why there are none.'},"
             "'threads':" COUNT)},
     {"Results", OBJECT("'results'", "'results':" LIST(OBJECT(
                                         "'name','bytes','sha256','content_type','href'",

@@ -525,17 +525,21 @@ static bool rehearse_once(job *j, double end_s, pace *p)
     return ok;
 }
 
-/* Seconds from the first point to the last measure; NAN when that cannot be told. That a rehearsal fails is no
- * fault of the job's. */
+/* Why no runs of fewer points tell what the job takes; NULL: they do. */
+static const char *rehearsal_obstacle(const job *j)
+{
+    return j->spec->has_control   ? "sampling.control finds the count on the way"
+           : j->options->previous ? "points of the frame before are carried over, which cannot be tried with fewer"
+                                  : NULL;
+}
+
+/* Seconds from the first point to the last measure; NAN when that cannot be told, since no run came to its end.
+ * That a rehearsal fails is no fault of the job's. */
 static double rehearse(job *j)
 {
-    size_t count = j->count;
+    size_t count = j->count, part = 1;
     double end_s = clock_processor_s() + 2 * REHEARSAL_S;
     pace p = pace_begin(count);
-    if (j->spec->time_s > 0) return j->spec->time_s;
-    if (j->spec->has_control) return NAN;    /* counts are its own to choose */
-    if (j->options->previous) return NAN; /* points can be carried over once, and only so many */
-    size_t part = 1;
     while (count / part / REHEARSAL_STRIDE >= PACE_FIRST) part *= REHEARSAL_STRIDE;
     for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
         part /= REHEARSAL_STRIDE;
@@ -546,7 +550,8 @@ static double rehearse(job *j)
     return p.runs > 0 ? pace_run(&p, count) / (count < THREADS_FROM ? 1 : threads_count(j->pool)) : NAN;
 }
 
-static json *describe_estimate(const job *j, double seconds)
+/* `missing`: why there are no seconds, NULL when there are. */
+static json *describe_estimate(const job *j, double seconds, const char *missing)
 {
     double memory = (double)j->memory - particle_memory(j) + (double)j->count * bytes_per_particle(j);
     json *o = json_new_object();
@@ -561,6 +566,7 @@ static json *describe_estimate(const job *j, double seconds)
         json_put_null(o, "seconds");
     else
         json_put_number(o, "seconds", seconds);
+    json_put_string(o, "seconds_missing", missing);
     json_put_integer(o, "threads", threads_count(j->pool));
     return o;
 }
@@ -575,9 +581,14 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
         /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which others
          * stretch, nor than all of its threads together */
         double opened_s = fmin(clock_processor_s(), 1e-3 * (double)(clock_monotonic_ms() - j.progress.start_ms));
-        double seconds = rehearse(&j);
-        /* a time that is the target holds for all of it */
-        if (may_go_on(&j, e)) estimate = describe_estimate(&j, s->time_s > 0 ? seconds : opened_s + seconds);
+        const char *missing = NULL;
+        double seconds = s->time_s; /* as the target it holds for all of the job */
+        if (s->time_s <= 0) {
+            missing = rehearsal_obstacle(&j);
+            seconds = missing ? NAN : opened_s + rehearse(&j);
+            if (!missing && isnan(seconds)) missing = "a run of few points did not end in the time that it was given";
+        }
+        if (may_go_on(&j, e)) estimate = describe_estimate(&j, seconds, missing);
     }
     progress_end(&j.progress);
     free_job(&j);

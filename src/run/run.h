@@ -50,8 +50,8 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
  *     area, bounding_box {min, max}   of the surface
  *     memory_bytes  at the peak
  *     seconds       that `threads` processors would take, without what writing the results takes; null when
- *                   it cannot be told: of a control, whose counts are found on the way, of a frame that carries
- *                   points over, and of a job that did not come to rest in that time
+ *                   it cannot be told
+ *     seconds_missing   why not; null when it can
  *     threads
  * Errors: those that run_job would end with before the first point is placed. Writes no file. */
 json *run_estimate(const spec *s, const run_options *options, error *e);

@@ -36,7 +36,7 @@ def test_it_is_what_the_job_comes_to(estimate, worker, tmp_path, sampling):
     assert found["area"] == report["surface"]["area"]
     assert found["bounding_box"] == report["surface"]["bounding_box"]
     assert 0 < found["memory_bytes"] <= report["peak_memory_bytes"] * 10
-    assert found["seconds"] > 0
+    assert found["seconds"] > 0 and found["seconds_missing"] is None
 
 
 def test_what_cannot_be_told(estimate):
@@ -44,8 +44,10 @@ def test_what_cannot_be_told(estimate):
     found = estimate(sphere(sampling={"time_s": 3}))
     assert found["count"] is None and found["seconds"] == 3
     control = {"min_count": 100, "max_sigma": 0.3}
-    assert estimate(sphere(sampling={"control": control}, solver={"method": "paper"}))["seconds"] is None
-    assert estimate(long_sphere())["seconds"] is None
+    found = estimate(sphere(sampling={"control": control}, solver={"method": "paper"}))
+    assert found["seconds"] is None and "sampling.control" in found["seconds_missing"]
+    found = estimate(long_sphere())
+    assert found["seconds"] is None and "did not end" in found["seconds_missing"]
 
 
 def write_balls(where):
@@ -62,7 +64,7 @@ def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
     assert worker(spec, "--frame", 3, output="3").returncode in (0, 10)
     assert estimate(spec, "--frame", 3)["seconds"] > 0
     found = estimate(spec, "--frame", 4, "--previous", "3")
-    assert found["count"] == 200 and found["seconds"] is None
+    assert found["count"] == 200 and found["seconds"] is None and "frame before" in found["seconds_missing"]
 
 
 def test_faults_are_those_of_the_job(worker, tmp_path):
