@@ -447,7 +447,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     if (!read_key(request, hash, &key, r)) return;
     char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
-         *paths = o->paths ? json_print(o->paths) : NULL, *webhook = s->webhook ? webhook_address(s->webhook) : NULL;
+         *paths = o->paths ? json_print(o->paths) : NULL,
+         *webhook = s->webhook ? webhook_address(s->webhook) : NULL;
     queue_submission submission = {
         .name = s->name,
         .owner = request->caller->user,

@@ -578,15 +578,17 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     if (run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
-        /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which others
-         * stretch, nor than all of its threads together */
-        double opened_s = fmin(clock_processor_s(), 1e-3 * (double)(clock_monotonic_ms() - j.progress.start_ms));
+        /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which
+         * others stretch, nor than all of its threads together */
+        double passed_s = 1e-3 * (double)(clock_monotonic_ms() - j.progress.start_ms);
+        double opened_s = fmin(clock_processor_s(), passed_s);
         const char *missing = NULL;
         double seconds = s->time_s; /* as the target it holds for all of the job */
         if (s->time_s <= 0) {
             missing = rehearsal_obstacle(&j);
             seconds = missing ? NAN : opened_s + rehearse(&j);
-            if (!missing && isnan(seconds)) missing = "a run of few points did not end in the time that it was given";
+            if (isnan(seconds) && !missing)
+                missing = "a run of few points did not end in the time that it was given";
         }
         if (may_go_on(&j, e)) estimate = describe_estimate(&j, seconds, missing);
     }

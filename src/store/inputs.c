@@ -222,7 +222,8 @@ store_upload_verdict store_upload_commit(store_upload *u, error *e)
     if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
     bool ok = store_file_flush(&u->file, e); /* before others wait for the mutex */
     if (ok) {
-        pthread_mutex_lock(&u->owner->mutex); /* what is there is not collected in between, which would count twice */
+        /* what is there must not be collected in between: its room would be given back twice */
+        pthread_mutex_lock(&u->owner->mutex);
         /* two that send the same at once: the second takes the place of the first, which has the same bytes */
         bool twice = store_inputs_find(u->owner, hex) >= 0;
         ok = store_file_commit(&u->file, e);
