@@ -2,9 +2,11 @@
 import http.client
 import json
 import os
+import pathlib
 import socket
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
@@ -158,14 +160,11 @@ def test_a_port_for_other_machines_with_tokens(new_service):
 
 
 @pytest.fixture
-def public_directory(tmp_path):
-    """A directory that every user can reach, and tmp_path with it."""
-    path = tmp_path
-    while path != path.parent:
-        if path.stat().st_uid == os.geteuid() and not path.stat().st_mode & 0o1000:
-            path.chmod(0o755)
-        path = path.parent
-    return tmp_path
+def public_directory():
+    """A directory that every user can reach: pytest's own are shut again whenever another pytest starts."""
+    with tempfile.TemporaryDirectory() as path:
+        os.chmod(path, 0o755)
+        yield pathlib.Path(path)
 
 
 def test_unix_peers(new_service, public_directory):
