@@ -18,7 +18,7 @@ static const double sigma = 0.9, unit = 0x1p-24;
 
 /* Particles near the origin, each with neighbours of its own, as both kernels want them. */
 typedef struct fixture {
-    neighbours_place place[LANES][MOST];
+    neighbours_place place[LANES * MOST];
     uint32_t list[LANES][MOST];
     kernel_particles particles;
     kernel_params params;
@@ -44,7 +44,7 @@ static void random_fixture(fixture *f, rng *r)
         if (rng_uniform(r) < 0.5) n = vec3_scale(n, -1);
         for (uint32_t k = 0; k < MOST; k++) {
             f->list[l][k] = l * MOST + k * 7 % MOST; /* any order */
-            f->place[l][k] = random_place(r, (vec3){1, 1, 0.1});
+            f->place[l * MOST + k] = random_place(r, (vec3){1, 1, 0.1});
         }
         p->list[l] = f->list[l];
         p->count[l] = (uint32_t)(rng_uniform(r) * (MOST + 1));
@@ -72,7 +72,7 @@ static void sum_wide(const fixture *f, const kernel_forces *frames, size_t l, pa
     const kernel_particles *p = &f->particles;
     double column[5][MOST];
     for (size_t k = 0; k < MOST; k++) {
-        const neighbours_place *q = &f->place[0][f->list[l][k]];
+        const neighbours_place *q = &f->place[f->list[l][k]];
         double size = 0.5 * (1 + (double)q->size / (double)p->size[l]);
         double entry[5] = {q->x * unit, q->y * unit, q->z * unit, k < p->count[l], size * size};
         for (int c = 0; c < 5; c++) column[c][k] = entry[c];
@@ -99,7 +99,7 @@ static void sums_are_those_in_double(void **state)
         fixture f;
         kernel_forces single;
         random_fixture(&f, &r);
-        kernel_for(isa_best())->forces(f.place[0], &f.particles, &f.params, &single);
+        kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &single);
         for (size_t l = 0; l < LANES; l++) {
             pair_forces wide;
             sum_wide(&f, &single, l, &wide);
@@ -127,7 +127,7 @@ static void frames_are_tangent(void **state)
     fixture f;
     kernel_forces out;
     random_fixture(&f, &r);
-    kernel_for(isa_best())->forces(f.place[0], &f.particles, &f.params, &out);
+    kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &out);
     for (size_t l = 0; l < LANES; l++) {
         vec3 n = lane_of(&f.particles.normal, l);
         vec3 u = {out.axis1[0][l], out.axis1[1][l], out.axis1[2][l]},
@@ -143,7 +143,7 @@ static void go(const fixture *f, const kernel *k, kernel_forces *forces, kernel_
 {
     memset(forces, 0, sizeof *forces);
     memset(way, 0, sizeof *way);
-    k->forces(f->place[0], &f->particles, &f->params, forces);
+    k->forces(f->place, &f->particles, &f->params, forces);
     k->step(&f->particles, forces, &f->params, way);
     for (size_t l = 0; l < LANES; l++) {
         way->value[l] = 2 * (way->to.z[l] - 0.001);
@@ -212,7 +212,7 @@ static void a_particle_always_gets_the_same_bits(void **state)
         p->count[5] = p->count[3];
         for (size_t l = 0; l < LANES; l++)
             if (l != 5) p->count[l] = 0;
-        kernel_for(ISA_PORTABLE)->forces(f.place[0], p, &f.params, &other);
+        kernel_for(ISA_PORTABLE)->forces(f.place, p, &f.params, &other);
         assert_memory_equal(&other.energy[5], &portable.energy[3], sizeof(float));
         assert_memory_equal(&other.d1[5], &portable.d1[3], sizeof(float));
         assert_memory_equal(&other.h22[5], &portable.h22[3], sizeof(float));
