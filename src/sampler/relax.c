@@ -647,14 +647,31 @@ double relax_bent_share(const relax *r, const particles *p)
     return (double)bent / (double)p->count;
 }
 
+typedef struct pairs_job {
+    const relax *r;
+    const particles *p;
+    double sigma;
+    atomic_size_t pairs;
+} pairs_job;
+
+static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    pairs_job *job = context;
+    const particles *p = job->p;
+    size_t pairs = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
+            uint32_t j = neighbours_list(job->r->near, i)[k];
+            double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
+            pairs += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support;
+        }
+    atomic_fetch_add(&job->pairs, pairs);
+}
+
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
-    size_t pairs = 0;
-    for (size_t i = 0; i < p->count; i++)
-        for (uint32_t k = 0; k < r->near->list_count[i]; k++) {
-            uint32_t j = neighbours_list(r->near, i)[k];
-            double support = 0.5 * sigma * (p->size[i] + p->size[j]);
-            if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support) pairs++;
-        }
-    return (double)pairs / (double)p->count;
+    pairs_job job = {r, p, sigma, 0};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.pairs) / (double)p->count;
 }
