@@ -36,25 +36,24 @@ bool store_inputs_is_hash(const char *hex)
     return strlen(hex) == STORE_INPUT_HEX && strspn(hex, "0123456789abcdef") == STORE_INPUT_HEX;
 }
 
+static bool is_name(const char *name)
+{
+    size_t prefix = strlen(STORE_INPUT_PREFIX);
+    return strncmp(name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(name + prefix);
+}
+
 bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE])
 {
-    size_t prefix = strlen(STORE_INPUT_PREFIX), length = STORE_INPUT_NAME_SIZE - 1;
-    if (strncmp(path, STORE_INPUT_PREFIX, prefix) != 0 || strlen(path) < length || strchr(path, '/'))
-        return false;
+    size_t length = STORE_INPUT_NAME_SIZE - 1;
+    if (strlen(path) < length || strchr(path, '/')) return false;
     memcpy(name, path, length);
     name[length] = '\0';
-    return store_inputs_is_hash(name + prefix) && (!path[length] || path[length] == '.');
+    return is_name(name) && (!path[length] || path[length] == '.');
 }
 
 static char *path_of(const store_inputs *s, const char *hex)
 {
     return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);
-}
-
-static bool is_name(const char *name)
-{
-    size_t prefix = strlen(STORE_INPUT_PREFIX);
-    return strncmp(name, STORE_INPUT_PREFIX, prefix) == 0 && store_inputs_is_hash(name + prefix);
 }
 
 /* Counts what is in place and removes what is not. */
