@@ -10,9 +10,10 @@
 #include <stdint.h>
 
 #include "base/threads.h"
+#include "sampler/kernel.h"
 #include "sampler/neighbours.h"
 
-#define BATCH_MOST 16
+#define BATCH_MOST KERNEL_LANES
 #define BATCH_BLOCKS 4 /* share their batches, from the first of their colour on: fewer end half empty */
 /* Marks the last of a batch in `bin_item`; there are never as many points. */
 #define BATCH_LAST ((uint32_t)1 << 31)

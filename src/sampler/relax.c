@@ -422,8 +422,6 @@ static kernel_params glide_params(const relax *r, const relax_params *params)
                            .farthest = GLIDE_FARTHEST * params->spacing};
 }
 
-_Static_assert(BATCH_MOST == KERNEL_LANES, "a batch fills the kernel's lanes");
-
 /* Moves particles that are nobody's neighbours among themselves and whose neighbours all face their way, by
  * the kernel; those for which that does not end well stay, and are kept in `items`. Returns how many. */
 static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *sums)
