@@ -11,6 +11,7 @@
 #include "sampler/particles.h"
 #include "sampler/project.h"
 #include "sampler/relax.h"
+#include "sampler/rims.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
 static const double LANDED = 1e-3;
@@ -455,8 +456,8 @@ static bool ease(crowd *c, error *e)
         p->normal[i] = c->normal[i];
         p->size[i] = c->spacing[i] / c->h;
         p->lambda[i] = 0;
-        p->rim[i] = c->f->open && !bbox_contains(bbox_grow(c->f->rims, -2 * c->spacing[i]), c->position[i]);
     }
+    if (ok) rims_mark(c->f, c->h, p);
     ok = ok && relax_build(r, p, params.sigma, EASING_SKIN * c->h, e);
     for (int k = 0; ok && k < PORTION_SWEEPS && !threads_stopped(c->pool); k++) {
         relax_sums sums;

@@ -4,6 +4,7 @@
 
 #include "base/memory.h"
 #include "sampler/energy.h"
+#include "sampler/rims.h"
 #include "sampler/slabs.h"
 #include "sampler/voronoi.h"
 
@@ -56,7 +57,7 @@ static double alpha_of(const quality_input *in, size_t i)
 
 static bool is_on_rim(const quality_input *in, size_t i)
 {
-    return in->open && !bbox_contains(bbox_grow(in->domain, -2 * in->spacing[i]), in->position[i]);
+    return in->open && rims_are_near(in->domain, in->position[i], in->spacing[i]);
 }
 
 static void count_value(moments *m, double value)

@@ -348,3 +348,10 @@ void rims_free(rims *r)
     free(r->normal);
     *r = (rims){0};
 }
+
+void rims_mark(const field *f, double h, particles *p)
+{
+    if (!f->open) return;
+    for (size_t i = 0; i < p->count; i++)
+        p->rim[i] = rims_are_near(f->rims, p->position[i], h * p->size[i]);
+}

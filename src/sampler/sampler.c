@@ -8,6 +8,7 @@
 #include "sampler/energy.h"
 #include "sampler/project.h"
 #include "sampler/refine.h"
+#include "sampler/rims.h"
 #include "sampler/start.h"
 #include "sampler/state.h"
 
@@ -51,13 +52,13 @@ static const int LEVEL_SWEEPS = 30;
  * again. */
 static const double LEVEL_SWEEPS_MANY = 100, LEVEL_MANY = 1e4, LEVEL_MANY_BETWEEN = 5e3, LEVEL_FALL = 1.5;
 static const double LEVEL_SWEEPS_LEAST = 4, LEVEL_SWEEPS_MOST = 120;
-/* A stage of the coarsest level that creeps is left after so many sweeps; its first ones even out a start, for
- * which so many are enough before steps are watched. */
+/* A stage of the coarsest level that creeps is left after so many sweeps; its first ones even out a start,
+ * for which so many are enough before steps are watched. */
 static const int STAGE_SWEEPS_MOST = 400, STAGE_SHAKEN = 15;
 /* Ten times the rms step of a shaken level: what is longer belongs to a particle that finds no rest. */
 static const double GLIDE_LONGEST = 0.05;
-/* Over-relaxation, of the first-term Hessian: with 3.0 and more a refined level loses its order. Sizes that vary make
- * stiffer neighbours: with 2.7 such a level would swing by a tenth of h for thirty sweeps. */
+/* Over-relaxation, of the first-term Hessian: with 3.0 and more a refined level loses its order. Sizes that
+ * vary make stiffer neighbours: with 2.7 such a level would swing by a tenth of h for thirty sweeps. */
 static const double OMEGA_SHAKE = 2.7, OMEGA_SHAKE_GRADED = 2.4, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2;
 
 double sampler_amplitude(const sampler *s, double kappa)
@@ -128,14 +129,6 @@ double sampler_resize(sampler *s)
     return sqrt(squares / (double)s->p->count);
 }
 
-static void mark_rims(sampler *s)
-{
-    if (!s->field->open) return;
-    for (size_t i = 0; i < s->p->count; i++)
-        s->p->rim[i] =
-            !bbox_contains(bbox_grow(s->field->rims, -2 * s->spacing * s->p->size[i]), s->p->position[i]);
-}
-
 bool sampler_build_lists(sampler *s, error *e)
 {
     if (amplitudes_are_due(s)) {
@@ -143,7 +136,7 @@ bool sampler_build_lists(sampler *s, error *e)
         s->next_amplitudes = s->sweep_count + 1 + s->sweep_count / 4;
     }
     sampler_resize(s);
-    mark_rims(s);
+    rims_mark(s->field, s->spacing, s->p);
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
     s->list_age = 0;
