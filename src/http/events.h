@@ -1,10 +1,18 @@
 /* events: the handlers of what happened to jobs: pages of JSON, or a stream of Server-Sent Events where the client
  * accepts text/event-stream.
  *
- * A stream begins behind the event that Last-Event-ID names (or the query's `after`; without either at the
- * beginning), and goes on with what comes. Its events are those of the queue, with the number as their id; between them
- * stand events `progress`, one for each line of progress of a worker as long as there is one: these have no id,
- * are not stored, and a client that reads slowly misses some. A job's stream ends with its end.
+ * The events are those of the queue, with their number as the id of the stream. Without Last-Event-ID and without the
+ * query's `after`, the events of one job begin at its beginning, since they are few and belong together; those of all
+ * jobs begin now, so that a new follower costs the same however long the history is.
+ *
+ * A stream of all jobs begins with an event `position`, whose id and `seq` say where: what follows has higher numbers.
+ * It comes again when a filter left out many events, so that a client that comes again need not wait for them twice,
+ * and when events are missing. `removed_up_to` in it: events up to that number, not told yet, were removed with their
+ * jobs. `reset`: the client asked for a number that was not given yet, since the database is an older one than that it
+ * was following (a restored backup); what follows begins at `seq`. Pages of JSON have `position` and both members, too.
+ *
+ * A job's stream has, between its events, events `progress`, one for each line of progress of a worker as long as there
+ * is one: these have no id, are not stored, and a client that reads slowly misses some. It ends with the job.
  */
 #ifndef HEXAD_HTTP_EVENTS_H
 #define HEXAD_HTTP_EVENTS_H

@@ -1,7 +1,9 @@
 #include "http/herald.h"
 
+#include <inttypes.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,38 +26,51 @@ struct herald {
     int64_t event_seq, row_number; /* those that were told */
 };
 
-/* The jobs of the news that was not told yet. */
+/* What the news that was not told yet is about: jobs, and their owners. */
 typedef struct news {
-    const char *topic[2 * NEWS_MOST];
+    const char *topic[3 * NEWS_MOST];
     size_t count;
+    char owner_topic[NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event */
 } news;
 
-static void add_topic(news *n, const char *id)
+void herald_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
+{
+    uint64_t hash = 14695981039346656037u; /* FNV-1a: two users with one topic wake each other for nothing, no more */
+    for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
+    snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
+}
+
+static void add_topic(news *n, const char *topic)
 {
     for (size_t i = 0; i < n->count; i++)
-        if (strcmp(n->topic[i], id) == 0) return;
-    n->topic[n->count++] = id;
+        if (strcmp(n->topic[i], topic) == 0) return;
+    n->topic[n->count++] = topic;
 }
 
 /* Tells what is new; whether there may be more. */
 static bool tell(herald *h)
 {
     error e = {0};
-    news n = {.count = 0};
-    queue_event *events = NULL;
-    size_t event_count = 0;
+    news n;
+    n.count = 0;
+    queue_event_page page = {0};
     queue_event_filter filter = {.after_seq = h->event_seq, .limit = NEWS_MOST};
-    if (!queue_list_events(h->q, &filter, &events, &event_count, &e))
+    if (!queue_list_events(h->q, &filter, &page, &e))
         log_write(LOG_LEVEL_ERROR, "events cannot be read: %s", e.message);
-    for (size_t i = 0; i < event_count; i++) add_topic(&n, events[i].id);
-    if (event_count) h->event_seq = events[event_count - 1].seq;
+    else
+        h->event_seq = page.position;
+    for (size_t i = 0; i < page.count; i++) {
+        herald_name_topic(page.events[i].owner, n.owner_topic[i]);
+        add_topic(&n, page.events[i].id);
+        add_topic(&n, n.owner_topic[i]);
+    }
     rows_line *lines = NULL;
     size_t line_count = rows_list(h->rows, NULL, h->row_number, NEWS_MOST, &lines, &h->row_number);
     for (size_t i = 0; i < line_count; i++) add_topic(&n, lines[i].id);
     if (n.count) lounge_wake(h->lounge, n.topic, n.count);
-    free(events);
+    free(page.events);
     rows_lines_free(lines, line_count);
-    return event_count == NEWS_MOST || line_count == NEWS_MOST;
+    return page.more || line_count == NEWS_MOST;
 }
 
 static void *run(void *argument)
@@ -73,7 +88,11 @@ static void *run(void *argument)
 /* Nobody has been told of anything yet, and nobody waits: what is there already is no news. */
 static bool catch_up(herald *h, error *e)
 {
-    return queue_last_event(h->q, &h->event_seq, e);
+    queue_event_page page;
+    queue_event_filter filter = {.after_seq = QUEUE_EVENTS_FROM_NOW};
+    if (!queue_list_events(h->q, &filter, &page, e)) return false;
+    h->event_seq = page.position;
+    return true;
 }
 
 herald *herald_start(queue *q, executor *x, lounge *l, error *e)

@@ -12,6 +12,12 @@
 #include "http/route.h"
 #include "spec/schema.h"
 
+#define STREAM_PROSE                                                                                         \
+    "Server-Sent Events. `id` is the event's number, `event` its type, `data` an Event. A stream of all jobs begins with "  \
+    "an event `position`, whose `id` and `data.seq` say behind which number it goes on; another one follows where a filter " \
+    "has left out many, or where events are missing: `removed_up_to` and `reset` in its data mean what they do in an "       \
+    "EventPage. One job's stream has events `progress` between the others, without an `id`, and ends with the job."
+
 /* JSON written with ' for ". */
 static json *read_quoted(const char *text)
 {
@@ -117,7 +123,9 @@ static void put_answer(json *responses, const char *word)
     if (strcmp(schema, "EventPage") != 0) return;
     json_at root = json_root(answer), content = json_member(&root, "content");
     json *media = json_put_object((json *)(uintptr_t)content.node, "text/event-stream");
-    json_put_string(json_put_object(media, "schema"), "type", "string");
+    json *events = json_put_object(media, "schema");
+    json_put_string(events, "type", "string");
+    json_put_string(events, "description", STREAM_PROSE);
 }
 
 /* What may go wrong: the problems of the route, by status. */

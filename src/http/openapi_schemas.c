@@ -98,7 +98,14 @@ const openapi_schema openapi_schemas[] = {
             "'seq':" COUNT ",'at':" TIME ",'job':{'type':'string'},'type':{'type':'string'},'state':" REF(
                 "State") ",'outcome':" OUTCOME ",'frame':{'type':'integer'},'attempt':" COUNT)},
     {"EventPage",
-     OBJECT("'events','next'", "'events':" LIST(REF("Event")) ",'next':{'type':['integer','null']}")},
+     OBJECT("'events','next','position'",
+            "'events':" LIST(REF("Event")) ",'next':{'type':['integer','null'],'description':'There may be more behind"
+            " it: ask again with it as `after`. A filter may leave a page empty although there is more.'},"
+            "'position':{'type':'integer','minimum':0,'description':'Where to go on later: `after` of the next request.'},"
+            "'removed_up_to':{'type':'integer','description':'Events behind `after` up to this number were removed with"
+            " their jobs; some may be missing here.'},"
+            "'reset':{'const':true,'description':'`after` was not reached yet: the database is older than what it was read"
+            " from (a restored backup). Go on from `position`, and look at the jobs anew.'}")},
     {"Workers",
      OBJECT(
          "'load','workers'",

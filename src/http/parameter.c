@@ -23,10 +23,12 @@ static const parameter parameters[] = {
      "The SHA-256 of the file's bytes, 64 digits, lower case."},
     {"state", STATE, 0, 0, NULL, NULL, "Only jobs in this state."},
     {"limit", INTEGER, 1, 500, "50", NULL, "The most to list at once."},
-    {"owner", TEXT, 0, 64, NULL, NULL, "Only jobs of this user."},
-    {"label", TEXT, 1, 400, NULL, NULL, "Only jobs that have this label."},
+    {"owner", TEXT, 0, 64, NULL, NULL, "Only jobs, or events of jobs, of this user."},
+    {"label", TEXT, 1, 400, NULL, NULL, "Only jobs that have this label, or events of such jobs."},
+    {"job", TEXT, 26, 26, NULL, "^[0-9a-z]{26}$", "Only events of the job with this id."},
     {"after", INTEGER, 0, 999999999999999999, NULL, NULL,
-     "`next` of the page before: only what comes after it."},
+     "`next`, or `position`, of the page before: only what comes after it. 0: from the first that is kept. Without it "
+     "`/v1/events` begins now, other listings at their beginning."},
     {"frame", INTEGER, -2147483647, 2147483647, NULL, NULL, "The frame, of a job that is an array."},
     {"attempt", INTEGER, 1, 2147483647, NULL, NULL, "The number of the attempt; without it the last."},
     {"Idempotency-Key", TEXT, 1, 255, NULL, NULL,
@@ -44,7 +46,7 @@ static const parameter parameters[] = {
     {"If-Range", TEXT, 1, 1000, NULL, NULL,
      "The ETag of which Range is a part: the whole is sent when it is another."},
     {"Last-Event-ID", TEXT, 1, 18, NULL, NULL,
-     "The id of the event that came last: only what comes after it."},
+     "The id of the event that came last: only what comes after it. It goes before the query's `after`."},
     {"cursor", INTEGER, 1, 999999999999999999, NULL, NULL, "`next` of the page before."},
 };
 

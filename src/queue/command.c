@@ -163,6 +163,15 @@ typedef struct deleting {
     bool found, deleted;
 } deleting;
 
+/* The events of a job go with it; who follows is told how far some are missing. */
+static bool note_removed_events(database *d, const book *b, error *e)
+{
+    return RUN(d, e,
+               "UPDATE removed_events SET up_to = max(up_to,"
+               " coalesce((SELECT max(seq) FROM event WHERE job = ?1), 0)) WHERE one = 1",
+               integer(b->seq));
+}
+
 static bool delete_job(database *d, change *asked)
 {
     deleting *x = (deleting *)asked;
@@ -171,7 +180,7 @@ static bool delete_job(database *d, change *asked)
     if (!book_load(d, x->id, &b, &x->found, e)) return false;
     if (!x->found || !queue_state_is_final(b.state)) return true;
     x->deleted = true;
-    return RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
+    return note_removed_events(d, &b, e) && RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
 }
 
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)

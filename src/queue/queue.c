@@ -15,11 +15,6 @@ static const char *const state_names[QUEUE_STATE_COUNT] = {
     [QUEUE_FAILED] = "failed",   [QUEUE_CANCELLED] = "cancelled",   [QUEUE_TIMED_OUT] = "timed_out",
 };
 
-static const char *const event_names[QUEUE_EVENT_TYPE_COUNT] = {
-    [QUEUE_EVENT_STATE] = "state", [QUEUE_EVENT_TASK] = "task",     [QUEUE_EVENT_STARTED] = "started",
-    [QUEUE_EVENT_ENDED] = "ended", [QUEUE_EVENT_EDITED] = "edited",
-};
-
 const char *queue_state_name(queue_state state)
 {
     return state_names[state];
@@ -46,11 +41,6 @@ const char *queue_outcome_name(queue_outcome outcome)
     return outcome == QUEUE_CONVERGED       ? "converged"
            : outcome == QUEUE_NOT_CONVERGED ? "not_converged"
                                             : NULL;
-}
-
-const char *queue_event_type_name(queue_event_type type)
-{
-    return event_names[type];
 }
 
 void queue_job_clear(queue_job *job)
@@ -297,80 +287,6 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
     *attempts = read;
     *count = used;
     return true;
-}
-
-/* As for listings. */
-enum { OF_JOB = 1, OF_OWNER = 2 };
-
-#define EVENTS                                                                                               \
-    "SELECT event.seq, at_ms, id, type, event.state, event.outcome, frame, attempt FROM event"               \
-    " CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1" /* in this order: by the number of the event */
-#define OLDEST " ORDER BY event.seq LIMIT ?2"
-#define EVENTS_OF_JOB EVENTS " AND event.job = (SELECT seq FROM job WHERE id = ?3)"
-
-static const char *const event_listings[] = {
-    [0] = EVENTS OLDEST,
-    [OF_JOB] = EVENTS_OF_JOB OLDEST,
-    [OF_OWNER] = EVENTS " AND owner = ?4" OLDEST,
-    [OF_JOB | OF_OWNER] = EVENTS_OF_JOB " AND owner = ?4" OLDEST,
-};
-
-static queue_event_type event_type_from_name(const char *name)
-{
-    int type = 0;
-    while (type + 1 < QUEUE_EVENT_TYPE_COUNT && strcmp(event_names[type], name) != 0) type++;
-    return (queue_event_type)type;
-}
-
-static void read_event(sqlite3_stmt *s, queue_event *event)
-{
-    *event = (queue_event){
-        .seq = sqlite3_column_int64(s, 0),
-        .at_ms = sqlite3_column_int64(s, 1),
-        .type = event_type_from_name((const char *)sqlite3_column_text(s, 3)),
-        .outcome = record_outcome(s, 5),
-        .frame = column_or(s, 6, QUEUE_NO_FRAME),
-        .attempt = sqlite3_column_int(s, 7),
-    };
-    snprintf(event->id, sizeof event->id, "%s", (const char *)sqlite3_column_text(s, 2));
-    queue_state_from_name((const char *)sqlite3_column_text(s, 4), &event->state);
-}
-
-bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event **events, size_t *count,
-                       error *e)
-{
-    int which = (filter->id ? OF_JOB : 0) | (filter->owner ? OF_OWNER : 0);
-    queue_event *read = NULL;
-    size_t used = 0, room = 0;
-    bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, event_listings[which], integer(filter->after_seq), integer(filter->limit),
-                          text(filter->id), text(filter->owner));
-    while (database_next(q, s, &ok, e)) {
-        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        read_event(s, &read[used++]);
-    }
-    database_unlock(q);
-    if (!ok) {
-        free(read);
-        return false;
-    }
-    *events = read;
-    *count = used;
-    return true;
-}
-
-bool queue_last_event(queue *q, int64_t *seq, error *e)
-{
-    static const char sql[] = "SELECT coalesce(max(seq), 0) FROM event";
-    bool ok = false;
-    int64_t read = 0;
-    database_lock(q);
-    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
-    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
-    database_unlock(q);
-    if (ok) *seq = read;
-    return ok;
 }
 
 /* One time, INT64_MAX where there is none. */

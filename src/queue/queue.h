@@ -318,10 +318,13 @@ typedef enum queue_event_type {
 
 const char *queue_event_type_name(queue_event_type type); /* "state", ... */
 
+#define QUEUE_OWNER_SIZE 65
+
 typedef struct queue_event {
     int64_t seq; /* rises over all jobs, never used twice */
     int64_t at_ms;
-    char id[ULID_SIZE]; /* of the job */
+    char id[ULID_SIZE];           /* of the job */
+    char owner[QUEUE_OWNER_SIZE]; /* of the job */
     queue_event_type type;
     queue_state state;     /* of the job, or of the task */
     queue_outcome outcome; /* with a final state */
@@ -329,18 +332,29 @@ typedef struct queue_event {
     int attempt;           /* 0: none */
 } queue_event;
 
+/* As `after_seq`: only what comes from now on. */
+#define QUEUE_EVENTS_FROM_NOW (-1)
+
 typedef struct queue_event_filter {
-    const char *id, *owner; /* NULL: any */
+    const char *id, *owner, *label; /* NULL: any; the labels are those that the job has now */
     int64_t after_seq;
     int limit;
 } queue_event_filter;
 
-/* Oldest first, to be freed. The events of a job go with it. */
-bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event **events, size_t *count,
-                       error *e);
+typedef struct queue_event_page {
+    queue_event *events; /* oldest first, to be freed */
+    size_t count;
+    int64_t position; /* every event up to this number was looked at; where the next page begins */
+    bool more;        /* there may be more behind it now: the page is full, or a bounded number was looked at */
+    int64_t newest;   /* number of any event so far; a page asked for behind it is empty and stands there */
+    /* Events up to this number were removed with their jobs, not necessarily all; 0: none, or the page is of one job,
+     * whose events go together. */
+    int64_t removed_up_to;
+} queue_event_page;
 
-/* The number of the newest event; 0: there is none. */
-bool queue_last_event(queue *q, int64_t *seq, error *e);
+/* Looks at a bounded number of events, in the order of their numbers; of one job only at its own. So a filter may
+ * leave a page empty although there is more. The events of a job go with it. */
+bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e);
 
 /* ---- webhooks */
 

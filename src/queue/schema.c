@@ -14,6 +14,13 @@
     ") STRICT, WITHOUT ROWID;"                                                                               \
     "CREATE INDEX input_by_job ON input (job);"
 
+/* Up to which number events were removed with their jobs, in one row. */
+#define REMOVED_EVENTS                                                                                       \
+    "CREATE TABLE removed_events ("                                                                          \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1),"                                                             \
+    "  up_to INTEGER NOT NULL"                                                                               \
+    ") STRICT;"
+
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
 static const char tables[] =
@@ -144,6 +151,8 @@ static const char tables[] =
     "  attempt INTEGER"
     ") STRICT;"
     "CREATE INDEX event_by_job ON event (job, seq);"
+    REMOVED_EVENTS
+    "INSERT INTO removed_events VALUES (1, 0);"
 
     "CREATE TABLE cache ("
     "  key TEXT PRIMARY KEY,"
@@ -208,6 +217,16 @@ static const char add_times_and_inputs[] =
     "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
     "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
+/* From version 4, which did not say whether events were removed. Numbers are given without gaps: the last one that is
+ * missing was removed. */
+static const char add_removed_events[] =
+    REMOVED_EVENTS
+    "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
+    "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
+    "    (SELECT 1 FROM event WHERE seq = first.seq - 1) ORDER BY seq DESC LIMIT 1), 0) END"
+    "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
+    "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -235,7 +254,8 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version < 2) ok = run(database, tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
     if (ok && version == 2) ok = run(database, add_paths, e);
-    if (ok && version >= 2) ok = run(database, add_times_and_inputs, e);
+    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
+    if (ok && version >= 2) ok = run(database, add_removed_events, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;

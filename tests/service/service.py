@@ -223,3 +223,32 @@ class Service:
     def environment(self):
         address = self.address if self.address.startswith("unix:") else f"http://{self.address}"
         return {**os.environ, "HEXAD_SERVER": address}
+
+
+class Stream:
+    """An open stream of events."""
+
+    def __init__(self, service, path, last=None, token=None):
+        self.socket = service.connection()
+        headers = {"Accept": "text/event-stream"}
+        if last is not None:
+            headers["Last-Event-ID"] = str(last)
+        if token is not None:
+            headers["Authorization"] = f"Bearer {token}"
+        self.socket.request("GET", path, headers=headers)
+        self.reply = self.socket.getresponse()
+
+    def __iter__(self):
+        """The events: (id or None, type, document)."""
+        event = {}
+        for line in self.reply:
+            name, _, value = line.decode().rstrip("\n").partition(": ")
+            if name:
+                event[name] = value
+            elif event:
+                if "data" in event:
+                    yield int(event["id"]) if "id" in event else None, event["event"], json.loads(event["data"])
+                event = {}
+
+    def close(self):
+        self.socket.close()

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, sphere, wait_until
+from service import PATIENCE_S, Stream, gated_worker, sphere, wait_until
 from test_access import new_token, with_token
 from test_rest import expect_problem
 
@@ -236,7 +236,7 @@ def test_a_drain_and_its_end(new_service, tmp_path):
     assert service.post("/v1/admin/resume").json["status"] == "ok"
     service.wait_state(second, "succeeded")
     assert service.get("/readyz").status == 200
-    done = [e for e in service.get("/v1/events?limit=500").json["events"] if e["type"] == "started" and e["job"] == second]
+    done = [e for e in service.get("/v1/events?after=0&limit=500").json["events"] if e["type"] == "started" and e["job"] == second]
     assert len(done) == 1  # none before the resume was taken back
 
 
@@ -248,33 +248,6 @@ def test_a_trace_is_kept(service):
     assert f"trace={trace}" in service.log.read_text()
     headers["traceparent"] = trace.upper()
     assert service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json["traceparent"] is None
-
-
-class Stream:
-    """An open stream of events."""
-
-    def __init__(self, service, path, last=None):
-        self.socket = service.connection()
-        headers = {"Accept": "text/event-stream"}
-        if last is not None:
-            headers["Last-Event-ID"] = str(last)
-        self.socket.request("GET", path, headers=headers)
-        self.reply = self.socket.getresponse()
-
-    def __iter__(self):
-        """The events: (id or None, type, document)."""
-        event = {}
-        for line in self.reply:
-            name, _, value = line.decode().rstrip("\n").partition(": ")
-            if name:
-                event[name] = value
-            elif event:
-                if "data" in event:
-                    yield int(event["id"]) if "id" in event else None, event["event"], json.loads(event["data"])
-                event = {}
-
-    def close(self):
-        self.socket.close()
 
 
 def test_a_stream_tells_all_and_ends(gated):
@@ -340,9 +313,9 @@ def test_all_jobs_of_a_user(new_service):
     wait_until(lambda: with_token(service, alice, "GET", path).json["state"] == "succeeded", "the job")
     assert with_token(service, alice, "GET", path + "/results").status == 200
     assert with_token(service, root, "GET", path + "/results").status == 200
-    assert with_token(service, bob, "GET", "/v1/events").json["events"] == []
-    assert {e["job"] for e in with_token(service, root, "GET", "/v1/events").json["events"]} == {job["id"]}
-    assert {e["job"] for e in with_token(service, alice, "GET", "/v1/events").json["events"]} == {job["id"]}
+    assert with_token(service, bob, "GET", "/v1/events?after=0").json["events"] == []
+    assert {e["job"] for e in with_token(service, root, "GET", "/v1/events?after=0").json["events"]} == {job["id"]}
+    assert {e["job"] for e in with_token(service, alice, "GET", "/v1/events?after=0").json["events"]} == {job["id"]}
     assert with_token(service, root, "DELETE", path).status == 204
 
 

@@ -41,6 +41,8 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN json_each",
                                            "SCAN CONSTANT ROW",
                                            "SCAN (subquery",
+                                           "SCAN sqlite_sequence", /* a row for each of few tables */
+                                           "SCAN removed_events",  /* one row */
                                            "SCAN task USING INDEX task_running",
                                            "SCAN task USING INDEX task_delayed",
                                            "SCAN outbox USING INDEX outbox_by_time",
@@ -248,6 +250,21 @@ static inline void expect_listed(place *p, const queue_filter *filter, const cha
         assert_null(jobs[i].spec);
     }
     queue_jobs_free(jobs, count);
+}
+
+/* Its events are to be freed. */
+static inline queue_event_page list_events(place *p, const queue_event_filter *filter)
+{
+    queue_event_page page;
+    error e = {0};
+    if (!queue_list_events(p->q, filter, &page, &e)) fail_msg("%s", e.message);
+    return page;
+}
+
+/* How things stand, without an event. */
+static inline queue_event_page look_at_events(place *p)
+{
+    return list_events(p, &(queue_event_filter){.after_seq = QUEUE_EVENTS_FROM_NOW});
 }
 
 static inline sqlite3 *open_raw(place *p)

@@ -233,7 +233,7 @@ static void test_paths_are_added_to_version_2(void **state)
     sqlite3 *database = open_raw(p);
     static const char as_it_was[] =
         "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;"
-        "PRAGMA user_version = 2;";
+        "DROP TABLE removed_events; PRAGMA user_version = 2;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -263,7 +263,8 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input; PRAGMA user_version = 3;";
+    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input; DROP TABLE removed_events;"
+                                    "PRAGMA user_version = 3;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -273,6 +274,36 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     tell(p, id, QUEUE_CANCEL, true);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_false(wanted);
+}
+
+/* Version 4 did not say which events were removed; their numbers are missing. Of three jobs with one event each so many
+ * of the newest are removed, or the one in the middle. */
+static void test_removed_events_are_found_in_version_4(void **state)
+{
+    place *p = *state;
+    static const struct {
+        const char *which;
+        int64_t up_to;
+    } cases[] = {{"0", 0}, {"seq = 2", 2}, {"seq = 3", 3}, {"1", 3}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char id[ULID_SIZE];
+        queue_close(p->q);
+        p->q = NULL;
+        assert_true(store_remove(p->base, NULL));
+        assert_true(store_directory_create(p->base, NULL));
+        reopen(p);
+        for (int k = 0; k < 3; k++) put(p, NULL, 0, id);
+        queue_close(p->q);
+        p->q = NULL;
+        sqlite3 *database = open_raw(p);
+        char *as_it_was = mem_printf("DELETE FROM event WHERE %s; DROP TABLE removed_events; PRAGMA user_version = 4;",
+                                     cases[i].which);
+        assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+        free(as_it_was);
+        sqlite3_close(database);
+        reopen(p);
+        assert_int_equal(look_at_events(p).removed_up_to, cases[i].up_to);
+    }
 }
 
 static void test_a_second_owner_is_refused(void **state)
@@ -355,6 +386,7 @@ int main(void)
         CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
         CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
         CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
+        CASE(test_removed_events_are_found_in_version_4),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),

@@ -551,11 +551,10 @@ static void test_what_is_over_is_forgotten(void **state)
     assert_true(found && deleted);
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
     assert_false(found);
-    queue_event *events;
     queue_event_filter filter = {.id = id, .limit = 100};
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_int_equal(count, 0);
-    free(events);
+    queue_event_page page = list_events(p, &filter);
+    assert_int_equal(page.count, 0);
+    free(page.events);
     claim(p, dependent); /* what it waited for had come */
     s = plain;
     s.key = "k";
@@ -638,60 +637,6 @@ static void test_attempts_that_count_add_their_time(void **state)
     assert_true(finish(p, id, 0, 4, &ran));
     tell(p, id, QUEUE_RETRY, true);
     assert_int_equal(get_task(p, id, 0).ran_ms, 0);
-}
-
-static void test_events_tell_what_happened(void **state)
-{
-    place *p = *state;
-    queue_submission s = plain;
-    char id[ULID_SIZE], other[ULID_SIZE];
-    s.owner = "ann";
-    submit_for(p, &s, id);
-    put(p, "other", -1, other);
-    assert_true(requeue(p, id, claim(p, id), true, 0, &crash));
-    assert_true(finish(p, id, 0, claim(p, id), &success));
-    static const struct {
-        queue_event_type type;
-        queue_state state;
-        int attempt;
-    } expected[] = {
-        {QUEUE_EVENT_STATE, QUEUE_QUEUED, 0},    {QUEUE_EVENT_STATE, QUEUE_RUNNING, 0},
-        {QUEUE_EVENT_STARTED, QUEUE_RUNNING, 1}, {QUEUE_EVENT_ENDED, QUEUE_QUEUED, 1},
-        {QUEUE_EVENT_STATE, QUEUE_QUEUED, 0},    {QUEUE_EVENT_STATE, QUEUE_RUNNING, 0},
-        {QUEUE_EVENT_STARTED, QUEUE_RUNNING, 2}, {QUEUE_EVENT_ENDED, QUEUE_SUCCEEDED, 2},
-        {QUEUE_EVENT_STATE, QUEUE_SUCCEEDED, 0},
-    };
-    queue_event *events;
-    size_t count, wanted = sizeof expected / sizeof *expected;
-    queue_event_filter filter = {.id = id, .limit = 100};
-    reopen(p);
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_int_equal(count, wanted);
-    for (size_t i = 0; i < wanted; i++) {
-        assert_string_equal(events[i].id, id);
-        assert_int_equal(events[i].type, expected[i].type);
-        assert_int_equal(events[i].state, expected[i].state);
-        assert_int_equal(events[i].attempt, expected[i].attempt);
-        assert_true(i == 0 || events[i].seq > events[i - 1].seq);
-    }
-    assert_int_equal(events[wanted - 1].outcome, QUEUE_CONVERGED);
-    filter.after_seq = events[wanted - 2].seq;
-    free(events);
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_int_equal(count, 1);
-    free(events);
-    filter = (queue_event_filter){.limit = 2}; /* of all jobs */
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_string_equal(events[1].id, other);
-    free(events);
-    filter = (queue_event_filter){.owner = "ann", .limit = 2};
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_string_equal(events[1].id, id);
-    free(events);
-    filter = (queue_event_filter){.id = id, .owner = "bob", .limit = 2};
-    assert_true(queue_list_events(p->q, &filter, &events, &count, NULL));
-    assert_int_equal(count, 0);
-    free(events);
 }
 
 static queue_delivery next_delivery(place *p, const char *id)
@@ -795,7 +740,6 @@ int main(void)
         CASE(test_list_pages_newest_first),
         CASE(test_list_by_owner_and_label),
         CASE(test_attempts_that_count_add_their_time),
-        CASE(test_events_tell_what_happened),
         CASE(test_deliveries_to_busy_hosts_are_passed_by),
         CASE(test_ends_are_told),
     };
