@@ -14,6 +14,13 @@
     ") STRICT, WITHOUT ROWID;"                                                                               \
     "CREATE INDEX input_by_job ON input (job);"
 
+/* Temporary files of copies of results into directories of others, written down before they are made. */
+#define COPIES                                                                                               \
+    "CREATE TABLE copy ("                                                                                    \
+    "  name TEXT PRIMARY KEY,"                                                                               \
+    "  directory TEXT NOT NULL"                                                                              \
+    ") STRICT, WITHOUT ROWID;"
+
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
 static const char tables[] =
@@ -84,6 +91,7 @@ static const char tables[] =
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
     "  ran_ms INTEGER NOT NULL DEFAULT 0,"
+    "  storage_faults INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
     "  started_ms INTEGER,"
     "  finished_ms INTEGER,"
@@ -132,7 +140,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS
+    INPUTS COPIES
     "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
@@ -208,6 +216,10 @@ static const char add_times_and_inputs[] =
     "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
     "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
+/* From version 4, in which a full disk failed jobs for good and copies left temporary files behind. */
+static const char add_storage[] =
+    "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -235,7 +247,8 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version < 2) ok = run(database, tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
     if (ok && version == 2) ok = run(database, add_paths, e);
-    if (ok && version >= 2) ok = run(database, add_times_and_inputs, e);
+    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
+    if (ok && version >= 2) ok = run(database, add_storage, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;
@@ -246,7 +259,7 @@ bool schema_prepare(sqlite3 *database, error *e)
     int version = 0;
     if (!run(database,
              "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
-             "PRAGMA foreign_keys = ON;",
+             "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
              e) ||
         !read_version(database, &version, e))
         return false;
