@@ -104,9 +104,9 @@ const config_row config_table[] = {
      " more. Above what the jobs that run at once write. 0: jobs are started on a full disk, too.",
      AT(free_space_mb)},
     {"reserve_mb", CONFIG_INTEGER, "16", 0, 1 << 20, "MiB",
-     "Set aside in state_dir for the queue, so that jobs can be cancelled, deleted and ended, and hexad started, on a"
-     " full disk; jobs are accepted while as much is free besides. A change takes about 10 to 50 KiB until the disk has"
-     " room again. 0: none.",
+     "Set aside in state_dir for the queue, besides what its log usually takes (5 MiB), so that jobs can be cancelled,"
+     " deleted and ended, and hexad started, on a full disk; jobs are accepted while as much is free besides. 16 MiB are"
+     " enough for some 400 such changes, one by one, until the disk has room again. 0: none.",
      AT(reserve_mb)},
     {"storage_retries", CONFIG_INTEGER, "300", 0, 1000000, "attempts",
      "How often a job is tried again because a disk was full (storage_full) or failed (storage_failed), that of"

@@ -14,6 +14,9 @@
 
 /* Of a WAL, whose magic number it begins with; one of zeros has no content. */
 enum { HEADER_BYTES = 32 };
+/* What the log takes while it can be written back: SQLite does that after a thousand pages of 4 KiB, and may go over it
+ * by a transaction. On a full disk it cannot, since the database grows a little, and the log goes on. */
+enum { USUAL_BYTES = 5 << 20 };
 
 typedef struct names {
     char *database, *log, *reserve, *fresh;
@@ -94,7 +97,7 @@ bool reserve_keep(const char *state_dir, int64_t bytes)
         unlink(n.reserve);
     } else {
         int fd = open(n.log, O_WRONLY | O_NOFOLLOW | O_CLOEXEC);
-        ok = fd >= 0 && name_log(&n) && allocate(fd, bytes);
+        ok = fd >= 0 && name_log(&n) && allocate(fd, USUAL_BYTES + bytes);
         if (!ok)
             log_write(LOG_LEVEL_WARNING,
                       "no disk space is set aside for the queue (reserve_mb): %s: %s; on a full disk jobs may not"

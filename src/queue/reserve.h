@@ -2,7 +2,7 @@
  *
  * Private to src/queue. A full disk must not keep jobs from being cancelled, deleted and ended, so the log has its
  * blocks before it needs them: `reserve` in the state directory is a second name of the file queue.db-wal, with as
- * many bytes allocated as were asked for (fallocate). SQLite removes its name when the queue is closed; the other one
+ * many bytes allocated as were asked for (fallocate) and what the log usually takes. SQLite removes its name when the queue is closed; the other one
  * keeps the blocks, and the next start gives the file back to SQLite, emptied. Nobody else can take them meanwhile,
  * as they could from a file that is deleted when room is needed.
  */
@@ -15,7 +15,7 @@
 /* Before the database in the directory is opened: what was set aside becomes its log, unless there is one. */
 void reserve_lend(const char *state_dir);
 
-/* After it was opened: allocates so many bytes for the log; 0: no more are kept. False, after a warning in the log,
+/* After it was opened: allocates so many bytes for the log besides what it usually takes; 0: none are. False, after a warning in the log,
  * when that cannot be. */
 bool reserve_keep(const char *state_dir, int64_t bytes);
 

@@ -13,6 +13,10 @@ import pytest
 from service import last_words, sphere, wait_until
 
 MIB = 1 << 20
+# Room to store jobs, and one whose result does not fit into it.
+ROOM = 1200 << 10
+LARGE = sphere(6000, output={"preview": False, "ply": {"format": "ascii", "precision": "double"}},
+               limits={"max_attempts": 1})
 
 
 class Disk:
@@ -137,10 +141,9 @@ def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service):
 def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):
     """The attempt does not count, and the job waits for room."""
     disk = new_disk(32)
-    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 2).start()
-    disk.fill(3 * MIB)
-    job = service.submit(sphere(40000, output={"preview": False, "ply": {"precision": "double"}},
-                                limits={"max_attempts": 1}))  # 4 MB
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1).start()
+    disk.fill(ROOM)
+    job = service.submit(LARGE)
     first = wait_until(lambda: [a for a in service.get(f"/v1/jobs/{job}/attempts").json["attempts"] if a["finished"]],
                        "an attempt's end")[0]
     assert first["exit_status"] == 7 and "storage_full" in first["reason"]
@@ -152,9 +155,9 @@ def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):
 
 def test_a_disk_that_stays_full_ends_a_job_at_last(new_disk, new_service):
     disk = new_disk(32)
-    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 2, "--storage_retries", 2).start()
-    disk.fill(3 * MIB)
-    job = service.submit(sphere(40000, output={"preview": False, "ply": {"precision": "double"}}))
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1, "--storage_retries", 2).start()
+    disk.fill(ROOM)
+    job = service.submit(LARGE)
     ended = service.wait_state(job, "failed")
     assert ended["error"]["code"] == "storage_full" and "storage_retries" in ended["error"]["message"]
     assert len(ended["attempts"]) == 3
@@ -193,15 +196,15 @@ def test_every_output_says_that_the_disk_is_full(new_disk, worker):
     """Wherever in its way the worker runs out of room."""
     disk = new_disk(8)
     everything = {"mesh": True, "points_vdb": True, "convergence": True,
-                  "preview": {"size": [256, 256], "turntable": 2}, "ply": {"precision": "double"}}
-    whole = worker(sphere(2000, output=everything), output=str(disk.path / "whole"))
+                  "preview": {"size": [128, 128], "turntable": 2}, "ply": {"precision": "double"}}
+    whole = worker(sphere(600, output=everything), output=str(disk.path / "whole"))
     assert whole.returncode == 0, whole.stderr
     needed = sum(p.stat().st_size for p in (disk.path / "whole").iterdir())
     subprocess.run(["rm", "-r", disk.path / "whole"], check=True)
     ends = []
-    for leave in [0, 4096, 8192] + [round(needed * part / 16 / 4096) * 4096 for part in range(1, 18)]:
+    for leave in [0, 4096, 8192] + [round(needed * part / 12 / 4096) * 4096 for part in range(1, 14)]:
         disk.fill(leave)
-        done = worker(sphere(2000, output=everything), output=str(disk.path / "out"))
+        done = worker(sphere(600, output=everything), output=str(disk.path / "out"))
         ends.append(done.returncode)
         if done.returncode != 0:
             assert done.returncode == 7 and last_words(done)["code"] == "storage_full", (leave, done.stderr)
