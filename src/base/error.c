@@ -1,5 +1,6 @@
 #include "base/error.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,6 +22,8 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_STALLED] = "stalled",
     [ERROR_CANCELLED] = "cancelled",
     [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
+    [ERROR_STORAGE_FULL] = "storage_full",
+    [ERROR_STORAGE_FAILED] = "storage_failed",
     [ERROR_INTERNAL] = "internal",
 };
 
@@ -78,4 +81,15 @@ error_code error_code_from_name(const char *name)
     for (int code = 0; code < ERROR_CODE_COUNT; code++)
         if (strcmp(names[code], name) == 0) return (error_code)code;
     return ERROR_INTERNAL;
+}
+
+error_code error_code_of_errno(int why)
+{
+    if (why == ENOSPC || why == EDQUOT) return ERROR_STORAGE_FULL;
+    return why == EIO ? ERROR_STORAGE_FAILED : ERROR_INTERNAL;
+}
+
+bool error_is_of_storage(error_code code)
+{
+    return code == ERROR_STORAGE_FULL || code == ERROR_STORAGE_FAILED;
 }

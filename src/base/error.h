@@ -30,6 +30,8 @@ typedef enum error_code {
     ERROR_STALLED,
     ERROR_CANCELLED,
     ERROR_DEPENDENCY_FAILED,
+    ERROR_STORAGE_FULL,   /* no space is left on a disk, or within a quota */
+    ERROR_STORAGE_FAILED, /* a disk does not read or write */
     ERROR_INTERNAL,
     ERROR_CODE_COUNT
 } error_code;
@@ -47,6 +49,12 @@ bool error_prefix(error *e, const char *format, ...) __attribute__((format(print
 
 /* "spec_invalid", ...; "none" for ERROR_NONE. Never NULL. */
 const char *error_code_name(error_code code);
+
+/* What a failed system call on a file says: storage_full (ENOSPC, EDQUOT), storage_failed (EIO), internal. */
+error_code error_code_of_errno(int why);
+
+/* Whether a disk of the host is at fault, so that the same may succeed later. */
+bool error_is_of_storage(error_code code);
 
 /* The code of a name, ERROR_INTERNAL for a name that is not known. */
 error_code error_code_from_name(const char *name);

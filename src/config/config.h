@@ -42,6 +42,8 @@ typedef struct config {
     sandbox_mode sandbox;
     int64_t user_queued, user_running; /* 0: any number */
     double retry_s, retry_most_s;
+    int64_t storage_retries;
+    int64_t free_space_mb, reserve_mb; /* 0: none */
     double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     int64_t estimates; /* 0: none */

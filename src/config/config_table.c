@@ -99,6 +99,20 @@ const config_row config_table[] = {
      "How long a job whose worker crashed waits before it is tried again; doubled after each further crash.",
      AT(retry_s)},
     {"retry_most_s", CONFIG_REAL, "300", 0, 86400, "s", "The longest of these waits.", AT(retry_most_s)},
+    {"free_space_mb", CONFIG_INTEGER, "256", 0, 1 << 30, "MiB",
+     "With less free on the disks of state_dir no job is started, /readyz says storage_full, and jobs wait until there is"
+     " more. Above what the jobs that run at once write. 0: jobs are started on a full disk, too.",
+     AT(free_space_mb)},
+    {"reserve_mb", CONFIG_INTEGER, "16", 0, 1 << 20, "MiB",
+     "Set aside in state_dir for the queue, besides what its log usually takes (5 MiB), so that jobs can be cancelled,"
+     " deleted and ended, and hexad started, on a full disk; jobs are accepted while as much is free besides. 16 MiB are"
+     " enough for some 400 such changes, one by one, until the disk has room again. 0: none.",
+     AT(reserve_mb)},
+    {"storage_retries", CONFIG_INTEGER, "300", 0, 1000000, "attempts",
+     "How often a job is tried again because a disk was full (storage_full) or failed (storage_failed), that of"
+     " output.directory, too. These attempts do not count against max_attempts; they wait retry_s, twice that, and so on"
+     " up to retry_most_s, with whose default 300 take a day.",
+     AT(storage_retries)},
     {"cache", CONFIG_INTEGER, "1", 0, 1, "",
      "1: a job that asks for the same as one before is given its result, while that is kept and no input was"
      " changed. 0: every job is run.",

@@ -38,7 +38,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = m->end_fd >= 0 || error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    if (ok && store_remove(m->directory, e) && store_directory_create(m->directory, e)) return m;
+    if (ok && store_remove(m->directory, e)) return m; /* it is made with the first below it */
     estimator_close(m);
     return NULL;
 }
@@ -96,7 +96,7 @@ static estimator_verdict decide(const engine_ending *ending, const char *directo
 {
     if (ending->exit_status == 0 && (*document = read_document(directory))) return ESTIMATOR_MADE;
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) && e->code != ERROR_INTERNAL &&
-        e->code != ERROR_CANCELLED)
+        e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
     error_set(e, ERROR_INTERNAL, "the worker that was to find out ended without a word");
     return ESTIMATOR_NONE;

@@ -19,12 +19,14 @@
 #include "executor/cache.h"
 #include "executor/engine.h"
 #include "executor/host.h"
+#include "executor/leftovers.h"
 #include "executor/local.h"
 #include "executor/publication.h"
 #include "executor/result.h"
 #include "executor/retention.h"
 #include "executor/sent.h"
 #include "executor/settlement.h"
+#include "executor/storage.h"
 #include "json/json.h"
 #include "executor/rows.h"
 #include "store/file.h"
@@ -35,6 +37,8 @@
 /* While no worker can be started (the program is being replaced, no memory is left): the longest
  * time between two tries. */
 #define START_WAIT_MOST_MS 30000
+/* Between two looks whether a full disk has room again. */
+#define ROOM_WAIT_MS 1000
 
 /* The part of the machine's memory that is lent to attempts when the settings do not say. */
 #define HOST_MEMORY_SHARE 0.9
@@ -64,6 +68,7 @@ typedef struct slot {
     bool asked, forced;
     int64_t force_ms; /* when to end what was asked to end */
     publication *publication; /* NULL: none is on its way */
+    char *copied;             /* the temporary file of one that was */
     char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
     bool decided;
     settlement verdict;
@@ -83,6 +88,8 @@ struct executor {
     const engine *engine;
     rows *rows;
     retention *retention;
+    leftovers *leftovers;
+    storage storage;
     pthread_t thread;
     int wake_fd, drained_fd;
     atomic_bool held, draining, forcing, stopping;
@@ -149,6 +156,7 @@ static void slot_clear(executor *x, slot *s)
     free(s->directory);
     free(s->ending.last_words);
     free(s->cache_inputs);
+    free(s->copied);
     pthread_mutex_lock(&x->mutex);
     queue_claimed_clear(&s->claimed);
     free(s->progress);
@@ -190,7 +198,7 @@ static void slot_describe(executor *x, slot *s)
 static bool slot_publish(executor *x, slot *s)
 {
     char *path = s->verdict.deliver ? publication_path(s->claimed.job.spec, s->claimed.task.frame) : NULL;
-    if (path) s->publication = publication_start(&x->settings.outputs, s->directory, path, x->wake_fd);
+    if (path) s->publication = publication_start(x->q, &x->settings.outputs, s->directory, path, x->wake_fd);
     free(path);
     return s->publication != NULL;
 }
@@ -200,6 +208,7 @@ static void slot_end_publication(executor *x, slot *s)
     error e = {0};
     if (!publication_end(s->publication, &e)) settlement_decide_unpublished(&e, &s->verdict);
     s->publication = NULL;
+    s->verdict.copied = s->copied = publication_temporary(s->directory);
     s->decided = true;
     slot_settle(x, s);
 }
@@ -257,6 +266,22 @@ static bool slot_recall(executor *x, slot *s)
     return found;
 }
 
+/* Takes over the result that an attempt before could not copy to where its job wants it, since a disk was full. */
+static bool slot_resume(executor *x, slot *s)
+{
+    const queue_task *task = &s->claimed.task;
+    bool found = false;
+    for (int before = task->attempt - 1; task->storage_faults && before > 0 && !found; before--) {
+        result r = {0};
+        char *kept = result_attempt_directory(x->state_dir, s->claimed.job.id, task->frame, before);
+        found = result_read(kept, &r, NULL) && store_rename(kept, s->directory, NULL) &&
+                settlement_decide_kept(s->directory, &s->verdict, NULL);
+        result_clear(&r);
+        free(kept);
+    }
+    return found;
+}
+
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
@@ -274,7 +299,7 @@ static void slot_start(executor *x, slot *s)
         slot_skip(x, s);
         return;
     }
-    if (slot_recall(x, s)) {
+    if (slot_resume(x, s) || slot_recall(x, s)) {
         if (!slot_publish(x, s)) slot_skip(x, s);
         return;
     }
@@ -377,6 +402,10 @@ static void fill_slots(executor *x)
         slot *s = &x->slots[i];
         if (s->used) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
+        if (!storage_has_room(&x->storage)) {
+            x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
+            return;
+        }
         if (claim(x, s)) {
             slot_start(x, s);
         } else {
@@ -574,6 +603,7 @@ static void executor_free(executor *x)
     free(x->worker);
     free(x->slots);
     retention_stop(x->retention);
+    leftovers_stop(x->leftovers);
     store_roots_close(x->roots);
     rows_free(x->rows);
     pthread_mutex_destroy(&x->order);
@@ -595,11 +625,13 @@ static void copy_settings(executor *x, const executor_settings *settings)
     x->slot_count = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     host_name(x->host, sizeof x->host);
+    x->storage = (storage){.state_dir = x->state_dir, .floor_bytes = settings->free_space_mb << 20};
     x->place = (settlement_place){
         .q = x->q,
         .state_dir = x->state_dir,
         .host = x->host,
         .backoff = {settings->retry_s, settings->retry_most_s},
+        .storage_retries = settings->storage_retries,
     };
 }
 
@@ -634,6 +666,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
     ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
+         leftovers_start(q, &x->settings.outputs, &x->leftovers, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
@@ -744,6 +777,11 @@ char *executor_progress(executor *x, const char *id)
 rows *executor_rows(executor *x)
 {
     return x->rows;
+}
+
+executor_space executor_get_space(const executor *x)
+{
+    return (executor_space){storage_free_bytes(&x->storage), x->storage.floor_bytes};
 }
 
 executor_load executor_get_load(executor *x)

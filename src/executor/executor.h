@@ -2,9 +2,10 @@
  *
  * One supervisor thread claims tasks while there is room and waits for all attempts at once; it never
  * sleeps for a fixed time. Room is threads and memory of this host: attempts take from it what their jobs
- * ask for, and as many run at once as fit. Time limits come from the job's spec (/limits), else from the
+ * ask for, and as many run at once as fit; none is started while the disk is full. Time limits come from the job's spec (/limits), else from the
  * settings. A job that asks for what another one was given is given the same (executor/cache). A worker
- * that crashes is tried again, after a while, until max_attempts. Any thread may call these functions.
+ * that crashes is tried again, after a while, until max_attempts; one that fails since a disk is full or fails does not
+ * count. Any thread may call these functions.
  */
 #ifndef HEXAD_EXECUTOR_EXECUTOR_H
 #define HEXAD_EXECUTOR_EXECUTOR_H
@@ -41,6 +42,8 @@ typedef struct executor_settings {
     store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */
     double grace_s;            /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* how long a crashed task waits the first time, and at most */
+    int64_t free_space_mb;        /* of the state directory's disks: with less no attempt is started; 0: any */
+    int storage_retries;          /* how often a task is tried again because a disk was full or failed */
 } executor_settings;
 
 /* Settles what a crash left and starts the supervisor. Copies the settings; the queue must outlive
@@ -81,6 +84,13 @@ typedef struct executor_load {
 
 /* What runs at the moment, and what may. */
 executor_load executor_get_load(executor *x);
+
+typedef struct executor_space {
+    int64_t free_bytes, floor_bytes;
+} executor_space;
+
+/* What is free on the disks of the state directory, and what there has to be before an attempt is started. */
+executor_space executor_get_space(const executor *x);
 
 /* While it is held no attempt is started and what runs goes on; not kept over a restart. */
 void executor_hold(executor *x, bool on);

@@ -15,8 +15,9 @@
 struct publication {
     pthread_t thread;
     bool started;
+    queue *q;
     const store_outputs *outputs;
-    char *directory, *path;
+    char *directory, *path, *temporary;
     int end_fd;
     atomic_bool ended;
     bool ok;
@@ -34,6 +35,12 @@ char *publication_path(const char *spec, int frame)
     return found;
 }
 
+char *publication_temporary(const char *directory)
+{
+    const char *slash = strrchr(directory, '/'); /* what follows names job, frame and attempt, as nothing else does */
+    return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
+}
+
 static bool copy(publication *p)
 {
     result r = {0};
@@ -41,7 +48,8 @@ static bool copy(publication *p)
     const char **names = mem_alloc((r.output_count + 1) * sizeof *names);
     for (size_t i = 0; i < r.output_count; i++) names[i] = r.output[i].name;
     names[r.output_count] = RESULT_REPORT_NAME;
-    bool ok = store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, &p->fault);
+    bool ok = queue_note_copy(p->q, p->path, p->temporary, &p->fault) &&
+              store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, p->temporary, &p->fault);
     free(names);
     result_clear(&r);
     return ok;
@@ -58,11 +66,13 @@ static void *run(void *argument)
     return NULL;
 }
 
-publication *publication_start(const store_outputs *outputs, const char *directory, const char *path,
+publication *publication_start(queue *q, const store_outputs *outputs, const char *directory, const char *path,
                                int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
+    p->q = q;
     p->outputs = outputs;
+    p->temporary = publication_temporary(directory);
     p->directory = mem_strdup(directory);
     p->path = mem_strdup(path);
     p->end_fd = end_fd;
@@ -83,6 +93,7 @@ bool publication_end(publication *p, error *e)
     if (!ok && e) *e = p->fault;
     free(p->directory);
     free(p->path);
+    free(p->temporary);
     free(p);
     return ok;
 }

@@ -2,11 +2,14 @@
  * that directory may be slow.
  *
  * It comes before the result moves into place: a job whose copy cannot be made fails and says why, and a
- * crash at any point leads to another attempt or finds a result that was copied.
+ * crash at any point leads to another attempt or finds a result that was copied. The temporary file of a copy is
+ * written down in the queue before it is made (queue_note_copy) and forgotten with the end of the attempt; of those
+ * that a crash left the next start rids the directories (executor/leftovers).
  */
 #ifndef HEXAD_EXECUTOR_PUBLICATION_H
 #define HEXAD_EXECUTOR_PUBLICATION_H
 
+#include "queue/queue.h"
 #include "store/output.h"
 
 typedef struct publication publication;
@@ -14,9 +17,12 @@ typedef struct publication publication;
 /* Where the spec wants a copy, with the number of the frame in place, to be freed; NULL: nowhere. */
 char *publication_path(const char *spec, int frame);
 
-/* Begins to copy the result in `directory`. The descriptor is written to (eventfd) at the end. What `outputs`
- * points to outlives the publication; texts are copied. */
-publication *publication_start(const store_outputs *outputs, const char *directory, const char *path,
+/* The name of the temporary file of a copy of the result in this directory of an attempt, to be freed. */
+char *publication_temporary(const char *directory);
+
+/* Begins to copy the result in `directory`. The descriptor is written to (eventfd) at the end. The queue and what
+ * `outputs` points to outlive the publication; texts are copied. */
+publication *publication_start(queue *q, const store_outputs *outputs, const char *directory, const char *path,
                                int end_fd);
 
 bool publication_has_ended(publication *p);

@@ -76,6 +76,14 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
+/* The host's fault, and not the job's: tried again, without counting, as long as settlement_apply allows. */
+static void set_storage(settlement *s, const error *why)
+{
+    set_end(s, QUEUE_FAILED, why);
+    s->requeue = s->wait = s->storage = true;
+    snprintf(s->reason, sizeof s->reason, "%s: %.120s", error_code_name(why->code), why->message);
+}
+
 static void decide_exit(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error said = {0};
@@ -91,7 +99,10 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
                   "the worker ended with exit status %d and said no reason%s%.200s",
                   ending->exit_status, *ending->last_words ? "; its last line: " : "",
                   ending->last_words);
-    set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
+    if (error_is_of_storage(said.code))
+        set_storage(s, &said);
+    else
+        set_end(s, said.code == ERROR_LIMIT_TIME ? QUEUE_TIMED_OUT : QUEUE_FAILED, &said);
 }
 
 static void decide_signal(const queue_claimed *c, const engine_ending *ending, settlement *s)
@@ -197,17 +208,43 @@ bool settlement_decide_cached(const char *directory, const char *from, settlemen
     return true;
 }
 
+bool settlement_decide_kept(const char *directory, settlement *s, error *e)
+{
+    result r = {0};
+    if (!result_read(directory, &r, e)) return false;
+    *s = (settlement){.deliver = true, .state = QUEUE_SUCCEEDED, .outcome = r.outcome};
+    snprintf(s->reason, sizeof s->reason, "the result of an attempt before");
+    result_clear(&r);
+    return true;
+}
+
 void settlement_decide_unpublished(const error *why, settlement *s)
 {
     s->deliver = false;
     s->outcome = QUEUE_NO_OUTCOME;
-    set_end(s, QUEUE_FAILED, why);
+    s->keep = error_is_of_storage(why->code);
+    if (s->keep)
+        set_storage(s, why);
+    else
+        set_end(s, QUEUE_FAILED, why);
 }
 
-static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c)
+/* Whether a task whose disk is full or fails has been tried as often as it may; then it fails for that. */
+static void bound_storage(const settlement_place *place, const queue_claimed *c, settlement *s)
+{
+    error e = {.code = s->code};
+    if (!s->storage || c->task.storage_faults < place->storage_retries) return;
+    error_set(&e, s->code, "%s (the last of %d tries, setting storage_retries)", s->message,
+              c->task.storage_faults + 1);
+    s->requeue = s->wait = s->storage = s->keep = false;
+    set_end(s, QUEUE_FAILED, &e);
+}
+
+static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, bool storage)
 {
     double wait_s = place->backoff.first_s;
-    for (int i = 1; i < c->task.spent && wait_s < place->backoff.most_s; i++) wait_s *= 2;
+    int times = storage ? c->task.storage_faults + 1 : c->task.spent;
+    for (int i = 1; i < times && wait_s < place->backoff.most_s; i++) wait_s *= 2;
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
@@ -251,10 +288,12 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
     return true;
 }
 
-bool settlement_apply(const settlement_place *place, const queue_claimed *c, const settlement *s,
+bool settlement_apply(const settlement_place *place, const queue_claimed *c, const settlement *decided,
                       const engine_ending *ending, error *e)
 {
     bool accepted = false, current = true;
+    settlement bounded = *decided, *s = &bounded;
+    bound_storage(place, c, s);
     if (s->deliver && !check_fence(place->q, c, &current, e)) return false;
     queue_ending end = {
         .state = s->state,
@@ -268,6 +307,8 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         .host = place->host,
         .reason = s->reason,
         .cached_from = s->cached_from,
+        .storage_fault = s->storage,
+        .copied = s->copied,
         .cache_key = s->cache_key,
         .cache_inputs = s->cache_inputs,
     };
@@ -279,8 +320,8 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         free(results);
         return false; /* the disk's fault, not the job's: to be tried again */
     }
-    if (!s->deliver || !current) remove_leftovers(directory);
-    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c) : 0,
+    if ((!s->deliver && !s->keep) || !current) remove_leftovers(directory);
+    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c, s->storage) : 0,
                                          &end, &accepted, e)
                          : queue_finish(place->q, &fence, &end, &accepted, e);
     if (ok && !accepted && s->requeue) {
@@ -288,6 +329,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         end.state = QUEUE_CANCELLED;
         end.error_code = error_code_name(ERROR_CANCELLED);
         end.error_message = "cancelled while it ran";
+        if (s->keep) remove_leftovers(directory);
         ok = queue_finish(place->q, &fence, &end, &accepted, e);
     }
     if (ok)

@@ -27,12 +27,15 @@ typedef struct settlement {
     bool deliver;         /* the directory is a result */
     bool requeue, counts; /* back into the queue; whether the attempt counts */
     bool wait;            /* before the next attempt: it crashed */
+    bool storage;         /* with `requeue`: a disk was full or failed, as code and message say */
+    bool keep;            /* with `requeue`: the directory holds a result, for the next attempt to deliver */
     int64_t ran_ms;       /* how long the attempt ran; 0: not known */
     queue_state state;    /* otherwise: the task's end */
     queue_outcome outcome;
     error_code code; /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
     char reason[160]; /* for the attempt's record */
+    const char *copied;                   /* as queue_ending's */
     const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
     const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
 } settlement;
@@ -57,7 +60,11 @@ void settlement_decide_late(double limit_s, settlement *s);
 /* For a directory that was given the result of another job, whose id lives on. */
 bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);
 
-/* For a result that could not be copied to where its job wants it: the job fails. */
+/* For a directory that was given the result which an attempt before could not copy to where its job wants it. */
+bool settlement_decide_kept(const char *directory, settlement *s, error *e);
+
+/* For a result that could not be copied to where its job wants it: the job fails, or is tried again when a disk was
+ * at fault. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
 /* How long a task waits whose attempt crashed: `first_s` after the first attempt that counts, twice as long
@@ -72,6 +79,7 @@ typedef struct settlement_place {
     const char *state_dir;
     const char *host; /* for the attempts' records */
     settlement_backoff backoff;
+    int storage_retries; /* how often a task is tried again because a disk was full or failed */
 } settlement_place;
 
 /* May be called again after a failure. `ending` may be NULL when nothing is known of the process.

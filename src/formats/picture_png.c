@@ -1,5 +1,6 @@
 #include "formats/picture_png.h"
 
+#include <errno.h>
 #include <png.h>
 #include <setjmp.h>
 #include <stdlib.h>
@@ -15,6 +16,18 @@ static void on_error(png_structp png, png_const_charp words)
 {
     error_set(png_get_error_ptr(png), ERROR_INTERNAL, "PNG file: %s", words);
     png_longjmp(png, 1);
+}
+
+static void on_write(png_structp png, png_bytep bytes, size_t count)
+{
+    if (fwrite(bytes, 1, count, png_get_io_ptr(png)) == count) return;
+    error_set(png_get_error_ptr(png), error_code_of_errno(errno), "PNG file: it cannot be written: %s", strerror(errno));
+    png_longjmp(png, 1);
+}
+
+static void on_flush(png_structp png)
+{
+    (void)png; /* picture_png_write does */
 }
 
 static void on_warning(png_structp png, png_const_charp words)
@@ -45,12 +58,12 @@ bool picture_png_write(FILE *file, const canvas *m, error *e)
     if (!info) {
         error_set(&local, ERROR_LIMIT_MEMORY, "no memory to write a PNG file");
     } else if (setjmp(png_jmpbuf(png)) == 0) { /* libpng comes back here with 1 after on_error */
-        png_init_io(png, file);
+        png_set_write_fn(png, file, on_write, on_flush);
         write_rows(png, info, m);
         if (fflush(file) == 0)
             done = true;
         else
-            error_set(&local, ERROR_INTERNAL, "PNG file: it cannot be written");
+            error_set(&local, error_code_of_errno(errno), "PNG file: it cannot be written: %s", strerror(errno));
     }
     png_destroy_write_struct(&png, &info);
     if (!done && e) *e = local;

@@ -142,7 +142,7 @@ static size_t print_row(const double *row, int properties, ply_precision precisi
 
 static bool write_failed(error *e)
 {
-    return error_set(e, ERROR_INTERNAL, "cannot write the PLY file: %s", strerror(errno));
+    return error_set(e, error_code_of_errno(errno), "cannot write the PLY file: %s", strerror(errno));
 }
 
 static bool write_header(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)

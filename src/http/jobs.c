@@ -415,6 +415,10 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                           (long long)put->most_waiting);
         reply_add_header(r, "Retry-After", "5");
         break;
+    case QUEUE_NO_ROOM:
+        reply_set_storage_full(r, "the disk of the service is full: no job is accepted until there is room (setting"
+                                  " reserve_mb)");
+        break;
     case QUEUE_UNKNOWN_DEPENDENCY:
         refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
         break;
@@ -475,10 +479,12 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     };
     if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e))
         reply_set_error(r, &e, NULL);
-    else if (!queue_put(c->q, &submission, &receipt, &e))
-        reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
-    else
+    else if (queue_put(c->q, &submission, &receipt, &e))
         answer_receipt(c, request, &submission, &receipt, r);
+    else if (e.code == ERROR_STORAGE_FULL)
+        reply_set_error(r, &e, NULL);
+    else
+        reply_set_unavailable(r, e.message); /* the submitter's to wait for, not a fault */
     for (size_t i = 0; i < sent_count; i++) free(sent[i]);
     free(sent);
     free(labels);

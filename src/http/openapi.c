@@ -151,6 +151,7 @@ static void put_responses(json *operation, const route *r)
     static const char *const everywhere[] = {"request_invalid", "too_many_requests", "internal",
                                              "unavailable"};
     for (size_t i = 0; i < sizeof everywhere / sizeof *everywhere; i++) put_problem(responses, everywhere[i]);
+    if (strcmp(r->method, "GET") != 0) put_problem(responses, "storage_full");
     if (!r->scope) return;
     put_problem(responses, "unauthorized");
     put_problem(responses, "forbidden");

@@ -155,8 +155,19 @@ void reply_set_unavailable(reply *r, const char *why)
     reply_add_header(r, "Retry-After", RETRY_AFTER_S);
 }
 
+void reply_set_storage_full(reply *r, const char *why)
+{
+    reply_set_problem(r, "storage_full", NULL, "%s", why);
+    reply_add_header(r, "Retry-After", RETRY_AFTER_S);
+}
+
 void reply_set_error(reply *r, const error *e, json *errors)
 {
+    if (e->code == ERROR_STORAGE_FULL) {
+        json_free(errors);
+        reply_set_storage_full(r, e->message);
+        return;
+    }
     const char *code = error_code_name(e->code);
     if (reply_find_problem(code)->status == 500) log_write(LOG_LEVEL_ERROR, "request failed: %s", e->message);
     reply_set_problem(r, code, errors, "%s", e->message);

@@ -18,7 +18,7 @@
  *     range_not_satisfiable 416   the range begins behind the end; Content-Range says where that is
  *     idempotency_mismatch 422    an Idempotency-Key that came with another body
  *     digest_mismatch 422         an input of which other bytes came
- *     storage_full 507            no room for an input
+ *     storage_full 507            no room on the disk, or for an input; Retry-After but for the latter
  *     too_many_jobs 429           of one user; Retry-After
  *     too_many_requests 429       too many connections of one client; Retry-After
  *     unavailable 503             draining, the queue cannot store, or too many connections of all; Retry-After
@@ -99,6 +99,8 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
     __attribute__((format(printf, 4, 5)));
 /* `unavailable`, with Retry-After. */
 void reply_set_unavailable(reply *r, const char *why);
+/* `storage_full`, with Retry-After. */
+void reply_set_storage_full(reply *r, const char *why);
 void reply_set_error(reply *r, const error *e, json *errors);
 
 #endif

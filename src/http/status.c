@@ -20,13 +20,28 @@ void status_health(const http_context *c, const http_request *request, reply *r)
     show_status(executor_takes_jobs(c->x) ? "ok" : "draining", 200, r);
 }
 
+/* Whether there is room on the disk to start jobs; else why not. */
+static bool check_storage(const http_context *c, char *why, size_t size)
+{
+    executor_space space = executor_get_space(c->x);
+    if (space.free_bytes >= space.floor_bytes) return true;
+    snprintf(why, size,
+             "storage_full: %lld MiB are free on the disk of state_dir, and %lld MiB are wanted before a job is"
+             " started (setting free_space_mb)",
+             (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
+    return false;
+}
+
 void status_ready(const http_context *c, const http_request *request, reply *r)
 {
+    char why[256];
     (void)request;
-    if (executor_takes_jobs(c->x))
-        show_status("ok", 200, r);
-    else
+    if (!executor_takes_jobs(c->x))
         reply_set_unavailable(r, "the service drains and takes no jobs now");
+    else if (!check_storage(c, why, sizeof why))
+        reply_set_unavailable(r, why);
+    else
+        show_status("ok", 200, r);
 }
 
 /* A figure of Prometheus' text format, with what it means before its first sample. */
@@ -62,6 +77,15 @@ static void put_load(const http_context *c, FILE *out)
     fprintf(out, "hexad_memory_limit_bytes %lld\n", (long long)load.all_memory_mb << 20);
 }
 
+static void put_storage(const http_context *c, FILE *out)
+{
+    executor_space space = executor_get_space(c->x);
+    put_figure(out, "hexad_storage_free_bytes", "gauge", "Free on the disk of the state directory that has least.");
+    fprintf(out, "hexad_storage_free_bytes %lld\n", (long long)space.free_bytes);
+    put_figure(out, "hexad_storage_floor_bytes", "gauge", "With less free there no job is started.");
+    fprintf(out, "hexad_storage_floor_bytes %lld\n", (long long)space.floor_bytes);
+}
+
 void status_metrics(const http_context *c, const http_request *request, reply *r)
 {
     (void)request;
@@ -76,6 +100,7 @@ void status_metrics(const http_context *c, const http_request *request, reply *r
     fprintf(out, "hexad_draining %d\n", !executor_takes_jobs(c->x));
     put_jobs(c, out);
     put_load(c, out);
+    put_storage(c, out);
     put_figure(out, "hexad_http_answers_total", "counter", "Answers, by the first digit of their status.");
     for (int i = 2; i < 6; i++)
         fprintf(out, "hexad_http_answers_total{class=\"%dxx\"} %llu\n", i,

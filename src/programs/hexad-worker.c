@@ -35,6 +35,7 @@ enum exit_code {
     EXIT_SURFACE = 4,
     EXIT_LIMIT = 5,
     EXIT_CANCELLED = 6,
+    EXIT_STORAGE = 7,
     EXIT_NOT_CONVERGED = 10
 };
 
@@ -82,8 +83,8 @@ static const char help_text[] =
     "  --help, --version\n"
     "\n"
     "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
-    "file, 4 no surface found, 5 limits exceeded, 6 cancelled, 1 anything else. The last line on\n"
-    "standard error of a failed run is a JSON object with code and message.\n";
+    "file, 4 no surface found, 5 limits exceeded, 6 cancelled, 7 a disk is full or fails, 1 anything\n"
+    "else. The last line on standard error of a failed run is a JSON object with code and message.\n";
 
 static int exit_code_of(error_code code)
 {
@@ -107,6 +108,9 @@ static int exit_code_of(error_code code)
         return EXIT_LIMIT;
     case ERROR_CANCELLED:
         return EXIT_CANCELLED;
+    case ERROR_STORAGE_FULL:
+    case ERROR_STORAGE_FAILED:
+        return EXIT_STORAGE;
     default:
         return EXIT_INTERNAL;
     }

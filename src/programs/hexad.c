@@ -109,6 +109,7 @@ static void fini_state(service *s)
 static bool init_queue(service *s, error *e)
 {
     s->q = queue_open(s->state_dir, e);
+    if (s->q) queue_reserve(s->q, s->settings.reserve_mb << 20);
     return s->q != NULL;
 }
 
@@ -295,6 +296,8 @@ static executor_settings executor_settings_of(const service *s)
         .grace_s = c->grace_s,
         .retry_s = c->retry_s,
         .retry_most_s = c->retry_most_s,
+        .free_space_mb = c->free_space_mb,
+        .storage_retries = (int)c->storage_retries,
     };
 }
 

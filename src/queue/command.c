@@ -56,8 +56,8 @@ static bool retry(database *d, book *b, bool *changed, error *e)
     if (lost) return true;
     *changed = true;
     if (!RUN(d, e,
-             "UPDATE task SET state = 'queued', spent = 0, ran_ms = 0, error_code = NULL, error_message = NULL,"
-             " finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
+             "UPDATE task SET state = 'queued', spent = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
+             " error_message = NULL, finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
              integer(b->seq)))
         return false;
     b->ready = b->failed + b->cancelled_tasks + b->timed_out;

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
+#include <sys/statvfs.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -16,6 +17,7 @@
 #include "base/memory.h"
 #include "queue/filesystem.h"
 #include "queue/queue.h"
+#include "queue/reserve.h"
 #include "queue/schema.h"
 
 /* At a start somebody may still look with the sqlite3 program. */
@@ -27,6 +29,8 @@
 
 struct queue {
     int lock_fd; /* holds the lock on the state directory */
+    char *state_dir;
+    atomic_int_fast64_t reserve_bytes; /* 0: none */
 
     pthread_mutex_t mutex; /* of the connection and what follows */
     sqlite3 *connection;
@@ -65,9 +69,17 @@ overtaken *database_overtaken(database *d)
 
 /* ---- statements */
 
+/* Whether the last call failed for want of space; a quota is a fault of the disk to SQLite. */
+static bool is_full(database *d)
+{
+    int why = sqlite3_errcode(d->connection) & 0xff;
+    return why == SQLITE_FULL || (why == SQLITE_IOERR && sqlite3_system_errno(d->connection) == EDQUOT);
+}
+
 static bool fail(database *d, error *e)
 {
-    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", sqlite3_errmsg(d->connection));
+    return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
+                     sqlite3_errmsg(d->connection));
 }
 
 static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
@@ -278,6 +290,16 @@ bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
 
 /* ---- opening */
 
+/* In place, since a full disk is no reason not to start. */
+static void note_holder(int fd)
+{
+    char holder[16];
+    int length = snprintf(holder, sizeof holder, "%d", (int)getpid());
+    bool ok = pwrite(fd, holder, (size_t)length, 0) == length;
+    if (ftruncate(fd, ok ? length : 0) != 0 || !ok)
+        log_write(LOG_LEVEL_WARNING, "the file lock does not tell who holds it: %s", strerror(errno));
+}
+
 static bool take_lock(queue *q, const char *state_dir, error *e)
 {
     char *path = mem_printf("%s/lock", state_dir);
@@ -291,8 +313,8 @@ static bool take_lock(queue *q, const char *state_dir, error *e)
                   state_dir);
     } else if (!ok) {
         error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
-    } else if (ftruncate(q->lock_fd, 0) != 0 || dprintf(q->lock_fd, "%d", (int)getpid()) < 0) {
-        ok = error_set(e, ERROR_INTERNAL, "%s cannot be written: %s", path, strerror(errno));
+    } else {
+        note_holder(q->lock_fd);
     }
     free(path);
     return ok;
@@ -318,8 +340,10 @@ queue *queue_open(const char *state_dir, error *e)
     queue *q = mem_alloc(sizeof *q);
     make_locks(q);
     q->lock_fd = -1;
+    q->state_dir = mem_strdup(state_dir);
     char *path = mem_printf("%s/queue.db", state_dir);
     bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
+    if (ok) reserve_lend(state_dir);
     if (ok &&
         sqlite3_open_v2(path, &q->connection,
                         SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
@@ -340,6 +364,22 @@ queue *queue_open(const char *state_dir, error *e)
     return q;
 }
 
+void queue_reserve(queue *q, int64_t bytes)
+{
+    atomic_store(&q->reserve_bytes, bytes);
+    database_lock(q);
+    reserve_keep(q->state_dir, bytes);
+    database_unlock(q);
+}
+
+bool database_has_room(database *d)
+{
+    int64_t wanted = atomic_load(&d->reserve_bytes);
+    struct statvfs disk;
+    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0) return true; /* the transaction will tell */
+    return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
+}
+
 void queue_close(queue *q)
 {
     if (!q) return;
@@ -352,5 +392,6 @@ void queue_close(queue *q)
     pthread_mutex_destroy(&q->news_mutex);
     pthread_cond_destroy(&q->news);
     free(q->trouble);
+    free(q->state_dir);
     free(q);
 }

@@ -72,6 +72,9 @@ bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e);
 /* Ends a statement whose other rows are not wanted. */
 void database_end(sqlite3_stmt *s);
 
+/* Whether the disk has as much room for another job as is set aside for the queue (queue_reserve). */
+bool database_has_room(database *d);
+
 int database_changes(database *d); /* rows that the last RUN changed */
 int64_t database_last_row(database *d);
 

@@ -60,6 +60,11 @@ const char *queue_outcome_name(queue_outcome outcome); /* NULL for no outcome */
 queue *queue_open(const char *state_dir, error *e);
 void queue_close(queue *q); /* accepts NULL */
 
+/* Sets so many bytes of the disk aside for the database, so that jobs can be cancelled, deleted and ended when it is
+ * full; jobs are then accepted only while as much is free besides. 0: none. Where the disk cannot do that, or is full
+ * already, a warning is logged. */
+void queue_reserve(queue *q, int64_t bytes);
+
 /* ---- jobs */
 
 typedef struct queue_counts { /* tasks; the sum of all but `all` is `all` */
@@ -126,6 +131,7 @@ typedef enum queue_verdict {
     QUEUE_REPLAYED,          /* the key was seen with this body: the receipt names that job */
     QUEUE_MISMATCH,          /* the key was seen with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs already */
+    QUEUE_NO_ROOM,           /* the disk has less free than queue_reserve has set aside */
     QUEUE_UNKNOWN_DEPENDENCY /* the receipt says which of depends_on */
 } queue_verdict;
 
@@ -207,6 +213,7 @@ typedef struct queue_task {
     queue_outcome outcome;
     int attempt;           /* number of the last claim; 0: none */
     int spent;             /* attempts that count */
+    int storage_faults;    /* attempts that do not, since a disk was full or failed */
     int64_t ran_ms;        /* how long those ran that count and were put back */
     int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
@@ -282,6 +289,8 @@ typedef struct queue_ending {
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
+    bool storage_fault;                     /* for queue_requeue: a disk was full or failed */
+    const char *copied;                     /* a name of queue_note_copy that is done with; may be NULL */
     const char *cache_key,
         *cache_inputs; /* both or none: the result may be given to others, see queue_recall */
 } queue_ending;
@@ -304,6 +313,19 @@ bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_
 
 /* The job whose result was stored last under this key, and what was stored with it, to be freed. */
 bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e);
+
+/* ---- temporary files of copies of results, in directories of others */
+
+typedef struct queue_copy {
+    char *directory, *name;
+} queue_copy;
+
+void queue_copies_free(queue_copy *copies, size_t count);
+
+/* Writes down that a file of this name, used once, may be made in the directory. */
+bool queue_note_copy(queue *q, const char *directory, const char *name, error *e);
+bool queue_forget_copy(queue *q, const char *name, error *e);
+bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e);
 
 /* ---- events */
 

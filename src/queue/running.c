@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "queue/book.h"
+#include "queue/copy.h"
 #include "queue/record.h"
 #include "queue/schema.h"
 
@@ -286,11 +287,11 @@ static bool put_back(database *d, const settling *s, book *b, int64_t now, error
 {
     bool delayed = s->not_before_ms > now;
     if (!RUN(d, e,
-             "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5, ran_ms = ran_ms + ?6"
-             " WHERE job = ?1 AND number = ?2",
+             "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5, ran_ms = ran_ms + ?6,"
+             " storage_faults = storage_faults + ?7 WHERE job = ?1 AND number = ?2",
              integer(b->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
              integer(s->counts ? 0 : 1), integer_if(s->not_before_ms, delayed),
-             integer(s->counts ? s->ending->ran_ms : 0)))
+             integer(s->counts ? s->ending->ran_ms : 0), integer(s->ending->storage_fault)))
         return false;
     if (delayed)
         b->delayed++;
@@ -349,7 +350,8 @@ static bool settle(database *d, change *asked)
     s->accepted = true;
     return end_attempt(d, s, &b, frame, now, e) &&
            (s->back ? put_back(d, s, &b, now, e) : end_task(d, s, &b, frame, now, e)) &&
-           end_followers(d, s, &b, frame, now, e) && book_save(d, &before, &b, now, e);
+           (!s->ending->copied || copy_forget(d, s->ending->copied, e)) && end_followers(d, s, &b, frame, now, e) &&
+           book_save(d, &before, &b, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

@@ -21,6 +21,13 @@
     "  up_to INTEGER NOT NULL"                                                                               \
     ") STRICT;"
 
+/* Temporary files of copies of results into directories of others, written down before they are made. */
+#define COPIES                                                                                               \
+    "CREATE TABLE copy ("                                                                                    \
+    "  name TEXT PRIMARY KEY,"                                                                               \
+    "  directory TEXT NOT NULL"                                                                              \
+    ") STRICT, WITHOUT ROWID;"
+
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
 static const char tables[] =
@@ -91,6 +98,7 @@ static const char tables[] =
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
     "  ran_ms INTEGER NOT NULL DEFAULT 0,"
+    "  storage_faults INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
     "  started_ms INTEGER,"
     "  finished_ms INTEGER,"
@@ -139,7 +147,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS
+    INPUTS COPIES
     "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
@@ -227,6 +235,10 @@ static const char add_removed_events[] =
     "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
     "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
 
+/* From version 4, in which a full disk failed jobs for good and copies left temporary files behind. */
+static const char add_storage[] =
+    "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -256,6 +268,7 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version == 2) ok = run(database, add_paths, e);
     if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
     if (ok && version >= 2) ok = run(database, add_removed_events, e);
+    if (ok && version >= 2) ok = run(database, add_storage, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;
@@ -266,7 +279,7 @@ bool schema_prepare(sqlite3 *database, error *e)
     int version = 0;
     if (!run(database,
              "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
-             "PRAGMA foreign_keys = ON;",
+             "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
              e) ||
         !read_version(database, &version, e))
         return false;

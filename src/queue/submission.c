@@ -138,6 +138,10 @@ static bool put(database *d, change *c)
     if (stop) return true;
     if (!check_needs(d, s, &pending, &lost, &how, &stop, e)) return false;
     if (stop) return true;
+    if (!database_has_room(d)) {
+        s->receipt.verdict = QUEUE_NO_ROOM;
+        return true;
+    }
     int64_t now = clock_wall_ms();
     int tasks = s->in->frames ? (int)s->in->frame_count : 1;
     book b = {.revision = 1,

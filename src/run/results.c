@@ -1,6 +1,7 @@
 #include "run/results.h"
 
 #include <dirent.h>
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -264,7 +265,7 @@ bool results_write_report(const char *directory, const json *report, error *e)
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e);
     if (ok && (fwrite(text, 1, length, file.stream) != length || fflush(file.stream) != 0))
-        ok = error_set(e, ERROR_INTERNAL, "cannot write %s: %m", path);
+        ok = error_set(e, error_code_of_errno(errno), "cannot write %s: %m", path);
     if (ok) {
         char *back = mem_alloc(length + 1);
         rewind(file.stream);

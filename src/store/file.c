@@ -16,7 +16,7 @@
 
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e, ERROR_INTERNAL, "%s cannot be %s: %s", path, what, strerror(errno));
+    return error_set(e, error_code_of_errno(errno), "%s cannot be %s: %s", path, what, strerror(errno));
 }
 
 /* The directory that holds `path`; to be freed. */
@@ -101,10 +101,20 @@ void store_file_abort(store_file *file)
     *file = (store_file){0};
 }
 
+/* A stream keeps that a write failed, and not why: another one is made to fail, of a file that is thrown away. */
+static int find_cause(FILE *stream)
+{
+    clearerr(stream);
+    errno = 0;
+    return (fputc(0, stream) == EOF || fflush(stream) != 0) && errno ? errno : EIO;
+}
+
 bool store_file_flush(store_file *file, error *e)
 {
-    /* ferror: a write that failed earlier may have been followed by a good flush */
-    if (!ferror(file->stream) && fflush(file->stream) == 0 && fsync(fileno(file->stream)) == 0) return true;
+    /* a write that failed earlier may have been followed by a good flush */
+    bool failed = ferror(file->stream) != 0;
+    if (!failed && fflush(file->stream) == 0 && fsync(fileno(file->stream)) == 0) return true;
+    if (failed) errno = find_cause(file->stream);
     if (!errno) errno = EIO;
     return fail(e, "written", file->path);
 }
@@ -215,8 +225,7 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     int why = errno;
     free(block);
     if (got < 0)
-        return error_set(e, ERROR_INTERNAL, "a file cannot be read for its hash: %s",
-                         strerror(why));
+        return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s", strerror(why));
     print_digest(&context, hex);
     *bytes = total;
     return true;
@@ -242,8 +251,7 @@ bool store_directory_create(const char *path, error *e)
 bool store_rename(const char *from, const char *to, error *e)
 {
     if (rename(from, to) != 0)
-        return error_set(e, ERROR_INTERNAL, "%s cannot be renamed to %s: %s", from, to,
-                         strerror(errno));
+        return error_set(e, error_code_of_errno(errno), "%s cannot be renamed to %s: %s", from, to, strerror(errno));
     return parent_sync(to, e) && parent_sync(from, e);
 }
 

@@ -2,7 +2,7 @@
  * new, never a part.
  *
  * A file is written beside its place under a temporary name, flushed to disk, renamed, and its
- * directory flushed. Errors have code internal and name the path and the cause. The functions keep
+ * directory flushed. Errors have code storage_full, storage_failed or internal and name the path and the cause. The functions keep
  * no state and may be called by any thread; a store_file belongs to one thread.
  */
 #ifndef HEXAD_STORE_FILE_H

@@ -48,7 +48,7 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
 
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e, errno == ELOOP || errno == ENOTDIR ? ERROR_PATH_FORBIDDEN : ERROR_INTERNAL,
+    return error_set(e, errno == ELOOP || errno == ENOTDIR ? ERROR_PATH_FORBIDDEN : error_code_of_errno(errno),
                      "%s: %s: %s", path, what, errno == ELOOP ? "a symbolic link" : strerror(errno));
 }
 
@@ -59,8 +59,8 @@ static bool adopt(const store_outputs *outputs, int fd, mode_t mode)
            fchmod(fd, mode) == 0;
 }
 
-/* Opens the directory, making what is missing; -1 on failure. */
-static int open_directory(const store_outputs *outputs, const char *path, error *e)
+/* Opens the directory, making what is missing if so wanted; -1 on failure. */
+static int open_directory(const store_outputs *outputs, const char *path, bool make, error *e)
 {
     const char *rest = NULL;
     size_t i = 0;
@@ -70,8 +70,8 @@ static int open_directory(const store_outputs *outputs, const char *path, error 
     bool ok = true;
     while (here >= 0 && next_part(&rest, name, &ok)) {
         mode_t mode = outputs->mode | ((outputs->mode & 0444) >> 2);
-        bool made = mkdirat(here, name, 0700) == 0;
-        int next = made || errno == EEXIST ? openat(here, name, DIRECTORY) : -1;
+        bool made = make && mkdirat(here, name, 0700) == 0;
+        int next = made || !make || errno == EEXIST ? openat(here, name, DIRECTORY) : -1;
         if (next >= 0 && made && (!adopt(outputs, next, mode) || fsync(here) != 0)) {
             int why = errno;
             close(next);
@@ -83,7 +83,7 @@ static int open_directory(const store_outputs *outputs, const char *path, error 
         errno = why;
         here = next;
     }
-    if (here < 0) fail(e, "cannot be made", path);
+    if (here < 0) fail(e, make ? "cannot be made" : "cannot be opened", path);
     return here;
 }
 
@@ -102,13 +102,11 @@ static bool copy_bytes(int from, int to)
     return true;
 }
 
-static bool copy_file(const store_outputs *outputs, int from, int to, const char *name)
+static bool copy_file(const store_outputs *outputs, int from, int to, const char *name, const char *temporary)
 {
-    char temporary[NAME_MAX + 1];
-    snprintf(temporary, sizeof temporary, ".%.200s.%ld.hexad", name, (long)getpid());
     int in = openat(from, name, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     if (in < 0) return false;
-    unlinkat(to, temporary, 0); /* of a copy that was cut off */
+    unlinkat(to, temporary, 0); /* of a try before */
     int out = openat(to, temporary, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
     bool ok = out >= 0 && copy_bytes(in, out) && adopt(outputs, out, outputs->mode) && fsync(out) == 0;
     int why = errno;
@@ -127,10 +125,10 @@ static bool copy_file(const store_outputs *outputs, int from, int to, const char
 }
 
 bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
-                       const char *path, error *e)
+                       const char *path, const char *temporary, error *e)
 {
     if (!store_output_check(outputs, path, e)) return false;
-    int to = open_directory(outputs, path, e);
+    int to = open_directory(outputs, path, true, e);
     if (to < 0) return false;
     int source = open(from, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     bool ok =
@@ -139,10 +137,20 @@ bool store_output_copy(const store_outputs *outputs, const char *from, const cha
         (fsync(to) == 0 || fail(e, "cannot be flushed", path));
     for (size_t i = 0; ok && i < count; i++) {
         if (i + 1 == count) ok = fsync(to) == 0 || fail(e, "cannot be flushed", path);
-        if (ok && !copy_file(outputs, source, to, names[i])) ok = fail(e, names[i], path);
+        if (ok && !copy_file(outputs, source, to, names[i], temporary)) ok = fail(e, names[i], path);
     }
     ok = ok && (fsync(to) == 0 || fail(e, "cannot be flushed", path));
     if (source >= 0) close(source);
     close(to);
+    return ok;
+}
+
+bool store_output_clear(const store_outputs *outputs, const char *path, const char *temporary, error *e)
+{
+    if (!store_output_check(outputs, path, e)) return false;
+    int directory = open_directory(outputs, path, false, e);
+    if (directory < 0) return false;
+    bool ok = unlinkat(directory, temporary, 0) == 0 || errno == ENOENT || fail(e, "cannot be removed", temporary);
+    close(directory);
     return ok;
 }

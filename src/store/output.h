@@ -1,7 +1,7 @@
 /* output: copies of results in directories of others, beneath configured roots.
  *
- * A copy is a set of files, each written under a temporary name beside its place, flushed and renamed. The
- * last of them says that the set is whole: it is removed first and comes last. Directories that are
+ * A copy is a set of files, one after the other written under a temporary name in its directory, flushed and renamed.
+ * The last of them says that the set is whole: it is removed first and comes last. Directories that are
  * missing are made. No symbolic link is followed beneath a root, and nothing else that lies there is
  * touched. No state; any thread.
  */
@@ -25,8 +25,14 @@ typedef struct store_outputs {
  * without "..". Looks at the words only. */
 bool store_output_check(const store_outputs *outputs, const char *path, error *e);
 
-/* Copies the files of these names. Errors: path_forbidden, also of a symbolic link on the way; internal. */
+/* Copies the files of these names. `temporary` is a plain name that nothing else has in the directory: a process that
+ * is killed leaves at most a file of that name. Errors: path_forbidden, also of a symbolic link on the way;
+ * storage_full, storage_failed, internal. */
 bool store_output_copy(const store_outputs *outputs, const char *from, const char *const *names, size_t count,
-                       const char *path, error *e);
+                       const char *path, const char *temporary, error *e);
+
+/* Removes what a copy that was cut off has left. A file that is not there is no error; a directory that is not there
+ * is one, since it may be on a disk that is away. */
+bool store_output_clear(const store_outputs *outputs, const char *path, const char *temporary, error *e);
 
 #endif

@@ -33,7 +33,7 @@ inline void write_bytes(int fd, const std::string &bytes)
     while (done < bytes.size()) {
         ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
         if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) throw fault(ERROR_INTERNAL, std::string("cannot be written: ") + std::strerror(errno));
+        if (n <= 0) throw fault(error_code_of_errno(errno), std::string("cannot be written: ") + std::strerror(errno));
         done += size_t(n);
     }
 }

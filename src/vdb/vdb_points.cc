@@ -134,7 +134,7 @@ std::string read_all(int fd)
     for (size_t done = 0; done < bytes.size();) {
         ssize_t n = ::pread(fd, &bytes[done], bytes.size() - done, off_t(done));
         if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) throw fault(ERROR_INTERNAL, std::string("cannot be read: ") + std::strerror(errno));
+        if (n <= 0) throw fault(error_code_of_errno(n < 0 ? errno : 0), std::string("cannot be read: ") + std::strerror(errno));
         done += size_t(n);
     }
     return bytes;

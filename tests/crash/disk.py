@@ -61,14 +61,14 @@ class Disk:
     def __init__(self, deaf=lambda path: False):
         self.root, self.deaf, self.now, self.syncs = Directory(), deaf, 0, {}
 
-    def load(self, where, into=None):
-        """Takes a directory as it is for durable."""
-        into = into or self.root
+    def load(self, where, into=None, files=None):
+        """Takes a directory as it is for durable; a file with two names is one file."""
+        into, files = into or self.root, {} if files is None else files
         for path in pathlib.Path(where).iterdir():
-            node = Directory() if path.is_dir() else File(path.read_bytes())
+            node = Directory() if path.is_dir() else files.setdefault(path.stat().st_ino, File(path.read_bytes()))
             into.live[path.name] = into.durable[path.name] = node
             if path.is_dir():
-                self.load(path, node)
+                self.load(path, node, files)
 
     def find(self, path):
         node = self.root
@@ -179,9 +179,9 @@ class Disk:
         cut = rng.randrange(len(waiting) + 1)
         left = {LOSSES[0]: set(), LOSSES[1]: set(waiting), LOSSES[2]: {n for n in waiting if rng.random() < 0.5},
                 LOSSES[3]: set(waiting[:cut])}[loss]
-        self.rebuild(self.root, pathlib.Path(where), left, loss, rng)
+        self.rebuild(self.root, pathlib.Path(where), left, loss, rng, {})
 
-    def rebuild(self, directory, where, left, loss, rng):
+    def rebuild(self, directory, where, left, loss, rng, files):
         where.mkdir()
         entries = dict(directory.durable)
         for change in directory.pending:
@@ -189,8 +189,11 @@ class Disk:
                 change_names(entries, change)
         for name, node in entries.items():
             if isinstance(node, Directory):
-                self.rebuild(node, where / name, left, loss, rng)
+                self.rebuild(node, where / name, left, loss, rng, files)
+            elif id(node) in files:
+                os.link(files[id(node)], where / name)
             else:
+                files[id(node)] = where / name
                 (where / name).write_bytes(rebuild_file(node, loss, rng))
 
 

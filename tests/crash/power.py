@@ -13,6 +13,7 @@ from faults import MAKES_NAMES
 from farm import FINAL, Book, Daemon, Load, Violation, wait_until
 
 RENAME_EXCHANGE = 2
+KEEP_SIZE = 1
 LOSSES_A_RECORD = 20
 JOBS_A_RECORD = 10
 FAILING = 0.1  # of the fsyncs, in the second half of the records
@@ -57,6 +58,8 @@ class Record:
             if not all(call.paths) or name == "renameat2" and call.arguments[4] & RENAME_EXCHANGE:
                 raise NotImplementedError(f"{name} {call.paths}")
             self.note("rename" if name.startswith("rename") else "link", *call.paths)
+        elif name == "fallocate" and call.arguments[1] == KEEP_SIZE:
+            pass  # room for later, and nothing that can be read
         elif name in ("mmap", "symlink", "symlinkat", "fallocate", "copy_file_range", "sendfile"):
             raise NotImplementedError(f"{name} {call.paths}")
         return None

@@ -3,8 +3,10 @@ import errno
 import os
 import pathlib
 import re
+import sqlite3
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -67,6 +69,77 @@ def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):
         book.settle(daemon)
         daemon.end_by_drain()
     assert failed and book.ended[job][0] == "succeeded" and not daemon.supervisor.failure
+
+
+def test_a_disk_that_fails_once_in_an_attempt(supervision, build, tmp_path):
+    """Is the host's fault, and costs the job nothing."""
+    failed = []
+
+    def judge(call):
+        if not failed and call.program == "worker" and call.name in calls.WRITES and "points.ply" in str(call.paths[0]):
+            failed.append(call.name)
+            return "error", errno.EIO
+        return None
+    daemon, book = farm.Daemon(build, tmp_path), farm.Book()
+    daemon.state.mkdir()
+    daemon.spawn(judge)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("once", limits={"max_attempts": 1}))
+        book.settle(daemon)
+        attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
+        daemon.end_by_drain()
+    assert failed and book.ended[job][0] == "succeeded" and not daemon.supervisor.failure
+    assert [a["exit_status"] for a in attempts] == [7, 0] and "storage_failed" in attempts[0]["reason"]
+
+
+def test_a_kill_in_the_middle_of_a_copy(supervision, build, tmp_path):
+    """Leaves a file that the next start removes, and no other; a directory that is away is waited for."""
+    show, away = tmp_path / "state" / "show", tmp_path / "away"
+    half, killed = threading.Event(), threading.Event()
+
+    def judge(call):
+        if call.program == "daemon" and call.name in calls.WRITES and ".hexad" in str(call.paths[0]):
+            call.write_part(10)
+            half.set()
+            killed.wait(farm.PATIENCE_S)
+            return "value", 10
+        return None
+    daemon, book = farm.Daemon(build, tmp_path, "--output_roots", show), farm.Book()
+    show.mkdir(parents=True)
+    film = show / "film"
+    daemon.spawn(judge)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        job = book.submit(daemon, farm.spec("copied", output={"preview": False, "directory": str(film)}))
+        assert half.wait(farm.PATIENCE_S)
+        daemon.kill()
+        killed.set()
+    left = list(film.glob(".*"))
+    assert [p.stat().st_size for p in left] == [10]
+    others = [film / name for name in (".points.ply.123.hexad", f".{job}.7.hexad-tmp", ".hexad-tmp", "report.json.x")]
+    for other in others:
+        other.write_text("of somebody")
+    film.rename(away)
+    daemon.start()
+    book.settle(daemon)
+    assert (away / left[0].name).exists() and "which is tried again" in daemon.log.read_text()
+    daemon.end_by_drain()
+    for path in film.iterdir():
+        path.rename(away / path.name)
+    film.rmdir()
+    away.rename(film)
+    daemon.start()
+    farm.wait_until(lambda: not left[0].exists(), "the removal")
+    assert {p.name for p in film.iterdir()} == {"points.ply", "report.json", *(o.name for o in others)}
+    assert all(other.read_text() == "of somebody" for other in others)
+    listing = daemon.ask("GET", f"/v1/jobs/{job}/results").json["results"]
+    for item in listing:
+        assert (film / item["name"]).read_bytes() == daemon.ask("GET", item["href"]).body
+    daemon.end_by_drain()
+    database = sqlite3.connect(daemon.state / "queue.db")
+    assert database.execute("SELECT count(*) FROM copy").fetchone() == (0,)
+    database.close()
 
 
 def test_a_removal_is_on_disk_before_the_queue_ends_the_attempt(supervision, build, tmp_path):

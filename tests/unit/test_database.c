@@ -7,6 +7,7 @@
 
 #include <pthread.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -222,6 +223,9 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 4 had not. */
+#define WITHOUT_STORAGE "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy;"
+
 /* Version 2 had no paths beside a spec. */
 static void test_paths_are_added_to_version_2(void **state)
 {
@@ -232,7 +236,7 @@ static void test_paths_are_added_to_version_2(void **state)
     p->q = NULL;
     sqlite3 *database = open_raw(p);
     static const char as_it_was[] =
-        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;"
+        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" WITHOUT_STORAGE
         "DROP TABLE removed_events; PRAGMA user_version = 2;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
@@ -263,8 +267,8 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input; DROP TABLE removed_events;"
-                                    "PRAGMA user_version = 3;";
+    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" WITHOUT_STORAGE
+                                    "DROP TABLE removed_events; PRAGMA user_version = 3;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -304,6 +308,70 @@ static void test_removed_events_are_found_in_version_4(void **state)
         reopen(p);
         assert_int_equal(look_at_events(p).removed_up_to, cases[i].up_to);
     }
+}
+
+static void test_storage_is_added_to_version_4(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_copy *copies = NULL;
+    size_t count = 0;
+    put(p, "before", 0, id);
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    assert_int_equal(sqlite3_exec(database, WITHOUT_STORAGE "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    assert_int_equal(get_task(p, id, 0).storage_faults, 0);
+    assert_true(queue_list_copies(p->q, &copies, &count, NULL));
+    assert_int_equal(count, 0);
+    queue_copies_free(copies, count);
+}
+
+/* What is set aside is the log itself, which another database must never read. */
+static void test_the_reserve(void **state)
+{
+    place *p = *state;
+    struct stat info, log;
+    char id[ULID_SIZE], *reserve = mem_printf("%s/reserve", p->base), *wal = mem_printf("%s/queue.db-wal", p->base);
+    enum { BYTES = 1 << 20 };
+    queue_reserve(p->q, BYTES);
+    assert_int_equal(stat(reserve, &info), 0);
+    assert_int_equal(stat(wal, &log), 0);
+    assert_int_equal(info.st_ino, log.st_ino);
+    assert_true(info.st_blocks * 512 >= BYTES);
+    put(p, "first", 0, id);
+    queue_close(p->q);
+    p->q = NULL;
+    assert_int_equal(stat(wal, &log), -1);
+    ino_t kept = info.st_ino;
+    reopen(p);
+    assert_int_equal(stat(wal, &log), 0);
+    assert_int_equal(log.st_ino, kept);
+    assert_true(log.st_blocks * 512 >= BYTES);
+    queue_job job = get(p, id);
+    queue_job_clear(&job);
+    queue_reserve(p->q, 0);
+    assert_int_equal(stat(reserve, &info), -1);
+    put(p, "second", 0, id);
+    free(reserve);
+    free(wal);
+}
+
+static void test_a_job_is_refused_without_room(void **state)
+{
+    place *p = *state;
+    queue_receipt receipt;
+    char id[ULID_SIZE];
+    put(p, "before", 0, id);
+    queue_reserve(p->q, INT64_MAX); /* no disk has that */
+    assert_true(queue_put(p->q, &plain, &receipt, NULL));
+    assert_int_equal(receipt.verdict, QUEUE_NO_ROOM);
+    tell(p, id, QUEUE_CANCEL, true);
+    bool found = false, deleted = false;
+    assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
+    assert_true(found && deleted);
 }
 
 static void test_a_second_owner_is_refused(void **state)
@@ -385,6 +453,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
         CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
+        CASE(test_storage_is_added_to_version_4),  CASE(test_the_reserve),
+        CASE(test_a_job_is_refused_without_room),
         CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_removed_events_are_found_in_version_4),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),

@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <errno.h>
 #include <string.h>
 #include <cmocka.h>
 
@@ -16,6 +17,16 @@ static void names_are_stable(void **state)
         assert_int_equal(error_code_from_name(error_code_name((error_code)code)), code);
     assert_int_equal(error_code_from_name("no such code"), ERROR_INTERNAL);
     assert_string_equal(error_code_name((error_code)99), "internal");
+}
+
+static void disks_are_told_from_other_faults(void **state)
+{
+    (void)state;
+    assert_int_equal(error_code_of_errno(ENOSPC), ERROR_STORAGE_FULL);
+    assert_int_equal(error_code_of_errno(EDQUOT), ERROR_STORAGE_FULL);
+    assert_int_equal(error_code_of_errno(EIO), ERROR_STORAGE_FAILED);
+    assert_int_equal(error_code_of_errno(EFBIG), ERROR_INTERNAL); /* the job's own limit */
+    assert_true(error_is_of_storage(ERROR_STORAGE_FAILED) && !error_is_of_storage(ERROR_INTERNAL));
 }
 
 static void context_comes_first(void **state)
@@ -55,6 +66,7 @@ static void a_cut_message_is_whole_utf8_on_one_line(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(names_are_stable),
+                                       cmocka_unit_test(disks_are_told_from_other_faults),
                                        cmocka_unit_test(context_comes_first),
                                        cmocka_unit_test(a_cut_message_is_whole_utf8_on_one_line)};
     return cmocka_run_group_tests_name("error", tests, NULL, NULL);

@@ -20,6 +20,8 @@ typedef struct place {
     store_outputs outputs;
 } place;
 
+#define TEMPORARY ".job.1.hexad-tmp"
+
 static const char *const names[] = {"points.ply", "report.json"};
 
 static void put(const char *directory, const char *name, const char *text)
@@ -80,7 +82,7 @@ static void expect_mode(const char *root, const char *name, mode_t mode)
 static bool copy(place *p, const char *where, error *e)
 {
     char *path = mem_printf("%s/%s", p->root, where);
-    bool ok = store_output_copy(&p->outputs, p->from, names, 2, path, e);
+    bool ok = store_output_copy(&p->outputs, p->from, names, 2, path, TEMPORARY, e);
     free(path);
     return ok;
 }
@@ -146,7 +148,7 @@ static void test_paths_that_are_refused(void **state)
         error e = {0};
         if (store_output_check(&p->outputs, refused[i], &e)) fail_msg("%s", refused[i]);
         assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
-        assert_false(store_output_copy(&p->outputs, p->from, names, 2, refused[i], &e));
+        assert_false(store_output_copy(&p->outputs, p->from, names, 2, refused[i], TEMPORARY, &e));
     }
     assert_int_equal(symlink(p->base, link), 0);
     error e = {0};
@@ -162,6 +164,33 @@ static void test_paths_that_are_refused(void **state)
     free(link);
 }
 
+static void test_what_was_cut_off_is_cleared(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    char *there = mem_printf("%s/a", p->root), *link = mem_printf("%s/link", p->root);
+    assert_false(store_output_clear(&p->outputs, there, TEMPORARY, &e)); /* the directory may be away */
+    assert_int_equal(access(there, F_OK), -1);
+    assert_true(copy(p, "a", NULL));
+    assert_true(store_output_clear(&p->outputs, there, TEMPORARY, NULL)); /* nothing is there */
+    put(there, TEMPORARY, "half");
+    put(there, ".job.2.hexad-tmp", "of another");
+    assert_true(store_output_clear(&p->outputs, there, TEMPORARY, NULL));
+    expect_text(p->root, "a/points.ply", "points");
+    expect_text(p->root, "a/.job.2.hexad-tmp", "of another");
+    char *gone = mem_printf("%s/" TEMPORARY, there);
+    assert_int_equal(access(gone, F_OK), -1);
+    assert_int_equal(symlink(there, link), 0);
+    put(there, TEMPORARY, "half");
+    assert_false(store_output_clear(&p->outputs, link, TEMPORARY, &e));
+    assert_int_equal(e.code, ERROR_PATH_FORBIDDEN);
+    assert_int_equal(access(gone, F_OK), 0);
+    assert_false(store_output_clear(&p->outputs, p->base, TEMPORARY, &e));
+    free(gone);
+    free(link);
+    free(there);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -169,6 +198,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_a_copy_over_another, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_copy_that_fails_is_not_whole, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_paths_that_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_was_cut_off_is_cleared, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("output", tests, NULL, NULL);
 }

@@ -113,6 +113,56 @@ static void test_an_attempt_given_back_does_not_count(void **state)
     assert_int_equal(claim(p, id), attempt + 1);
 }
 
+/* A disk that was full is counted apart, until somebody asks for the job to be retried. */
+static void test_faults_of_storage_are_counted_apart(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_ending full = crash;
+    full.storage_fault = true;
+    put(p, "on a full disk", 0, id);
+    assert_true(requeue(p, id, claim(p, id), false, 0, &full));
+    assert_true(requeue(p, id, claim(p, id), true, 0, &crash));
+    queue_task task = get_task(p, id, 0);
+    assert_int_equal(task.spent, 1);
+    assert_int_equal(task.storage_faults, 1);
+    assert_true(finish(p, id, 0, claim(p, id), &crash));
+    tell(p, id, QUEUE_RETRY, true);
+    assert_int_equal(get_task(p, id, 0).storage_faults, 0);
+}
+
+static size_t count_copies(place *p, const char *directory, const char *name)
+{
+    queue_copy *copies = NULL;
+    size_t count = 0;
+    assert_true(queue_list_copies(p->q, &copies, &count, NULL));
+    if (count && name) assert_string_equal(copies[0].name, name);
+    if (count && directory) assert_string_equal(copies[0].directory, directory);
+    queue_copies_free(copies, count);
+    return count;
+}
+
+/* What is written down of a copy goes with the end of its attempt, and of no other. */
+static void test_copies_are_noted(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    queue_ending ending = success;
+    put(p, "copied", 0, id);
+    int attempt = claim(p, id);
+    assert_true(queue_note_copy(p->q, "/show/a", ".x.1.hexad-tmp", NULL));
+    assert_true(queue_note_copy(p->q, "/show/b", ".x.2.hexad-tmp", NULL));
+    assert_int_equal(count_copies(p, "/show/a", ".x.1.hexad-tmp"), 2);
+    ending.copied = ".x.1.hexad-tmp";
+    assert_false(finish(p, id, 0, attempt + 1, &ending)); /* of another attempt */
+    assert_int_equal(count_copies(p, NULL, NULL), 2);
+    assert_true(finish(p, id, 0, attempt, &ending));
+    assert_int_equal(count_copies(p, "/show/b", ".x.2.hexad-tmp"), 1);
+    reopen(p);
+    assert_true(queue_forget_copy(p->q, ".x.2.hexad-tmp", NULL));
+    assert_int_equal(count_copies(p, NULL, NULL), 0);
+}
+
 /* Years away, and long past. */
 static void test_who_crashed_waits_and_holds_nobody_up(void **state)
 {
@@ -742,6 +792,8 @@ int main(void)
         CASE(test_attempts_that_count_add_their_time),
         CASE(test_deliveries_to_busy_hosts_are_passed_by),
         CASE(test_ends_are_told),
+        CASE(test_faults_of_storage_are_counted_apart),
+        CASE(test_copies_are_noted),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);

@@ -1,0 +1,38 @@
+#include "executor/storage.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <sys/statvfs.h>
+
+#include "base/log.h"
+
+static const char *const parts[] = {"", "/attempts", "/results", "/inputs"};
+
+int64_t storage_free_bytes(const storage *s)
+{
+    int64_t least = INT64_MAX;
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        char path[4096];
+        struct statvfs disk;
+        int length = snprintf(path, sizeof path, "%s%s", s->state_dir, parts[i]);
+        if (length >= (int)sizeof path || statvfs(path, &disk) != 0) continue;
+        int64_t bytes = (int64_t)(disk.f_bavail * disk.f_frsize);
+        if (bytes < least) least = bytes;
+    }
+    return least;
+}
+
+bool storage_has_room(storage *s)
+{
+    if (s->floor_bytes <= 0) return true;
+    int64_t bytes = storage_free_bytes(s);
+    bool low = bytes < s->floor_bytes;
+    if (low && !s->low)
+        log_write(LOG_LEVEL_WARNING,
+                  "the disk is full: no job is started until there is room: free_mb=%" PRId64 " free_space_mb=%" PRId64
+                  " state_dir=%s",
+                  bytes >> 20, s->floor_bytes >> 20, s->state_dir);
+    if (!low && s->low) log_write(LOG_LEVEL_INFO, "the disk has room again: free_mb=%" PRId64, bytes >> 20);
+    s->low = low;
+    return !low;
+}

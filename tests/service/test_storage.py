@@ -1,0 +1,246 @@
+"""Disks that are full: nothing is lost, nothing fails for good that would succeed later, and what makes room works.
+
+The disks are file systems of some MiB in memory (tmpfs), which take root to mount.
+"""
+import json
+import os
+import re
+import signal
+import subprocess
+
+import pytest
+
+from service import last_words, sphere, wait_until
+
+MIB = 1 << 20
+# Room to store jobs, and one whose result does not fit into it.
+ROOM = 1200 << 10
+LARGE = sphere(6000, output={"preview": False, "ply": {"format": "ascii", "precision": "double"}},
+               limits={"max_attempts": 1})
+
+
+class Disk:
+    """A file system in memory, and a ballast file that fills it."""
+
+    def __init__(self, path):
+        self.path, self.ballast = path, path / "ballast"
+
+    def free(self):
+        info = os.statvfs(self.path)
+        return info.f_bavail * info.f_frsize
+
+    def fill(self, leave=0):
+        """Until no more than `leave` bytes are free; again when something was freed."""
+        with open(self.ballast, "ab") as ballast:
+            while self.free() > leave:
+                size = os.fstat(ballast.fileno()).st_size
+                os.posix_fallocate(ballast.fileno(), size, self.free() - leave)
+
+    def empty(self):
+        self.ballast.unlink()
+
+
+@pytest.fixture
+def new_disk(tmp_path):
+    mounted = []
+
+    def make(mib):
+        path = tmp_path / f"disk.{len(mounted)}"
+        path.mkdir()
+        done = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={mib}m", "tmpfs", path], text=True,
+                              stderr=subprocess.PIPE)
+        if done.returncode:
+            pytest.skip(f"no small disk can be mounted: {done.stderr.strip()}")
+        mounted.append(path)
+        return Disk(path)
+
+    yield make
+    for path in mounted:
+        subprocess.run(["umount", "-l", path], check=True)
+
+
+def small(seed, **parts):
+    return sphere(50, solver={"seed": seed}, output={"preview": False}, **parts)
+
+
+def service_on(disk, new_service, *options):
+    service = new_service("--retry_s", 0.05, "--retry_most_s", 0.2, *options)
+    service.state = disk.path / "state"
+    return service
+
+
+def states(service):
+    """id -> document of all jobs."""
+    found, cursor = {}, ""
+    while cursor is not None:
+        page = service.get(f"/v1/jobs?limit=100{cursor and '&cursor='}{cursor}").json
+        found.update((job["id"], job) for job in page["jobs"])
+        cursor = page["next"]
+    return found
+
+
+def figure(service, name):
+    return float(re.search(rf"^{name} (\S+)$", service.get("/metrics").body.decode(), re.M)[1])
+
+
+def is_full(service):
+    reply = service.get("/readyz")
+    assert reply.status == 200 or reply.headers["Retry-After"]
+    return reply.status == 503 and b"storage_full" in reply.body
+
+
+def test_a_full_disk_holds_jobs_and_loses_none(new_disk, new_service):
+    disk = new_disk(64)
+    service = service_on(disk, new_service, "--free_space_mb", 8, "--reserve_mb", 4).start()
+    done = [service.submit(small(seed)) for seed in range(3)]
+    for job in done:
+        service.wait_state(job, "succeeded")
+    assert service.get("/readyz").status == 200
+    assert figure(service, "hexad_storage_floor_bytes") == 8 * MIB <= figure(service, "hexad_storage_free_bytes")
+
+    disk.fill(7 * MIB)  # below the floor, and there is room to store jobs
+    waiting = [service.submit(small(100 + k)) for k in range(200)]
+    assert is_full(service)
+    wait_until(lambda: "the disk is full" in service.log.read_text(), "a word in the log")
+    assert {states(service)[job]["state"] for job in waiting} == {"queued"}
+
+    disk.fill()
+    assert figure(service, "hexad_storage_free_bytes") == 0
+    refused = service.post("/v1/jobs", small(1))
+    assert refused.status == 507 and refused.json["code"] == "storage_full" and refused.headers["Retry-After"]
+    assert len(states(service)) == 203
+    cancelled = set(waiting[:20])
+    for job in cancelled:
+        assert service.post(f"/v1/jobs/{job}/cancel").status == 200
+    results = service.state / "results" / done[0]
+    assert results.is_dir()
+    assert service.request("DELETE", f"/v1/jobs/{done[0]}").status == 204
+    assert not results.exists() and disk.free()
+
+    for end in (signal.SIGKILL, signal.SIGTERM):
+        disk.fill()
+        service.end(end)
+        disk.fill()
+        service.start()
+        assert is_full(service)
+        cancelled.add(waiting[len(cancelled)])
+        assert service.post(f"/v1/jobs/{waiting[len(cancelled) - 1]}/cancel").status == 200
+    disk.fill()
+    assert service.request("DELETE", f"/v1/jobs/{done[1]}").status == 204
+    disk.fill()
+    assert service.get(f"/v1/jobs/{done[2]}").json["state"] == "succeeded"
+
+    disk.empty()
+    left = [job for job in waiting if job not in cancelled]
+    wait_until(lambda: all(job["state"] == "succeeded" for id, job in states(service).items() if id in left), "all jobs")
+    assert {states(service)[job]["state"] for job in cancelled} == {"cancelled"}
+    assert all(len(service.get(f"/v1/jobs/{job}/attempts").json["attempts"]) == 1 for job in left[:5])
+    assert service.get("/readyz").status == 200 and "the disk has room again" in service.log.read_text()
+
+
+def test_a_disk_that_fills_during_an_attempt(new_disk, new_service):
+    """The attempt does not count, and the job waits for room."""
+    disk = new_disk(32)
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1).start()
+    disk.fill(ROOM)
+    job = service.submit(LARGE)
+    first = wait_until(lambda: [a for a in service.get(f"/v1/jobs/{job}/attempts").json["attempts"] if a["finished"]],
+                       "an attempt's end")[0]
+    assert first["exit_status"] == 7 and "storage_full" in first["reason"]
+    assert service.job(job)["state"] in ("queued", "running")
+    disk.empty()
+    service.wait_state(job, "succeeded")
+    assert not list((service.state / "attempts").glob("*/points.ply*"))
+
+
+def test_a_disk_that_stays_full_ends_a_job_at_last(new_disk, new_service):
+    disk = new_disk(32)
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 1, "--storage_retries", 2).start()
+    disk.fill(ROOM)
+    job = service.submit(LARGE)
+    ended = service.wait_state(job, "failed")
+    assert ended["error"]["code"] == "storage_full" and "storage_retries" in ended["error"]["message"]
+    assert len(ended["attempts"]) == 3
+
+
+def test_a_full_output_disk_is_waited_for(new_disk, new_service, tmp_path):
+    """The result stands, and only its copy is made again."""
+    disk = new_disk(2)
+    service = new_service("--output_roots", disk.path, "--retry_s", 0.05, "--retry_most_s", 0.2, "--max_attempts", 1)
+    service.start()
+    disk.fill()
+    job = service.submit(sphere(300, output={"directory": str(disk.path / "film"), "preview": False}))
+    wait_until(lambda: len(service.job(job)["attempts"]) > 2, "attempts")
+    assert "storage_full" in service.get(f"/v1/jobs/{job}/attempts").json["attempts"][0]["reason"]
+    disk.empty()
+    service.wait_state(job, "succeeded")
+    assert {p.name for p in (disk.path / "film").iterdir()} == {"points.ply", "report.json"}
+    listed = service.get(f"/v1/jobs/{job}/results").json["results"]
+    for item in listed:
+        assert (disk.path / "film" / item["name"]).read_bytes() == service.get(item["href"]).body
+    assert len(re.findall(f"attempt started job={job}", service.log.read_text())) == 1
+    assert sorted(p.name for p in (service.state / "attempts").iterdir()) == []
+
+
+def test_a_full_output_disk_ends_a_job_at_last(new_disk, new_service):
+    disk = new_disk(2)
+    service = new_service("--output_roots", disk.path, "--retry_s", 0.05, "--storage_retries", 1).start()
+    disk.fill()
+    job = service.submit(sphere(300, output={"directory": str(disk.path / "film"), "preview": False}))
+    ended = service.wait_state(job, "failed")
+    assert ended["error"]["code"] == "storage_full" and "output.directory" in ended["error"]["message"]
+    assert len(ended["attempts"]) == 2 and not list((service.state / "attempts").glob("*/report.json"))
+
+
+def test_every_output_says_that_the_disk_is_full(new_disk, worker):
+    """Wherever in its way the worker runs out of room."""
+    disk = new_disk(8)
+    everything = {"mesh": True, "points_vdb": True, "convergence": True,
+                  "preview": {"size": [128, 128], "turntable": 2}, "ply": {"precision": "double"}}
+    whole = worker(sphere(600, output=everything), output=str(disk.path / "whole"))
+    assert whole.returncode == 0, whole.stderr
+    needed = sum(p.stat().st_size for p in (disk.path / "whole").iterdir())
+    subprocess.run(["rm", "-r", disk.path / "whole"], check=True)
+    ends = []
+    for leave in [0, 4096, 8192] + [round(needed * part / 12 / 4096) * 4096 for part in range(1, 14)]:
+        disk.fill(leave)
+        done = worker(sphere(600, output=everything), output=str(disk.path / "out"))
+        ends.append(done.returncode)
+        if done.returncode != 0:
+            assert done.returncode == 7 and last_words(done)["code"] == "storage_full", (leave, done.stderr)
+            assert not (disk.path / "out" / "report.json").exists()
+        subprocess.run(["rm", "-rf", disk.path / "out"], check=True)
+        disk.empty()
+    assert ends.count(7) > 10 and ends[-1] == 0, ends
+
+
+def test_what_is_set_aside_is_there_again_after_a_stop(new_disk, new_service):
+    """And is never read as the log of another database."""
+    disk = new_disk(32)
+    service = service_on(disk, new_service, "--free_space_mb", 0, "--reserve_mb", 4).start()
+    jobs = [service.submit(small(seed)) for seed in range(3)]
+    for job in jobs:
+        service.wait_state(job, "succeeded")
+    service.end()
+    reserve, log = service.state / "reserve", service.state / "queue.db-wal"
+    assert not log.exists() and reserve.stat().st_blocks * 512 >= 4 * MIB
+    before = (service.state / "queue.db").read_bytes()
+    service.start()
+    assert os.path.samefile(reserve, log) and reserve.stat().st_blocks * 512 >= 4 * MIB
+    assert service.request("DELETE", f"/v1/jobs/{jobs[0]}").status == 204
+    service.end()
+    (service.state / "queue.db").write_bytes(before)  # a backup, put back
+    service.start()
+    assert set(states(service)) == set(jobs)
+    service.end(signal.SIGKILL)
+    log.unlink()
+    reserve.unlink()
+    service.start()
+    assert os.path.samefile(reserve, log) and set(states(service)) == set(jobs)
+
+
+def test_no_room_is_set_aside_where_none_is_wanted(new_service):
+    service = new_service("--reserve_mb", 0).start()
+    assert not (service.state / "reserve").exists()
+    assert json.loads(service.get("/readyz").body) == {"status": "ok"}
+
