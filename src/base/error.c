@@ -21,6 +21,7 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_STALLED] = "stalled",
     [ERROR_CANCELLED] = "cancelled",
     [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
+    [ERROR_INTERRUPTED] = "interrupted",
     [ERROR_INTERNAL] = "internal",
 };
 

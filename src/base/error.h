@@ -30,6 +30,7 @@ typedef enum error_code {
     ERROR_STALLED,
     ERROR_CANCELLED,
     ERROR_DEPENDENCY_FAILED,
+    ERROR_INTERRUPTED,
     ERROR_INTERNAL,
     ERROR_CODE_COUNT
 } error_code;

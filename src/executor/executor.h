@@ -41,9 +41,12 @@ typedef struct executor_settings {
     store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */
     double grace_s;            /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* how long a crashed task waits the first time, and at most */
+    int max_interruptions;     /* of a task by the end of the daemon or the host; 0: any number */
+    bool adopt;                /* results that the queue does not know are read back into it */
 } executor_settings;
 
-/* Settles what a crash left and starts the supervisor. Copies the settings; the queue must outlive
+/* Settles what a crash left, holds results/ and attempts/ against the queue (executor/inventory), gives both the same
+ * instance (executor/instance) and starts the supervisor. Copies the settings; the queue must outlive
  * the executor. */
 executor *executor_start(const executor_settings *settings, queue *q, error *e);
 

@@ -318,7 +318,7 @@ queue *queue_open(const char *state_dir, error *e)
     queue *q = mem_alloc(sizeof *q);
     make_locks(q);
     q->lock_fd = -1;
-    char *path = mem_printf("%s/queue.db", state_dir);
+    char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
     bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
     if (ok &&
         sqlite3_open_v2(path, &q->connection,

@@ -18,9 +18,9 @@
 
 #define TASK_COLUMNS                                                                                         \
     "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms,"       \
-    " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms"
+    " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms, task.interrupted"
 
-#define TASK_COLUMN_COUNT 12
+#define TASK_COLUMN_COUNT 13
 
 /* `at` is the first of the columns. All but the spec. */
 void record_read_job(sqlite3_stmt *s, int at, queue_job *job);

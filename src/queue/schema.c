@@ -14,6 +14,21 @@
     ") STRICT, WITHOUT ROWID;"                                                                               \
     "CREATE INDEX input_by_job ON input (job);"
 
+/* Whose database this is (one row), and of which tasks that were forgotten the directories are to be removed: those
+ * of their results, and of their attempts up to that number. */
+#define INSTANCE                                                                                             \
+    "CREATE TABLE instance ("                                                                                \
+    "  id TEXT NOT NULL,"                                                                                    \
+    "  boot_id TEXT NOT NULL"                                                                                \
+    ") STRICT;"                                                                                              \
+    "CREATE TABLE removal ("                                                                                 \
+    "  number INTEGER PRIMARY KEY,"                                                                          \
+    "  id TEXT NOT NULL,"                                                                                    \
+    "  frame INTEGER,"                                                                                       \
+    "  attempts INTEGER NOT NULL"                                                                            \
+    ") STRICT;"                                                                                              \
+    "CREATE INDEX removal_by_id ON removal (id);"
+
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
 static const char tables[] =
@@ -83,6 +98,7 @@ static const char tables[] =
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  interrupted INTEGER NOT NULL DEFAULT 0,"
     "  ran_ms INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
     "  started_ms INTEGER,"
@@ -132,7 +148,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS
+    INPUTS INSTANCE
     "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
@@ -208,6 +224,11 @@ static const char add_times_and_inputs[] =
     "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
     "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
+/* From version 4, in which deaths of the daemon counted as attempts, and a start removed every directory without a job.
+ * The database is some instance's, which has not told its name yet. */
+static const char add_instance[] = INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
+static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -235,7 +256,9 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version < 2) ok = run(database, tables, e);
     if (ok && version == 1) ok = run(database, carry_over, e);
     if (ok && version == 2) ok = run(database, add_paths, e);
-    if (ok && version >= 2) ok = run(database, add_times_and_inputs, e);
+    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
+    if (ok && version >= 2) ok = run(database, add_instance, e);
+    if (ok && version >= 1) ok = run(database, leave_unnamed, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;
