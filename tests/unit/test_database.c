@@ -222,6 +222,9 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 5 has and none before. */
+#define BEFORE_5 "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"
+
 /* Version 2 had no paths beside a spec. */
 static void test_paths_are_added_to_version_2(void **state)
 {
@@ -232,7 +235,7 @@ static void test_paths_are_added_to_version_2(void **state)
     p->q = NULL;
     sqlite3 *database = open_raw(p);
     static const char as_it_was[] =
-        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;"
+        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5
         "PRAGMA user_version = 2;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
@@ -263,7 +266,8 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input; PRAGMA user_version = 3;";
+    static const char as_it_was[] =
+        "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5 "PRAGMA user_version = 3;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -273,6 +277,38 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     tell(p, id, QUEUE_CANCEL, true);
     assert_true(queue_wants_input(p->q, SENT, &wanted, NULL));
     assert_false(wanted);
+}
+
+/* Version 4 did not know whose a database is. */
+static void test_an_instance_is_added_to_version_4(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    bool found = true;
+    queue_instance whose;
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_false(found); /* it is new */
+    put(p, "before", 0, id);
+    claim(p, id);
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    static const char as_it_was[] = BEFORE_5 "PRAGMA user_version = 4;";
+    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_true(found);
+    assert_string_equal(whose.id, "");
+    assert_string_equal(whose.boot_id, "");
+    const queue_instance named = {"0123456789abcdefghjkmnpqrs", "a boot"};
+    for (int times = 0; times < 2; times++) assert_true(queue_set_instance(p->q, &named, NULL));
+    reopen(p);
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_string_equal(whose.id, named.id);
+    assert_string_equal(whose.boot_id, named.boot_id);
+    assert_int_equal(get_task(p, id, 0).interrupted, 0);
+    assert_true(finish(p, id, 0, 1, &success));
 }
 
 static void test_a_second_owner_is_refused(void **state)
@@ -355,6 +391,7 @@ int main(void)
         CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
         CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
         CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
+        CASE(test_an_instance_is_added_to_version_4),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),
