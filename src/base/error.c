@@ -24,6 +24,7 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
     [ERROR_STORAGE_FULL] = "storage_full",
     [ERROR_STORAGE_FAILED] = "storage_failed",
+    [ERROR_INTERRUPTED] = "interrupted",
     [ERROR_INTERNAL] = "internal",
 };
 

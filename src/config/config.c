@@ -193,6 +193,7 @@ static bool is_action(const char *text, config_action *action)
     } actions[] = {{"--help", CONFIG_HELP},
                    {"-h", CONFIG_HELP},
                    {"--version", CONFIG_VERSION},
+                   {"--adopt", CONFIG_ADOPT},
                    {"--print-config", CONFIG_SAMPLE}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
         if (strcmp(text, actions[i].text) == 0) {
@@ -361,6 +362,8 @@ void config_print_help(FILE *file)
         "the settings again.\n"
         "\n"
         "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
+        "  --adopt          takes the database in state_dir, whosever it is, or a new one where it is\n"
+        "                   lost, and reads results that it does not know back into it; for one start\n"
         "  --print-config   a sample of that file\n"
         "  --help           this text\n"
         "  --version        the version\n"

@@ -36,7 +36,7 @@ typedef struct config {
     char *output_mode;  /* octal digits */
     char *output_group; /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
-    int64_t memory_mb, max_attempts;
+    int64_t memory_mb, max_attempts, max_interruptions;
     int64_t cache; /* 0: no */
     int64_t file_mb; /* 0: no limit */
     sandbox_mode sandbox;
@@ -61,7 +61,7 @@ typedef struct config {
     log_level log_level;
 } config;
 
-typedef enum config_action { CONFIG_RUN, CONFIG_HELP, CONFIG_VERSION, CONFIG_SAMPLE } config_action;
+typedef enum config_action { CONFIG_RUN, CONFIG_ADOPT, CONFIG_HELP, CONFIG_VERSION, CONFIG_SAMPLE } config_action;
 
 /* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */

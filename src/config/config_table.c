@@ -95,6 +95,10 @@ const config_row config_table[] = {
     {"max_attempts", CONFIG_INTEGER, "3", 1, 100, "attempts",
      "How often a job whose worker crashes is tried, of a job that names no number.",
      AT(max_attempts)},
+    {"max_interruptions", CONFIG_INTEGER, "20", 0, 1000000, "attempts",
+     "How often the end of hexad itself, or of its host, may end an attempt of a job, or of a frame, before the job"
+     " fails (interrupted). Such attempts do not count against max_attempts. 0: any number of times.",
+     AT(max_interruptions)},
     {"retry_s", CONFIG_REAL, "1", 0, 86400, "s",
      "How long a job whose worker crashed waits before it is tried again; doubled after each further crash.",
      AT(retry_s)},

@@ -20,6 +20,8 @@
 #include "executor/engine.h"
 #include "executor/host.h"
 #include "executor/leftovers.h"
+#include "executor/instance.h"
+#include "executor/inventory.h"
 #include "executor/local.h"
 #include "executor/publication.h"
 #include "executor/result.h"
@@ -632,7 +634,21 @@ static void copy_settings(executor *x, const executor_settings *settings)
         .host = x->host,
         .backoff = {settings->retry_s, settings->retry_most_s},
         .storage_retries = settings->storage_retries,
+        .max_interruptions = settings->max_interruptions,
     };
+}
+
+/* Brings the queue and the state directory in line, before anything runs. */
+static bool recover(const executor *x, error *e)
+{
+    char boot_id[HOST_BOOT_ID_SIZE];
+    queue_instance last = {0};
+    bool found = false;
+    host_boot_id(boot_id);
+    if (!queue_get_instance(x->q, &last, &found, e)) return false;
+    bool restarted = *last.boot_id && *boot_id && strcmp(last.boot_id, boot_id) != 0;
+    return settlement_recover(&x->place, restarted, e) && inventory_take(x->q, x->state_dir, x->settings.adopt, e) &&
+           instance_join(x->q, x->state_dir, boot_id, e);
 }
 
 /* Those of the settings, and before them that of files that were sent. */
@@ -665,7 +681,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
-    ok = x->roots && make_places(x, e) && settlement_recover(&x->place, e) &&
+    ok = x->roots && make_places(x, e) && recover(x, e) &&
          leftovers_start(q, &x->settings.outputs, &x->leftovers, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)

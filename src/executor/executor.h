@@ -44,9 +44,12 @@ typedef struct executor_settings {
     double retry_s, retry_most_s; /* how long a crashed task waits the first time, and at most */
     int64_t free_space_mb;        /* of the state directory's disks: with less no attempt is started; 0: any */
     int storage_retries;          /* how often a task is tried again because a disk was full or failed */
+    int max_interruptions;     /* of a task by the end of the daemon or the host; 0: any number */
+    bool adopt;                /* results that the queue does not know are read back into it */
 } executor_settings;
 
-/* Settles what a crash left and starts the supervisor. Copies the settings; the queue must outlive
+/* Settles what a crash left, holds results/ and attempts/ against the queue (executor/inventory), gives both the same
+ * instance (executor/instance) and starts the supervisor. Copies the settings; the queue must outlive
  * the executor. */
 executor *executor_start(const executor_settings *settings, queue *q, error *e);
 

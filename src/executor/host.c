@@ -1,5 +1,6 @@
 #include "executor/host.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -58,4 +59,13 @@ void host_name(char *name, size_t size)
     name[0] = '\0';
     gethostname(name, size);
     name[size - 1] = '\0';
+}
+
+void host_boot_id(char id[HOST_BOOT_ID_SIZE])
+{
+    size_t length = 0;
+    char *text = store_file_read("/proc/sys/kernel/random/boot_id", HOST_BOOT_ID_SIZE - 1, &length, NULL);
+    if (text) text[strcspn(text, "\n")] = '\0';
+    snprintf(id, HOST_BOOT_ID_SIZE, "%s", text ? text : "");
+    free(text);
 }

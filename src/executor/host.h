@@ -15,4 +15,8 @@ int64_t host_group_memory_mb(const char *root, const char *group);
 
 void host_name(char *name, size_t size);
 
+/* Another text after each start of the host, not of a container; "" where it cannot be told. */
+#define HOST_BOOT_ID_SIZE 40
+void host_boot_id(char id[HOST_BOOT_ID_SIZE]);
+
 #endif

@@ -1,6 +1,5 @@
 #include "executor/retention.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
@@ -17,6 +16,8 @@
 #define AT_ONCE 100
 /* After trouble with the database. */
 #define RETRY_MS 1000
+/* When something could not be removed. */
+#define REMOVE_AGAIN_MS 10000
 /* Between two looks at the files that were sent, at most; else a part of the time that they are kept. */
 #define LOOK_MOST_MS 3600000
 #define LOOKS_IN_KEEP 4
@@ -29,57 +30,122 @@ struct retention {
     pthread_t thread;
     pthread_mutex_t mutex;
     pthread_cond_t woken;
+    pthread_mutex_t removing; /* held over the removal of directories */
     bool wake, stop;
+    bool left;         /* something that is noted was not removed */
+    int64_t again_ms;  /* the thread's own: when that is tried next, wall clock */
+    bool trouble;      /* the thread's own: it was said that it cannot be removed */
 };
 
-static void remove_directory(char *path)
+/* Removes the directories of a task that was forgotten, for certain: the names are off the disk before the note of it
+ * goes. Also what a removal before has left, or nothing. */
+static bool remove_task(retention *r, const queue_removal *task, error *e)
+{
+    char *path = result_directory(r->state_dir, task->id, task->frame);
+    bool ok = store_remove(path, e);
+    free(path);
+    for (int number = 1; ok && number <= task->attempts; number++) {
+        path = result_attempt_directory(r->state_dir, task->id, task->frame, number);
+        ok = store_remove(path, e);
+        free(path);
+    }
+    return ok;
+}
+
+/* What was removed before a crash may not be flushed, and is not found any more. */
+static bool flush_places(retention *r, error *e)
+{
+    char *results = mem_printf("%s/results", r->state_dir), *attempts = mem_printf("%s/attempts", r->state_dir);
+    bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
+    free(results);
+    free(attempts);
+    return ok;
+}
+
+/* Removes what these notes name, and then the notes. One that cannot be removed stays noted, and holds up no other. */
+static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
+{
+    size_t gone = 0;
+    bool ok = true;
+    for (size_t i = 0; i < count; i++) {
+        if (remove_task(r, &tasks[i], e))
+            tasks[gone++] = tasks[i];
+        else
+            ok = false;
+    }
+    error why = {0};
+    if (gone && !(flush_places(r, &why) && queue_end_removals(r->q, tasks, gone, &why))) {
+        if (ok && e) *e = why;
+        ok = false;
+    }
+    return ok;
+}
+
+/* Works the notes off, of one job or (NULL) all; false when some are left. Threads take turns. */
+static bool work_off(retention *r, const char *id, error *e)
+{
+    queue_removal *tasks = NULL;
+    size_t count = AT_ONCE;
+    int64_t after = 0;
+    bool ok = true, stop = false;
+    while (count == AT_ONCE && !stop) {
+        pthread_mutex_lock(&r->removing);
+        if (queue_list_removals(r->q, id, after, AT_ONCE, &tasks, &count, e)) {
+            if (count) after = tasks[count - 1].number;
+            if (count && !remove_tasks(r, tasks, count, e)) ok = false;
+            free(tasks);
+        } else {
+            count = 0;
+            ok = false;
+        }
+        pthread_mutex_unlock(&r->removing);
+        pthread_mutex_lock(&r->mutex);
+        stop = r->stop;
+        pthread_mutex_unlock(&r->mutex);
+    }
+    return ok && !stop;
+}
+
+static void set_left(retention *r, bool left)
+{
+    pthread_mutex_lock(&r->mutex);
+    r->left = left;
+    pthread_mutex_unlock(&r->mutex);
+}
+
+/* What is left of it, now and then, said once when it cannot be. When to come again, wall clock. */
+static int64_t work_off_rest(retention *r)
 {
     error e = {0};
-    if (!store_remove(path, &e)) log_write(LOG_LEVEL_WARNING, "leftovers stay: %s", e.message);
-    free(path);
+    pthread_mutex_lock(&r->mutex);
+    bool left = r->left;
+    r->left = false;
+    pthread_mutex_unlock(&r->mutex);
+    int64_t now = clock_wall_ms();
+    if (!left) return INT64_MAX;
+    /* a clock that was set back must not put it off */
+    bool due = now >= r->again_ms || r->again_ms > now + REMOVE_AGAIN_MS;
+    bool ok = due && work_off(r, NULL, &e);
+    if (!ok) set_left(r, true);
+    if (!due) return r->again_ms;
+    if (!ok && !r->trouble && e.code != ERROR_NONE)
+        log_write(LOG_LEVEL_WARNING, "what was deleted is not yet removed, and tried again: %s", e.message);
+    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "what was deleted is removed");
+    r->trouble = !ok;
+    r->again_ms = now + REMOVE_AGAIN_MS;
+    return ok ? INT64_MAX : r->again_ms;
 }
 
 bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, error *e)
 {
-    queue_task *tasks = NULL;
-    size_t count = 0;
-    if (!queue_list_tasks(r->q, id, -1, INT32_MAX, &tasks, &count, e)) return false;
-    bool ok = queue_delete(r->q, id, found, deleted, e);
-    for (size_t i = 0; ok && *deleted && i < count; i++) {
-        remove_directory(result_directory(r->state_dir, id, tasks[i].frame));
-        for (int number = 1; number <= tasks[i].attempt; number++)
-            remove_directory(result_attempt_directory(r->state_dir, id, tasks[i].frame, number));
+    if (!queue_delete(r->q, id, found, deleted, e)) return false;
+    if (!*deleted) return true;
+    log_write(LOG_LEVEL_INFO, "job forgotten job=%s", id);
+    if (!work_off(r, id, NULL)) {
+        set_left(r, true);
+        retention_wake(r);
     }
-    queue_tasks_free(tasks, count);
-    if (ok && *deleted) log_write(LOG_LEVEL_INFO, "job forgotten job=%s", id);
-    return ok;
-}
-
-/* Whether a directory has the name of a job's that the queue does not know. */
-static bool is_orphan(queue *q, const char *name)
-{
-    char id[ULID_SIZE] = "";
-    size_t length = strcspn(name, ".");
-    if (length != ULID_SIZE - 1) return false;
-    memcpy(id, name, length);
-    if (!ulid_is_valid(id)) return false;
-    queue_task *tasks = NULL;
-    size_t count = 0;
-    bool ok = queue_list_tasks(q, id, -1, 1, &tasks, &count, NULL);
-    queue_tasks_free(tasks, count);
-    return ok && !count;
-}
-
-static bool sweep(retention *r, const char *part, error *e)
-{
-    char *path = mem_printf("%s/%s", r->state_dir, part);
-    DIR *listing = opendir(path);
-    bool ok = listing || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    for (struct dirent *entry; listing && (entry = readdir(listing));)
-        if (is_orphan(r->q, entry->d_name)) remove_directory(mem_printf("%s/%s", path, entry->d_name));
-    if (listing) closedir(listing);
-    free(path);
-    return ok;
+    return true;
 }
 
 /* Forgets some of what is over; *more when there may be others. */
@@ -139,11 +205,13 @@ static void *keep(void *argument)
     int64_t next = 0, look_ms = r->inputs ? 0 : INT64_MAX;
     do {
         bool more = false;
+        int64_t again = work_off_rest(r);
         look_ms = collect_inputs(r, look_ms);
         if (!forget_some(r, &more) || (!more && !queue_next_expiry(r->q, &next, NULL)))
             next = clock_wall_ms() + RETRY_MS;
         else if (more)
             next = 0;
+        if (again < next) next = again;
     } while (wait_until(r, next < look_ms ? next : look_ms));
     return NULL;
 }
@@ -151,6 +219,7 @@ static void *keep(void *argument)
 static void release(retention *r)
 {
     pthread_cond_destroy(&r->woken);
+    pthread_mutex_destroy(&r->removing);
     pthread_mutex_destroy(&r->mutex);
     free(r->state_dir);
     free(r);
@@ -160,16 +229,16 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
+    r->left = true; /* perhaps, by a crash */
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);
     r->state_dir = mem_strdup(state_dir);
     pthread_mutex_init(&r->mutex, NULL);
+    pthread_mutex_init(&r->removing, NULL);
     pthread_cond_init(&r->woken, NULL);
-    int why = 0;
-    bool ok = sweep(r, "results", e) && sweep(r, "attempts", e);
-    if (ok && (why = pthread_create(&r->thread, NULL, keep, r)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for what is to be forgotten: %s", strerror(why));
-    if (ok) return r;
+    int why = pthread_create(&r->thread, NULL, keep, r);
+    if (why == 0) return r;
+    error_set(e, ERROR_INTERNAL, "no thread for what is to be forgotten: %s", strerror(why));
     release(r);
     return NULL;
 }

@@ -5,11 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "executor/lost.h"
 #include "executor/result.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -249,10 +251,10 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
 }
 
 /* Moves the result into place, for certain: that it already is there is what a repetition finds, after a
- * flush that failed. */
-static bool deliver(const char *state_dir, const char *from, const char *to, error *e)
+ * flush that failed, and what a start finds. */
+static bool deliver(const char *state_dir, const char *from, const char *to, bool in_place, error *e)
 {
-    if (access(from, F_OK) == 0 || access(to, F_OK) != 0) return store_rename(from, to, e);
+    if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
     char *attempts = mem_printf("%s/attempts", state_dir), *results = mem_printf("%s/results", state_dir);
     bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
     free(attempts);
@@ -260,7 +262,9 @@ static bool deliver(const char *state_dir, const char *from, const char *to, err
     return ok;
 }
 
-/* Of an attempt that failed nothing is kept but its log. */
+/* Of an attempt that failed nothing is kept but its log. The right to delete the rest: the queue gave this attempt its
+ * number before the directory was made, a start has put away what stood under numbers that the queue had not given
+ * (executor/inventory), and no result that anybody was told of lies in here. */
 static void remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/worker.log", directory);
@@ -304,6 +308,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         .signal = ending ? ending->signal : -1,
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
         .ran_ms = s->ran_ms,
+        .interrupted = s->interrupted,
         .host = place->host,
         .reason = s->reason,
         .cached_from = s->cached_from,
@@ -315,7 +320,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
     const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
     char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);
     char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
-    if (s->deliver && current && !deliver(place->state_dir, directory, results, e)) {
+    if (s->deliver && current && !deliver(place->state_dir, directory, results, s->in_place, e)) {
         free(directory);
         free(results);
         return false; /* the disk's fault, not the job's: to be tried again */
@@ -343,45 +348,77 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
     return ok;
 }
 
-static bool recover_task(const settlement_place *place, const queue_claimed *c, error *e)
+/* Only what an attempt did itself counts against its job. A job that ends the daemon or the host each time is held by
+ * a bound of its own. */
+static void decide_interrupted(const settlement_place *place, const queue_claimed *c, bool restarted, settlement *s)
+{
+    error e = {0};
+    int times = c->task.interrupted + 1;
+    snprintf(s->reason, sizeof s->reason, "the %s during the attempt", restarted ? "host restarted" : "daemon ended");
+    if (place->max_interruptions <= 0 || times <= place->max_interruptions) {
+        s->requeue = s->interrupted = true;
+        return;
+    }
+    error_set(&e, ERROR_INTERRUPTED,
+              "the daemon or its host ended %d times while the job ran, and max_interruptions allows %d: find out why,"
+              " then retry the job",
+              times, place->max_interruptions);
+    set_end(s, QUEUE_FAILED, &e);
+}
+
+/* What stands in the place of the result and is none. It was not made by the attempt, which renames whole results
+ * only, so that there is no right to delete it. */
+static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
+{
+    const char *name = strrchr(results, '/') + 1;
+    if (!lost_move(place->state_dir, "results", name, e) || !lost_flush(place->state_dir, "results", e))
+        return error_prefix(e, "what stands in the place of the result of job %s, and is none", c->job.id);
+    log_write(LOG_LEVEL_WARNING, "job=%s: what stood in the place of its result and was none is now %s/results/%s",
+              c->job.id, LOST_DIRECTORY, name);
+    return true;
+}
+
+static bool recover_task(const settlement_place *place, const queue_claimed *c, bool restarted, error *e)
 {
     settlement s = {0};
     result r = {0};
     error why = {0};
+    struct stat info;
     char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
-    snprintf(s.reason, sizeof s.reason, "the daemon ended during the attempt");
-    bool found = access(results, F_OK) == 0, good = found && result_read(results, &r, &why);
+    bool found = lstat(results, &info) == 0;
+    bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why);
     if (found && !good && why.code == ERROR_INTERNAL) { /* never throw away what we could not look at */
         free(results);
         if (e) *e = why;
         return error_prefix(e, "the result of job %s", c->job.id);
     }
     if (good) {
-        s.deliver = true;
+        s.deliver = s.in_place = true;
         s.state = QUEUE_SUCCEEDED;
         s.outcome = r.outcome;
         result_clear(&r);
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
+        decide_interrupted(place, c, restarted, &s); /* the reason */
+        s.requeue = s.interrupted = false;
         set_end(&s, QUEUE_CANCELLED, &why);
     } else {
-        error_set(&why, ERROR_INTERNAL, "the daemon ended while the job ran");
-        set_retry(&s, c, &why);
+        decide_interrupted(place, c, restarted, &s);
     }
-    bool ok = s.deliver || store_remove(results, e);
+    bool ok = !found || good || put_aside(place, c, results, e);
     ok = ok && settlement_apply(place, c, &s, NULL, e);
     free(results);
     return ok;
 }
 
-bool settlement_recover(const settlement_place *place, error *e)
+bool settlement_recover(const settlement_place *place, bool restarted, error *e)
 {
     queue_claimed *left = NULL;
     size_t count = 0;
     if (!queue_list_unsettled(place->q, &left, &count, e)) return false;
     bool ok = true;
-    for (size_t i = 0; ok && i < count; i++) ok = recover_task(place, &left[i], e);
+    for (size_t i = 0; ok && i < count; i++) ok = recover_task(place, &left[i], restarted, e);
     queue_claimed_free(left, count);
     return ok;
 }

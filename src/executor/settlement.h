@@ -25,7 +25,9 @@ typedef enum settlement_stop {
 typedef struct settlement {
     bool undecided;       /* the result cannot be looked at just now (message): decide again later */
     bool deliver;         /* the directory is a result */
+    bool in_place;        /* with `deliver`: it stands where it belongs already */
     bool requeue, counts; /* back into the queue; whether the attempt counts */
+    bool interrupted;     /* with `requeue`: ended with the daemon or the host */
     bool wait;            /* before the next attempt: it crashed */
     bool storage;         /* with `requeue`: a disk was full or failed, as code and message say */
     bool keep;            /* with `requeue`: the directory holds a result, for the next attempt to deliver */
@@ -80,6 +82,7 @@ typedef struct settlement_place {
     const char *host; /* for the attempts' records */
     settlement_backoff backoff;
     int storage_retries; /* how often a task is tried again because a disk was full or failed */
+    int max_interruptions; /* of a task; 0: any number */
 } settlement_place;
 
 /* May be called again after a failure. `ending` may be NULL when nothing is known of the process.
@@ -87,7 +90,8 @@ typedef struct settlement_place {
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Settles what a crash left: tasks that run by the book while nothing runs. */
-bool settlement_recover(const settlement_place *place, error *e);
+/* Settles what a crash left: tasks that run by the book while nothing runs. Such an attempt does not count, since it
+ * was not its doing; too many of a task end it (error interrupted). `restarted`: the host was meanwhile, too. */
+bool settlement_recover(const settlement_place *place, bool restarted, error *e);
 
 #endif

@@ -86,10 +86,10 @@ const openapi_schema openapi_schemas[] = {
     {"TaskCounts", OBJECT("'all','waiting','running','succeeded','failed','cancelled','timed_out'",
                           "'all':" COUNT ",'waiting':" COUNT ",'running':" COUNT ",'succeeded':" COUNT
                           ",'failed':" COUNT ",'cancelled':" COUNT ",'timed_out':" COUNT)},
-    {"Task", OBJECT("'number','state','outcome','attempt','spent','not_before','started','finished','error'",
+    {"Task", OBJECT("'number','state','outcome','attempt','spent','interrupted','not_before','started','finished','error'",
                     "'number':" COUNT ",'frame':{'type':'integer'},'state':" REF(
                         "State") ",'outcome':" OUTCOME ",'attempt':" COUNT ",'spent':" COUNT
-                                 ",'not_before':" TIME ",'started':" TIME ",'finished':" TIME
+                                 ",'interrupted':" COUNT ",'not_before':" TIME ",'started':" TIME ",'finished':" TIME
                                  ",'error':{'oneOf':[{'type':'null'}," REF("Error") "]}")},
     {"TaskPage",
      OBJECT("'tasks','next'", "'tasks':" LIST(REF("Task")) ",'next':{'type':['integer','null']}")},

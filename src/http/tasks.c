@@ -44,6 +44,7 @@ static void append_task(json *list, const queue_task *t)
     json_put_string(o, "outcome", queue_outcome_name(t->outcome));
     json_put_integer(o, "attempt", t->attempt);
     json_put_integer(o, "spent", t->spent);
+    json_put_integer(o, "interrupted", t->interrupted);
     tasks_put_time(o, "not_before", t->not_before_ms);
     tasks_put_time(o, "started", t->started_ms);
     tasks_put_time(o, "finished", t->finished_ms);

@@ -24,6 +24,7 @@
 #include "config/config.h"
 #include "executor/estimator.h"
 #include "executor/executor.h"
+#include "executor/instance.h"
 #include "http/herald.h"
 #include "http/server.h"
 #include "queue/queue.h"
@@ -50,6 +51,7 @@ typedef struct service {
     int argc;
     char **argv; /* where the settings come from */
     config settings;
+    bool adopt;      /* the queue is taken whosever it is */
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
@@ -108,7 +110,7 @@ static void fini_state(service *s)
 
 static bool init_queue(service *s, error *e)
 {
-    s->q = queue_open(s->state_dir, e);
+    s->q = instance_open_queue(s->state_dir, s->adopt, e);
     if (s->q) queue_reserve(s->q, s->settings.reserve_mb << 20);
     return s->q != NULL;
 }
@@ -298,6 +300,8 @@ static executor_settings executor_settings_of(const service *s)
         .retry_most_s = c->retry_most_s,
         .free_space_mb = c->free_space_mb,
         .storage_retries = (int)c->storage_retries,
+        .max_interruptions = (int)c->max_interruptions,
+        .adopt = s->adopt,
     };
 }
 
@@ -596,6 +600,10 @@ int main(int argc, char **argv)
         break;
     case CONFIG_SAMPLE:
         config_print_sample(stdout);
+        break;
+    case CONFIG_ADOPT:
+        s.adopt = true;
+        status = run(&s);
         break;
     case CONFIG_RUN:
         status = run(&s);

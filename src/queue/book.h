@@ -45,6 +45,9 @@ bool book_lose_need(database *d, book *b, const char *need, queue_state how, int
 bool book_note(database *d, int64_t seq, queue_event_type type, queue_state state, queue_outcome outcome,
                int frame, int attempt, int64_t now, error *e);
 
+/* That the directories of all its tasks are to be removed, in the transaction that forgets it. */
+bool book_note_removals(database *d, const book *b, error *e);
+
 /* The count of tasks that ended in this state. */
 int *book_count_of(book *b, queue_state final);
 

@@ -56,7 +56,7 @@ static bool retry(database *d, book *b, bool *changed, error *e)
     if (lost) return true;
     *changed = true;
     if (!RUN(d, e,
-             "UPDATE task SET state = 'queued', spent = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
+             "UPDATE task SET state = 'queued', spent = 0, interrupted = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
              " error_message = NULL, finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
              integer(b->seq)))
         return false;
@@ -180,7 +180,8 @@ static bool delete_job(database *d, change *asked)
     if (!book_load(d, x->id, &b, &x->found, e)) return false;
     if (!x->found || !queue_state_is_final(b.state)) return true;
     x->deleted = true;
-    return note_removed_events(d, &b, e) && RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
+    return note_removed_events(d, &b, e) && book_note_removals(d, &b, e) &&
+           RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
 }
 
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)

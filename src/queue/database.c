@@ -341,7 +341,7 @@ queue *queue_open(const char *state_dir, error *e)
     make_locks(q);
     q->lock_fd = -1;
     q->state_dir = mem_strdup(state_dir);
-    char *path = mem_printf("%s/queue.db", state_dir);
+    char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
     bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
     if (ok) reserve_lend(state_dir);
     if (ok &&

@@ -35,6 +35,9 @@
 
 typedef struct queue queue;
 
+/* The database, in the state directory. */
+#define QUEUE_FILE_NAME "queue.db"
+
 typedef enum queue_state {
     QUEUE_QUEUED,
     QUEUE_BLOCKED,
@@ -64,6 +67,19 @@ void queue_close(queue *q); /* accepts NULL */
  * full; jobs are then accepted only while as much is free besides. 0: none. Where the disk cannot do that, or is full
  * already, a warning is logged. */
 void queue_reserve(queue *q, int64_t bytes);
+/* Whether there is a database that holds anything, so that queue_open does not make a new one. */
+bool queue_exists(const char *state_dir);
+
+/* Whose database it is: which instance of the service, in which state directory (executor/instance.h), and which
+ * start of the host the daemon ran in last. */
+typedef struct queue_instance {
+    char id[ULID_SIZE]; /* "": carried over from a version that gave none */
+    char boot_id[40];   /* "": not known */
+} queue_instance;
+
+/* *found false: of none; the database is new. */
+bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *e);
+bool queue_set_instance(queue *q, const queue_instance *instance, error *e);
 
 /* ---- jobs */
 
@@ -195,7 +211,8 @@ typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_e
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
                   error *e);
 
-/* Forgets a job that has ended, with all that belongs to it. *deleted false: it has not ended. */
+/* Forgets a job that has ended, with all that belongs to it, and notes what is to be removed of it (see
+ * queue_removal). *deleted false: it has not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
 /* The ids of at most `limit` jobs whose retention is over, oldest first, in one array to be freed. */
@@ -214,6 +231,7 @@ typedef struct queue_task {
     int attempt;           /* number of the last claim; 0: none */
     int spent;             /* attempts that count */
     int storage_faults;    /* attempts that do not, since a disk was full or failed */
+    int interrupted;       /* attempts that the end of the daemon or of its host ended */
     int64_t ran_ms;        /* how long those ran that count and were put back */
     int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
@@ -286,6 +304,7 @@ typedef struct queue_ending {
     int exit_status, signal;                /* -1: not known or none */
     int64_t peak_memory_bytes;              /* 0: not known */
     int64_t ran_ms;                         /* likewise; for queue_requeue */
+    bool interrupted;                       /* for queue_requeue: by the end of the daemon or of its host */
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* NULL: the attempt made its result itself */
@@ -377,6 +396,61 @@ typedef struct queue_event_page {
 /* Looks at a bounded number of events, in the order of their numbers; of one job only at its own. So a filter may
  * leave a page empty although there is more. The events of a job go with it. */
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e);
+
+/* ---- directories of tasks: what is to be removed, and what was found */
+
+/* A task that was forgotten, whose result and attempts 1 .. `attempts` are to be removed. It is noted by the
+ * transaction that forgets the job, and nothing else gives the right to remove a result. */
+typedef struct queue_removal {
+    int64_t number; /* rises */
+    char id[ULID_SIZE];
+    int frame, attempts;
+} queue_removal;
+
+/* Those with numbers above `after`, of one job or (id NULL) of all; to be freed. */
+bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, queue_removal **removals,
+                         size_t *count, error *e);
+/* They have been removed. */
+bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, error *e);
+
+/* A directory whose name says that it belongs to a task, and what the queue says to that. */
+typedef struct queue_directory {
+    char id[ULID_SIZE];
+    int frame;
+    int attempt;        /* 0: a result */
+    bool to_be_removed; /* see queue_removal */
+    bool known;         /* the task is there: */
+    queue_state state;  /* queued, running or final */
+    int last_attempt;
+} queue_directory;
+
+/* Fills in what the queue says. Costs a look into an index for each. */
+bool queue_find_directories(queue *q, queue_directory *directories, size_t count, error *e);
+
+/* Ends a task that waits since its result is there: the database is older than the result. *accepted false: the
+ * task does not wait. */
+bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e);
+
+/* A job that has succeeded and is not in the queue, as far as its results tell. */
+typedef struct queue_adopted_task {
+    int frame; /* QUEUE_NO_FRAME: the only task */
+    queue_outcome outcome;
+    int64_t finished_ms;
+} queue_adopted_task;
+
+typedef struct queue_adoption {
+    char id[ULID_SIZE];
+    const char *name;   /* may be NULL */
+    const char *labels; /* a JSON array of strings */
+    const char *spec;
+    int priority, max_attempts, threads;
+    int64_t memory_mb;
+    queue_adopted_task *tasks;
+    size_t task_count;
+} queue_adoption;
+
+/* Puts them into the queue, all or none, owned by "" and kept until they are deleted. */
+bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e);
 
 /* ---- webhooks */
 

@@ -65,6 +65,7 @@ void record_read_task(sqlite3_stmt *s, int at, queue_task *task)
         .error_message = database_text(s, at + 10),
         .ran_ms = sqlite3_column_int64(s, at + 11),
         .storage_faults = sqlite3_column_int(s, at + 12),
+        .interrupted = sqlite3_column_int(s, at + 13),
     };
     /* who waits to be tried again is queued for all the world */
     queue_state_from_name(strcmp(state, "delayed") == 0 ? "queued" : state, &task->state);

@@ -19,9 +19,9 @@
 #define TASK_COLUMNS                                                                                         \
     "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms,"       \
     " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms,"                   \
-    " task.storage_faults"
+    " task.storage_faults, task.interrupted"
 
-#define TASK_COLUMN_COUNT 13
+#define TASK_COLUMN_COUNT 14
 
 /* `at` is the first of the columns. All but the spec. */
 void record_read_job(sqlite3_stmt *s, int at, queue_job *job);

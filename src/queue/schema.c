@@ -28,6 +28,21 @@
     "  directory TEXT NOT NULL"                                                                              \
     ") STRICT, WITHOUT ROWID;"
 
+/* Whose database this is (one row), and of which tasks that were forgotten the directories are to be removed: those
+ * of their results, and of their attempts up to that number. */
+#define INSTANCE                                                                                             \
+    "CREATE TABLE instance ("                                                                                \
+    "  id TEXT NOT NULL,"                                                                                    \
+    "  boot_id TEXT NOT NULL"                                                                                \
+    ") STRICT;"                                                                                              \
+    "CREATE TABLE removal ("                                                                                 \
+    "  number INTEGER PRIMARY KEY,"                                                                          \
+    "  id TEXT NOT NULL,"                                                                                    \
+    "  frame INTEGER,"                                                                                       \
+    "  attempts INTEGER NOT NULL"                                                                            \
+    ") STRICT;"                                                                                              \
+    "CREATE INDEX removal_by_id ON removal (id);"
+
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
  * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
 static const char tables[] =
@@ -97,6 +112,7 @@ static const char tables[] =
     "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  interrupted INTEGER NOT NULL DEFAULT 0,"
     "  ran_ms INTEGER NOT NULL DEFAULT 0,"
     "  storage_faults INTEGER NOT NULL DEFAULT 0,"
     "  not_before_ms INTEGER,"
@@ -147,7 +163,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS COPIES
+    INPUTS COPIES INSTANCE
     "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
@@ -239,6 +255,11 @@ static const char add_removed_events[] =
 static const char add_storage[] =
     "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
 
+/* From version 4, in which deaths of the daemon counted as attempts, and a start removed every directory without a job.
+ * The database is some instance's, which has not told its name yet. */
+static const char add_instance[] = INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
+static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
     if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
@@ -269,6 +290,8 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
     if (ok && version >= 2) ok = run(database, add_removed_events, e);
     if (ok && version >= 2) ok = run(database, add_storage, e);
+    if (ok && version >= 2) ok = run(database, add_instance, e);
+    if (ok && version >= 1) ok = run(database, leave_unnamed, e);
     ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
     if (!ok) run(database, "ROLLBACK", NULL);
     return ok;

@@ -103,6 +103,52 @@ def test_a_killed_daemon_loses_nothing(new_service, tmp_path):
     assert [service.job(job)["attempt"] for job in waiting] == [1, 1, 1]
 
 
+def set_boot_id(service, boot_id):
+    """As if the host had been started again since: the boot id that the dead daemon has left is another."""
+    with sqlite3.connect(service.state / "queue.db") as database:
+        assert database.execute("UPDATE instance SET boot_id = ?", (boot_id,)).rowcount == 1
+    database.close()
+
+
+def test_deaths_of_the_daemon_do_not_count(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--retry_s", 0).start()
+    job = service.submit(sphere(limits={"max_attempts": 2}))
+    worker = service.wait_worker(job)
+    os.kill(worker, signal.SIGKILL)  # counts
+    wait_until(lambda: [p for p in service.workers_of(job) if p != worker], "the second attempt")
+    for kills in range(1, 4):
+        service.end(signal.SIGKILL)
+        wait_until(lambda: not service.workers_of(job), "the worker's end")
+        if kills == 3:
+            set_boot_id(service, "another")
+        service.start()
+        service.wait_worker(job)
+        task, = service.get(f"/v1/jobs/{job}/tasks").json["tasks"]
+        assert (task["attempt"], task["spent"], task["interrupted"]) == (2 + kills, 2, kills)
+    service.open_gate(job)
+    done = service.wait_state(job, "succeeded")
+    assert [a["reason"] for a in done["attempts"]][1:] == ["the daemon ended during the attempt"] * 2 + \
+        ["the host restarted during the attempt", "exit status 0"]
+
+
+def test_too_many_deaths_of_the_daemon_end_a_job(new_service, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--max_interruptions", 1).start()
+    job = service.submit(sphere(limits={"max_attempts": 1}))
+    for _ in range(2):
+        service.wait_worker(job)
+        service.end(signal.SIGKILL)
+        service.start()
+    done = service.wait_state(job, "failed")
+    assert done["error"]["code"] == "interrupted"
+    assert "ended 2 times" in done["error"]["message"] and "max_interruptions" in done["error"]["message"]
+    assert service.post(f"/v1/jobs/{job}/retry").status == 200
+    service.wait_worker(job)
+    service.end(signal.SIGKILL)
+    service.start()
+    service.open_gate(job)
+    service.wait_state(job, "succeeded")
+
+
 def test_a_daemon_killed_between_rename_and_commit(new_service):
     """The one moment in which the result is in place and the queue does not know: made by hand from
     a job that ended, by putting the queue back to what it was before."""

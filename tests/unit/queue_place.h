@@ -46,6 +46,7 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN task USING INDEX task_running",
                                            "SCAN task USING INDEX task_delayed",
                                            "SCAN outbox USING INDEX outbox_by_time",
+                                           "SCAN instance",
                                            "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "SELECT state, count(*)", 22) == 0) return true;
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0)

@@ -224,7 +224,9 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 4 had not. */
-#define WITHOUT_STORAGE "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy;"
+#define BEFORE_5                                                                                             \
+    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"                     \
+    "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;"
 
 /* Version 2 had no paths beside a spec. */
 static void test_paths_are_added_to_version_2(void **state)
@@ -236,8 +238,8 @@ static void test_paths_are_added_to_version_2(void **state)
     p->q = NULL;
     sqlite3 *database = open_raw(p);
     static const char as_it_was[] =
-        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" WITHOUT_STORAGE
-        "DROP TABLE removed_events; PRAGMA user_version = 2;";
+        "ALTER TABLE spec DROP COLUMN paths; ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5
+        "PRAGMA user_version = 2;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -267,8 +269,8 @@ static void test_times_and_inputs_are_added_to_version_3(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    static const char as_it_was[] = "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" WITHOUT_STORAGE
-                                    "DROP TABLE removed_events; PRAGMA user_version = 3;";
+    static const char as_it_was[] =
+        "ALTER TABLE task DROP COLUMN ran_ms; DROP TABLE input;" BEFORE_5 "PRAGMA user_version = 3;";
     assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
@@ -300,7 +302,7 @@ static void test_removed_events_are_found_in_version_4(void **state)
         queue_close(p->q);
         p->q = NULL;
         sqlite3 *database = open_raw(p);
-        char *as_it_was = mem_printf("DELETE FROM event WHERE %s; DROP TABLE removed_events; PRAGMA user_version = 4;",
+        char *as_it_was = mem_printf("DELETE FROM event WHERE %s; " BEFORE_5 "PRAGMA user_version = 4;",
                                      cases[i].which);
         assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
         free(as_it_was);
@@ -320,7 +322,7 @@ static void test_storage_is_added_to_version_4(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, WITHOUT_STORAGE "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
     assert_int_equal(get_task(p, id, 0).storage_faults, 0);
@@ -372,6 +374,38 @@ static void test_a_job_is_refused_without_room(void **state)
     bool found = false, deleted = false;
     assert_true(queue_delete(p->q, id, &found, &deleted, NULL));
     assert_true(found && deleted);
+}
+
+/* Version 4 did not know whose a database is. */
+static void test_an_instance_is_added_to_version_4(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    bool found = true;
+    queue_instance whose;
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_false(found); /* it is new */
+    put(p, "before", 0, id);
+    claim(p, id);
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    static const char as_it_was[] = BEFORE_5 "PRAGMA user_version = 4;";
+    assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_true(found);
+    assert_string_equal(whose.id, "");
+    assert_string_equal(whose.boot_id, "");
+    const queue_instance named = {"0123456789abcdefghjkmnpqrs", "a boot"};
+    for (int times = 0; times < 2; times++) assert_true(queue_set_instance(p->q, &named, NULL));
+    reopen(p);
+    assert_true(queue_get_instance(p->q, &whose, &found, NULL));
+    assert_string_equal(whose.id, named.id);
+    assert_string_equal(whose.boot_id, named.boot_id);
+    assert_int_equal(get_task(p, id, 0).interrupted, 0);
+    assert_true(finish(p, id, 0, 1, &success));
 }
 
 static void test_a_second_owner_is_refused(void **state)
@@ -457,6 +491,7 @@ int main(void)
         CASE(test_a_job_is_refused_without_room),
         CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_removed_events_are_found_in_version_4),
+        CASE(test_an_instance_is_added_to_version_4),
         CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
         CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
         CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),

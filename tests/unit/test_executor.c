@@ -629,10 +629,108 @@ static void test_recovery(void **state)
     expect_end(p, lost, QUEUE_SUCCEEDED, NULL, NULL);
     assert_int_equal(count_attempts(p, lost), 2);
     assert_int_equal(access(orphan, F_OK), -1);
-    expect_end(p, worn, QUEUE_FAILED, "internal", "daemon ended");
+    expect_end(p, worn, QUEUE_SUCCEEDED, NULL, NULL); /* its only attempt was not what failed */
+    assert_int_equal(count_attempts(p, worn), 2);
     expect_end(p, cancelled, QUEUE_CANCELLED, "cancelled", NULL);
     free(results);
     free(orphan);
+}
+
+static settlement_place make_place(place *p, int max_interruptions)
+{
+    char *results = mem_printf("%s/results", p->base), *attempts = mem_printf("%s/attempts", p->base);
+    assert_true(store_directory_create(results, NULL) && store_directory_create(attempts, NULL));
+    free(results);
+    free(attempts);
+    return (settlement_place){
+        .q = p->q, .state_dir = p->base, .host = "here", .max_interruptions = max_interruptions};
+}
+
+static void recover(const settlement_place *where, bool restarted)
+{
+    error e = {0};
+    if (!settlement_recover(where, restarted, &e)) fail_msg("%s", e.message);
+}
+
+static queue_task only_task(place *p, const char *id)
+{
+    queue_task *tasks = NULL;
+    size_t count = 0;
+    assert_true(queue_list_tasks(p->q, id, -1, 2, &tasks, &count, NULL));
+    assert_int_equal(count, 1);
+    queue_task task = tasks[0];
+    task.error_code = task.error_message = NULL;
+    queue_tasks_free(tasks, count);
+    return task;
+}
+
+/* They count apart from what the job did itself, and a retry forgets both. */
+static void test_interruptions_have_a_bound(void **state)
+{
+    place *p = *state;
+    const settlement_place where = make_place(p, 2), endless = make_place(p, 0);
+    char id[ULID_SIZE];
+    bool found, changed;
+    queue_state now;
+    put(p, "{}", 1, id);
+    for (int times = 1; times <= 2; times++) {
+        claim_and_die(p, id);
+        recover(&where, false);
+        queue_task task = only_task(p, id);
+        assert_int_equal(task.state, QUEUE_QUEUED);
+        assert_int_equal(task.spent, 0);
+        assert_int_equal(task.interrupted, times);
+        assert_int_equal(task.not_before_ms, 0);
+    }
+    claim_and_die(p, id);
+    recover(&where, false);
+    expect_end(p, id, QUEUE_FAILED, "interrupted", "3 times");
+    expect_end(p, id, QUEUE_FAILED, "interrupted", "max_interruptions");
+    assert_true(queue_tell(p->q, id, QUEUE_RETRY, &found, &changed, &now, NULL) && changed);
+    assert_int_equal(only_task(p, id).interrupted, 0);
+    for (int times = 1; times <= 5; times++) {
+        claim_and_die(p, id);
+        recover(&endless, false);
+        assert_int_equal(only_task(p, id).interrupted, times);
+    }
+}
+
+/* What the job did before still counts. */
+static void test_interruptions_leave_what_is_spent(void **state)
+{
+    place *p = *state;
+    const settlement_place where = make_place(p, 1);
+    char id[ULID_SIZE];
+    bool accepted = false;
+    put(p, "{}", 2, id);
+    claim_and_die(p, id);
+    const queue_ending crash = {.state = QUEUE_FAILED, .exit_status = -1, .signal = 9, .ran_ms = 7};
+    assert_true(queue_requeue(p->q, &(queue_fence){id, 0, 1}, true, 0, &crash, &accepted, NULL) && accepted);
+    claim_and_die(p, id);
+    recover(&where, false);
+    queue_task task = only_task(p, id);
+    assert_int_equal(task.spent, 1);
+    assert_int_equal(task.ran_ms, 7);
+    assert_int_equal(task.interrupted, 1);
+}
+
+static void test_the_reason_says_what_ended(void **state)
+{
+    place *p = *state;
+    const settlement_place where = make_place(p, 0);
+    char id[ULID_SIZE];
+    queue_attempt *attempts;
+    size_t count;
+    put(p, "{}", 3, id);
+    for (int restarted = 0; restarted < 2; restarted++) {
+        claim_and_die(p, id);
+        recover(&where, restarted);
+    }
+    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_int_equal(count, 2);
+    assert_string_equal(attempts[0].reason, "the daemon ended during the attempt");
+    assert_string_equal(attempts[1].reason, "the host restarted during the attempt");
+    queue_attempts_free(attempts, count);
 }
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -661,6 +759,9 @@ int main(void)
         CASE(test_a_crashed_job_holds_nobody_up),
         CASE(test_waits_double),
         CASE(test_recovery),
+        CASE(test_interruptions_have_a_bound),
+        CASE(test_interruptions_leave_what_is_spent),
+        CASE(test_the_reason_says_what_ended),
     };
     log_set_level(LOG_LEVEL_ERROR); /* one is wanted: of the worker that does not start */
     return cmocka_run_group_tests_name("executor", tests, NULL, NULL);

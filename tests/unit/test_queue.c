@@ -764,6 +764,132 @@ static void test_ends_are_told(void **state)
     next_delivery(p, NULL);
 }
 
+/* What a job's directories are, is noted with its end as a job; and whose a directory is, is known. */
+static void test_forgetting_notes_what_is_to_be_removed(void **state)
+{
+    place *p = *state;
+    static const int two[] = {7, 3};
+    char single[ULID_SIZE], array[ULID_SIZE];
+    bool found, deleted;
+    queue_submission s = plain;
+    put(p, "single", 1, single);
+    s.frames = two;
+    s.frame_count = 2;
+    submit_for(p, &s, array);
+    assert_true(requeue(p, single, claim(p, single), true, 0, &crash));
+    assert_true(finish(p, single, 0, claim(p, single), &success));
+    for (int task = 0; task < 2; task++) assert_true(finish(p, array, task, claim(p, array), &success));
+    queue_directory d[] = {{.frame = QUEUE_NO_FRAME}, {.frame = QUEUE_NO_FRAME, .attempt = 2},
+                           {.frame = QUEUE_NO_FRAME, .attempt = 3}, {.frame = 0}, {.frame = 3}, {.frame = 4}};
+    for (int i = 0; i < 6; i++) memcpy(d[i].id, i < 4 ? single : array, ULID_SIZE);
+    static const bool belongs[] = {true, true, true, false, true, false};
+    assert_true(queue_find_directories(p->q, d, 6, NULL));
+    for (int i = 0; i < 6; i++) {
+        assert_int_equal(d[i].known, belongs[i]);
+        assert_false(d[i].to_be_removed);
+        if (d[i].known) assert_int_equal(d[i].state, QUEUE_SUCCEEDED);
+    }
+    assert_int_equal(d[0].last_attempt, 2);
+    queue_removal *removals;
+    size_t count;
+    assert_true(queue_delete(p->q, single, &found, &deleted, NULL) && deleted);
+    assert_true(queue_delete(p->q, array, &found, &deleted, NULL) && deleted);
+    assert_true(queue_list_removals(p->q, array, 0, 9, &removals, &count, NULL));
+    assert_int_equal(count, 2);
+    assert_int_equal(removals[0].frame, 7);
+    assert_int_equal(removals[1].frame, 3);
+    free(removals);
+    assert_true(queue_list_removals(p->q, NULL, 0, 9, &removals, &count, NULL));
+    assert_int_equal(count, 3);
+    assert_string_equal(removals[0].id, single);
+    assert_int_equal(removals[0].frame, QUEUE_NO_FRAME);
+    assert_int_equal(removals[0].attempts, 2);
+    reopen(p); /* it is durable */
+    static const bool goes[] = {true, true, false, false, true, false};
+    assert_true(queue_find_directories(p->q, d, 6, NULL));
+    for (int i = 0; i < 6; i++) assert_true(!d[i].known && d[i].to_be_removed == goes[i]);
+    assert_true(queue_end_removals(p->q, removals, 1, NULL));
+    free(removals);
+    assert_true(queue_list_removals(p->q, single, 0, 9, &removals, &count, NULL));
+    assert_int_equal(count, 0);
+    free(removals);
+}
+
+/* Of a job that waits in whichever way. */
+static void test_a_result_that_is_found_ends_what_waits(void **state)
+{
+    place *p = *state;
+    static const int two[] = {7, 3};
+    char blocked[ULID_SIZE], paused[ULID_SIZE], array[ULID_SIZE], last[ULID_SIZE];
+    bool accepted = false;
+    queue_submission s = plain;
+    put(p, "paused", 1, paused);
+    tell(p, paused, QUEUE_PAUSE, true);
+    const char *needs[] = {paused};
+    s.depends_on = needs;
+    s.depends_on_count = 1;
+    submit_for(p, &s, blocked);
+    needs[0] = blocked;
+    submit_for(p, &s, last);
+    s = plain;
+    s.frames = two;
+    s.frame_count = 2;
+    submit_for(p, &s, array);
+    assert_true(requeue(p, array, claim(p, array), true, INT64_MAX / 2, &crash)); /* one waits for its time */
+    expect_state(p, blocked, QUEUE_BLOCKED);
+    assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && accepted);
+    expect_state(p, blocked, QUEUE_SUCCEEDED);
+    expect_state(p, last, QUEUE_QUEUED); /* whom it kept waiting */
+    assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
+    assert_true(queue_end_found(p->q, paused, QUEUE_NO_FRAME, QUEUE_NOT_CONVERGED, &accepted, NULL) && accepted);
+    queue_job job = get(p, paused);
+    assert_int_equal(job.state, QUEUE_SUCCEEDED);
+    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
+    queue_job_clear(&job);
+    assert_true(queue_end_found(p->q, array, 4, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
+    assert_true(queue_end_found(p->q, array, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
+    assert_true(queue_end_found(p->q, array, 7, QUEUE_CONVERGED, &accepted, NULL) && accepted);
+    expect_state(p, array, QUEUE_RUNNING); /* between two frames */
+    assert_true(queue_end_found(p->q, array, 3, QUEUE_CONVERGED, &accepted, NULL) && accepted);
+    expect_state(p, array, QUEUE_SUCCEEDED);
+    assert_true(queue_end_found(p->q, "0123456789abcdefghjkmnpqrs", 3, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
+    assert_int_equal(claim(p, last), 1);
+    assert_true(queue_end_found(p->q, last, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && !accepted); /* runs */
+}
+
+static void test_adopted_jobs(void **state)
+{
+    place *p = *state;
+    queue_adopted_task one = {.frame = QUEUE_NO_FRAME, .outcome = QUEUE_CONVERGED, .finished_ms = 50};
+    queue_adopted_task many[] = {{.frame = 1, .outcome = QUEUE_CONVERGED, .finished_ms = 70},
+                                 {.frame = 5, .outcome = QUEUE_NOT_CONVERGED, .finished_ms = 60}};
+    queue_adoption jobs[] = {
+        {.id = "00000000a0abcdefghjkmnpqrs", .name = "n", .labels = "[\"x\",\"x\"]", .spec = "{}", .priority = 2,
+         .max_attempts = 3, .threads = 4, .memory_mb = 5, .tasks = &one, .task_count = 1},
+        {.id = "00000000a0abcdefghjkmnpqrt", .labels = "[]", .spec = "{}", .max_attempts = 1, .threads = 1,
+         .tasks = many, .task_count = 2}};
+    assert_true(queue_adopt(p->q, jobs, 2, NULL));
+    queue_job job = get(p, jobs[0].id);
+    assert_int_equal(job.state, QUEUE_SUCCEEDED);
+    assert_int_equal(job.created_ms, ulid_time_ms(jobs[0].id));
+    assert_int_equal(job.finished_ms, 50);
+    assert_true(!job.array && job.tasks.all == 1 && job.tasks.succeeded == 1 && job.priority == 2 && job.threads == 4);
+    queue_job_clear(&job);
+    job = get(p, jobs[1].id);
+    assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
+    assert_int_equal(job.finished_ms, 70);
+    assert_true(job.array && job.tasks.all == 2 && job.tasks.succeeded == 2);
+    queue_job_clear(&job);
+    expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){jobs[0].id}, 1);
+    error e = {0};
+    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* they are there */
+    bool found, deleted;
+    assert_true(queue_delete(p->q, jobs[0].id, &found, &deleted, NULL) && deleted);
+    assert_false(queue_adopt(p->q, jobs, 2, &e)); /* all or none */
+    assert_true(queue_get(p->q, jobs[0].id, &job, &found, NULL) && !found);
+    claim(p, NULL);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -794,6 +920,9 @@ int main(void)
         CASE(test_ends_are_told),
         CASE(test_faults_of_storage_are_counted_apart),
         CASE(test_copies_are_noted),
+        CASE(test_forgetting_notes_what_is_to_be_removed),
+        CASE(test_a_result_that_is_found_ends_what_waits),
+        CASE(test_adopted_jobs),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);

@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -38,6 +39,12 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
+    static const char *const parts[] = {"results", "attempts"};
+    for (int i = 0; i < 2; i++) {
+        char *path = mem_printf("%s/%s", p->base, parts[i]);
+        assert_true(store_directory_create(path, NULL));
+        free(path);
+    }
     *state = p;
     return 0;
 }
@@ -166,24 +173,85 @@ static void test_delete(void **state)
     assert_false(found);
 }
 
-/* The queue has forgotten, and then the daemon died. */
-static void test_a_start_removes_orphans(void **state)
+static void wait_removed(place *p, const char *id, int frame)
+{
+    for (int64_t since = clock_monotonic_ms(); any_left(p, id, frame); poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("frame %d is kept", frame);
+}
+
+static size_t count_removals(place *p)
+{
+    queue_removal *removals = NULL;
+    size_t count = 0;
+    assert_true(queue_list_removals(p->q, NULL, 0, 1000, &removals, &count, NULL));
+    free(removals);
+    return count;
+}
+
+static void wait_done(place *p)
+{
+    for (int64_t since = clock_monotonic_ms(); count_removals(p) > 0; poll(NULL, 0, 2))
+        if (clock_monotonic_ms() - since > PATIENCE_MS) fail_msg("the notes are kept");
+}
+
+/* The queue has forgotten and noted, and then the daemon died. */
+static void test_a_start_removes_what_was_noted(void **state)
 {
     place *p = *state;
     char gone[ULID_SIZE], kept[ULID_SIZE];
     bool found, deleted;
+    static const char unknown[] = "0123456789abcdefghjkmnpqrs";
     put(p, true, 0, gone);
     put(p, false, 0, kept);
     run(p, gone, 1);
     run(p, gone, 2);
     run(p, kept, QUEUE_NO_FRAME);
-    put_directory(mem_printf("%s/results/lost+found", p->base)); /* not ours */
+    put_directory(result_directory(p->base, unknown, QUEUE_NO_FRAME)); /* not ours to remove */
+    put_directory(result_attempt_directory(p->base, unknown, QUEUE_NO_FRAME, 1));
+    put_directory(result_attempt_directory(p->base, gone, 1, 3)); /* nor this: the queue never gave that number */
     assert_true(queue_delete(p->q, gone, &found, &deleted, NULL));
     assert_true(deleted);
+    assert_int_equal(count_removals(p), 2);
     begin(p);
-    assert_false(any_left(p, gone, 1) || any_left(p, gone, 2));
+    wait_removed(p, gone, 1);
+    wait_removed(p, gone, 2);
+    wait_done(p);
     assert_true(is_there(result_directory(p->base, kept, QUEUE_NO_FRAME)));
-    assert_true(is_there(mem_printf("%s/results/lost+found", p->base)));
+    assert_true(is_there(result_directory(p->base, unknown, QUEUE_NO_FRAME)));
+    assert_true(is_there(result_attempt_directory(p->base, unknown, QUEUE_NO_FRAME, 1)));
+    assert_true(is_there(result_attempt_directory(p->base, gone, 1, 3)));
+}
+
+/* A job is deleted whatever becomes of its directories, which are removed once that can be. */
+static void test_what_cannot_be_removed_stays_noted(void **state)
+{
+    place *p = *state;
+    char stuck[ULID_SIZE], other[ULID_SIZE];
+    bool found, deleted;
+    put(p, false, 0, stuck);
+    put(p, false, 0, other);
+    run(p, stuck, QUEUE_NO_FRAME);
+    run(p, other, QUEUE_NO_FRAME);
+    begin(p);
+    char *results = mem_printf("%s/results", p->base), *away = mem_printf("%s/away", p->base);
+    assert_int_equal(rename(results, away), 0);
+    assert_true(store_file_write(results, "x", 1, NULL)); /* nothing can be opened below it */
+    log_set_level(LOG_LEVEL_ERROR);
+    assert_true(retention_delete(p->r, stuck, &found, &deleted, NULL));
+    assert_true(found && deleted);
+    assert_false(is_known(p, stuck));
+    assert_int_equal(count_removals(p), 1);
+    assert_int_equal(unlink(results), 0);
+    assert_int_equal(rename(away, results), 0);
+    assert_true(retention_delete(p->r, other, &found, &deleted, NULL)); /* is not held up */
+    assert_true(deleted);
+    assert_false(any_left(p, other, QUEUE_NO_FRAME));
+    retention_stop(p->r);
+    begin(p); /* a start tries again at once */
+    wait_removed(p, stuck, QUEUE_NO_FRAME);
+    wait_done(p);
+    free(results);
+    free(away);
 }
 
 /* A file that was sent, last used so long ago. */
@@ -306,7 +374,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_what_is_over_goes, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_delete, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_start_removes_orphans, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_start_removes_what_was_noted, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_what_cannot_be_removed_stays_noted, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_was_sent_goes_when_nobody_wants_it, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_is_sent_again_while_it_is_collected_is_counted_once, set_up,
                                         tear_down),
