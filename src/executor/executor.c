@@ -745,6 +745,21 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
                      *memory_mb, x->memory_mb);
 }
 
+/* Results that were kept to be copied later: nobody wants them any more. */
+static void remove_kept(const executor *x, const char *id)
+{
+    queue_task *tasks = NULL;
+    size_t count = 0;
+    if (!queue_list_tasks(x->q, id, -1, INT32_MAX, &tasks, &count, NULL)) return;
+    for (size_t i = 0; i < count; i++) {
+        if (tasks[i].state != QUEUE_CANCELLED || !tasks[i].storage_faults) continue;
+        char *directory = result_attempt_directory(x->state_dir, id, tasks[i].frame, tasks[i].attempt);
+        settlement_remove_leftovers(directory);
+        free(directory);
+    }
+    queue_tasks_free(tasks, count);
+}
+
 bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
                    queue_state *now, error *e)
 {
@@ -758,6 +773,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
         pthread_mutex_unlock(&x->mutex);
     }
     pthread_mutex_unlock(&x->order);
+    if (ok && *changed && command == QUEUE_CANCEL) remove_kept(x, id);
     executor_wake(x);
     return ok;
 }

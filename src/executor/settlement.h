@@ -87,6 +87,9 @@ typedef struct settlement_place {
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
+/* Removes what an attempt left in its directory, but for its log. */
+void settlement_remove_leftovers(const char *directory);
+
 /* Settles what a crash left: tasks that run by the book while nothing runs. */
 bool settlement_recover(const settlement_place *place, error *e);
 
