@@ -105,7 +105,7 @@ const config_row config_table[] = {
     {"retry_most_s", CONFIG_REAL, "300", 0, 86400, "s", "The longest of these waits.", AT(retry_most_s)},
     {"free_space_mb", CONFIG_INTEGER, "256", 0, 1 << 30, "MiB",
      "With less free on the disks of state_dir no job is started, /readyz says storage_full, and jobs wait until there is"
-     " more. Above what the jobs that run at once write. 0: jobs are started on a full disk, too.",
+     " more. It is best above what the jobs that run at once write. 0: jobs are started on a full disk, too.",
      AT(free_space_mb)},
     {"reserve_mb", CONFIG_INTEGER, "16", 0, 1 << 20, "MiB",
      "Set aside in state_dir for the queue, besides what its log usually takes (5 MiB), so that jobs can be cancelled,"

@@ -19,6 +19,7 @@
 #include "executor/cache.h"
 #include "executor/engine.h"
 #include "executor/host.h"
+#include "executor/kept.h"
 #include "executor/leftovers.h"
 #include "executor/instance.h"
 #include "executor/inventory.h"
@@ -268,22 +269,6 @@ static bool slot_recall(executor *x, slot *s)
     return found;
 }
 
-/* Takes over the result that an attempt before could not copy to where its job wants it, since a disk was full. */
-static bool slot_resume(executor *x, slot *s)
-{
-    const queue_task *task = &s->claimed.task;
-    bool found = false;
-    for (int before = task->attempt - 1; task->storage_faults && before > 0 && !found; before--) {
-        result r = {0};
-        char *kept = result_attempt_directory(x->state_dir, s->claimed.job.id, task->frame, before);
-        found = result_read(kept, &r, NULL) && store_rename(kept, s->directory, NULL) &&
-                settlement_decide_kept(s->directory, &s->verdict, NULL);
-        result_clear(&r);
-        free(kept);
-    }
-    return found;
-}
-
 static void slot_start(executor *x, slot *s)
 {
     error e = {0};
@@ -301,7 +286,9 @@ static void slot_start(executor *x, slot *s)
         slot_skip(x, s);
         return;
     }
-    if (slot_resume(x, s) || slot_recall(x, s)) {
+    if ((kept_take(x->state_dir, &s->claimed, s->directory) &&
+         settlement_decide_kept(s->directory, &s->verdict, NULL)) ||
+        slot_recall(x, s)) {
         if (!slot_publish(x, s)) slot_skip(x, s);
         return;
     }
@@ -774,6 +761,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
         pthread_mutex_unlock(&x->mutex);
     }
     pthread_mutex_unlock(&x->order);
+    if (ok && *changed && command == QUEUE_CANCEL) kept_remove(x->q, x->state_dir, id);
     executor_wake(x);
     return ok;
 }

@@ -265,7 +265,7 @@ static bool deliver(const char *state_dir, const char *from, const char *to, boo
 /* Of an attempt that failed nothing is kept but its log. The right to delete the rest: the queue gave this attempt its
  * number before the directory was made, a start has put away what stood under numbers that the queue had not given
  * (executor/inventory), and no result that anybody was told of lies in here. */
-static void remove_leftovers(const char *directory)
+void settlement_remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/worker.log", directory);
     size_t length = 0;
@@ -325,7 +325,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         free(results);
         return false; /* the disk's fault, not the job's: to be tried again */
     }
-    if ((!s->deliver && !s->keep) || !current) remove_leftovers(directory);
+    if ((!s->deliver && !s->keep) || !current) settlement_remove_leftovers(directory);
     bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c, s->storage) : 0,
                                          &end, &accepted, e)
                          : queue_finish(place->q, &fence, &end, &accepted, e);
@@ -334,7 +334,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         end.state = QUEUE_CANCELLED;
         end.error_code = error_code_name(ERROR_CANCELLED);
         end.error_message = "cancelled while it ran";
-        if (s->keep) remove_leftovers(directory);
+        if (s->keep) settlement_remove_leftovers(directory);
         ok = queue_finish(place->q, &fence, &end, &accepted, e);
     }
     if (ok)

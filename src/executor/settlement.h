@@ -90,6 +90,9 @@ typedef struct settlement_place {
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
+/* Removes what an attempt left in its directory, but for its log. */
+void settlement_remove_leftovers(const char *directory);
+
 /* Settles what a crash left: tasks that run by the book while nothing runs. Such an attempt does not count, since it
  * was not its doing; too many of a task end it (error interrupted). `restarted`: the host was meanwhile, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, error *e);

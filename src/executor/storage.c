@@ -15,7 +15,7 @@ int64_t storage_free_bytes(const storage *s)
         char path[4096];
         struct statvfs disk;
         int length = snprintf(path, sizeof path, "%s%s", s->state_dir, parts[i]);
-        if (length >= (int)sizeof path || statvfs(path, &disk) != 0) continue;
+        if (length >= (int)sizeof path || statvfs(path, &disk) != 0 || !disk.f_blocks) continue;
         int64_t bytes = (int64_t)(disk.f_bavail * disk.f_frsize);
         if (bytes < least) least = bytes;
     }

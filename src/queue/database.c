@@ -376,7 +376,7 @@ bool database_has_room(database *d)
 {
     int64_t wanted = atomic_load(&d->reserve_bytes);
     struct statvfs disk;
-    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0) return true; /* the transaction will tell */
+    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0 || !disk.f_blocks) return true; /* the transaction will tell */
     return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
 }
 
