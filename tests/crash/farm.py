@@ -408,7 +408,7 @@ class Load:
         document = spec(name, count=1500 if kind < 0.08 else rng.choice((60, 100, 200)), preview=kind > 0.85)
         if rng.random() < 0.2:
             document["solver"]["seed"] = 1  # its result may be there already
-        document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
+        document["limits"] = {"max_attempts": 1 if rng.random() < 0.25 else MANY}
         return document
 
     def cancel(self, job):
