@@ -81,8 +81,9 @@ static bool check(queue *q, const char *state_dir, const char *own, error *e)
     if (!*own || strcmp(own, its.id) == 0) return true;
     if (!*its.id)
         return error_set(e, ERROR_INTERNAL,
-                         "%s/" QUEUE_FILE_NAME " is from a hexad before 0.2 and does not say whose it is, and the state"
-                         " directory belongs to instance %s: " WAYS_OUT " if it is the right one",
+                         "%s/" QUEUE_FILE_NAME " is from an older hexad and does not say whose it is, and the state directory"
+                         " belongs to instance %s: restore a backup of this instance, or start once with --adopt if it is"
+                         " the right one",
                          state_dir, own);
     return error_set(e, ERROR_INTERNAL,
                      "%s/" QUEUE_FILE_NAME " belongs to instance %s and the state directory to instance %s: restore the"

@@ -22,7 +22,9 @@ FRAMES = (1, 2)
 FINAL = ("succeeded", "failed", "cancelled", "timed_out")
 MOST_UNFINISHED = 8  # clients wait when so many jobs have not ended, so that jobs end between two kills
 
-MANY = 100  # attempts of a job that is to succeed however often it is killed
+MANY = 100  # attempts of a job that is to succeed however often its workers are killed
+# reasons of attempts that were given back, since it was not their doing that they ended
+GIVEN_BACK = ("the daemon ended", "the host restarted", "drained: ", "not started: ")
 
 
 class Violation(Exception):
@@ -59,9 +61,9 @@ class Daemon(Service):
         base = pathlib.Path(base)
         base.mkdir(parents=True, exist_ok=True)
         self.socket = base / "socket"
-        # what dies is tried again at once, so that much dies in little time
+        # what dies is tried again at once and without end, so that much dies in little time
         super().__init__(build, base.resolve(), "--listen", f"unix:{self.socket.resolve()}", "--retry_s", 0.02,
-                         "--retry_most_s", 0.1, "--log_level", "info", *options)
+                         "--retry_most_s", 0.1, "--max_interruptions", 0, "--log_level", "info", *options)
         self.log = self.base / "log"
 
     def words(self):
@@ -256,15 +258,26 @@ class Book:
                 return
         elif now["state"] != "cancelled" and not (now["error"] and now["error"]["code"] and now["error"]["message"]):
             raise Violation(f"the job {job} is {now['state']} and does not say why")
-        if now["state"] == "failed" and not self.may_fail(now["name"]):
-            raise Violation(f"the job {job} failed with attempts left: {now['error']}")
+        if now["state"] == "failed" and not self.forgiving and not self.check_failure(daemon, now):
+            return
         if known and known[1] != digest:
             raise Violation(f"the job {job} has another result than before")
         with self.mutex:
             self.ended[job] = (now["state"], digest)
 
-    def may_fail(self, name):
-        return self.forgiving or self.sent[name].get("limits", {}).get("max_attempts", MANY) < MANY
+    def check_failure(self, daemon, now):
+        """A job fails when the attempts that count are spent, no sooner and no later; False without an answer."""
+        reply = daemon.ask("GET", f"/v1/jobs/{now['id']}/attempts")
+        if self.is_no_answer(reply) or reply.status == 404 and now["id"] in self.doubtful:
+            return False
+        most, spent = self.sent[now["name"]]["limits"]["max_attempts"], {}
+        for attempt in reply.json["attempts"]:
+            if not attempt["reason"].startswith(GIVEN_BACK):
+                spent[attempt.get("frame")] = spent.get(attempt.get("frame"), 0) + 1
+        if max(spent.values(), default=0) != most:
+            raise Violation(f"the job {now['id']} failed with {spent} of {most} attempts spent: {now['error']},"
+                            f" {reply.json['attempts']}")
+        return True
 
     def fetch(self, daemon, job, count, query):
         """Every file of a result, held against its listing; the hash of the report. None without an answer."""
@@ -347,6 +360,8 @@ class Book:
             wait_until(lambda: not differ(), "the removal of what was deleted", 30)
         except AssertionError:
             raise Violation(f"results without a job, or jobs without a result: {differ()}") from None
+        if (daemon.state / "lost+found").exists() and not self.untidy:
+            raise Violation(f"put aside: {[str(p) for p in (daemon.state / 'lost+found').rglob('*')][:9]}")
         for attempt in (daemon.state / "attempts").iterdir():
             left = {path.name for path in attempt.iterdir()} - {"worker.log"}
             if left and not self.untidy:
@@ -393,7 +408,7 @@ class Load:
         document = spec(name, count=1500 if kind < 0.08 else rng.choice((60, 100, 200)), preview=kind > 0.85)
         if rng.random() < 0.2:
             document["solver"]["seed"] = 1  # its result may be there already
-        document["limits"] = {"max_attempts": 1 if rng.random() < 0.05 else MANY}
+        document["limits"] = {"max_attempts": 1 if rng.random() < 0.25 else MANY}
         return document
 
     def cancel(self, job):

@@ -9,7 +9,8 @@ and held against that:
 
 - every accepted job is there, under its name, and none is there twice or was never sent;
 - every job ends: with one result, the same for ever, each file of which is served with the length and the SHA-256 of
-  its listing; or failed with a code and a reason, and (but for faults) only when its attempts are spent; or cancelled,
+  its listing; or failed with a code and a reason, and (but for faults) when its attempts are spent, no sooner,
+  where those do not count that ended with the daemon; or cancelled,
   when that was asked;
 - what a client was told of a job's end stays so;
 - `results/` holds exactly the results of the jobs that succeeded, `attempts/` no more than logs (but for a power loss
