@@ -17,6 +17,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "http/crew.h"
+#include "http/loop.h"
 #include "http/lounge.h"
 #include "http/parameter.h"
 #include "http/route.h"
@@ -36,7 +37,7 @@ struct server {
     server_settings settings;
     access_control *access;
     const http_context *context;
-    struct MHD_Daemon *daemon;
+    loop *loop;
     peers *peers;
     crew *crew;
     pthread_mutex_t mutex;
@@ -103,6 +104,7 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
 /* A reply that is sent while it comes to be. */
 typedef struct stream {
     lounge *lounge;
+    loop *loop;
     struct MHD_Connection *connection;
     reply_source *source;
     char topic[REPLY_TOPIC_SIZE];
@@ -117,7 +119,8 @@ static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_
         if (lounge_is_dismissed(t->lounge)) return MHD_CONTENT_READER_END_OF_STREAM;
         ssize_t count = t->source->read(t->source, buffer, size);
         if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
-        if (lounge_wait(t->lounge, t->connection, seen, t->topic, clock_monotonic_ms() + STREAM_TICK_MS))
+        if (lounge_wait(t->lounge, t->loop, t->connection, seen, t->topic,
+                        clock_monotonic_ms() + STREAM_TICK_MS))
             return 0;
     }
 }
@@ -132,7 +135,10 @@ static void free_stream(void *context)
 static struct MHD_Response *open_stream(const exchange *x, reply *r)
 {
     stream *t = mem_alloc(sizeof *t);
-    *t = (stream){.lounge = x->s->context->lounge, .connection = x->connection, .source = r->source};
+    *t = (stream){.lounge = x->s->context->lounge,
+                  .loop = x->s->loop,
+                  .connection = x->connection,
+                  .source = r->source};
     memcpy(t->topic, r->topic, sizeof t->topic);
     struct MHD_Response *response =
         MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);
@@ -419,7 +425,7 @@ static void run_in_crew(crew_work *work)
     exchange *x = (exchange *)(void *)work;
     x->route.found->handler(x->s->context, &x->request, &x->answer);
     x->answered = true;
-    MHD_resume_connection(x->connection);
+    loop_resume(x->s->loop, x->connection);
 }
 
 /* Asks the handler until it has an answer. False: it has none yet, and the connection is suspended. */
@@ -437,7 +443,8 @@ static bool ask_handler(exchange *x)
         x->request.last = lounge_is_dismissed(c->lounge);
         x->route.found->handler(c, &x->request, &x->answer);
         if (x->answer.status) return true;
-        if (lounge_wait(c->lounge, x->connection, seen, x->answer.topic, x->answer.again_ms)) return false;
+        if (lounge_wait(c->lounge, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
+            return false;
     }
 }
 
@@ -528,9 +535,8 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
         {MHD_OPTION_NOTIFY_CONNECTION, (intptr_t)note_connection, s},
         {MHD_OPTION_END, 0, NULL},
     };
-    return MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME |
-                                MHD_USE_ERROR_LOG,
-                            0, NULL, NULL, answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
+    return MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, answer, s,
+                            MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
 server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
@@ -551,11 +557,15 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     if (!s->crew) goto failed;
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
-    if (fd >= 0) s->daemon = start_daemon(s, fd);
-    if (s->daemon) return s;
-    error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
-              strerror(errno));
-    if (fd >= 0) close(fd);
+    struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
+    if (!daemon) {
+        error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
+                  strerror(errno));
+        if (fd >= 0) close(fd);
+        goto failed;
+    }
+    if (loop_start(daemon, &s->loop, e)) return s;
+    MHD_stop_daemon(daemon);
 failed:
     server_stop(s);
     return NULL;
@@ -576,12 +586,11 @@ static void wait_for_replies(server *s)
 void server_stop(server *s)
 {
     if (!s) return;
-    int fd = s->daemon ? MHD_quiesce_daemon(s->daemon) : -1;
+    if (s->loop) loop_quiesce(s->loop);
     lounge_dismiss(s->context->lounge);
     wait_for_replies(s);
     crew_stop(s->crew); /* nothing is suspended any more */
-    if (s->daemon) MHD_stop_daemon(s->daemon);
-    if (fd >= 0) close(fd);
+    loop_stop(s->loop);
     peers_stop(s->peers);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);
