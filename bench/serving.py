@@ -90,7 +90,7 @@ class Bench:
     def service(self, *more):
         base = pathlib.Path(tempfile.mkdtemp(dir=self.where))
         one = Service(self.options.built, base, "--listen", f"unix:{base}/socket", "--log_level", "warning",
-                      "--cache", 0, "--connection_limit", 4096, "--client_connection_limit", 4096, *more)
+                      "--cache", 0, "--connection_limit", 4096, "--user_connection_limit", 2048, *more)
         one.socket = base / "socket"
         self.made.append(one)
         return one.start()
