@@ -128,8 +128,8 @@ uint64_t lounge_seen(lounge *l)
     return happened;
 }
 
-bool lounge_wait(lounge *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen, const char *topic,
-                 int64_t until_ms)
+bool lounge_wait(lounge *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                 const char *topic, int64_t until_ms)
 {
     pthread_mutex_lock(&l->mutex);
     bool stays = !l->dismissed && seen == l->happened;
