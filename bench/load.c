@@ -6,10 +6,10 @@
  *     load rows DIRECTORY SECONDS                    durable transactions of one row in a second
  *
  * LIMIT is a number of requests, or seconds with an s behind: "2.5s". Each connection sends a request when
- * the last one is answered. get and post print one JSON object: count and failed (answers other than 2xx, of
- * all), rate (a second), bytes (of the last body), p50_ms, p99_ms and max_ms from sending to the last byte.
- * streams says "open" when every stream has begun and, when every stream has ended, an object a line: path,
- * ids (of the events) and received_ms (when each came, of the wall clock). */
+ * the last one is answered; with get, after a first one that is not counted. get and post print one JSON object: count
+ * and failed (answers other than 2xx, of all), rate (a second), bytes (of the last body), p50_ms, p99_ms and
+ * max_ms from sending to the last byte. streams says "open" when every stream has begun and, when every stream has
+ * ended, an object a line: path, ids (of the events) and received_ms (when each came, of the wall clock). */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdbool.h>
@@ -169,25 +169,44 @@ static int wait_for_some(int set, struct epoll_event ready[READY])
     return count;
 }
 
-static void run_callers(load *l, const char *socket_path, size_t count)
+static void run_callers(load *l, int set, caller *callers, size_t count)
 {
     struct epoll_event ready[READY];
-    caller *callers = mem_alloc(count * sizeof *callers);
     size_t busy = 0;
-    int set = epoll_create1(EPOLL_CLOEXEC);
-    for (size_t i = 0; i < count; i++) {
-        callers[i].fd = connect_to(socket_path);
-        watch(set, callers[i].fd, &callers[i]);
-    }
     for (size_t i = 0; i < count; i++) busy += ask(l, &callers[i]);
     while (busy) {
         int some = wait_for_some(set, ready);
         for (int i = 0; i < some; i++)
             if (hear(l, ready[i].data.ptr) && !ask(l, ready[i].data.ptr)) busy--;
     }
+}
+
+/* Each connection is answered once, which is not counted: a server takes them in a few at a time. */
+static void warm_up(const load *l, int set, caller *callers, size_t count)
+{
+    load first = {.request = l->request, .request_count = l->request_count, .most = count, .until_s = 1e300};
+    run_callers(&first, set, callers, count);
+    free(first.took);
+}
+
+/* Returns how long that took. */
+static double run_load(load *l, const char *socket_path, size_t count, bool warm, double span_s)
+{
+    caller *callers = mem_alloc(count * sizeof *callers);
+    int set = epoll_create1(EPOLL_CLOEXEC);
+    for (size_t i = 0; i < count; i++) {
+        callers[i].fd = connect_to(socket_path);
+        watch(set, callers[i].fd, &callers[i]);
+    }
+    if (warm) warm_up(l, set, callers, count);
+    double start = now_s(CLOCK_MONOTONIC);
+    l->until_s = start + span_s;
+    run_callers(l, set, callers, count);
+    span_s = now_s(CLOCK_MONOTONIC) - start;
     for (size_t i = 0; i < count; i++) close(callers[i].fd);
     close(set);
     free(callers);
+    return span_s;
 }
 
 static int compare(const void *a, const void *b)
@@ -199,20 +218,19 @@ static int compare(const void *a, const void *b)
 static int run_requests(const char *socket_path, const char *paths, const char *connections,
                         const char *limit, const char *body_path)
 {
-    load l = {.most = SIZE_MAX, .until_s = 1e300};
+    load l = {.most = SIZE_MAX};
     size_t length = 0;
     list lines = read_lines(paths);
     char *end, *body = body_path ? read_file(body_path, &length) : NULL;
-    double number = strtod(limit, &end), start = now_s(CLOCK_MONOTONIC);
+    double number = strtod(limit, &end), most_s = 1e300;
     if (*end == 's')
-        l.until_s = start + number;
+        most_s = number;
     else
         l.most = (size_t)number;
     l.request = mem_alloc(lines.count * sizeof *l.request);
     l.request_count = lines.count;
     for (size_t i = 0; i < lines.count; i++) l.request[i] = print_request(lines.item[i], body, length);
-    run_callers(&l, socket_path, strtoul(connections, NULL, 10));
-    double span_s = now_s(CLOCK_MONOTONIC) - start;
+    double span_s = run_load(&l, socket_path, strtoul(connections, NULL, 10), !body, most_s);
     size_t n = l.took_count;
     if (!n) die("nothing was asked");
     qsort(l.took, n, sizeof *l.took, compare);

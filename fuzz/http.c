@@ -39,6 +39,8 @@ typedef struct service {
     store_outputs outputs;
     http_counters counters;
     http_context context;
+    address_ranges proxies; /* none */
+    pages *pages;
     server *http;
 } service;
 
@@ -133,6 +135,7 @@ static void stop(void)
     queue_close(s->q);
     access_close(s->access);
     listen_close(&s->socket);
+    pages_free(s->pages);
     store_remove(s->base, NULL);
 }
 
@@ -158,8 +161,11 @@ static void start(service *s)
     s->context = (http_context){.q = s->q, .x = s->x, .roots = s->roots, .inputs = s->inputs, .state_dir = s->base,
                                 .max_attempts = 1, .started_ms = clock_wall_ms(), .counters = &s->counters,
                                 .wait_s = PATIENCE_MS / 2e3, .outputs = &s->outputs, .lounge = s->lounge};
-    server_settings limits = {.peers = {.connection_limit = 100, .client_limit = 100, .timeout_s = 60},
-                              .body_limit_bytes = 4096, .header_limit_bytes = 8192};
+    static const char *const origin = "https://gui.example";
+    expect((s->pages = pages_new(where, s->socket.address, &origin, 1, &e)));
+    server_settings limits = {
+        .peers = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
+        .body_limit_bytes = 4096, .header_limit_bytes = 8192, .proxies = &s->proxies, .pages = s->pages};
     expect((s->http = server_start(&limits, &s->socket, s->access, &s->context, &e)));
     free(where);
     free(file);
@@ -191,12 +197,12 @@ static void check_answer(const char *head)
 
 static void exchange(const service *s, const char *text, size_t size)
 {
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
     char head[65], rest[4096];
     size_t got = 0;
-    strcpy(address.sun_path, s->socket_path);
+    strcpy(to.sun_path, s->socket_path);
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    expect(fd >= 0 && connect(fd, (struct sockaddr *)&address, sizeof address) == 0);
+    expect(fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof to) == 0);
     while (size > 0) {
         ssize_t sent = send(fd, text, size, MSG_NOSIGNAL);
         if (sent <= 0) break; /* it has heard enough */

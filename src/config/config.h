@@ -32,6 +32,7 @@ typedef struct config {
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
+    config_list page_origins, trusted_proxies;
     config_list input_roots, output_roots, path_mappings;
     char *output_mode;  /* octal digits */
     char *output_group; /* "": stays */
@@ -50,6 +51,7 @@ typedef struct config {
     double estimate_timeout_s;
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;
+    int64_t user_connection_limit, admin_connections;
     int64_t upload_limit_bytes, upload_total_bytes;
     double inputs_keep_s; /* 0: for ever */
     double connection_timeout_s, wait_limit_s;

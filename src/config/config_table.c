@@ -27,6 +27,16 @@ const config_row config_table[] = {
      " anyone-on-this-machine-may-submit-and-cancel, which is what it means. A port that other machines reach never"
      " is.",
      AT(tcp_without_tokens)},
+    {"page_origins", CONFIG_WORDS, "", 0, 0, "",
+     "Origins of web pages (https://gui.example, http://localhost:3000) that may send requests from a browser and read"
+     " the answers; separated by commas, and the key may be repeated. A port that is served without tokens refuses"
+     " requests for other hosts than its own and theirs (421), and those of pages of other origins (403).",
+     AT(page_origins)},
+    {"trusted_proxies", CONFIG_WORDS, "", 0, 0, "",
+     "Addresses, or ranges (10.0.0.0/8), of proxies in front of a TCP port whose header Forwarded (RFC 7239) tells the"
+     " client's address, for limits of connections and the log only; separated by commas, and the key may be repeated."
+     " From others the header is ignored, and X-Forwarded-For always is.",
+     AT(trusted_proxies)},
     {"port_file", CONFIG_TEXT, "", 0, 0, "",
      "A file that is given the address actually served, in one line, once it is. Empty: none.",
      AT(port_file)},
@@ -146,10 +156,16 @@ const config_row config_table[] = {
      AT_OR_ZERO(inputs_keep_s)},
     {"header_limit_bytes", CONFIG_INTEGER, "32768", 4096, 1 << 20, "bytes",
      "Request line and headers of a request, and the headers of its reply.", AT(header_limit_bytes)},
-    {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once.",
+    {"connection_limit", CONFIG_INTEGER, "2048", 1, 100000, "connections", "Connections at once. For one more the one without a token that has been idle longest is ended.",
      AT(connection_limit)},
     {"client_connection_limit", CONFIG_INTEGER, "256", 1, 100000, "connections",
-     "Connections at once of one user on the Unix socket or of one address on TCP.", AT(client_connection_limit)},
+     "Connections at once of one address on TCP, of those that have not shown a token; and of a stranger on the Unix"
+     " socket. For one more the one that has been idle longest is ended.", AT(client_connection_limit)},
+    {"user_connection_limit", CONFIG_INTEGER, "512", 1, 100000, "connections",
+     "Connections at once of one user, by token or on the Unix socket, from all addresses together.",
+     AT(user_connection_limit)},
+    {"admin_connections", CONFIG_INTEGER, "32", 0, 100000, "connections",
+     "How many of connection_limit are kept for administrators; half of it at most.", AT(admin_connections)},
     {"connection_timeout_s", CONFIG_REAL, "30", 0.1, 86400, "s",
      "How long a connection may be idle, and how long a client may take to send a request.",
      AT(connection_timeout_s)},

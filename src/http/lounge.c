@@ -15,6 +15,7 @@
 #define TICK_MS 250
 
 typedef struct guest {
+    loop *served_by;
     struct MHD_Connection *connection;
     char topic[TOPIC_SIZE];
     int64_t until_ms;
@@ -49,7 +50,7 @@ static void let_go(lounge *l, const char *const *topics, size_t count)
             continue;
         }
         *at = g->next;
-        MHD_resume_connection(g->connection);
+        loop_resume(g->served_by, g->connection);
         free(g);
     }
 }
@@ -127,13 +128,14 @@ uint64_t lounge_seen(lounge *l)
     return happened;
 }
 
-bool lounge_wait(lounge *l, struct MHD_Connection *connection, uint64_t seen, const char *topic,
-                 int64_t until_ms)
+bool lounge_wait(lounge *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                 const char *topic, int64_t until_ms)
 {
     pthread_mutex_lock(&l->mutex);
     bool stays = !l->dismissed && seen == l->happened;
     if (stays) {
         guest *g = mem_alloc(sizeof *g);
+        g->served_by = served_by;
         g->connection = connection;
         g->until_ms = until_ms;
         strncpy(g->topic, topic, sizeof g->topic - 1);

@@ -12,9 +12,9 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "http/loop.h"
 
 typedef struct lounge lounge;
-struct MHD_Connection;
 
 /* A thread of its own lets go those whose time has come. */
 lounge *lounge_open(error *e);
@@ -27,10 +27,10 @@ bool lounge_is_dismissed(lounge *l);
 /* To be asked for before looking whether there is something to do. */
 uint64_t lounge_seen(lounge *l);
 
-/* Suspends the connection until the topic ("": any) is woken or the time (monotonic) has come. False, and not
- * suspended, when something happened since `seen`. */
-bool lounge_wait(lounge *l, struct MHD_Connection *connection, uint64_t seen, const char *topic,
-                 int64_t until_ms);
+/* Suspends the connection, which the loop serves, until the topic ("": any) is woken or the time (monotonic) has
+ * come. False, and not suspended, when something happened since `seen`. */
+bool lounge_wait(lounge *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                 const char *topic, int64_t until_ms);
 
 /* Lets go who waits for one of the topics or for any. */
 void lounge_wake(lounge *l, const char *const *topics, size_t count);

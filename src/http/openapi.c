@@ -148,8 +148,8 @@ static void put_responses(json *operation, const route *r)
     json *responses = json_put_object(operation, "responses");
     while (next_word(&answers, word, sizeof word)) put_answer(responses, word);
     while (next_word(&problems, word, sizeof word)) put_problem(responses, word);
-    static const char *const everywhere[] = {"request_invalid", "too_many_requests", "internal",
-                                             "unavailable"};
+    static const char *const everywhere[] = {"request_invalid", "origin_forbidden", "misdirected_request",
+                                             "too_many_requests", "internal", "unavailable"};
     for (size_t i = 0; i < sizeof everywhere / sizeof *everywhere; i++) put_problem(responses, everywhere[i]);
     if (strcmp(r->method, "GET") != 0) put_problem(responses, "storage_full");
     if (!r->scope) return;

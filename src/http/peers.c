@@ -1,12 +1,12 @@
 #include "http/peers.h"
 
-#include <netinet/in.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 
+#include "auth/scope.h"
 #include "base/clock.h"
 #include "base/memory.h"
 
@@ -16,60 +16,213 @@
 #define REFUSED_MS 2000
 #define NEVER INT64_MAX
 
-typedef struct client_key {
-    sa_family_t family;
-    uint64_t number; /* user or address */
-} client_key;
+/* Of the owners of connections: as many chains as the greatest default of connection_limit has connections. */
+#define CHAINS 2048
+
+typedef enum owner_kind { OWNER_USER, OWNER_UID, OWNER_NETWORK } owner_kind;
+
+typedef struct owner_key {
+    owner_kind kind;
+    char bytes[ACCESS_USER_SIZE]; /* the rest is zero */
+} owner_key;
+
+/* A user, or a client that no user is known of. There as long as a connection names it. */
+typedef struct owner {
+    owner_key key;
+    unsigned count; /* of connections that are its own and have a place */
+    unsigned names; /* of connections that name it */
+    struct owner *next;
+} owner;
+
+/* Lists of connections that may be ended for others, the oldest first. */
+typedef struct queue_of_peers {
+    peer *first, *last;
+    unsigned count;
+} queue_of_peers;
 
 struct peer {
     int fd;
-    client_key key;
-    peer_standing standing;
     access_peer access;
+    address from;
+    owner *client, *user; /* user NULL: not known */
+    bool admin;
+    peer_standing standing;
+    bool placed;  /* counted, among its owner's and all */
+    bool leaving; /* its descriptor was shut down: the serving thread sees the end and cleans up */
     int64_t since_ms; /* the client's time runs since; NEVER: it does not */
     peer *previous, *next;
+    queue_of_peers *waits_in; /* NULL: may not be ended */
+    peer *older, *younger;    /* in that queue */
 };
 
 struct peers {
     peers_settings settings;
+    unsigned reserve;
     access_control *access;
     pthread_t watch;
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* monotonic clock */
     peer *first;
-    unsigned count;
+    owner *chain[CHAINS];
+    unsigned admins, others;  /* that have a place */
+    queue_of_peers idle;      /* that have a place, are no user's, and ask for nothing */
+    queue_of_peers homeless;  /* that have no place, and whose request did not come yet */
     bool stopping;
 };
 
-unsigned peers_room(const peers_settings *settings)
+/* Of those without a place. */
+static unsigned most_homeless(const peers_settings *settings)
 {
-    return settings->connection_limit + settings->connection_limit / 2 + 16;
+    return settings->connection_limit / 4 + 8;
 }
 
-static client_key key_of(int fd, const access_peer *access)
+unsigned peers_room(const peers_settings *settings)
 {
-    union {
-        struct sockaddr any;
-        struct sockaddr_in v4;
-        struct sockaddr_in6 v6;
-    } address = {0};
-    socklen_t size = sizeof address;
-    client_key key = {.family = AF_UNIX, .number = access->uid};
-    if (access->local || getpeername(fd, &address.any, &size) != 0) return key;
-    key.family = address.any.sa_family;
-    if (key.family == AF_INET6)
-        memcpy(&key.number, &address.v6.sin6_addr, sizeof key.number);
-    else
-        key.number = address.v4.sin_addr.s_addr;
+    return settings->connection_limit + 2 * most_homeless(settings);
+}
+
+/* ---- owners */
+
+static owner **chain_of(peers *p, const owner_key *key)
+{
+    uint32_t hash = 2166136261U + (uint32_t)key->kind; /* FNV-1a */
+    for (size_t i = 0; i < sizeof key->bytes; i++) hash = (hash ^ (uint8_t)key->bytes[i]) * 16777619U;
+    return &p->chain[hash % CHAINS];
+}
+
+static bool is_key(const owner *o, const owner_key *key)
+{
+    return o->key.kind == key->kind && memcmp(o->key.bytes, key->bytes, sizeof key->bytes) == 0;
+}
+
+static owner *name_owner(peers *p, const owner_key *key)
+{
+    owner **chain = chain_of(p, key), *o = *chain;
+    while (o && !is_key(o, key)) o = o->next;
+    if (!o) {
+        o = mem_alloc(sizeof *o);
+        o->key = *key;
+        o->next = *chain;
+        *chain = o;
+    }
+    o->names++;
+    return o;
+}
+
+static void forget_owner(peers *p, owner *o)
+{
+    if (!o || --o->names) return;
+    owner **at = chain_of(p, &o->key);
+    while (*at != o) at = &(*at)->next;
+    *at = o->next;
+    free(o);
+}
+
+static owner_key key_of_client(const peer *which, const address *client)
+{
+    owner_key key = {.kind = OWNER_UID};
+    if (!client->version) {
+        memcpy(key.bytes, &which->access.uid, sizeof which->access.uid);
+        return key;
+    }
+    key.kind = OWNER_NETWORK;
+    key.bytes[0] = (char)client->version;
+    memcpy(key.bytes + 1, client->bytes, client->version == 4 ? 4 : 8);
     return key;
 }
 
-static unsigned count_of_client(const peers *p, const client_key *key)
+static owner_key key_of_user(const char *user)
 {
-    unsigned count = 0;
-    for (const peer *other = p->first; other; other = other->next)
-        count += other->key.family == key->family && other->key.number == key->number;
-    return count;
+    owner_key key = {.kind = OWNER_USER};
+    memcpy(key.bytes, user, strlen(user));
+    return key;
+}
+
+/* ---- queues of those that may be ended */
+
+static void leave_queue(peer *which)
+{
+    queue_of_peers *q = which->waits_in;
+    if (!q) return;
+    *(which->older ? &which->older->younger : &q->first) = which->younger;
+    *(which->younger ? &which->younger->older : &q->last) = which->older;
+    which->older = which->younger = NULL;
+    which->waits_in = NULL;
+    q->count--;
+}
+
+static void join_queue(queue_of_peers *q, peer *which)
+{
+    leave_queue(which);
+    which->older = q->last;
+    *(q->last ? &q->last->younger : &q->first) = which;
+    q->last = which;
+    which->waits_in = q;
+    q->count++;
+}
+
+/* ---- places */
+
+static void take_place(peers *p, peer *which)
+{
+    (which->user ? which->user : which->client)->count++;
+    *(which->admin ? &p->admins : &p->others) += 1;
+    which->placed = true;
+}
+
+static void give_place_back(peers *p, peer *which)
+{
+    if (!which->placed) return;
+    (which->user ? which->user : which->client)->count--;
+    *(which->admin ? &p->admins : &p->others) -= 1;
+    which->placed = false;
+}
+
+static void end(peers *p, peer *which)
+{
+    leave_queue(which);
+    give_place_back(p, which);
+    which->leaving = true;
+    which->since_ms = NEVER;
+    shutdown(which->fd, SHUT_RDWR);
+}
+
+/* Ends the connection of the client, or of any if that is NULL, that has been idle longest; false: there is none. */
+static bool end_idle(peers *p, const owner *client)
+{
+    peer *one = p->idle.first;
+    while (one && client && one->client != client) one = one->younger;
+    if (one) end(p, one);
+    return one != NULL;
+}
+
+static bool has_room(const peers *p, bool admin)
+{
+    unsigned limit = p->settings.connection_limit;
+    return p->admins + p->others < limit && (admin || p->others < limit - p->reserve);
+}
+
+/* Gives a connection that has none a place, if there is one. */
+static peer_standing place(peers *p, peer *which)
+{
+    if (which->user && which->user->count >= p->settings.user_limit) return PEER_TOO_MANY_OF_USER;
+    if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
+        return PEER_TOO_MANY_OF_CLIENT;
+    if (!has_room(p, which->admin) && !end_idle(p, NULL)) return PEER_TOO_MANY;
+    take_place(p, which);
+    return PEER_WELCOME;
+}
+
+/* Between requests, or before the first one. */
+static void rest(peers *p, peer *which)
+{
+    which->since_ms = clock_monotonic_ms();
+    if (which->leaving)
+        which->since_ms = NEVER;
+    else if (!which->placed)
+        join_queue(&p->homeless, which);
+    else if (!which->user)
+        join_queue(&p->idle, which);
 }
 
 peer *peers_add(peers *p, int fd)
@@ -77,19 +230,18 @@ peer *peers_add(peers *p, int fd)
     peer *new = mem_alloc(sizeof *new);
     new->fd = fd;
     access_look(p->access, fd, &new->access);
-    new->key = key_of(fd, &new->access);
+    if (!new->access.local) new->from = address_of_peer(fd);
+    owner_key client = key_of_client(new, &new->from), user = key_of_user(new->access.user);
     pthread_mutex_lock(&p->mutex);
-    unsigned of_client = count_of_client(p, &new->key), limit = p->settings.client_limit;
-    if (of_client >= limit)
-        new->standing = PEER_TOO_MANY_OF_CLIENT;
-    else if (p->count >= p->settings.connection_limit)
-        new->standing = PEER_TOO_MANY;
-    if (of_client > limit + limit / 4 + 4) shutdown(fd, SHUT_RDWR);
-    new->since_ms = clock_monotonic_ms();
+    new->client = name_owner(p, &client);
+    if (new->access.local && new->access.scopes) new->user = name_owner(p, &user);
+    new->admin = new->user && new->access.scopes & SCOPE_ADMIN;
+    new->standing = place(p, new);
+    rest(p, new);
+    if (p->homeless.count > most_homeless(&p->settings)) end(p, p->homeless.first);
     new->next = p->first;
     if (new->next) new->next->previous = new;
     p->first = new;
-    p->count++;
     pthread_cond_broadcast(&p->changed);
     pthread_mutex_unlock(&p->mutex);
     return new;
@@ -103,15 +255,54 @@ void peers_remove(peers *p, peer *which)
     else
         p->first = which->next;
     if (which->next) which->next->previous = which->previous;
-    p->count--;
+    leave_queue(which);
+    give_place_back(p, which);
+    forget_owner(p, which->client);
+    forget_owner(p, which->user);
     pthread_mutex_unlock(&p->mutex);
     free(which);
+}
+
+/* Whether the connection is still the one's whose it was. */
+static bool is_owned_by(const peer *which, const owner_key *client, const owner_key *user, bool admin)
+{
+    bool same_user = user ? which->user && is_key(which->user, user) : !which->user;
+    return same_user && which->admin == admin && is_key(which->client, client);
+}
+
+peer_standing peers_begin_request(peers *p, peer *which, const address *client, const access_caller *caller)
+{
+    owner_key of_client = key_of_client(which, client), of_user = key_of_user(caller ? caller->user : "");
+    bool admin = caller && caller->scopes & SCOPE_ADMIN;
+    pthread_mutex_lock(&p->mutex);
+    leave_queue(which);
+    bool same = is_owned_by(which, &of_client, caller ? &of_user : NULL, admin);
+    if (!same) {
+        owner *old_client = which->client, *old_user = which->user;
+        give_place_back(p, which);
+        which->client = name_owner(p, &of_client);
+        which->user = caller ? name_owner(p, &of_user) : NULL;
+        which->admin = admin;
+        forget_owner(p, old_client);
+        forget_owner(p, old_user);
+    }
+    if (!which->placed && !which->leaving) which->standing = place(p, which);
+    peer_standing standing = which->standing;
+    pthread_mutex_unlock(&p->mutex);
+    return standing;
+}
+
+void peers_end_request(peers *p, peer *which)
+{
+    pthread_mutex_lock(&p->mutex);
+    rest(p, which);
+    pthread_mutex_unlock(&p->mutex);
 }
 
 static void mark(peers *p, peer *which, int64_t since_ms)
 {
     pthread_mutex_lock(&p->mutex);
-    which->since_ms = since_ms;
+    which->since_ms = which->leaving ? NEVER : since_ms;
     pthread_mutex_unlock(&p->mutex);
 }
 
@@ -125,14 +316,14 @@ void peers_end_time(peers *p, peer *which)
     mark(p, which, NEVER);
 }
 
-peer_standing peers_standing(const peer *which)
-{
-    return which->standing;
-}
-
 const access_peer *peers_access(const peer *which)
 {
     return &which->access;
+}
+
+const address *peers_address(const peer *which)
+{
+    return &which->from;
 }
 
 static void wait_at_most(peers *p, int64_t ms)
@@ -157,10 +348,9 @@ static void *watch(void *argument)
     while (!p->stopping) {
         int64_t now = clock_monotonic_ms();
         for (peer *one = p->first; one; one = one->next) {
-            int64_t limit = one->standing == PEER_WELCOME ? limit_ms : refused_ms;
+            int64_t limit = one->placed ? limit_ms : refused_ms;
             if (one->since_ms == NEVER || now - one->since_ms < limit) continue;
-            shutdown(one->fd, SHUT_RDWR); /* the serving thread sees the end and cleans up */
-            one->since_ms = NEVER;
+            end(p, one);
         }
         if (p->first)
             wait_at_most(p, limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
@@ -182,6 +372,8 @@ peers *peers_start(const peers_settings *settings, access_control *access, error
 {
     peers *p = mem_alloc(sizeof *p);
     p->settings = *settings;
+    unsigned half = settings->connection_limit / 2;
+    p->reserve = settings->admin_reserve < half ? settings->admin_reserve : half;
     p->access = access;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);

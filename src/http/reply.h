@@ -9,6 +9,7 @@
  *     request_invalid 400         framing, or a query parameter
  *     unauthorized 401            a stranger, or a token that is not known; WWW-Authenticate
  *     forbidden 403               the caller has not the scope
+ *     origin_forbidden 403        a page that page_origins does not name, on a port without tokens
  *     not_found 404               no such job, file or path
  *     method_not_allowed 405      Allow says which are
  *     conflict 409                the job's state does not admit it
@@ -16,11 +17,12 @@
  *     body_too_large 413          over body_limit_bytes; of an input, over upload_limit_bytes
  *     media_type_unsupported 415  a body that is not application/json
  *     range_not_satisfiable 416   the range begins behind the end; Content-Range says where that is
+ *     misdirected_request 421     the Host of another, on a port without tokens
  *     idempotency_mismatch 422    an Idempotency-Key that came with another body
  *     digest_mismatch 422         an input of which other bytes came
  *     storage_full 507            no room on the disk, or for an input; Retry-After but for the latter
  *     too_many_jobs 429           of one user; Retry-After
- *     too_many_requests 429       too many connections of one client; Retry-After
+ *     too_many_requests 429       too many connections of one client or user; Retry-After
  *     unavailable 503             draining, the queue cannot store, or too many connections of all; Retry-After
  */
 #ifndef HEXAD_HTTP_REPLY_H

@@ -17,6 +17,8 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "http/crew.h"
+#include "http/forwarded.h"
+#include "http/loop.h"
 #include "http/lounge.h"
 #include "http/parameter.h"
 #include "http/route.h"
@@ -26,6 +28,8 @@
 /* A stream says at least so often that it is there, so that an end of the other side is noticed. */
 #define STREAM_TICK_MS 15000
 #define STREAM_BLOCK_BYTES 16384
+/* Header lines named Forwarded; of proxies each appends to one, or adds one. */
+#define MOST_FORWARDED 16
 /* How long a stop waits for replies on their way. */
 #define STOP_MS 5000
 /* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a worker's
@@ -36,7 +40,7 @@ struct server {
     server_settings settings;
     access_control *access;
     const http_context *context;
-    struct MHD_Daemon *daemon;
+    loop *loop;
     peers *peers;
     crew *crew;
     pthread_mutex_t mutex;
@@ -51,6 +55,9 @@ typedef struct exchange {
     struct MHD_Connection *connection;
     route_match route;
     access_caller caller;
+    bool known;              /* who the caller is */
+    address client;          /* for limits and the log */
+    const char *page_origin; /* of a page that may read the answer; NULL: none */
     http_request request;
     char *body;
     size_t room;
@@ -92,7 +99,6 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
         int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
         *socket_context = peers_add(s->peers, fd);
         s->context->counters->connections++;
-        if (peers_standing(*socket_context) != PEER_WELCOME) s->context->counters->refused++;
     } else { /* the library closes the descriptor after this */
         peers_remove(s->peers, *socket_context);
         s->context->counters->connections--;
@@ -103,6 +109,7 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
 /* A reply that is sent while it comes to be. */
 typedef struct stream {
     lounge *lounge;
+    loop *loop;
     struct MHD_Connection *connection;
     reply_source *source;
     char topic[REPLY_TOPIC_SIZE];
@@ -117,7 +124,8 @@ static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_
         if (lounge_is_dismissed(t->lounge)) return MHD_CONTENT_READER_END_OF_STREAM;
         ssize_t count = t->source->read(t->source, buffer, size);
         if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
-        if (lounge_wait(t->lounge, t->connection, seen, t->topic, clock_monotonic_ms() + STREAM_TICK_MS))
+        if (lounge_wait(t->lounge, t->loop, t->connection, seen, t->topic,
+                        clock_monotonic_ms() + STREAM_TICK_MS))
             return 0;
     }
 }
@@ -132,7 +140,10 @@ static void free_stream(void *context)
 static struct MHD_Response *open_stream(const exchange *x, reply *r)
 {
     stream *t = mem_alloc(sizeof *t);
-    *t = (stream){.lounge = x->s->context->lounge, .connection = x->connection, .source = r->source};
+    *t = (stream){.lounge = x->s->context->lounge,
+                  .loop = x->s->loop,
+                  .connection = x->connection,
+                  .source = r->source};
     memcpy(t->topic, r->topic, sizeof t->topic);
     struct MHD_Response *response =
         MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);
@@ -141,6 +152,17 @@ static struct MHD_Response *open_stream(const exchange *x, reply *r)
     else
         free(t);
     return response;
+}
+
+/* So that the browser lets a page of the origin read the answer, and keeps it for no other. */
+static void add_page_headers(const char *origin, struct MHD_Response *response)
+{
+    MHD_add_response_header(response, MHD_HTTP_HEADER_VARY, MHD_HTTP_HEADER_ORIGIN);
+    if (!origin) return;
+    MHD_add_response_header(response, "Access-Control-Allow-Origin", origin);
+    MHD_add_response_header(response, "Access-Control-Expose-Headers",
+                            "Allow, Content-Range, ETag, Location, Preference-Applied, Retry-After,"
+                            " WWW-Authenticate");
 }
 
 static enum MHD_Result queue_reply(const exchange *x, reply *r)
@@ -164,6 +186,7 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
                                 r->cache_control ? r->cache_control : "no-store");
         for (size_t i = 0; i < r->header_count; i++)
             MHD_add_response_header(response, r->header[i].name, r->header[i].value);
+        if (pages_has_named(x->s->settings.pages)) add_page_headers(x->page_origin, response);
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
     }
@@ -171,17 +194,34 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
     return done;
 }
 
-typedef struct framing {
-    int lengths, codings, authorizations;
+/* What the server itself looks at of the headers. */
+typedef struct fields {
+    int lengths, codings, authorizations, hosts, origins;
     bool chunked;
-    const char *length;
-} framing;
+    const char *length, *authorization, *host, *origin;
+    const char *forwarded[MOST_FORWARDED];
+    size_t forwarded_count;
+} fields;
 
-static enum MHD_Result read_framing(void *context, enum MHD_ValueKind kind, const char *key,
-                                    const char *value)
+static void read_origin_fields(fields *f, const char *key, const char *value)
+{
+    if (strcasecmp(key, MHD_HTTP_HEADER_HOST) == 0) {
+        f->hosts++;
+        f->host = value ? value : "";
+    } else if (strcasecmp(key, MHD_HTTP_HEADER_ORIGIN) == 0) {
+        f->origins++;
+        f->origin = value ? value : "";
+    } else if (strcasecmp(key, MHD_HTTP_HEADER_FORWARDED) == 0) {
+        /* of more than are read none is believed */
+        if (f->forwarded_count < MOST_FORWARDED) f->forwarded[f->forwarded_count] = value ? value : "";
+        f->forwarded_count++;
+    }
+}
+
+static enum MHD_Result read_field(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
 {
     (void)kind;
-    framing *f = context;
+    fields *f = context;
     if (strcasecmp(key, MHD_HTTP_HEADER_CONTENT_LENGTH) == 0) {
         f->lengths++;
         f->length = value;
@@ -190,6 +230,9 @@ static enum MHD_Result read_framing(void *context, enum MHD_ValueKind kind, cons
         f->chunked = value && strcasecmp(value, "chunked") == 0;
     } else if (strcasecmp(key, MHD_HTTP_HEADER_AUTHORIZATION) == 0) {
         f->authorizations++;
+        f->authorization = value;
+    } else {
+        read_origin_fields(f, key, value);
     }
     return MHD_YES;
 }
@@ -203,35 +246,87 @@ static bool is_json(const char *type)
            (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
 }
 
-/* Too many connections: told at the first request of each. */
-static bool refuse_crowd(const peer *p, reply *r)
+/* Finds out who asks, and from where. */
+static void identify(exchange *x, const fields *f)
 {
-    peer_standing standing = peers_standing(p);
+    const peer *from = peer_of(x->connection);
+    x->known = f->authorizations < 2 &&
+               access_identify(x->s->access, peers_access(from), f->authorization, &x->caller);
+    x->client = *peers_address(from);
+    if (f->forwarded_count && f->forwarded_count <= MOST_FORWARDED)
+        x->client = forwarded_client(&x->client, x->s->settings.proxies, f->forwarded, f->forwarded_count);
+}
+
+/* Too many connections: told at the first request of each. */
+static bool refuse_crowd(exchange *x, const fields *f, reply *r)
+{
+    static const char *const why[] = {
+        [PEER_TOO_MANY_OF_CLIENT] = "this client has as many connections as one may have without a token",
+        [PEER_TOO_MANY_OF_USER] = "this user has as many connections as one may have",
+        [PEER_TOO_MANY] = "there are as many connections as there may be",
+    };
+    peer *p = peer_of(x->connection);
+    bool is_user = x->known && (f->authorization || peers_access(p)->local);
+    peer_standing standing = peers_begin_request(x->s->peers, p, &x->client, is_user ? &x->caller : NULL);
     if (standing == PEER_WELCOME) return false;
-    bool own = standing == PEER_TOO_MANY_OF_CLIENT;
-    reply_set_problem(r, own ? "too_many_requests" : "unavailable", NULL,
-                      own ? "this client has as many connections as one may have"
-                          : "there are as many connections as there may be");
+    x->s->context->counters->refused++;
+    reply_set_problem(r, standing == PEER_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
+                      why[standing]);
     reply_add_header(r, MHD_HTTP_HEADER_RETRY_AFTER, "1");
     return true;
 }
 
-/* Finds out who asks, and whether they may. */
-static bool refuse_caller(exchange *x, const framing *f, reply *r)
+/* On a port that asks for no token: what a page of another site has the browser send. A request without Host is
+ * none, as all browsers send it. */
+static bool refuse_page(const exchange *x, const fields *f, reply *r)
+{
+    const access_peer *from = peers_access(peer_of(x->connection));
+    const pages *allowed = x->s->settings.pages;
+    if (from->local || !from->scopes || (f->authorization && x->known)) return false;
+    if (f->hosts > 1 || (f->hosts && !pages_is_host(allowed, f->host))) {
+        reply_set_problem(r, "misdirected_request", NULL,
+                          "the host %.200s is not this service's: ask for the address that it listens on, or name"
+                          " an origin with that host in the setting page_origins",
+                          f->host);
+        return true;
+    }
+    const char *site = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, "Sec-Fetch-Site");
+    bool foreign = f->origins ? f->origins > 1 || !pages_is_welcome(allowed, f->origin)
+                              : site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0;
+    if (!foreign) return false;
+    reply_set_problem(r, "origin_forbidden", NULL,
+                      "pages of %.200s may not ask this service: the setting page_origins names those that may",
+                      f->origins ? f->origin : "another site");
+    return true;
+}
+
+/* The question of a browser whether a page may send a request, when it is one of a page that may. */
+static bool answer_preflight(const exchange *x, const char *method, reply *r)
+{
+    if (!x->page_origin || strcmp(method, MHD_HTTP_METHOD_OPTIONS) != 0 ||
+        !MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, "Access-Control-Request-Method"))
+        return false;
+    reply_set_empty(r, MHD_HTTP_NO_CONTENT);
+    reply_add_header(r, "Access-Control-Allow-Methods", "GET, HEAD, POST, PUT, PATCH, DELETE");
+    reply_add_header(r, "Access-Control-Allow-Headers",
+                     "Accept, Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, If-Range,"
+                     " Last-Event-ID, Prefer, Range, traceparent");
+    reply_add_header(r, "Access-Control-Max-Age", "600");
+    return true;
+}
+
+/* Whether the caller may ask for that. */
+static bool refuse_caller(const exchange *x, const fields *f, reply *r)
 {
     const route_match *match = &x->route;
-    const char *shown =
-        MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_AUTHORIZATION);
-    bool known = f->authorizations < 2 &&
-                 access_identify(x->s->access, peers_access(peer_of(x->connection)), shown, &x->caller);
     if (match->found && !match->found->scope) return false; /* open to all */
-    if (!known) {
+    if (!x->known) {
         reply_set_problem(r, "unauthorized", NULL,
-                          shown ? "the token is not known: it may have been revoked"
-                                : "a token is needed here: Authorization: Bearer TOKEN");
+                          f->authorization ? "the token is not known: it may have been revoked"
+                                           : "a token is needed here: Authorization: Bearer TOKEN");
         reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
-                         shown ? "Bearer realm=\"hexad\", error=\"invalid_token\""
-                               : "Bearer realm=\"hexad\"");
+                         f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
+                                          : "Bearer realm=\"hexad\"");
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;
@@ -240,7 +335,7 @@ static bool refuse_caller(exchange *x, const framing *f, reply *r)
     return true;
 }
 
-static bool refuse_body(const exchange *x, const framing *f, reply *r)
+static bool refuse_body(const exchange *x, const fields *f, reply *r)
 {
     size_t limit = x->s->settings.body_limit_bytes;
     if (x->route.found->opener) return false;
@@ -288,7 +383,7 @@ static bool read_request(exchange *x, const char *method, reply *r)
 }
 
 /* Opens the sink of a long body; false when *r says why not. */
-static bool open_sink(exchange *x, const framing *f, reply *r)
+static bool open_sink(exchange *x, const fields *f, reply *r)
 {
     http_request *request = &x->request;
     if (!x->route.found->opener) return true;
@@ -300,7 +395,7 @@ static bool open_sink(exchange *x, const framing *f, reply *r)
 }
 
 /* Answers from the headers alone what needs no body; true when *r was filled. */
-static bool refuse(exchange *x, const framing *f, const char *method, const char *path, reply *r)
+static bool refuse(exchange *x, const fields *f, const char *method, const char *path, reply *r)
 {
     const route_match *match = &x->route;
     if (refuse_caller(x, f, r)) return true;
@@ -320,17 +415,21 @@ static bool refuse(exchange *x, const framing *f, const char *method, const char
  * many a client sends all before it reads. */
 static bool refuse_early(exchange *x, const char *method, const char *path, bool *early, reply *r)
 {
-    framing f = {0};
-    MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_framing, &f);
+    fields f = {0};
+    MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_field, &f);
     route_find(method, path, &x->route);
+    identify(x, &f);
+    if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     if (f.lengths > 1 || f.codings > 1 || (f.lengths && f.codings) || (f.codings && !f.chunked)) {
         reply_set_problem(r, "request_invalid", NULL,
                           "the length of the body is given more than once or not at all");
         *early = true;
-    } else if (refuse_crowd(peer_of(x->connection), r)) {
+    } else if (refuse_crowd(x, &f, r) || refuse_page(x, &f, r)) {
         *early = true;
+    } else if (answer_preflight(x, method, r)) {
+        return true;
     } else if (!refuse(x, &f, method, path, r)) {
         return false;
     }
@@ -342,8 +441,9 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
 static void note_answer(const exchange *x, const char *method, const char *path, const reply *r)
 {
     x->s->context->counters->answers[r->status / 100]++;
-    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d user=%s", method, path, r->status,
-              *x->caller.user ? x->caller.user : "-");
+    char client[ADDRESS_TEXT_SIZE];
+    log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d user=%s client=%s", method, path,
+              r->status, *x->caller.user ? x->caller.user : "-", address_print(&x->client, client));
 }
 
 static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const char *method,
@@ -419,7 +519,7 @@ static void run_in_crew(crew_work *work)
     exchange *x = (exchange *)(void *)work;
     x->route.found->handler(x->s->context, &x->request, &x->answer);
     x->answered = true;
-    MHD_resume_connection(x->connection);
+    loop_resume(x->s->loop, x->connection);
 }
 
 /* Asks the handler until it has an answer. False: it has none yet, and the connection is suspended. */
@@ -437,7 +537,8 @@ static bool ask_handler(exchange *x)
         x->request.last = lounge_is_dismissed(c->lounge);
         x->route.found->handler(c, &x->request, &x->answer);
         if (x->answer.status) return true;
-        if (lounge_wait(c->lounge, x->connection, seen, x->answer.topic, x->answer.again_ms)) return false;
+        if (lounge_wait(c->lounge, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
+            return false;
     }
 }
 
@@ -490,7 +591,7 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     (void)why;
     server *s = context;
     exchange *x = *slot;
-    peers_begin_time(s->peers, peer_of(connection));
+    peers_end_request(s->peers, peer_of(connection));
     if (!x) return;
     reply_clear(&x->answer);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
@@ -528,9 +629,8 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
         {MHD_OPTION_NOTIFY_CONNECTION, (intptr_t)note_connection, s},
         {MHD_OPTION_END, 0, NULL},
     };
-    return MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME |
-                                MHD_USE_ERROR_LOG,
-                            0, NULL, NULL, answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
+    return MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, answer, s,
+                            MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
 server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
@@ -551,11 +651,15 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     if (!s->crew) goto failed;
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
-    if (fd >= 0) s->daemon = start_daemon(s, fd);
-    if (s->daemon) return s;
-    error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
-              strerror(errno));
-    if (fd >= 0) close(fd);
+    struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
+    if (!daemon) {
+        error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
+                  strerror(errno));
+        if (fd >= 0) close(fd);
+        goto failed;
+    }
+    if (loop_start(daemon, &s->loop, e)) return s;
+    MHD_stop_daemon(daemon);
 failed:
     server_stop(s);
     return NULL;
@@ -576,12 +680,11 @@ static void wait_for_replies(server *s)
 void server_stop(server *s)
 {
     if (!s) return;
-    int fd = s->daemon ? MHD_quiesce_daemon(s->daemon) : -1;
+    if (s->loop) loop_quiesce(s->loop);
     lounge_dismiss(s->context->lounge);
     wait_for_replies(s);
     crew_stop(s->crew); /* nothing is suspended any more */
-    if (s->daemon) MHD_stop_daemon(s->daemon);
-    if (fd >= 0) close(fd);
+    loop_stop(s->loop);
     peers_stop(s->peers);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);

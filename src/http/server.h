@@ -12,6 +12,7 @@
 
 #include "http/handler.h"
 #include "http/listen.h"
+#include "http/pages.h"
 #include "http/peers.h"
 
 typedef struct server server;
@@ -20,6 +21,8 @@ typedef struct server_settings {
     peers_settings peers;
     size_t body_limit_bytes, header_limit_bytes;
     unsigned estimates; /* requests that may wait for workers at once */
+    const address_ranges *proxies; /* whose Forwarded is believed; these outlive the server */
+    const pages *pages;
 } server_settings;
 
 /* Serves until server_stop. The socket stays the caller's; access and context outlive the server. */

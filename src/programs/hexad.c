@@ -71,6 +71,8 @@ typedef struct service {
     lounge *lounge;
     herald *herald;
     http_context context;
+    address_ranges proxies;
+    pages *pages;
     server *http;
     uint64_t turns; /* of the supervisor, when it was last looked at; UINT64_MAX: never */
     bool stuck;
@@ -370,16 +372,41 @@ static void fini_webhooks(service *s)
     webhook_hosts_free(s->webhook_hosts);
 }
 
+/* Who is believed, and who may ask, of those who come over the network. */
+static bool init_network(service *s, error *e)
+{
+    const config *c = &s->settings;
+    if (!address_ranges_read((const char *const *)c->trusted_proxies.item, c->trusted_proxies.count, &s->proxies, e)) {
+        address_ranges_clear(&s->proxies);
+        return error_prefix(e, "trusted_proxies");
+    }
+    s->pages = pages_new(c->listen, s->socket.address, (const char *const *)c->page_origins.item,
+                         c->page_origins.count, e);
+    if (s->pages) return true;
+    address_ranges_clear(&s->proxies);
+    return false;
+}
+
+static void fini_network(service *s)
+{
+    pages_free(s->pages);
+    address_ranges_clear(&s->proxies);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
     server_settings settings = {
         .peers = {.connection_limit = (unsigned)c->connection_limit,
                   .client_limit = (unsigned)c->client_connection_limit,
+                  .user_limit = (unsigned)c->user_connection_limit,
+                  .admin_reserve = (unsigned)c->admin_connections,
                   .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
         .header_limit_bytes = (size_t)c->header_limit_bytes,
         .estimates = (unsigned)c->estimates,
+        .proxies = &s->proxies,
+        .pages = s->pages,
     };
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
@@ -444,7 +471,8 @@ static const struct step {
     {"mappings", init_mappings, fini_mappings}, {"socket", init_socket, fini_socket},
     {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
     {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
-    {"webhooks", init_webhooks, fini_webhooks}, {"http", init_http, fini_http},
+    {"webhooks", init_webhooks, fini_webhooks}, {"network", init_network, fini_network},
+    {"http", init_http, fini_http},
     {"port_file", init_port_file, fini_port_file},
 };
 

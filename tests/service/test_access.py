@@ -205,29 +205,32 @@ def open_connections(service, count):
     return [socket.create_connection((host, int(port)), timeout=PATIENCE_S) for _ in range(count)]
 
 
+def follow(connections):
+    """They are in use: each follows the events."""
+    for one in connections:
+        host, port = one.getpeername()
+        one.sendall(f"GET /v1/events HTTP/1.1\r\nHost: {host}:{port}\r\nAccept: text/event-stream\r\n\r\n".encode())
+        assert one.recv(4096).startswith(b"HTTP/1.1 200 ")
+
+
 def test_connections_of_one_client(new_service):
-    service = new_service("--client_connection_limit", 4, "--connection_timeout_s", 5).start()
+    service = new_service("--client_connection_limit", 4).start()
     held = open_connections(service, 4)
-    for one in held:  # they are in use: each sends a part of a request
-        one.sendall(b"GET /healthz HTTP/1.1\r\n")
+    follow(held)
     reply = service.get("/healthz")
     expect_problem(reply, 429, "too_many_requests")
     assert int(reply.headers["Retry-After"]) >= 1
-    # they are cut off in time, and then there is room
-    wait_until(lambda: service.get("/healthz").status == 200, "a free connection")
     for one in held:
         one.close()
 
 
 def test_all_connections(new_service):
-    service = new_service("--connection_limit", 4, "--connection_timeout_s", 5).start()
+    service = new_service("--connection_limit", 4, "--admin_connections", 0).start()
     held = open_connections(service, 4)
-    for one in held:
-        one.sendall(b"GET /healthz HTTP/1.1\r\n")
+    follow(held)
     reply = service.get("/healthz")
     expect_problem(reply, 503, "unavailable")
     assert int(reply.headers["Retry-After"]) >= 1
-    wait_until(lambda: service.get("/healthz").status == 200, "a free connection")
     for one in held:
         one.close()
 
@@ -237,7 +240,7 @@ def test_a_slow_client_takes_no_place_from_others(new_service, public_directory)
     if os.geteuid() != 0:
         pytest.skip("only root can be other users")
     where = public_directory / "s"
-    service = new_service("--listen", f"unix:{where}", "--client_connection_limit", 8, "--connection_limit", 32,
+    service = new_service("--listen", f"unix:{where}", "--user_connection_limit", 8, "--connection_limit", 32,
                           "--unix_users", "60001").start()
     slow = []
     for _ in range(60):

@@ -325,7 +325,7 @@ def test_a_thousand_streams(new_service, tmp_path):
     if most[1] < 1200:
         pytest.skip("this process may not open so many files")
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(most[0], 1200), most[1]))
-    service = new_service("--worker", gated_worker(tmp_path), "--workers", 2, "--client_connection_limit", 1100,
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 2, "--user_connection_limit", 1100,
                           "--connection_limit", 1200)
     at = service.options.index("--listen")
     service.options[at + 1] = f"unix:{tmp_path}/s"

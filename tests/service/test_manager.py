@@ -142,7 +142,7 @@ def test_a_socket_is_handed_over(build, tmp_path, family):
         with socket.socket(ours.family) as client:
             client.settimeout(PATIENCE_S)
             client.connect(ours.getsockname())
-            client.sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+            client.sendall(f"GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n".encode())
             assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
         process.send_signal(signal.SIGTERM)
         assert f"listen = 127.0.0.1:0 is not served: {address}" in process.communicate(timeout=PATIENCE_S)[1]

@@ -182,7 +182,7 @@ def test_a_broken_upload_leaves_nothing(new_service):
     data = os.urandom(1000)
     name = hashlib.sha256(data).hexdigest()
     with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as s:
-        s.sendall(f"PUT /v1/inputs/{name} HTTP/1.1\r\nHost: x\r\nContent-Length: 1000\r\n\r\n".encode() + data[:600])
+        s.sendall(f"PUT /v1/inputs/{name} HTTP/1.1\r\nHost: {service.address}\r\nContent-Length: 1000\r\n\r\n".encode() + data[:600])
         wait_until(lambda: list(kept.iterdir()), "the upload")
         expect_problem(put(service, data), 507, "storage_full")  # its room is taken
     wait_until(lambda: not list(kept.iterdir()), "the end of it")

@@ -1,0 +1,46 @@
+/* address: addresses of clients on the network, and ranges of them. Constant data; any thread. */
+#ifndef HEXAD_HTTP_ADDRESS_H
+#define HEXAD_HTTP_ADDRESS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+
+#define ADDRESS_TEXT_SIZE 46
+
+/* Of version 4 the first 4 bytes. One of version 4 that is written as version 6 (::ffff:192.0.2.1) is of version 4. */
+typedef struct address {
+    uint8_t version; /* 4 or 6; 0: none */
+    uint8_t bytes[16];
+} address;
+
+/* The other end of a connected socket; of version 0 when that is not TCP. */
+address address_of_peer(int fd);
+
+/* "192.0.2.1" or "2001:db8::1", without brackets and port; false, and *a untouched, for anything else. */
+bool address_parse(const char *text, address *a);
+
+/* Writes into `text` and returns it; "-" for none. */
+const char *address_print(const address *a, char text[ADDRESS_TEXT_SIZE]);
+
+bool address_is_same(const address *a, const address *b);
+
+typedef struct address_range {
+    address base;
+    unsigned bits; /* that an address has in common with the base */
+} address_range;
+
+typedef struct address_ranges {
+    address_range *item;
+    size_t count;
+} address_ranges;
+
+/* Reads "192.0.2.1", "10.0.0.0/8", "2001:db8::/32" ...; an error (spec_invalid) that names what is none of these.
+ * The caller clears, also after an error. */
+bool address_ranges_read(const char *const *text, size_t count, address_ranges *r, error *e);
+void address_ranges_clear(address_ranges *r);
+bool address_ranges_hold(const address_ranges *r, const address *a);
+
+#endif

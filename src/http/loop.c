@@ -1,0 +1,101 @@
+#include "http/loop.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <microhttpd.h>
+
+#include "base/memory.h"
+
+struct loop {
+    struct MHD_Daemon *daemon;
+    pthread_t thread;
+    int ready;            /* the library's set of descriptors; readable when one of them is ready */
+    int signal;           /* an eventfd */
+    atomic_bool signaled; /* and the loop has not looked yet */
+    atomic_bool quiescing, stopping;
+    int listening; /* what the library listened on, once it no longer does; -1: it still does */
+};
+
+static void wake(loop *l)
+{
+    if (!atomic_exchange(&l->signaled, true)) eventfd_write(l->signal, 1);
+}
+
+/* Before the library is run: what is told later is another signal. */
+static void take_signal(loop *l)
+{
+    eventfd_t count;
+    eventfd_read(l->signal, &count);
+    atomic_store(&l->signaled, false);
+}
+
+/* Milliseconds until the library wants to be run even when nothing is ready; -1: never. 0 when it has more to do
+ * for a connection that it would not be told of again. */
+static int wait_ms(const loop *l)
+{
+    MHD_UNSIGNED_LONG_LONG ms;
+    if (MHD_get_timeout(l->daemon, &ms) != MHD_YES) return -1;
+    return ms < INT_MAX ? (int)ms : INT_MAX;
+}
+
+static void *serve(void *argument)
+{
+    loop *l = argument;
+    struct pollfd on[] = {{.fd = l->ready, .events = POLLIN}, {.fd = l->signal, .events = POLLIN}};
+    while (!atomic_load(&l->stopping)) {
+        poll(on, 2, wait_ms(l)); /* interrupted, it only looks too early */
+        if (on[1].revents) take_signal(l);
+        if (l->listening < 0 && atomic_load(&l->quiescing)) l->listening = MHD_quiesce_daemon(l->daemon);
+        MHD_run_wait(l->daemon, 0);
+    }
+    return NULL;
+}
+
+bool loop_start(struct MHD_Daemon *daemon, loop **made, error *e)
+{
+    loop *l = mem_alloc(sizeof *l);
+    l->daemon = daemon;
+    l->ready = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
+    l->listening = -1;
+    l->signal = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    *made = l;
+    int why = l->signal < 0 ? errno : pthread_create(&l->thread, NULL, serve, l);
+    if (why == 0) return true;
+    *made = NULL;
+    if (l->signal >= 0) close(l->signal);
+    free(l);
+    return error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+}
+
+void loop_resume(loop *l, struct MHD_Connection *connection)
+{
+    MHD_resume_connection(connection);
+    wake(l);
+}
+
+void loop_quiesce(loop *l)
+{
+    atomic_store(&l->quiescing, true);
+    wake(l);
+}
+
+void loop_stop(loop *l)
+{
+    if (!l) return;
+    atomic_store(&l->stopping, true);
+    wake(l);
+    pthread_join(l->thread, NULL);
+    MHD_stop_daemon(l->daemon);
+    if (l->listening >= 0) close(l->listening);
+    close(l->signal);
+    free(l);
+}
