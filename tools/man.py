@@ -22,12 +22,15 @@ PAGES = {
         "section": 8, "about": "daemon that samples implicit surfaces",
         "more": [
             ("FILES", [("@sysconfdir@/hexad.conf", "settings, read when the unit or --config says so"),
-                       ("@sysconfdir@/hexad.tokens", "tokens, which the unit hands over as a credential"),
-                       ("@localstatedir@/lib/hexad", "queue, attempts and results")]),
-            ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, STATE_DIRECTORY, CREDENTIALS_DIRECTORY,"
+                       ("/etc/hexad/tokens", "tokens of the service that systemd runs, which hexadctl token writes;"
+                        " they hold at once"),
+                       ("@localstatedir@/lib/hexad", "queue, attempts and results"),
+                       ("@docdir@/examples", "drop-ins for the units: tcp.conf serves a port, webhooks.conf lets the"
+                        " service call webhooks, mounts.conf ties it to a mount")]),
+            ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, STATE_DIRECTORY, CONFIGURATION_DIRECTORY,"
                               " JOURNAL_STREAM",
                               "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"
-                              " where to keep the state, where the credential tokens is, and whether the log goes to"
+                              " where to keep the state, where the file tokens is, and whether the log goes to"
                               " the journal, with the fields HEXAD_JOB, HEXAD_ATTEMPT and HEXAD_WORKER")]),
         ],
         "see": "hexad.conf(5), hexadctl(1), hexad-worker(1)"},
@@ -35,7 +38,9 @@ PAGES = {
     "hexadctl": {
         "section": 1, "about": "client of hexad",
         "more": [("ENVIRONMENT", [("HEXAD_SERVER", "the server, where --server does not say it"),
-                                  ("HEXAD_TOKEN", "a token to be shown to the server")])],
+                                  ("HEXAD_TOKEN", "a token to be shown to the server")]),
+                 ("FILES", [("/etc/hexad/tokens", "tokens of the service that systemd runs: of root, and readable to the"
+                             " group hexad")])],
         "see": "hexad(8), hexad-worker(1)"},
 }
 

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <libgen.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
@@ -166,12 +167,31 @@ bool token_set_remove(token_set *set, const char *id)
     return false;
 }
 
-bool token_set_write(const char *path, const token_set *set, error *e)
+/* The group that may read what root writes; 0: none. */
+static gid_t find_group(const char *path, gid_t given)
+{
+    struct stat info;
+    if (lstat(path, &info) == 0 && S_ISREG(info.st_mode) && info.st_gid != 0) return info.st_gid;
+    if (given != TOKEN_NO_GROUP) return given;
+    char *copy = mem_strdup(path); /* dirname changes it */
+    gid_t group = stat(dirname(copy), &info) == 0 ? info.st_gid : 0;
+    free(copy);
+    return group;
+}
+
+static bool set_permissions(int fd, const char *path, gid_t given, error *e)
+{
+    gid_t group = geteuid() == 0 ? find_group(path, given) : 0;
+    mode_t mode = group ? 0640 : 0600;
+    return (fchmod(fd, 0600) == 0 && (!group || fchown(fd, 0, group) == 0) && fchmod(fd, mode) == 0) ||
+           error_set(e, ERROR_INTERNAL, "%s cannot be given mode %04o: %s", path, (unsigned)mode, strerror(errno));
+}
+
+bool token_set_write(const char *path, const token_set *set, gid_t group, error *e)
 {
     store_file file = {0};
     if (!store_file_begin(path, &file, e)) return false;
-    if (fchmod(fileno(file.stream), 0600) != 0) {
-        error_set(e, ERROR_INTERNAL, "%s: mode: %s", path, strerror(errno));
+    if (!set_permissions(fileno(file.stream), path, group, e)) {
         store_file_abort(&file);
         return false;
     }

@@ -6,8 +6,9 @@
  *     ID USER SCOPES SHA256 CREATED
  *
  * with ID the beginning of the hash, which is what people call a token by; `#` begins a comment. It belongs
- * to whoever runs the service, or to root, and nobody else may read or write it: one that others can reach is
- * refused. A set is immutable and may be read by any thread.
+ * to whoever runs the service, or to root, and nobody else may read or write it, but for the group of the service,
+ * which may read a file of root: one that others can reach is refused (store_file_check_private). A set is immutable
+ * and may be read by any thread.
  */
 #ifndef HEXAD_AUTH_TOKEN_H
 #define HEXAD_AUTH_TOKEN_H
@@ -16,6 +17,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <sys/types.h>
 
 #include "base/error.h"
 
@@ -53,7 +55,11 @@ const token *token_set_add(token_set *set, const char *user, unsigned scopes, ch
 /* False when there is none of that id. */
 bool token_set_remove(token_set *set, const char *id);
 
-/* Writes the file, in the place of the old one. */
-bool token_set_write(const char *path, const token_set *set, error *e);
+#define TOKEN_NO_GROUP ((gid_t)-1)
+
+/* Writes the file, in the place of the old one. It belongs to the caller and has mode 0600; what root writes has mode
+ * 0640, so that the service can read it as well, and the first group of these that is not root's: that of the old
+ * file, `group`, that of the directory. */
+bool token_set_write(const char *path, const token_set *set, gid_t group, error *e);
 
 #endif

@@ -3,6 +3,7 @@
 #define HEXAD_CLIENT_COMMAND_H
 
 #include <stdbool.h>
+#include <sys/types.h>
 
 #include "client/client.h"
 
@@ -24,6 +25,7 @@ typedef struct command_options {
     const char *priority; /* of priority; NULL: none was given */
     const char *output; /* of fetch; NULL: a directory named by the job's id */
     const char *file;   /* of token: the daemon's token_file */
+    gid_t file_group;   /* of token: who may read that, when it is the system service's; else TOKEN_NO_GROUP */
     const char *scopes; /* of token add; NULL: all but admin */
 } command_options;
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "auth/token.h"
@@ -21,11 +22,14 @@ static int fail(const error *e)
     return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
 }
 
-/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. */
-static int lock_file(const char *path, error *e)
+/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. That of the system
+ * service is made. */
+static int lock_file(const command_options *options, error *e)
 {
-    const char *slash = strrchr(path, '/');
+    const char *path = options->file, *slash = strrchr(path, '/');
     char *directory = slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
+    if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
+        chmod(directory, 0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
         error_set(e, ERROR_SPEC_INVALID, "%s: %s", directory, strerror(errno));
@@ -49,11 +53,11 @@ int command_token_add(client *c, const char *argument, const command_options *op
         error_set(&e, ERROR_SPEC_INVALID, "--scopes %s: not a list of read, submit, cancel, admin", wanted);
         return fail(&e);
     }
-    int lock = lock_file(options->file, &e);
+    int lock = lock_file(options, &e);
     if (lock < 0) return fail(&e);
     const token *t = NULL;
     if (token_set_read(options->file, &set, &e)) t = token_set_add(&set, argument, scopes, text, &e);
-    ok = t && token_set_write(options->file, &set, &e);
+    ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
         fprintf(stderr, "hexadctl: token %s of %s; it is shown this once\n", t->id, t->user);
@@ -106,7 +110,7 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     (void)c;
     error e = {0};
     token_set set = {0};
-    int lock = lock_file(options->file, &e), code = COMMAND_FAILED;
+    int lock = lock_file(options, &e), code = COMMAND_FAILED;
     if (lock < 0) return fail(&e);
     if (!token_set_read(options->file, &set, &e)) {
         code = fail(&e);
@@ -114,7 +118,7 @@ int command_token_revoke(client *c, const char *argument, const command_options 
         fprintf(stderr, "hexadctl: there is no token %s in %s\n", argument, options->file);
         code = COMMAND_MISSING;
     } else {
-        code = token_set_write(options->file, &set, &e) ? COMMAND_OK : fail(&e);
+        code = token_set_write(options->file, &set, options->file_group, &e) ? COMMAND_OK : fail(&e);
     }
     close(lock);
     token_set_clear(&set);

@@ -19,8 +19,9 @@ const config_row config_table[] = {
     {"unix_groups", CONFIG_LIST, "", 0, 0, "", "Groups whose members may what unix_users may.", AT(unix_groups)},
     {"unix_admins", CONFIG_LIST, "", 0, 0, "", "Users who may everything on the Unix socket.", AT(unix_admins)},
     {"token_file", CONFIG_TEXT, "", 0, 0, "",
-     "The bearer tokens, by their hashes, as hexadctl token makes it; of mode 0600. It is read again when it has"
-     " changed. Empty: the credential tokens of systemd, else the file tokens in state_dir, if it is there.",
+     "The bearer tokens, by their hashes, as hexadctl token makes it; of mode 0600, or 0640 if it belongs to root and"
+     " to the group of the service. It is looked at for every use, so that a change holds at once. Empty: the file"
+     " tokens in $CONFIGURATION_DIRECTORY (of the unit: /etc/hexad), else in state_dir, if it is there.",
      AT(token_file)},
     {"tcp_without_tokens", CONFIG_TEXT, "", 0, 0, "",
      "Whether a loopback port is served when there are no tokens: only with the words"

@@ -22,6 +22,7 @@
 #define PROGRESS_FD 3
 /* Descriptors for the child are put above the ones they will be copied to. */
 #define FIRST_SAFE_FD 10
+#define OOM_SCORE_FILE "/proc/self/oom_score_adj"
 
 struct engine_attempt {
     pid_t pid;
@@ -44,6 +45,7 @@ typedef struct launch {
     rlim_t address_space; /* bytes; RLIM_INFINITY: no limit */
     rlim_t file_size;     /* likewise */
     rlim_t open_files;
+    char oom_score_adj[24]; /* as text */
 } launch;
 
 static int raise_fd(int fd)
@@ -100,6 +102,26 @@ static bool lower_limit(int which, rlim_t to)
     return setrlimit(which, &limit) == 0;
 }
 
+/* The daemon's own, raised by LOCAL_OOM_SCORE; the kernel takes values up to 1000. */
+static void print_oom_score(char text[24])
+{
+    size_t length = 0;
+    char *own = store_file_read(OOM_SCORE_FILE, 64, &length, NULL);
+    long score = (own ? strtol(own, NULL, 10) : 0) + LOCAL_OOM_SCORE;
+    snprintf(text, 24, "%ld", score < 1000 ? score : 1000);
+    free(own);
+}
+
+/* Where there is no /proc, or where it may not be written, the kernel chooses as it likes: no reason not to run. */
+static void set_oom_score(const char *text)
+{
+    int fd = open(OOM_SCORE_FILE, O_WRONLY | O_CLOEXEC);
+    if (fd < 0) return;
+    ssize_t written = write(fd, text, strlen(text));
+    (void)written;
+    close(fd);
+}
+
 /* Runs in the child; only async-signal-safe calls. */
 static _Noreturn void run_child(const launch *l)
 {
@@ -107,6 +129,7 @@ static _Noreturn void run_child(const launch *l)
     sigemptyset(&none);
     for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
     sigprocmask(SIG_SETMASK, &none, NULL);
+    set_oom_score(l->oom_score_adj);
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
         prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && lower_limit(RLIMIT_CORE, 0) &&
         lower_limit(RLIMIT_AS, l->address_space) && lower_limit(RLIMIT_FSIZE, l->file_size) &&
@@ -204,7 +227,9 @@ static engine_attempt *start(const engine_request *request, error *e)
                 getpid(),
                 address_space_of(request->memory_mb),
                 request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
-                LOCAL_OPEN_FILES + request->input_root_count};
+                LOCAL_OPEN_FILES + request->input_root_count,
+                ""};
+    print_oom_score(l.oom_score_adj);
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);

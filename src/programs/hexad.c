@@ -204,12 +204,13 @@ static access_names names_of(const config_list *list)
     return (access_names){(const char *const *)list->item, list->count};
 }
 
-/* As set, else what systemd hands over, else in the state directory. To be freed. */
+/* As set, else in the directory that the unit names for settings, else in the state directory. To be freed. */
 static char *token_file_of(const service *s)
 {
-    const char *credentials = getenv("CREDENTIALS_DIRECTORY");
+    const char *directory = getenv("CONFIGURATION_DIRECTORY"); /* of the unit; a drop-in may have added others */
     if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
-    return mem_printf("%s/tokens", credentials ? credentials : s->state_dir);
+    if (!directory || !*directory) return mem_printf("%s/tokens", s->state_dir);
+    return mem_printf("%.*s/tokens", (int)strcspn(directory, ":"), directory);
 }
 
 static bool init_access(service *s, error *e)

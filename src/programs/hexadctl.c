@@ -1,4 +1,5 @@
 /* hexadctl: the client. Reads the command line and calls the command. */
+#include <grp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,13 +7,17 @@
 
 #include "config.h"
 
+#include "auth/token.h"
 #include "client/client.h"
 #include "client/command.h"
 
 /* Where the service has its socket when systemd runs it, and where it has it otherwise. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
 #define STATE_SOCKET HEXAD_STATEDIR "/hexad.sock"
-#define DEFAULT_TOKENS HEXAD_STATEDIR "/tokens"
+/* The service that systemd runs reads the first, and has a group of its own (systemd/hexad-sysusers.conf). */
+#define SYSTEM_TOKENS "/etc/hexad/tokens"
+#define SYSTEM_GROUP "hexad"
+#define STATE_TOKENS HEXAD_STATEDIR "/tokens"
 
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
@@ -39,7 +44,8 @@ static const char usage[] =
     "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, else\n"
     "                 unix:" SYSTEM_SOCKET " if it is there, else unix:" STATE_SOCKET "\n"
     "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
-    "  --file FILE    the daemon's token_file; default: " DEFAULT_TOKENS "\n"
+    "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS ", of the service that\n"
+    "                 systemd runs, if there is a group " SYSTEM_GROUP ", else " STATE_TOKENS "\n"
     "  --json         print documents as the server gives them\n"
     "  --help, --version\n"
     "\n"
@@ -170,9 +176,16 @@ static const char *default_server(void)
     return access(SYSTEM_SOCKET, F_OK) == 0 ? "unix:" SYSTEM_SOCKET : "unix:" STATE_SOCKET;
 }
 
+static void set_default_tokens(command_options *options)
+{
+    const struct group *group = getgrnam(SYSTEM_GROUP);
+    options->file = group ? SYSTEM_TOKENS : STATE_TOKENS;
+    options->file_group = group ? group->gr_gid : TOKEN_NO_GROUP;
+}
+
 int main(int argc, char **argv)
 {
-    line l = {.server = default_server(), .options.file = DEFAULT_TOKENS};
+    line l = {.server = default_server(), .options.file_group = TOKEN_NO_GROUP};
     if (is_print_only(argc, argv)) return COMMAND_OK;
     for (int i = 1; i < argc; i++) {
         bool option = argv[i][0] == '-' && argv[i][1];
@@ -184,6 +197,7 @@ int main(int argc, char **argv)
         fputs(usage, stderr);
         return COMMAND_USAGE;
     }
+    if (!l.options.file) set_default_tokens(&l.options);
     error e = {0};
     client *c = client_open(l.server, environment("HEXAD_TOKEN"), &e);
     if (!c) {

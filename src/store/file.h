@@ -39,8 +39,9 @@ bool store_file_write(const char *path, const void *bytes, size_t count, error *
  */
 char *store_file_read(const char *path, size_t limit, size_t *count, error *e);
 
-/* Whether nobody but the service and root can have had a hand in an open file, or a look; else an error
- * (spec_invalid). */
+/* Whether nobody but the service and root can have written an open file, or read it; else an error (spec_invalid).
+ * A file of root may let its group read, which is how root shows it to the service: that has to be the process's
+ * own group, or root's with an access control list. To root any group will do. */
 bool store_file_check_private(int fd, const char *path, error *e);
 
 /* SHA-256 of bytes; and of an open file, with its length, from its beginning; the offset of `fd` is not

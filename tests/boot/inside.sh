@@ -1,6 +1,8 @@
-# What bootcheck runs in the container, as root, with the path of hexad.conf. TAP on standard output.
+# What bootcheck runs in the booted system, as root, with the path of hexad.conf and the directory of the examples. TAP
+# on standard output.
 set -u
 settings=$1
+examples=$2
 HEXAD_SERVER=unix:/run/hexad/hexad.sock
 export HEXAD_SERVER
 count=0
@@ -12,6 +14,11 @@ check() {
     count=$((count + 1))
     echo "# $count: $name" >&2
     if "$@" >&2; then echo "ok $count - $name"; else echo "not ok $count - $name"; fi
+}
+
+skip() {
+    count=$((count + 1))
+    echo "ok $count - $1 # SKIP $2"
 }
 
 # Until the command holds; half a minute at most.
@@ -29,6 +36,31 @@ status_of() { sed -n "s/^$1:[[:space:]]*//p" "/proc/$(main_pid)/status"; }
 says() { [ "$(systemctl show -P "$1" hexad.service)" = "$2" ]; }
 status_says() { systemctl show -P StatusText hexad.service | grep -q "$1"; }
 logged() { journalctl -u hexad.service -o cat | grep -q "$@"; }
+restarts_reach() { [ "$(systemctl show -P NRestarts hexad.service)" -ge "$1" ]; }
+seconds() { cut -d. -f1 /proc/uptime; }
+
+# drop_in UNIT NAME <TEXT; gone again by remove_drop_ins
+drop_in() {
+    mkdir -p "/run/systemd/system/$1.d"
+    cat >"/run/systemd/system/$1.d/$2.conf" && systemctl daemon-reload
+}
+remove_drop_ins() {
+    rm -rf /run/systemd/system/hexad.service.d /run/systemd/system/hexad.socket.d
+    systemctl daemon-reload
+}
+
+# with_settings COMMAND...: the command may change hexad.conf and the units; afterwards all is as it was.
+with_settings() {
+    cp "$settings" /tmp/settings
+    "$@"
+    result=$?
+    cp /tmp/settings "$settings"
+    remove_drop_ins
+    systemctl stop hexad.service hexad.socket
+    systemctl reset-failed
+    systemctl start hexad.socket
+    return $result
+}
 state_is() { hexadctl show "$1" | grep -q " $2"; }
 
 spec() { echo "{\"version\": 1, \"surface\": $1, \"sampling\": {\"count\": 300}}"; }
@@ -64,10 +96,20 @@ strangers_are_kept_out() {
 }
 
 # The token may read and no more, although root brings it.
-tokens_are_credentials() {
-    token=$(hexadctl token add reader --scopes read --file "${settings%/*}/hexad.tokens") &&
-        systemctl restart hexad.service && HEXAD_TOKEN=$token hexadctl list &&
-        ! spec "$sphere" | HEXAD_TOKEN=$token hexadctl submit - && ! HEXAD_TOKEN=none hexadctl list && hexadctl list
+tokens_hold_at_once() {
+    before=$(main_pid)
+    token=$(umask 077 && hexadctl token add reader --scopes read) && HEXAD_TOKEN=$token hexadctl list &&
+        ! spec "$sphere" | HEXAD_TOKEN=$token hexadctl submit - && ! HEXAD_TOKEN=none hexadctl list &&
+        hexadctl token revoke "$(hexadctl token list | awk '$2 == "reader" { print $1 }')" &&
+        ! HEXAD_TOKEN=$token hexadctl list && hexadctl list && [ "$(main_pid)" = "$before" ]
+}
+
+# Of root, and seen by the service as read-only, whatever the file's mode says.
+tokens_are_of_root() {
+    [ "$(stat -c %U:%G:%a /etc/hexad/tokens)" = root:hexad:640 ] && [ "$(stat -c %U:%a /etc/hexad)" = root:755 ] &&
+        ! setpriv --reuid=hexad --regid=hexad --clear-groups sh -c ': >>/etc/hexad/tokens' &&
+        ! setpriv --reuid=hexad --regid=hexad --clear-groups sh -c ': >/etc/hexad/other' &&
+        ! setpriv --reuid=nobody --regid=nogroup --clear-groups cat /etc/hexad/tokens
 }
 
 reloads() {
@@ -101,11 +143,81 @@ is_watched() {
 }
 
 is_not_started_again_with_bad_settings() {
-    cp "$settings" /tmp/settings && echo "workers = many" >>"$settings"
+    echo "workers = many" >>"$settings"
     ! systemctl restart hexad.service && says ExecMainStatus 2 && says NRestarts 0 && says ActiveState failed
-    done=$?
-    cp /tmp/settings "$settings"
-    return $done
+}
+
+# A connection that waits starts the service as soon as it has failed. That ends, and the client is told.
+gives_up_on_bad_settings() {
+    echo "workers = many" >>"$settings"
+    systemctl stop hexad.service
+    ! hexadctl list && until_true systemctl is-failed hexad.socket
+}
+
+# The root comes late; it may be looked for at the pace of RestartSec=5 only, and without end.
+waits_for_a_late_root() {
+    echo "input_roots = /srv/late" >>"$settings"
+    systemctl stop hexad.service && systemctl reset-failed hexad.service
+    begin=$(seconds)
+    systemctl start --no-block hexad.service
+    until_true restarts_reach 3 && took=$(($(seconds) - begin)) || return 1
+    echo "three restarts took $took s"
+    [ "$took" -ge 14 ] && logged "input root /srv/late cannot be opened" && mkdir /srv/late &&
+        mount -t tmpfs -o mode=755 late /srv/late && cp /srv/input/mesh.off /srv/late && until_true says ActiveState active &&
+        succeeds '{"mesh": {"path": "/srv/late/mesh.off", "resolution": 24}}'
+}
+
+group_of_service() { echo "/sys/fs/cgroup$(systemctl show -P ControlGroup hexad.service)"; }
+
+# A worker that needs more than the service may have. The kernel ends it, and only it.
+outlives_a_worker_out_of_memory() {
+    printf '[Service]\nMemoryMax=300M\nMemorySwapMax=0\n' | drop_in hexad.service memory
+    printf 'host_memory_mb = 40000\nworkers = 2\nthreads = 2\n' >>"$settings"
+    systemctl restart hexad.service && systemctl reset-failed hexad.service
+    daemon=$(main_pid)
+    calm=$(submit_long) && until_true state_is "$calm" running &&
+        hungry=$(echo "{\"version\": 1, \"surface\": $sphere, \"sampling\": {\"count\": 30000000},
+            \"limits\": {\"memory_mb\": 16000, \"max_attempts\": 1}}" | hexadctl submit -) &&
+        until_true state_is "$hungry" failed && hexadctl show "$hungry" &&
+        grep -q '^oom_kill [1-9]' "$(group_of_service)/memory.events" && [ "$(main_pid)" = "$daemon" ] &&
+        says NRestarts 0 && state_is "$calm" running && hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
+}
+
+# By the example, and with no network for the service all the same.
+serves_tcp() {
+    token=$(hexadctl token add remote) && drop_in hexad.socket tcp <"$examples/tcp.conf" &&
+        systemctl stop hexad.service hexad.socket && systemctl start hexad.socket &&
+        HEXAD_SERVER=http://127.0.0.1:8642 HEXAD_TOKEN=$token timeout 60 hexadctl list &&
+        ! HEXAD_SERVER=http://127.0.0.1:8642 timeout 60 hexadctl list && is_confined
+}
+
+# Takes one call on 127.0.0.1:9999 into /tmp/call.
+receive_a_call() {
+    perl -MIO::Socket::INET -e '
+        $listener = IO::Socket::INET->new(Listen => 5, LocalAddr => "127.0.0.1:9999", ReuseAddr => 1) or die $!;
+        $caller = $listener->accept or die $!;
+        while (<$caller>) { $head .= $_; $length = $1 if /^content-length: (\d+)/i; last if /^\r?\n$/ }
+        read $caller, $body, $length;
+        print $caller "HTTP/1.1 204 No Content\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
+        close $caller;
+        print $head, $body, "\n"' >/tmp/call
+}
+
+calls_webhooks() {
+    mkdir -p /etc/hexad && (umask 077 && echo "correct horse battery staple" >/etc/hexad/webhook-secret) &&
+        chgrp hexad /etc/hexad/webhook-secret && chmod 640 /etc/hexad/webhook-secret || return 1
+    printf 'webhook_hosts = 127.0.0.1:9999\nwebhook_secret_file = /etc/hexad/webhook-secret\n' >>"$settings"
+    drop_in hexad.service webhooks <"$examples/webhooks.conf" && systemctl restart hexad.service || return 1
+    receive_a_call &
+    receiver=$!
+    job=$(echo "{\"version\": 1, \"surface\": $sphere, \"sampling\": {\"count\": 300},
+        \"queue\": {\"webhook\": \"http://127.0.0.1:9999/done\"}}" | hexadctl submit -) && hexadctl wait "$job" &&
+        until_true grep -q "$job" /tmp/call && grep -qi '^webhook-signature: v1,' /tmp/call &&
+        until_true logged "webhook delivered job=$job"
+    called=$?
+    kill "$receiver" 2>/dev/null
+    systemd-analyze security --no-pager hexad.service | tail -n 1
+    return $called
 }
 
 echo "input_roots = /srv/input" >>"$settings"
@@ -120,12 +232,24 @@ check "a job of a mesh" succeeds '{"mesh": {"path": "/srv/input/mesh.off", "reso
 check "the journal knows job, attempt and worker" journal_has_fields
 check "the status counts jobs" until_true status_says "[0-9] queued, [0-9]* running"
 check "strangers do not reach the socket" strangers_are_kept_out
-check "tokens are credentials" tokens_are_credentials
+check "tokens hold at once, and are worth nothing at once when revoked" tokens_hold_at_once
+check "tokens belong to root" tokens_are_of_root
 check "the exposure is 1.5 at most" systemd-analyze security --no-pager --threshold=15 hexad.service
 check "settings are reloaded" reloads
 check "a stop drains, and loses nothing" is_drained
 check "a daemon that was killed comes back" is_killed
 check "a daemon that stands still is ended and comes back" is_watched
-check "bad settings are not tried again" is_not_started_again_with_bad_settings
+remove_drop_ins
+check "bad settings are not tried again" with_settings is_not_started_again_with_bad_settings
+check "bad settings are not tried for ever for a client that waits" with_settings gives_up_on_bad_settings
+check "an input root that comes late is waited for" with_settings waits_for_a_late_root
+if grep -qw memory /sys/fs/cgroup/cgroup.controllers 2>/dev/null; then
+    check "a worker out of memory dies alone" with_settings outlives_a_worker_out_of_memory
+else
+    skip "a worker out of memory dies alone" "this container has no memory controller (see bootcheck, KERNEL)"
+fi
+check "the example tcp.conf serves a port" with_settings serves_tcp
+check "the example webhooks.conf lets webhooks be called" with_settings calls_webhooks
+check "a connection starts the service after all that" hexadctl list
 echo "1..$count"
 journalctl -u hexad.service --no-pager >&2

@@ -1,12 +1,13 @@
 """Workers in the sandbox: the same bytes as without for every kind of job, and no file but those that are theirs."""
 import json
+import pathlib
 import subprocess
 
 import numpy
 import pytest
 
 import volumes
-from service import PATIENCE_S, last_words, sphere
+from service import PATIENCE_S, last_words, long_sphere, processes, sphere, wait_until
 
 TETRAHEDRON = """OFF
 4 4 0
@@ -105,9 +106,14 @@ def test_a_file_longer_than_allowed_ends_the_job(new_service):
 
 FACTS = """#!/bin/sh
 cat >/dev/null
-echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep NoNewPrivs /proc/self/status)" >&2
+echo "core $(ulimit -c) descriptors $(ulimit -Hn) blocks $(ulimit -Hf) $(grep NoNewPrivs /proc/self/status)" \
+    "oom_score_adj $(cat /proc/self/oom_score_adj)" >&2
 exit 3
 """
+
+
+def oom_score(pid):
+    return int(pathlib.Path(f"/proc/{pid}/oom_score_adj").read_text())
 
 
 def test_what_any_worker_starts_with(new_service, tmp_path, inputs):
@@ -121,4 +127,18 @@ def test_what_any_worker_starts_with(new_service, tmp_path, inputs):
     log = (service.state / "attempts" / f"{job}.1" / "worker.log").read_text()
     words = log.split()
     assert 128 < int(words.pop(3)) < 135  # one for each input root
-    assert words == ["core", "0", "descriptors", "blocks", "4096", "NoNewPrivs:", "1"]
+    assert words == ["core", "0", "descriptors", "blocks", "4096", "NoNewPrivs:", "1",
+                     "oom_score_adj", str(min(oom_score("self") + 500, 1000))]
+
+
+def test_the_kernel_ends_a_worker_before_the_daemon(new_service):
+    """The daemon's own oom_score_adj stays what it was; that of a running worker is higher."""
+    service = new_service().start()
+    own = oom_score("self")
+    job = service.submit(long_sphere())
+    workers = wait_until(lambda: [pid for pid, (parent, _, command) in processes().items()
+                                  if parent == service.process.pid and command == "hexad-worker"], "the worker")
+    assert [oom_score(pid) for pid in workers] == [min(own + 500, 1000)]
+    assert oom_score(service.process.pid) == own
+    service.post(f"/v1/jobs/{job}/cancel")
+    service.wait_state(job, "cancelled")

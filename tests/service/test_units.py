@@ -37,6 +37,31 @@ def test_exposure(units, diagnose):
     diagnose(re.search(r"Overall exposure level.*", done.stdout)[0].encode("ascii", "ignore").decode())
 
 
+@pytest.mark.parametrize("unit, name, told", [
+    ("hexad.socket", "tcp", "ListenStream=127.0.0.1:8642"),
+    ("hexad.service", "webhooks", "IPAddressAllow=any"),
+    ("hexad.service", "mounts", "RequiresMountsFor=/mnt/show")], ids=["tcp", "webhooks", "mounts"])
+def test_examples_are_verified(units, source, diagnose, unit, name, told):
+    """Each as the drop-in that its first lines say it is."""
+    text = (source / f"systemd/examples/{name}.conf").read_text()
+    assert f"/etc/systemd/system/{unit}.d/{name}.conf" in text and told in text.splitlines()
+    (units / f"{unit}.d").mkdir()
+    (units / f"{unit}.d/{name}.conf").write_text(text)
+    done = analyze("verify", "--man=no", units / "hexad.service", units / "hexad.socket")
+    assert done.returncode == 0 and not done.stderr + done.stdout, done.stderr
+    done = analyze("security", "--offline=yes", f"--threshold={EXPOSURE * 10:.0f}", units / "hexad.service")
+    assert done.returncode == 0, done.stdout + done.stderr
+    diagnose(name + ": " + re.search(r"Overall exposure level.*", done.stdout)[0].encode("ascii", "ignore").decode())
+
+
+def test_starts_with_a_pause_never_reach_the_limit(units):
+    """A mount may come hours late."""
+    text = (units / "hexad.service").read_text()
+    pause, interval, burst = (int(re.search(rf"^{key}=(\d+)$", text, re.M)[1])
+                              for key in ("RestartSec", "StartLimitIntervalSec", "StartLimitBurst"))
+    assert pause >= 1 and interval / pause + 1 < burst
+
+
 def test_times_agree(units, build):
     """What systemd waits for at a stop is more than a drain takes by its defaults."""
     sample = subprocess.run([build / "hexad", "--print-config"], capture_output=True, text=True, check=True).stdout

@@ -4,10 +4,12 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <grp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "auth/access.h"
@@ -57,7 +59,7 @@ static void test_a_token_is_found_by_its_secret_alone(void **state)
     assert_non_null(token_set_add(&made, "bob@studio", SCOPE_ALL, second, &e));
     assert_string_not_equal(first, second);
     assert_int_equal(strlen(first), TOKEN_SIZE - 1);
-    if (!token_set_write(path, &made, &e) || !token_set_read(path, &read, &e)) fail_msg("%s", e.message);
+    if (!token_set_write(path, &made, TOKEN_NO_GROUP, &e) || !token_set_read(path, &read, &e)) fail_msg("%s", e.message);
     struct stat info;
     assert_int_equal(stat(path, &info), 0);
     assert_int_equal(info.st_mode & 0777, 0600);
@@ -116,8 +118,13 @@ static void test_files_that_are_refused(void **state)
     }
     static const char good[] = "0123456789ab alice read " HASH " 1\n";
     assert_true(store_file_write(path, good, strlen(good), &e));
+    static const mode_t open_to_others[] = {0644, 0604, 0660, 0602, 0610};
+    for (size_t i = 0; i < sizeof open_to_others / sizeof *open_to_others; i++) {
+        assert_int_equal(chmod(path, open_to_others[i]), 0);
+        expect_refusal("chmod 600");
+    }
     assert_int_equal(chmod(path, 0640), 0);
-    expect_refusal("chmod 600");
+    if (geteuid() != 0) expect_refusal("chmod 600"); /* root may have others read its files */
     assert_int_equal(chmod(path, 0600), 0);
     assert_true(token_set_read(path, &set, &e));
     assert_int_equal(set.count, 1);
@@ -126,6 +133,65 @@ static void test_files_that_are_refused(void **state)
     assert_null(token_set_add(&set, "", SCOPE_READ, secret, &e));
     assert_null(token_set_add(&set, "a b", SCOPE_READ, secret, &e));
     assert_null(token_set_add(&set, "uid:7", SCOPE_READ, secret, &e)); /* that is how users without a name are called */
+}
+
+/* As user and group `id`, which is in group `other` as well. */
+static bool can_read_as(uid_t id, gid_t other)
+{
+    int status = 0;
+    pid_t child = fork();
+    if (child == 0) {
+        token_set set = {0};
+        bool ok = setgroups(1, &other) == 0 && setgid(id) == 0 && setuid(id) == 0 &&
+                  token_set_read(path, &set, &(error){0}) && set.count == 1;
+        token_set_clear(&set);
+        _exit(ok ? 0 : 1);
+    }
+    assert_true(child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status));
+    return WEXITSTATUS(status) == 0;
+}
+
+static void expect_owner(gid_t group, mode_t mode)
+{
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    assert_int_equal(info.st_uid, 0);
+    assert_int_equal(info.st_gid, group);
+    assert_int_equal(info.st_mode & 07777, mode);
+}
+
+/* What root writes can be read by the group of the service, and by no other. */
+static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
+{
+    (void)state;
+    if (geteuid() != 0) skip();
+    error e = {0};
+    token_set set = {0};
+    char secret[TOKEN_SIZE], directory[] = "/tmp/hexad-token-XXXXXX", in_directory[sizeof directory + 8];
+    struct stat info;
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, secret, &e));
+    assert_int_equal(unlink(path), 0);
+    assert_true(token_set_write(path, &set, 60001, &e));
+    expect_owner(60001, 0640);
+    assert_true(can_read_as(60001, 60002));
+    assert_false(can_read_as(60002, 60001)); /* it can be opened, and is refused: the group has other members */
+    assert_false(can_read_as(60003, 60003));
+    /* a group that an administrator has given it stays */
+    assert_int_equal(chown(path, 0, 60002), 0);
+    assert_true(token_set_write(path, &set, 60001, &e));
+    expect_owner(60002, 0640);
+    assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
+    expect_owner(60002, 0640);
+    /* a new one in the directory of a service is for that service */
+    assert_non_null(mkdtemp(directory));
+    assert_int_equal(chown(directory, 60003, 60003), 0);
+    sprintf(in_directory, "%s/tokens", directory);
+    assert_true(token_set_write(in_directory, &set, TOKEN_NO_GROUP, &e));
+    assert_int_equal(stat(in_directory, &info), 0);
+    assert_true(info.st_uid == 0 && info.st_gid == 60003 && (info.st_mode & 07777) == 0640);
+    token_set_clear(&set);
+    assert_int_equal(unlink(in_directory), 0);
+    assert_int_equal(rmdir(directory), 0);
 }
 
 /* The kernel says who is at the other end; here it is this process. */
@@ -151,7 +217,7 @@ static void test_peers_and_tokens(void **state)
     assert_false(access_identify(a, &stranger, NULL, &caller));
     /* a token that is made while the service runs is known, and is what counts */
     assert_non_null(token_set_add(&set, "alice", SCOPE_READ, secret, &e));
-    assert_true(token_set_write(path, &set, &e));
+    assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
     strcat(strcpy(header, "Bearer "), secret);
     assert_true(access_identify(a, &peer, header, &caller));
     assert_string_equal(caller.user, "alice");
@@ -183,6 +249,7 @@ int main(void)
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("token", tests, NULL, NULL);
