@@ -21,6 +21,8 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_STALLED] = "stalled",
     [ERROR_CANCELLED] = "cancelled",
     [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
+    [ERROR_DATABASE_DAMAGED] = "database_damaged",
+    [ERROR_STORAGE_FULL] = "storage_full",
     [ERROR_INTERNAL] = "internal",
 };
 

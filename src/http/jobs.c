@@ -475,10 +475,12 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     };
     if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e))
         reply_set_error(r, &e, NULL);
-    else if (!queue_put(c->q, &submission, &receipt, &e))
-        reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
-    else
+    else if (queue_put(c->q, &submission, &receipt, &e))
         answer_receipt(c, request, &submission, &receipt, r);
+    else if (e.code == ERROR_DATABASE_DAMAGED)
+        reply_set_error(r, &e, NULL);
+    else
+        reply_set_unavailable(r, e.message); /* a full disk: the submitter's to wait for, not a fault */
     for (size_t i = 0; i < sent_count; i++) free(sent[i]);
     free(sent);
     free(labels);
