@@ -25,6 +25,7 @@ static const char *const names[ERROR_CODE_COUNT] = {
     [ERROR_STORAGE_FULL] = "storage_full",
     [ERROR_STORAGE_FAILED] = "storage_failed",
     [ERROR_INTERRUPTED] = "interrupted",
+    [ERROR_DATABASE_DAMAGED] = "database_damaged",
     [ERROR_INTERNAL] = "internal",
 };
 

@@ -33,6 +33,7 @@ typedef enum error_code {
     ERROR_STORAGE_FULL,   /* no space is left on a disk, or within a quota */
     ERROR_STORAGE_FAILED, /* a disk does not read or write */
     ERROR_INTERRUPTED,
+    ERROR_DATABASE_DAMAGED,
     ERROR_INTERNAL,
     ERROR_CODE_COUNT
 } error_code;

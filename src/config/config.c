@@ -194,7 +194,8 @@ static bool is_action(const char *text, config_action *action)
                    {"-h", CONFIG_HELP},
                    {"--version", CONFIG_VERSION},
                    {"--adopt", CONFIG_ADOPT},
-                   {"--print-config", CONFIG_SAMPLE}};
+                   {"--print-config", CONFIG_SAMPLE},
+                   {"--check", CONFIG_CHECK}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
         if (strcmp(text, actions[i].text) == 0) {
             *action = actions[i].action;
@@ -218,6 +219,13 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
             continue;
         }
         if (files) continue;
+        if (length == 6 && memcmp(key, "backup", 6) == 0) {
+            if (!*value) return error_set(s->e, ERROR_SPEC_INVALID, "--backup has no value: name a file");
+            free(s->c->backup);
+            s->c->backup = mem_strdup(value);
+            *action = CONFIG_BACKUP;
+            continue;
+        }
         const config_row *row = find_row(key, length);
         if (!row)
             return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help",
@@ -303,6 +311,7 @@ void config_clear(config *c)
         if (config_table[i].type == CONFIG_TEXT) free(*(char **)at);
         if (is_list(&config_table[i])) list_clear(at);
     }
+    free(c->backup);
     *c = (config){0};
 }
 
@@ -356,6 +365,7 @@ void config_print_help(FILE *file)
 {
     fputs(
         "usage: hexad [--config FILE] [--KEY VALUE]...\n"
+        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
         "\n"
         "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
         "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once. SIGHUP reads\n"
@@ -364,11 +374,17 @@ void config_print_help(FILE *file)
         "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
         "  --adopt          takes the database in state_dir, whosever it is, or a new one where it is\n"
         "                   lost, and reads results that it does not know back into it; for one start\n"
+        "  --backup FILE    copies the queue's database to FILE, which it replaces, and checks the copy;\n"
+        "                   whether hexad runs or not, with the settings that it runs with. Over TCP it\n"
+        "                   shows the token $HEXAD_TOKEN, which needs the scope admin\n"
+        "  --check          checks the database for damage and, when hexad does not run, the results of\n"
+        "                   all jobs; changes nothing, and prints a line for each thing that is wrong\n"
         "  --print-config   a sample of that file\n"
         "  --help           this text\n"
         "  --version        the version\n"
         "\n"
-        "Exit status: 0 drained, 1 failure, 2 bad settings.\n"
+        "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
+        "as it was. Of --check: 0 all is sound, 1 trouble was found, or it could not be looked for.\n"
         "\n"
         "Settings, as options and as keys of the file; options win:\n",
         file);

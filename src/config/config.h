@@ -45,6 +45,7 @@ typedef struct config {
     double retry_s, retry_most_s;
     int64_t storage_retries;
     int64_t free_space_mb, reserve_mb; /* 0: none */
+    double check_interval_s; /* 0: never */
     double retention_s; /* 0: for ever */
     double timeout_s, stall_s; /* 0: none */
     int64_t estimates; /* 0: none */
@@ -61,9 +62,18 @@ typedef struct config {
     int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
     log_level log_level;
+    char *backup; /* no setting: with CONFIG_BACKUP the file; else NULL */
 } config;
 
-typedef enum config_action { CONFIG_RUN, CONFIG_ADOPT, CONFIG_HELP, CONFIG_VERSION, CONFIG_SAMPLE } config_action;
+typedef enum config_action {
+    CONFIG_RUN,
+    CONFIG_ADOPT,
+    CONFIG_HELP,
+    CONFIG_VERSION,
+    CONFIG_SAMPLE,
+    CONFIG_BACKUP,
+    CONFIG_CHECK
+} config_action;
 
 /* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */

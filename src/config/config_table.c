@@ -136,6 +136,10 @@ const config_row config_table[] = {
      "Jobs of one user that have not ended; another one is refused. 0: any number.", AT(user_queued)},
     {"user_running", CONFIG_INTEGER, "0", 0, 1 << 20, "attempts",
      "Attempts of one user at once; the user's other jobs wait. 0: any number.", AT(user_running)},
+    {"check_interval_s", CONFIG_REAL, "86400", 1, 1e7, "s",
+     "How often the whole database is checked for damage, by a copy of it, at a time when nothing is stored; beside the"
+     " quick check after each start. 0: not again after that.",
+     AT_OR_ZERO(check_interval_s)},
     {"retention_s", CONFIG_REAL, "0", 0, 1e10, "s",
      "How long a job and its results are kept after its end, of a job that names no time. 0: for ever.",
      AT(retention_s)},

@@ -23,6 +23,7 @@ typedef struct http_counters {
     atomic_uint_fast64_t answers[6];  /* by the first digit of their status */
     atomic_uint_fast64_t refused;     /* connections over a limit */
     atomic_uint_fast64_t connections; /* open ones */
+    atomic_bool copying;              /* a backup is being made */
 } http_counters;
 
 /* What handlers work on; borrowed, and outlives the server. */

@@ -147,6 +147,9 @@ const openapi_schema openapi_schemas[] = {
             "'sha256':" HASH ",'bytes':" COUNT
             ",'path':{'type':'string','description':'What a spec calls it; an ending may follow.'}")},
     {"Health", OBJECT("'status'", "'status':{'enum':['ok','draining']}")},
+    {"Readiness", OBJECT("'status','checks'", "'status':{'const':'ok'},'checks':" REF("Checks"))},
+    {"Checks", "{'type':'object','description':'Each condition of readiness, in a word; ok where all is well.',"
+               "'additionalProperties':{'type':'string'}}"},
     {"Drain", OBJECT("'status','running'", "'status':{'enum':['ok','draining']},'running':" COUNT)},
     {"Version", OBJECT("'name','version','api'",
                        "'name':{'type':'string'},'version':{'type':'string'},'api':{'const':'v1'}")},
@@ -155,7 +158,7 @@ const openapi_schema openapi_schemas[] = {
      "{'type':'object','required':['type','title','status','detail','code','errors'],'additionalProperties':"
      "false,"
      "'properties':{'type':{'type':'string'},'title':{'type':'string'},'status':{'type':'integer'},"
-     "'detail':{'type':'string'},'code':" REF("ProblemCode") ",'errors':" LIST(
+     "'detail':{'type':'string'},'code':" REF("ProblemCode") ",'checks':" REF("Checks") ",'errors':" LIST(
          OBJECT("'pointer','detail'", "'pointer':{'type':'string'},'detail':{'type':'string'}")) "}}"},
 };
 

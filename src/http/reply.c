@@ -41,6 +41,7 @@ static const reply_problem problems[] = {
     {"no_surface", 422, "There is no surface"},
     {"too_many_requests", 429, "The client asks too much at once"},
     {"unavailable", 503, "The service cannot do this now"},
+    {"database_damaged", 503, "The database of the service is damaged"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},
     {"storage_full", 507, "There is no room left"},
@@ -149,6 +150,16 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
     free(type);
     reply_set_json(r, p->status, document);
     r->content_type = "application/problem+json";
+}
+
+void reply_add_member(reply *r, const char *name, json *value)
+{
+    json *document = json_parse(r->body, r->length, NULL);
+    json_put(document, name, value);
+    free(r->body);
+    r->body = json_print(document);
+    r->length = strlen(r->body);
+    json_free(document);
 }
 
 void reply_set_unavailable(reply *r, const char *why)

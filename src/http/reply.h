@@ -23,6 +23,7 @@
  *     storage_full 507            no room on the disk, or for an input; Retry-After but for the latter
  *     too_many_jobs 429           of one user; Retry-After
  *     too_many_requests 429       too many connections of one client or user; Retry-After
+ *     database_damaged 503        nothing is changed any more until an operator has seen to it
  *     unavailable 503             draining, the queue cannot store, or too many connections of all; Retry-After
  */
 #ifndef HEXAD_HTTP_REPLY_H
@@ -99,6 +100,8 @@ void reply_set_file(reply *r, const char *content_type, int fd, int64_t bytes);
 /* `code` is one of the table; `errors` is an array that is taken over, or NULL. */
 void reply_set_problem(reply *r, const char *code, json *errors, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
+/* To a document that was set. Takes the value over. */
+void reply_add_member(reply *r, const char *name, json *value);
 /* `unavailable`, with Retry-After. */
 void reply_set_unavailable(reply *r, const char *why);
 /* `storage_full`, with Retry-After. */

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "http/backup.h"
 #include "http/change.h"
 #include "http/events.h"
 #include "http/inputs.h"
@@ -73,12 +74,15 @@ static const route routes[] = {
      "Take no more jobs and start no attempts; what runs goes on", "", "", NULL, NULL, "200:Drain", ""},
     {"POST", "/v1/admin/resume", status_resume, SCOPE_ADMIN, false, NULL, "resume", "End a drain", "", "",
      NULL, NULL, "200:Drain", ""},
+    {"GET", "/v1/backup", backup_send, SCOPE_ADMIN, true, NULL, "getBackup",
+     "A whole copy of the database as it is now, to be kept", "", "", NULL, NULL, "200:file",
+     "database_damaged storage_full"},
     {"GET", "/v1/openapi.json", openapi_show, 0, false, NULL, "getOpenapi", "This document", "", "", NULL,
      NULL, "200:Openapi", ""},
     {"GET", "/healthz", status_health, 0, false, NULL, "getHealth", "Whether the service is alive", "", "",
      NULL, NULL, "200:Health", ""},
     {"GET", "/readyz", status_ready, 0, false, NULL, "getReadiness", "Whether the service takes jobs", "", "",
-     NULL, NULL, "200:Health", ""},
+     NULL, NULL, "200:Readiness", "database_damaged"},
     {"GET", "/metrics", status_metrics, SCOPE_READ, false, NULL, "getMetrics", "Figures for Prometheus", "",
      "", NULL, NULL, "200:text", ""},
     {"GET", "/version", status_version, 0, false, NULL, "getVersion", "What is running", "", "", NULL, NULL,

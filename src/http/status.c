@@ -1,47 +1,91 @@
 #include "http/status.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "config.h"
 
 #include "base/log.h"
 #include "http/tasks.h"
 
-static void show_status(const char *status, int code, reply *r)
-{
-    json *document = json_new_object();
-    json_put_string(document, "status", status);
-    reply_set_json(r, code, document);
-}
-
 void status_health(const http_context *c, const http_request *request, reply *r)
 {
     (void)request;
-    show_status(executor_takes_jobs(c->x) ? "ok" : "draining", 200, r);
+    json *document = json_new_object();
+    json_put_string(document, "status", executor_takes_jobs(c->x) ? "ok" : "draining");
+    reply_set_json(r, 200, document);
 }
 
-/* Whether there is room on the disk to start jobs; else why not. */
-static bool check_storage(const http_context *c, char *why, size_t size)
+/* ---- readiness: a list of conditions, each looked at by a function of its own */
+
+typedef struct finding {
+    const char *state; /* one word, "ok" where all is well */
+    const char *code;  /* of the problem that keeps the service from taking jobs; NULL: none does */
+    char detail[sizeof((error *)0)->message];
+} finding;
+
+static void look_at_jobs(const http_context *c, finding *f)
+{
+    if (executor_takes_jobs(c->x)) return;
+    f->state = "draining";
+    f->code = "unavailable";
+    snprintf(f->detail, sizeof f->detail, "the service drains and takes no jobs now");
+}
+
+static void look_at_database(const http_context *c, finding *f)
+{
+    queue_health health;
+    error e = {0};
+    queue_get_health(c->q, &health);
+    if (queue_allows_changes(c->q, &e)) {
+        if (health.checking) f->state = "checking"; /* and sound as far as is known */
+        return;
+    }
+    f->state = "damaged";
+    f->code = error_code_name(e.code);
+    memcpy(f->detail, e.message, sizeof f->detail);
+}
+
+static void look_at_storage(const http_context *c, finding *f)
 {
     executor_space space = executor_get_space(c->x);
-    if (space.free_bytes >= space.floor_bytes) return true;
-    snprintf(why, size,
+    if (space.free_bytes >= space.floor_bytes) return;
+    f->state = "full";
+    f->code = "unavailable";
+    snprintf(f->detail, sizeof f->detail,
              "storage_full: %lld MiB are free on the disk of state_dir, and %lld MiB are wanted before a job is"
              " started (setting free_space_mb)",
              (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
-    return false;
 }
 
+static const struct condition {
+    const char *name;
+    void (*look)(const http_context *c, finding *f);
+} conditions[] = {{"jobs", look_at_jobs}, {"storage", look_at_storage}, {"database", look_at_database}};
+
+/* The worst comes last in the list: it is the one that is told. */
 void status_ready(const http_context *c, const http_request *request, reply *r)
 {
-    char why[256];
     (void)request;
-    if (!executor_takes_jobs(c->x))
-        reply_set_unavailable(r, "the service drains and takes no jobs now");
-    else if (!check_storage(c, why, sizeof why))
-        reply_set_unavailable(r, why);
-    else
-        show_status("ok", 200, r);
+    finding worst = {0};
+    json *checks = json_new_object(), *document = json_new_object();
+    for (size_t i = 0; i < sizeof conditions / sizeof *conditions; i++) {
+        finding f = {.state = "ok"};
+        conditions[i].look(c, &f);
+        json_put_string(checks, conditions[i].name, f.state);
+        if (f.code) worst = f;
+    }
+    if (!worst.code) {
+        json_put_string(document, "status", "ok");
+        reply_set_json(r, 200, document);
+    } else {
+        json_free(document);
+        if (strcmp(worst.code, "unavailable") == 0)
+            reply_set_unavailable(r, worst.detail);
+        else
+            reply_set_problem(r, worst.code, NULL, "%s", worst.detail);
+    }
+    reply_add_member(r, "checks", checks);
 }
 
 /* A figure of Prometheus' text format, with what it means before its first sample. */
@@ -77,6 +121,19 @@ static void put_load(const http_context *c, FILE *out)
     fprintf(out, "hexad_memory_limit_bytes %lld\n", (long long)load.all_memory_mb << 20);
 }
 
+static void put_database(const http_context *c, FILE *out)
+{
+    queue_health health;
+    queue_get_health(c->q, &health);
+    put_figure(out, "hexad_database_damaged", "gauge", "Whether damage was found in the database.");
+    fprintf(out, "hexad_database_damaged %d\n", health.damaged);
+    put_figure(out, "hexad_database_last_check_timestamp_seconds", "gauge",
+               "When the last check of the database ended; 0: there was none.");
+    fprintf(out, "hexad_database_last_check_timestamp_seconds %.3f\n", (double)health.checked_ms / 1000);
+    put_figure(out, "hexad_database_last_check_duration_seconds", "gauge", "How long that check took.");
+    fprintf(out, "hexad_database_last_check_duration_seconds %.3f\n", (double)health.check_took_ms / 1000);
+}
+
 static void put_storage(const http_context *c, FILE *out)
 {
     executor_space space = executor_get_space(c->x);
@@ -100,6 +157,7 @@ void status_metrics(const http_context *c, const http_request *request, reply *r
     fprintf(out, "hexad_draining %d\n", !executor_takes_jobs(c->x));
     put_jobs(c, out);
     put_load(c, out);
+    put_database(c, out);
     put_storage(c, out);
     put_figure(out, "hexad_http_answers_total", "counter", "Answers, by the first digit of their status.");
     for (int i = 2; i < 6; i++)

@@ -27,6 +27,8 @@
 #include "executor/instance.h"
 #include "http/herald.h"
 #include "http/server.h"
+#include "programs/maintenance.h"
+#include "queue/checker.h"
 #include "queue/queue.h"
 #include "store/file.h"
 #include "store/inputs.h"
@@ -55,6 +57,7 @@ typedef struct service {
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
+    checker *checker;
     store_inputs *inputs;
     const char **input_roots; /* the directory of inputs, and those of the settings */
     size_t input_root_count;
@@ -120,6 +123,17 @@ static bool init_queue(service *s, error *e)
 static void fini_queue(service *s)
 {
     queue_close(s->q);
+}
+
+static bool init_checker(service *s, error *e)
+{
+    s->checker = checker_start(s->q, s->settings.check_interval_s, e);
+    return s->checker != NULL;
+}
+
+static void fini_checker(service *s)
+{
+    checker_stop(s->checker);
 }
 
 static bool init_inputs(service *s, error *e)
@@ -473,7 +487,7 @@ static const struct step {
     {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
     {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
     {"webhooks", init_webhooks, fini_webhooks}, {"network", init_network, fini_network},
-    {"http", init_http, fini_http},
+    {"http", init_http, fini_http},             {"checker", init_checker, fini_checker},
     {"port_file", init_port_file, fini_port_file},
 };
 
@@ -636,6 +650,12 @@ int main(int argc, char **argv)
         break;
     case CONFIG_RUN:
         status = run(&s);
+        break;
+    case CONFIG_BACKUP:
+        status = maintenance_back_up(&s.settings);
+        break;
+    case CONFIG_CHECK:
+        status = maintenance_check(&s.settings);
         break;
     }
     config_clear(&s.settings);

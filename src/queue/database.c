@@ -1,13 +1,12 @@
 #include "queue/database.h"
 
+#include <dirent.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/statvfs.h>
 #include <time.h>
 #include <unistd.h>
@@ -15,7 +14,11 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "queue/backup.h"
 #include "queue/filesystem.h"
+#include "queue/header.h"
+#include "queue/health.h"
+#include "queue/lock.h"
 #include "queue/queue.h"
 #include "queue/reserve.h"
 #include "queue/schema.h"
@@ -28,8 +31,10 @@
 #define STAMPS 4096
 
 struct queue {
-    int lock_fd; /* holds the lock on the state directory */
+    int lock_fd; /* holds the lock on the state directory; -1: of a copy, which has none */
     char *state_dir;
+    health *health;
+    atomic_uint copies; /* that were begun; for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
 
     pthread_mutex_t mutex; /* of the connection and what follows */
@@ -67,6 +72,47 @@ overtaken *database_overtaken(database *d)
     return &d->overtaken;
 }
 
+sqlite3 *database_connection(database *d)
+{
+    return d->connection;
+}
+
+health *database_health(database *d)
+{
+    return d->health;
+}
+
+void queue_get_health(queue *q, queue_health *known)
+{
+    health_get(q->health, known);
+}
+
+bool queue_allows_changes(queue *q, error *e)
+{
+    return health_allows_changes(q->health, e);
+}
+
+const char *database_directory(database *d)
+{
+    return d->state_dir;
+}
+
+uint64_t database_change_count(database *d)
+{
+    database_lock(d);
+    int64_t count = sqlite3_total_changes64(d->connection);
+    database_unlock(d);
+    return (uint64_t)count;
+}
+
+char *database_copy_path(database *d)
+{
+    char *directory = backup_directory(d->state_dir);
+    char *path = mem_printf("%s/%u.db", directory, atomic_fetch_add(&d->copies, 1));
+    free(directory);
+    return path;
+}
+
 /* ---- statements */
 
 /* Whether the last call failed for want of space; a quota is a fault of the disk to SQLite. */
@@ -76,10 +122,15 @@ static bool is_full(database *d)
     return why == SQLITE_FULL || (why == SQLITE_IOERR && sqlite3_system_errno(d->connection) == EDQUOT);
 }
 
+/* Of the last call of SQLite's. What shows damage is noted, so that nothing is written any more. */
 static bool fail(database *d, error *e)
 {
-    return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
-                     sqlite3_errmsg(d->connection));
+    int code = sqlite3_extended_errcode(d->connection);
+    const char *why = sqlite3_errmsg(d->connection);
+    if (!schema_code_is_damage(code) && !schema_code_is_doubt(code))
+        return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s", why);
+    health_note_damage(d->health, "statement", why, schema_code_is_doubt(code));
+    return health_allows_changes(d->health, e) && error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
 }
 
 static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
@@ -234,6 +285,7 @@ bool database_change(database *d, change *c, error *e)
     c->next = NULL;
     c->done = c->ok = false;
     c->fault = (error){0};
+    if (!health_allows_changes(d->health, e)) return false;
     pthread_mutex_lock(&d->gate);
     *d->last = c;
     d->last = &c->next;
@@ -290,32 +342,16 @@ bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
 
 /* ---- opening */
 
-/* In place, since a full disk is no reason not to start. */
-static void note_holder(int fd)
+/* Makes the directory of copies, and removes from it what a process that was killed has left there. */
+static bool clear_copies(const char *state_dir, error *e)
 {
-    char holder[16];
-    int length = snprintf(holder, sizeof holder, "%d", (int)getpid());
-    bool ok = pwrite(fd, holder, (size_t)length, 0) == length;
-    if (ftruncate(fd, ok ? length : 0) != 0 || !ok)
-        log_write(LOG_LEVEL_WARNING, "the file lock does not tell who holds it: %s", strerror(errno));
-}
-
-static bool take_lock(queue *q, const char *state_dir, error *e)
-{
-    char *path = mem_printf("%s/lock", state_dir);
-    q->lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    bool ok = q->lock_fd >= 0 && flock(q->lock_fd, LOCK_EX | LOCK_NB) == 0;
-    if (!ok && q->lock_fd >= 0 && errno == EWOULDBLOCK) {
-        char holder[16] = "";
-        ssize_t got = pread(q->lock_fd, holder, sizeof holder - 1, 0);
-        holder[got > 0 ? got : 0] = '\0';
-        error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder,
-                  state_dir);
-    } else if (!ok) {
-        error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
-    } else {
-        note_holder(q->lock_fd);
-    }
+    if (!backup_make_directory(state_dir, e)) return false;
+    char *path = backup_directory(state_dir);
+    DIR *listing = opendir(path);
+    bool ok = listing || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    for (struct dirent *entry; listing && (entry = readdir(listing));)
+        if (entry->d_name[0] != '.') unlinkat(dirfd(listing), entry->d_name, 0);
+    if (listing) closedir(listing);
     free(path);
     return ok;
 }
@@ -335,18 +371,17 @@ static void make_locks(queue *q)
     q->happened = 1; /* who has seen nothing is told at once */
 }
 
-queue *queue_open(const char *state_dir, error *e)
+/* Of the directory's own database, or of a copy of one, which nobody else uses. */
+static queue *open_file(const char *state_dir, int lock_fd, const char *path, error *e)
 {
     queue *q = mem_alloc(sizeof *q);
     make_locks(q);
-    q->lock_fd = -1;
+    q->lock_fd = lock_fd;
     q->state_dir = mem_strdup(state_dir);
-    char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
-    bool ok = filesystem_check(state_dir, e) && take_lock(q, state_dir, e);
-    if (ok) reserve_lend(state_dir);
-    if (ok &&
-        sqlite3_open_v2(path, &q->connection,
-                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
+    q->health = health_new();
+    bool ok = true;
+    if (sqlite3_open_v2(path, &q->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) !=
+        SQLITE_OK)
         ok = q->connection ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
     if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->connection, e);
@@ -354,12 +389,26 @@ queue *queue_open(const char *state_dir, error *e)
     if (ok) {
         sqlite3_busy_timeout(q->connection, 0);
         sqlite3_update_hook(q->connection, note_row, q);
+        return q;
     }
-    if (!ok) {
+    error_prefix(e, "%s", path);
+    q->lock_fd = -1; /* stays the caller's */
+    queue_close(q);
+    return NULL;
+}
+
+queue *queue_open(const char *state_dir, error *e)
+{
+    char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
+    int lock_fd = filesystem_check(state_dir, e) ? lock_take(state_dir, NULL, e) : -1;
+    queue *q = NULL;
+    if (lock_fd < 0 || !clear_copies(state_dir, e) || !header_check(path, e))
         error_prefix(e, "%s", path);
-        queue_close(q);
-        q = NULL;
+    else {
+        reserve_lend(state_dir);
+        q = open_file(state_dir, lock_fd, path, e);
     }
+    if (!q && lock_fd >= 0) close(lock_fd);
     free(path);
     return q;
 }
@@ -380,12 +429,18 @@ bool database_has_room(database *d)
     return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
 }
 
+queue *backup_open_queue(const char *path, error *e)
+{
+    return open_file("", -1, path, e);
+}
+
 void queue_close(queue *q)
 {
     if (!q) return;
     for (size_t i = 0; q->statement[i].sql; i++) sqlite3_finalize(q->statement[i].prepared);
     sqlite3_close(q->connection);
     if (q->lock_fd >= 0) close(q->lock_fd);
+    health_free(q->health);
     pthread_mutex_destroy(&q->mutex);
     pthread_mutex_destroy(&q->gate);
     pthread_cond_destroy(&q->turn);

@@ -88,4 +88,13 @@ typedef struct overtaken {
 } overtaken;
 overtaken *database_overtaken(database *d);
 
+/* ---- for copies and checks (queue/backup, queue/checker) */
+
+struct health;
+sqlite3 *database_connection(database *d); /* to be used under the lock */
+struct health *database_health(database *d);
+const char *database_directory(database *d); /* the state directory */
+uint64_t database_change_count(database *d); /* rows that were changed since the start */
+char *database_copy_path(database *d);       /* where a copy may be made; to be freed */
+
 #endif

@@ -81,6 +81,25 @@ typedef struct queue_instance {
 bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *e);
 bool queue_set_instance(queue *q, const queue_instance *instance, error *e);
 
+/* ---- health */
+
+/* Of the database. What is damaged is not written to any more, so that it is not made worse: changes fail with code
+ * database_damaged, and reads go on as far as they can. A new start ends that, or, where it was a fault of
+ * reading, a check that reads all (queue/checker). */
+typedef struct queue_health {
+    bool damaged, checking;
+    int64_t damaged_ms;    /* wall clock: when it was found */
+    const char *found_by;  /* "statement", "copy", "quick_check" or "integrity_check" */
+    char damage[240];      /* what was found */
+    int64_t checked_ms;    /* wall clock: the end of the last check; 0: there was none */
+    int64_t check_took_ms; /* its duration */
+} queue_health;
+
+void queue_get_health(queue *q, queue_health *known);
+
+/* False when it is damaged: the error says how, and what an operator has to do. */
+bool queue_allows_changes(queue *q, error *e);
+
 /* ---- jobs */
 
 typedef struct queue_counts { /* tasks; the sum of all but `all` is `all` */

@@ -1,6 +1,9 @@
 #include "queue/schema.h"
 
-#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "queue/health.h"
 
 #define TEXT_OF(x) #x
 #define TEXT(x) TEXT_OF(x)
@@ -260,10 +263,29 @@ static const char add_storage[] =
 static const char add_instance[] = INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
 static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
 
+bool schema_code_is_damage(int code)
+{
+    int primary = code & 0xFF;
+    return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_CORRUPTFS ||
+           code == SQLITE_IOERR_DATA;
+}
+
+bool schema_code_is_doubt(int code)
+{
+    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_SHORT_READ;
+}
+
+static bool fail(sqlite3 *database, error *e)
+{
+    const char *why = sqlite3_errmsg(database);
+    if (schema_code_is_damage(sqlite3_extended_errcode(database)))
+        return error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%s): %s", why, HEALTH_WAY_OUT);
+    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
+}
+
 static bool run(sqlite3 *database, const char *sql, error *e)
 {
-    if (sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK) return true;
-    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", sqlite3_errmsg(database));
+    return sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK || fail(database, e);
 }
 
 static bool read_version(sqlite3 *database, int *version, error *e)
@@ -275,25 +297,131 @@ static bool read_version(sqlite3 *database, int *version, error *e)
     if (ok)
         *version = sqlite3_column_int(statement, 0);
     else
-        error_set(e, ERROR_INTERNAL, "the queue's database: %s", sqlite3_errmsg(database));
+        fail(database, e);
     sqlite3_finalize(statement);
     return ok;
 }
 
 static bool make_tables(sqlite3 *database, int version, error *e)
 {
-    bool ok = run(database, "BEGIN IMMEDIATE", e);
-    if (ok && version == 1) ok = run(database, set_old_aside, e);
-    if (ok && version < 2) ok = run(database, tables, e);
-    if (ok && version == 1) ok = run(database, carry_over, e);
-    if (ok && version == 2) ok = run(database, add_paths, e);
-    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, e);
-    if (ok && version >= 2) ok = run(database, add_removed_events, e);
-    if (ok && version >= 2) ok = run(database, add_storage, e);
-    if (ok && version >= 2) ok = run(database, add_instance, e);
-    if (ok && version >= 1) ok = run(database, leave_unnamed, e);
-    ok = ok && run(database, set_version, e) && run(database, "COMMIT", e);
-    if (!ok) run(database, "ROLLBACK", NULL);
+    error why = {0};
+    bool ok = run(database, "BEGIN IMMEDIATE", &why);
+    if (ok && version == 1) ok = run(database, set_old_aside, &why);
+    if (ok && version < 2) ok = run(database, tables, &why);
+    if (ok && version == 1) ok = run(database, carry_over, &why);
+    if (ok && version == 2) ok = run(database, add_paths, &why);
+    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, &why);
+    if (ok && version >= 2) ok = run(database, add_removed_events, &why);
+    if (ok && version >= 2) ok = run(database, add_storage, &why);
+    if (ok && version >= 2) ok = run(database, add_instance, &why);
+    if (ok && version >= 1) ok = run(database, leave_unnamed, &why);
+    ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
+    if (ok) return true;
+    /* statements of the program that make no sense to SQLite: the tables are not those of the version */
+    if (sqlite3_errcode(database) == SQLITE_ERROR)
+        error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (its tables are not those of version %d: %s): %s",
+                  version, sqlite3_errmsg(database), HEALTH_WAY_OUT);
+    else if (e)
+        *e = why;
+    run(database, "ROLLBACK", NULL);
+    return false;
+}
+
+/* ---- the tables, held against those that this version makes */
+
+/* Both texts without what is blank, which a statement that was kept has from its program's source. */
+static bool is_same_text(const char *a, const char *b)
+{
+    for (;; a++, b++) {
+        while (*a == ' ') a++;
+        while (*b == ' ') b++;
+        if (*a != *b || !*a) return *a == *b;
+    }
+}
+
+static const char *column(sqlite3_stmt *s, int at)
+{
+    const char *found = (const char *)sqlite3_column_text(s, at);
+    return found ? found : "";
+}
+
+/* Columns of a table that are not in the other database as they are in this one. */
+static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *table, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok = sqlite3_prepare_v2(wanted, "SELECT name, type, \"notnull\", pk FROM pragma_table_xinfo(?1)", -1, &want,
+                                 NULL) == SQLITE_OK &&
+              sqlite3_prepare_v2(database,
+                                 "SELECT 1 FROM pragma_table_xinfo(?1) WHERE name = ?2 AND type = ?3"
+                                 " AND \"notnull\" = ?4 AND pk = ?5",
+                                 -1, &have, NULL) == SQLITE_OK;
+    if (ok) sqlite3_bind_text(want, 1, table, -1, SQLITE_STATIC);
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        sqlite3_bind_text(have, 1, table, -1, SQLITE_STATIC);
+        for (int i = 0; i < 4; i++) sqlite3_bind_value(have, i + 2, sqlite3_column_value(want, i));
+        int found = sqlite3_step(have);
+        if (found == SQLITE_DONE) {
+            fprintf(findings, "the table %s lacks the column %s as it has to be\n", table, column(want, 0));
+            ++*count;
+        }
+        ok = found == SQLITE_DONE || found == SQLITE_ROW;
+        sqlite3_reset(have);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+static bool compare_all(sqlite3 *wanted, sqlite3 *database, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok = sqlite3_prepare_v2(wanted,
+                                 "SELECT type, name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'",
+                                 -1, &want, NULL) == SQLITE_OK &&
+              sqlite3_prepare_v2(database, "SELECT sql FROM sqlite_schema WHERE type = ?1 AND name = ?2", -1, &have,
+                                 NULL) == SQLITE_OK;
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        const char *type = column(want, 0), *name = column(want, 1);
+        sqlite3_bind_text(have, 1, type, -1, SQLITE_STATIC);
+        sqlite3_bind_text(have, 2, name, -1, SQLITE_STATIC);
+        int found = sqlite3_step(have);
+        bool is_table = strcmp(type, "table") == 0;
+        ok = found == SQLITE_ROW || found == SQLITE_DONE;
+        if (found == SQLITE_DONE || (found == SQLITE_ROW && !is_table && !is_same_text(column(want, 2), column(have, 0)))) {
+            fprintf(findings, "the %s %s is %s\n", type, name, found == SQLITE_ROW ? "another one" : "missing");
+            ++*count;
+        }
+        sqlite3_reset(have);
+        if (found == SQLITE_ROW && is_table) ok = compare_columns(wanted, database, name, findings, count);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e)
+{
+    sqlite3 *wanted = NULL;
+    *count = 0;
+    bool ok = sqlite3_open(":memory:", &wanted) == SQLITE_OK && sqlite3_exec(wanted, tables, NULL, NULL, NULL) == SQLITE_OK;
+    if (!ok) error_set(e, ERROR_INTERNAL, "the queue's tables: %s", wanted ? sqlite3_errmsg(wanted) : "no memory");
+    if (ok) ok = compare_all(wanted, database, findings, count) || fail(database, e);
+    sqlite3_close(wanted);
+    return ok;
+}
+
+static bool check_tables(sqlite3 *database, error *e)
+{
+    char *findings = NULL;
+    size_t length = 0;
+    int count = 0;
+    FILE *stream = open_memstream(&findings, &length);
+    bool ok = schema_compare(database, stream, &count, e);
+    fclose(stream);
+    if (ok && count)
+        ok = error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%.*s): %s",
+                       (int)strcspn(findings, "\n"), findings, HEALTH_WAY_OUT);
+    free(findings);
     return ok;
 }
 
@@ -312,5 +440,5 @@ bool schema_prepare(sqlite3 *database, error *e)
             "the queue's database has version %d and this hexad knows %d: a newer hexad"
             " made it, run that one or take another state_dir",
             version, SCHEMA_VERSION);
-    return version == SCHEMA_VERSION || make_tables(database, version, e);
+    return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
 }

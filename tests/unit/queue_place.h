@@ -28,7 +28,8 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
 {
     (void)message;
     (void)api;
-    connection = opened;
+    const char *file = sqlite3_db_filename(opened, "main");
+    if (file && *file) connection = opened; /* not where tables are made to be compared with */
     return SQLITE_OK;
 }
 

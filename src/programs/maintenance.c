@@ -1,0 +1,216 @@
+#include "programs/maintenance.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "client/client.h"
+#include "executor/audit.h"
+#include "queue/backup.h"
+#include "queue/lock.h"
+#include "store/file.h"
+
+/* Where the service has its socket when systemd runs it. */
+#define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
+#define ADDRESS_LIMIT 4096
+/* A problem document, if the answer is no backup. */
+#define PROBLEM_LIMIT (64u << 10)
+
+static int fail(const error *e)
+{
+    fprintf(stderr, "hexad: %s\n", e->message);
+    return EXIT_FAILURE;
+}
+
+/* ---- the daemon that runs */
+
+/* As its port_file says, else its settings, else where its socket is; to be freed. */
+static char *find_server(const config *c)
+{
+    size_t length = 0;
+    char *served = *c->port_file ? store_file_read(c->port_file, ADDRESS_LIMIT, &length, NULL) : NULL;
+    char *address = served ? mem_strndup(served, strcspn(served, "\n")) : mem_strdup(c->listen);
+    free(served);
+    if (!*address) {
+        free(address);
+        address = mem_printf("unix:%s/hexad.sock", c->state_dir);
+        if (access(address + strlen("unix:"), F_OK) != 0) {
+            free(address);
+            address = mem_strdup(SYSTEM_SOCKET);
+        }
+    }
+    if (strncmp(address, "unix:", 5) == 0) return address;
+    char *url = mem_printf("http://%s", address);
+    free(address);
+    return url;
+}
+
+static client *open_client(const config *c, error *e)
+{
+    const char *token = getenv("HEXAD_TOKEN");
+    char *server = find_server(c);
+    client *found = client_open(server, token && *token ? token : NULL, e);
+    free(server);
+    return found;
+}
+
+/* What came in the place of a backup. */
+static bool read_problem(FILE *stream, long status, error *e)
+{
+    char *text = mem_alloc(PROBLEM_LIMIT);
+    rewind(stream);
+    size_t length = fread(text, 1, PROBLEM_LIMIT - 1, stream);
+    json *document = json_parse(text, length, NULL);
+    json_at root = json_root(document);
+    error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
+              "the daemon gives no backup (%ld): %s", status, json_string(json_member(&root, "detail"), "no reason"));
+    json_free(document);
+    free(text);
+    return false;
+}
+
+static bool fetch_copy(const config *c, FILE *stream, error *e)
+{
+    long status = 0;
+    client *daemon = open_client(c, e);
+    bool ok = daemon && client_download(daemon, "/v1/backup", stream, &status, e);
+    client_close(daemon);
+    if (ok && fflush(stream) != 0) ok = error_set(e, ERROR_INTERNAL, "the copy cannot be written: %s", strerror(errno));
+    return ok && (status == 200 || read_problem(stream, status, e));
+}
+
+/* ---- a copy, from a daemon or without one */
+
+/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has it. */
+static bool copy(const config *c, FILE *stream, const char *path, int *lock, error *e)
+{
+    bool in_use = false;
+    *lock = lock_take(c->state_dir, &in_use, e);
+    if (in_use) return fetch_copy(c, stream, e);
+    return *lock >= 0 && backup_make_idle(c->state_dir, path, e);
+}
+
+static void give_up(int lock)
+{
+    if (lock >= 0) close(lock);
+}
+
+static bool check_whole(const char *path, error *e)
+{
+    char *findings = NULL;
+    if (!backup_check(path, true, NULL, &findings, e)) return false;
+    bool whole = !*findings;
+    if (!whole)
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the database is damaged (%.*s): no backup is made of it; hexad --check tells more",
+                  (int)strcspn(findings, "\n"), findings);
+    free(findings);
+    return whole;
+}
+
+int maintenance_back_up(const config *settings)
+{
+    error e = {0};
+    store_file file = {0};
+    struct stat info;
+    int lock = -1;
+    if (stat(settings->backup, &info) == 0 && !S_ISREG(info.st_mode)) {
+        error_set(&e, ERROR_INTERNAL, "%s is no file but a directory or a device: name a file", settings->backup);
+        return fail(&e);
+    }
+    store_file_clear(settings->backup); /* of one that was killed */
+    bool ok = store_file_begin(settings->backup, &file, &e) && copy(settings, file.stream, file.temporary, &lock, &e) &&
+              check_whole(file.temporary, &e);
+    give_up(lock);
+    if (ok)
+        ok = store_file_commit(&file, &e);
+    else
+        store_file_abort(&file);
+    return ok ? EXIT_SUCCESS : fail(&e);
+}
+
+/* ---- the check */
+
+typedef struct tally {
+    size_t results, findings;
+    bool results_seen;
+} tally;
+
+static void print_findings(const char *findings, tally *t)
+{
+    for (const char *line = findings; *line; line += strcspn(line, "\n") + 1) {
+        printf("database damaged: %.*s\n", (int)strcspn(line, "\n"), line);
+        t->findings++;
+    }
+}
+
+/* What the daemon itself has found. */
+static bool ask_health(const config *c, tally *t, error *e)
+{
+    client_reply reply = {0};
+    client *daemon = open_client(c, e);
+    bool ok = daemon && client_call(daemon, "GET", "/readyz", NULL, 0, &reply, e);
+    json_at root = json_root(reply.document);
+    if (ok && strcmp(json_string(json_member(&root, "code"), ""), "database_damaged") == 0) {
+        printf("the daemon says: %s\n", json_string(json_member(&root, "detail"), ""));
+        t->findings++;
+    }
+    client_reply_clear(&reply);
+    client_close(daemon);
+    return ok;
+}
+
+static bool check_copy(const config *c, const char *path, bool alone, tally *t, error *e)
+{
+    char *findings = NULL;
+    if (!backup_check(path, true, NULL, &findings, e)) return false;
+    print_findings(findings, t);
+    free(findings);
+    if (!alone) return true;
+    queue *q = backup_open_queue(path, e);
+    bool ok = q && audit_results(q, c->state_dir, stdout, &t->results, &t->findings, e);
+    t->results_seen = ok;
+    queue_close(q);
+    return ok;
+}
+
+static int sum_up(const tally *t)
+{
+    if (t->findings)
+        printf("trouble: %zu found; see doc/operations.md\n", t->findings);
+    else if (t->results_seen)
+        printf("sound: the database, and %zu results\n", t->results);
+    else
+        puts("sound: the database; results are looked at when hexad does not run");
+    return t->findings ? EXIT_FAILURE : EXIT_SUCCESS;
+}
+
+int maintenance_check(const config *settings)
+{
+    error e = {0};
+    tally t = {0};
+    int lock = -1;
+    store_file file = {0};
+    char *directory = backup_directory(settings->state_dir), *path = mem_printf("%s/check.db", directory);
+    bool ok = backup_make_directory(settings->state_dir, &e) && store_file_begin(path, &file, &e) &&
+              copy(settings, file.stream, file.temporary, &lock, &e);
+    if (ok) {
+        ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) && (lock >= 0 || ask_health(settings, &t, &e));
+    } else if (e.code == ERROR_DATABASE_DAMAGED) {
+        print_findings(e.message, &t);
+        ok = true;
+    }
+    give_up(lock);
+    store_file_abort(&file);
+    free(path);
+    free(directory);
+    if (t.findings || ok) {
+        int status = sum_up(&t);
+        if (ok) return status;
+    }
+    return fail(&e);
+}

@@ -1,0 +1,304 @@
+#include "queue/backup.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "queue/database.h"
+#include "queue/health.h"
+#include "queue/schema.h"
+
+/* Copied while the queue is held: a quarter of a mebibyte. */
+#define PAGES_A_STEP 64
+/* Then the others have at least that long, and thrice as long as it was held. */
+#define PAUSE_LEAST_NS 500000
+#define PAUSE_FACTOR 3
+/* Flushed so often that the kernel never makes a writer wait for the disk, who holds the queue. */
+#define FLUSH_STEPS 32
+/* Of what is left on the file system after a copy, at least so much. */
+#define ROOM_LEFT_BYTES (64 << 20)
+/* Memory for the pages of a copy that is checked. */
+#define CHECK_CACHE "-16000"
+/* Of SQLite's machine, between two looks whether a check is to be broken off. */
+#define CHECK_TURNS 10000
+
+char *backup_directory(const char *state_dir)
+{
+    return mem_printf("%s/copies", state_dir);
+}
+
+bool backup_make_directory(const char *state_dir, error *e)
+{
+    struct stat owner;
+    char *path = backup_directory(state_dir);
+    bool made = mkdir(path, 0700) == 0;
+    bool ok = (made || errno == EEXIST) && stat(state_dir, &owner) == 0;
+    if (ok && made && geteuid() == 0) ok = chown(path, owner.st_uid, owner.st_gid) == 0;
+    if (!ok) error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    free(path);
+    return ok;
+}
+
+/* A copy, or a check of one, went wrong in SQLite. What is damaged in a copy is so in the database: then the message is
+ * only what SQLite says. */
+static bool fail(const char *path, int code, error *e)
+{
+    const char *why = sqlite3_errstr(code);
+    if (schema_code_is_damage(code)) return error_set(e, ERROR_DATABASE_DAMAGED, "%s", why);
+    error_code kind = code == SQLITE_FULL        ? ERROR_STORAGE_FULL
+                      : code == SQLITE_INTERRUPT ? ERROR_CANCELLED
+                                                 : ERROR_INTERNAL;
+    return error_set(e, kind, "%s: %s", path, why);
+}
+
+/* Opens a file that is nobody else's. `first` is run before anything is read of it. */
+static sqlite3 *open_own(const char *path, int flags, const char *first, error *e)
+{
+    sqlite3 *file = NULL;
+    int code = sqlite3_open_v2(path, &file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | flags, NULL);
+    if (code == SQLITE_OK) code = sqlite3_exec(file, first, NULL, NULL, NULL);
+    if (code == SQLITE_OK) return file;
+    fail(path, sqlite3_extended_errcode(file), e);
+    sqlite3_close(file);
+    return NULL;
+}
+
+static sqlite3 *open_target(const char *path, error *e)
+{
+    return open_own(path, SQLITE_OPEN_CREATE,
+                    "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;", e);
+}
+
+/* The copy says of itself that it has a write-ahead log; it is to be read without one. */
+static bool drop_log(const char *path, error *e)
+{
+    sqlite3 *file = open_own(path, 0,
+                             "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = OFF; PRAGMA journal_mode = DELETE;", e);
+    sqlite3_close(file);
+    return file != NULL;
+}
+
+static bool check_room(const char *path, int64_t bytes, error *e)
+{
+    struct statvfs info;
+    char *directory = mem_strdup(path);
+    char *slash = strrchr(directory, '/');
+    if (slash) slash[slash == directory] = '\0';
+    bool ok = statvfs(slash ? directory : ".", &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    int64_t room = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
+    if (ok && room < bytes + ROOM_LEFT_BYTES)
+        ok = error_set(e, ERROR_STORAGE_FULL,
+                       "%s: a copy of the database takes %lld MiB and %d MiB more have to stay free, and %lld MiB are: make"
+                       " room",
+                       path, (long long)(bytes >> 20), ROOM_LEFT_BYTES >> 20, (long long)(room >> 20));
+    free(directory);
+    return ok;
+}
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void pause_for(int64_t held_ns)
+{
+    int64_t ns = PAUSE_FACTOR * held_ns > PAUSE_LEAST_NS ? PAUSE_FACTOR * held_ns : PAUSE_LEAST_NS;
+    nanosleep(&(struct timespec){.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000}, NULL);
+}
+
+/* Step by step, with the queue let go between two. What is changed meanwhile SQLite changes in the copy, too, since it
+ * comes over the same connection. The code of the last step. */
+static int copy_steps(database *d, sqlite3_backup *copying, int fd)
+{
+    int code = SQLITE_OK;
+    const atomic_bool *stop = health_stop_flag(database_health(d));
+    for (int step = 1; code == SQLITE_OK && !atomic_load(stop); step++) {
+        database_lock(d);
+        int64_t began = now_ns();
+        code = sqlite3_backup_step(copying, PAGES_A_STEP);
+        int64_t held = now_ns() - began;
+        database_unlock(d);
+        if (code == SQLITE_OK) pause_for(held);
+        if (step % FLUSH_STEPS == 0) fdatasync(fd); /* one that fails costs patience only: it is not needed for safety */
+    }
+    return code;
+}
+
+static int64_t database_bytes(const char *state_dir)
+{
+    int64_t bytes = 0;
+    for (int i = 0; i < 2; i++) {
+        struct stat info;
+        char *path = mem_printf("%s/queue.db%s", state_dir, i ? "-wal" : "");
+        if (stat(path, &info) == 0) bytes += info.st_size;
+        free(path);
+    }
+    return bytes;
+}
+
+static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, error *e)
+{
+    sqlite3 *source = database_connection(q);
+    database_lock(q);
+    sqlite3_db_release_memory(source); /* what is on the disk counts, not what was read of it once */
+    sqlite3_backup *copying = sqlite3_backup_init(target, "main", source, "main");
+    database_unlock(q);
+    if (!copying) return fail(path, sqlite3_extended_errcode(target), e);
+    int code = copy_steps(q, copying, fd);
+    database_lock(q);
+    sqlite3_backup_finish(copying);
+    database_unlock(q);
+    if (code == SQLITE_DONE) return true;
+    if (code == SQLITE_OK) return error_set(e, ERROR_CANCELLED, "the service ends");
+    if (schema_code_is_doubt(code)) health_note_damage(database_health(q), "copy", sqlite3_errstr(code), true);
+    return fail(path, code, e);
+}
+
+bool backup_make(queue *q, const char *path, error *e)
+{
+    if (!check_room(path, database_bytes(database_directory(q)), e)) return false;
+    error why = {0};
+    sqlite3 *target = open_target(path, &why);
+    int fd = target ? open(path, O_WRONLY | O_CLOEXEC) : -1;
+    bool ok = target && copy_online(q, target, path, fd, &why);
+    sqlite3_close(target);
+    if (fd >= 0) close(fd);
+    ok = ok && drop_log(path, &why);
+    if (ok) return true;
+    if (target) unlink(path);
+    if (why.code != ERROR_DATABASE_DAMAGED) {
+        if (e) *e = why;
+        return false;
+    }
+    health_note_damage(database_health(q), "copy", why.message, false);
+    return health_allows_changes(database_health(q), e);
+}
+
+int backup_open(queue *q, int64_t *bytes, error *e)
+{
+    struct stat info;
+    char *path = database_copy_path(q);
+    bool ok = backup_make(q, path, e);
+    int fd = ok ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    if (ok && (fd < 0 || fstat(fd, &info) != 0)) {
+        error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+        if (fd >= 0) close(fd);
+        fd = -1;
+    }
+    if (ok) unlink(path);
+    free(path);
+    if (fd >= 0) *bytes = info.st_size;
+    return fd;
+}
+
+/* The source is opened so that closing it leaves its log where it is. */
+static bool copy_idle(const char *from, sqlite3 *target, const char *path, error *e)
+{
+    sqlite3 *source = open_own(from, 0, "PRAGMA locking_mode = EXCLUSIVE;", e);
+    if (!source) return false;
+    sqlite3_db_config(source, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
+    sqlite3_backup *copying = sqlite3_backup_init(target, "main", source, "main");
+    int code = copying ? sqlite3_backup_step(copying, -1) : sqlite3_extended_errcode(target);
+    if (copying) sqlite3_backup_finish(copying);
+    sqlite3_close(source);
+    return code == SQLITE_DONE || fail(path, code, e);
+}
+
+bool backup_make_idle(const char *state_dir, const char *path, error *e)
+{
+    char *from = mem_printf("%s/queue.db", state_dir);
+    struct stat info;
+    bool ok = stat(from, &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
+    if (ok && !info.st_size) ok = error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
+    ok = ok && check_room(path, database_bytes(state_dir), e);
+    error why = {0};
+    sqlite3 *target = ok ? open_target(path, &why) : NULL;
+    bool copied = target && copy_idle(from, target, path, &why);
+    sqlite3_close(target);
+    copied = copied && drop_log(path, &why);
+    if (!copied && target) unlink(path);
+    if (ok && why.code == ERROR_DATABASE_DAMAGED)
+        error_set(e, why.code, "%s: the database is damaged (%s): %s", from, why.message, HEALTH_WAY_OUT);
+    else if (ok && !copied && e)
+        *e = why;
+    ok = copied;
+    free(from);
+    return ok;
+}
+
+/* ---- checks */
+
+/* SQLite puts several faults into one text, below a line of asterisks that names the database. */
+static void write_findings(FILE *findings, const char *text)
+{
+    while (*text) {
+        size_t length = strcspn(text, "\n");
+        if (length && strncmp(text, "***", 3) != 0) fprintf(findings, "%.*s\n", (int)length, text);
+        text += length + (text[length] != '\0');
+    }
+}
+
+/* Runs a check of SQLite's whose rows are faults, or the one row "ok". */
+static int run_check(sqlite3 *file, const char *sql, FILE *findings)
+{
+    sqlite3_stmt *s = NULL;
+    int code = sqlite3_prepare_v2(file, sql, -1, &s, NULL);
+    while (code == SQLITE_OK || code == SQLITE_ROW) {
+        code = sqlite3_step(s);
+        const char *said = code == SQLITE_ROW ? (const char *)sqlite3_column_text(s, 0) : NULL;
+        if (said && strcmp(said, "ok") != 0) write_findings(findings, said);
+    }
+    sqlite3_finalize(s);
+    return code;
+}
+
+static int run_all_checks(sqlite3 *file, bool full, FILE *findings, error *e)
+{
+    int count = 0;
+    int code = run_check(file, full ? "PRAGMA integrity_check" : "PRAGMA quick_check", findings);
+    if (code == SQLITE_DONE && full)
+        code = run_check(file,
+                         "SELECT 'a row of ' || \"table\" || ' refers to one of ' || parent || ' that is not there'"
+                         " FROM pragma_foreign_key_check LIMIT 100",
+                         findings);
+    if (code == SQLITE_DONE && full && !schema_compare(file, findings, &count, e)) code = sqlite3_extended_errcode(file);
+    return code;
+}
+
+static int is_stopping(void *stop)
+{
+    return atomic_load((const atomic_bool *)stop);
+}
+
+bool backup_check(const char *path, bool full, const atomic_bool *stop, char **findings, error *e)
+{
+    char *text = NULL;
+    size_t length = 0;
+    FILE *stream = open_memstream(&text, &length);
+    sqlite3 *file = NULL;
+    int code = sqlite3_open_v2(path, &file, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL);
+    if (code == SQLITE_OK)
+        code = sqlite3_exec(file, "PRAGMA locking_mode = EXCLUSIVE; PRAGMA cache_size = " CHECK_CACHE, NULL, NULL, NULL);
+    if (code == SQLITE_OK && stop) sqlite3_progress_handler(file, CHECK_TURNS, is_stopping, (void *)(uintptr_t)stop);
+    if (code == SQLITE_OK) code = run_all_checks(file, full, stream, e);
+    if (code != SQLITE_DONE) code = file ? sqlite3_extended_errcode(file) : SQLITE_NOMEM;
+    bool damaged = schema_code_is_damage(code);
+    if (damaged) write_findings(stream, sqlite3_errmsg(file));
+    fclose(stream);
+    bool ok = code == SQLITE_DONE || damaged || fail(path, code, e);
+    sqlite3_close(file);
+    if (ok)
+        *findings = text;
+    else
+        free(text);
+    return ok;
+}

@@ -1,0 +1,108 @@
+#include "queue/checker.h"
+
+#include <pthread.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "queue/backup.h"
+#include "queue/database.h"
+#include "queue/health.h"
+
+/* A check that could not be made is tried again after that long. */
+#define RETRY_MS 60000
+/* The queue is idle when nothing was stored for that long, or for a tenth of the interval where that is less. */
+#define IDLE_MS 10000
+
+struct checker {
+    queue *q;
+    int64_t interval_ms; /* 0: never */
+    pthread_t thread;
+};
+
+/* Whether it could be made. */
+static bool check(checker *c, bool full)
+{
+    const char *name = full ? "integrity_check" : "quick_check";
+    health *h = database_health(c->q);
+    char *findings = NULL;
+    error e = {0};
+    health_begin_check(h);
+    char *path = database_copy_path(c->q);
+    bool ok = backup_make(c->q, path, &e);
+    if (ok) {
+        ok = backup_check(path, full, health_stop_flag(h), &findings, &e);
+        unlink(path);
+    } else if (e.code == ERROR_DATABASE_DAMAGED) {
+        findings = mem_strdup("it cannot be copied"); /* which the health knows, and more exactly */
+        ok = true;
+    }
+    if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first stands for all */
+    health_end_check(h, name, ok, ok && *findings ? findings : NULL);
+    if (!ok && e.code != ERROR_CANCELLED)
+        log_write(LOG_LEVEL_WARNING, "the database is not checked: %s", e.message);
+    if (ok) log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
+    free(findings);
+    free(path);
+    return ok;
+}
+
+static int64_t later(int64_t ms, int64_t by_ms)
+{
+    return ms < INT64_MAX - by_ms ? ms + by_ms : INT64_MAX;
+}
+
+/* Waits until a full check is due and nothing is stored just then. False: to end. */
+static bool wait_for_turn(checker *c, int64_t due_ms)
+{
+    health *h = database_health(c->q);
+    bool doubt = false;
+    if (!health_wait(h, due_ms, &doubt)) return false;
+    int64_t idle_ms = c->interval_ms / 10 < IDLE_MS ? c->interval_ms / 10 : IDLE_MS, last_ms = later(due_ms, c->interval_ms);
+    uint64_t seen = database_change_count(c->q);
+    while (!doubt && clock_monotonic_ms() < last_ms) {
+        if (!health_wait(h, clock_monotonic_ms() + idle_ms, &doubt)) return false;
+        uint64_t now = database_change_count(c->q);
+        if (now == seen) break;
+        seen = now;
+    }
+    return true;
+}
+
+static void *run(void *argument)
+{
+    checker *c = argument;
+    pthread_setname_np(pthread_self(), "checker");
+    bool full = false, ok;
+    int64_t due_ms;
+    do {
+        ok = check(c, full);
+        full |= ok;
+        due_ms = ok ? c->interval_ms ? later(clock_monotonic_ms(), c->interval_ms) : INT64_MAX
+                    : clock_monotonic_ms() + RETRY_MS;
+    } while (wait_for_turn(c, due_ms));
+    return NULL;
+}
+
+checker *checker_start(queue *q, double interval_s, error *e)
+{
+    checker *c = mem_alloc(sizeof *c);
+    *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000)};
+    int why = pthread_create(&c->thread, NULL, run, c);
+    if (why == 0) return c;
+    error_set(e, ERROR_INTERNAL, "no thread for checks of the database: %s", strerror(why));
+    free(c);
+    return NULL;
+}
+
+void checker_stop(checker *c)
+{
+    if (!c) return;
+    health_stop(database_health(c->q));
+    pthread_join(c->thread, NULL);
+    free(c);
+}

@@ -1,0 +1,302 @@
+/* Damage in the queue's database: what notices it, what follows from it, and copies that are whole. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "queue/backup.h"
+#include "queue/checker.h"
+#include "queue_place.h"
+
+#define PAGE 4096
+/* More than SQLite keeps in memory, so that pages are read again. */
+#define SPEC_BYTES 100000
+#define JOBS 60
+
+static char *database_of(const place *p)
+{
+    return mem_printf("%s/queue.db", p->base);
+}
+
+static int open_place(void **state)
+{
+    place *p = mem_alloc(sizeof *p);
+    strcpy(p->base, "/tmp/hexad-health-XXXXXX");
+    assert_non_null(mkdtemp(p->base));
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+    *state = p;
+    return 0;
+}
+
+static int close_place(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    assert_true(store_remove(p->base, NULL));
+    free(p);
+    return 0;
+}
+
+/* Long jobs; then closed and opened, so that they stand in the database and not in its log. */
+static void fill(place *p, char id[JOBS][ULID_SIZE])
+{
+    char *spec = mem_alloc(SPEC_BYTES + 1);
+    memset(spec, 'x', SPEC_BYTES);
+    queue_submission s = plain;
+    s.spec = spec;
+    for (int i = 0; i < JOBS; i++) submit_for(p, &s, id[i]);
+    free(spec);
+    queue_close(p->q);
+    error e = {0};
+    p->q = queue_open(p->base, &e);
+    if (!p->q) fail_msg("%s", e.message);
+}
+
+static void overwrite(const char *path, int64_t first, int64_t count, int value)
+{
+    int fd = open(path, O_RDWR);
+    char page[PAGE];
+    memset(page, value, sizeof page);
+    for (int64_t i = first; i < first + count; i++) assert_int_equal(pwrite(fd, page, PAGE, i * PAGE), PAGE);
+    close(fd);
+}
+
+static int64_t pages_of(const char *path)
+{
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    return info.st_size / PAGE;
+}
+
+/* All pages but the first. */
+static void ruin(const place *p)
+{
+    char *path = database_of(p);
+    overwrite(path, 1, pages_of(path) - 1, 0xA5);
+    free(path);
+}
+
+static queue_health health_of(place *p)
+{
+    queue_health known;
+    queue_get_health(p->q, &known);
+    return known;
+}
+
+/* Reads jobs until one cannot be read. */
+static bool can_read_all(place *p, char id[JOBS][ULID_SIZE], error *e)
+{
+    bool ok = true;
+    for (int i = 0; ok && i < JOBS; i++) {
+        queue_job job = {0};
+        bool found = false;
+        ok = queue_get(p->q, id[i], &job, &found, e);
+        if (ok) queue_job_clear(&job);
+    }
+    return ok;
+}
+
+static void test_a_sound_database_is_sound(void **state)
+{
+    place *p = *state;
+    queue_health known = health_of(p);
+    assert_false(known.damaged);
+    assert_int_equal(known.checked_ms, 0);
+    assert_true(queue_allows_changes(p->q, NULL));
+}
+
+static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    error e = {0};
+    queue_receipt receipt;
+    fill(p, id);
+    assert_true(can_read_all(p, id, &e));
+    ruin(p);
+    assert_false(can_read_all(p, id, &e));
+    assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
+    queue_health known = health_of(p);
+    assert_true(known.damaged);
+    assert_string_equal(known.found_by, "statement");
+    assert_true(known.damaged_ms > 0 && *known.damage);
+    e = (error){0};
+    assert_false(queue_put(p->q, &plain, &receipt, &e));
+    assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
+    assert_non_null(strstr(e.message, "hexad --backup"));
+    bool found;
+    queue_claimed claimed;
+    assert_false(queue_claim(p->q, &wide, &claimed, &found, NULL));
+}
+
+static void wait_for_check(place *p, queue_health *known)
+{
+    for (int64_t end = clock_monotonic_ms() + 120000; *known = health_of(p), !known->checked_ms || known->checking;) {
+        assert_true(clock_monotonic_ms() < end);
+        usleep(1000);
+    }
+}
+
+static void test_the_checker_finds_what_no_statement_met(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    queue_health known;
+    error e = {0};
+    fill(p, id);
+    checker *c = checker_start(p->q, 0, &e);
+    assert_non_null(c);
+    wait_for_check(p, &known);
+    checker_stop(c);
+    assert_false(known.damaged);
+    queue_close(p->q); /* a checker ends with its queue */
+    p->q = queue_open(p->base, &e);
+    assert_non_null(p->q);
+    char *path = database_of(p);
+    overwrite(path, pages_of(path) / 2, 1, 0x5A);
+    free(path);
+    c = checker_start(p->q, 0, &e);
+    wait_for_check(p, &known);
+    checker_stop(c);
+    assert_true(known.damaged);
+    assert_string_equal(known.found_by, "quick_check");
+}
+
+typedef struct writer {
+    place *p;
+    atomic_bool enough;
+    int count;
+    char last[ULID_SIZE];
+} writer;
+
+static void *write_on(void *argument)
+{
+    writer *w = argument;
+    char spec[3000];
+    memset(spec, 'y', sizeof spec - 1);
+    spec[sizeof spec - 1] = '\0';
+    queue_submission s = plain;
+    s.spec = spec;
+    while (!atomic_load(&w->enough)) {
+        submit_for(w->p, &s, w->last);
+        w->count++;
+    }
+    return NULL;
+}
+
+static int64_t count_jobs(const char *path, const char *id)
+{
+    sqlite3 *file;
+    sqlite3_stmt *s;
+    assert_int_equal(sqlite3_open_v2(path, &file, SQLITE_OPEN_READONLY, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_prepare_v2(file, "SELECT count(*), sum(id = ?1) FROM job", -1, &s, NULL), SQLITE_OK);
+    sqlite3_bind_text(s, 1, id, -1, SQLITE_STATIC);
+    assert_int_equal(sqlite3_step(s), SQLITE_ROW);
+    assert_int_equal(sqlite3_column_int(s, 1), 1);
+    int64_t count = sqlite3_column_int64(s, 0);
+    sqlite3_finalize(s);
+    sqlite3_close(file);
+    return count;
+}
+
+static void test_a_copy_is_whole_while_threads_write(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    error e = {0};
+    fill(p, id);
+    writer w[4] = {{.p = p}, {.p = p}, {.p = p}, {.p = p}};
+    pthread_t thread[4];
+    for (int i = 0; i < 4; i++) assert_int_equal(pthread_create(&thread[i], NULL, write_on, &w[i]), 0);
+    char *path = mem_printf("%s/copy.db", p->base);
+    for (int round = 0; round < 5; round++) {
+        char before[ULID_SIZE], *findings = NULL;
+        put(p, "before", 0, before);
+        if (!backup_make(p->q, path, &e)) fail_msg("%s", e.message);
+        assert_true(backup_check(path, true, NULL, &findings, &e));
+        assert_string_equal(findings, "");
+        free(findings);
+        assert_true(count_jobs(path, before) >= JOBS + round + 1);
+        assert_int_equal(unlink(path), 0);
+    }
+    for (int i = 0; i < 4; i++) {
+        atomic_store(&w[i].enough, true);
+        assert_int_equal(pthread_join(thread[i], NULL), 0);
+    }
+    free(path);
+    assert_false(health_of(p).damaged);
+}
+
+static void test_what_is_wrong_with_a_copy_is_listed(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    error e = {0};
+    char *findings = NULL, *path = mem_printf("%s/copy.db", p->base);
+    fill(p, id);
+    assert_true(backup_make(p->q, path, &e));
+    sqlite3 *file;
+    assert_int_equal(sqlite3_open(path, &file), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(file,
+                                  "DROP INDEX event_by_job; PRAGMA foreign_keys = OFF; DELETE FROM job WHERE seq = 3;", NULL,
+                                  NULL, NULL),
+                     SQLITE_OK);
+    sqlite3_close(file);
+    assert_true(backup_check(path, false, NULL, &findings, &e));
+    assert_string_equal(findings, ""); /* its pages are good */
+    free(findings);
+    assert_true(backup_check(path, true, NULL, &findings, &e));
+    assert_non_null(strstr(findings, "the index event_by_job is missing\n"));
+    assert_non_null(strstr(findings, "a row of spec refers to one of job"));
+    free(findings);
+    atomic_bool stop = true;
+    assert_false(backup_check(path, true, &stop, &findings, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    overwrite(path, 0, 1, 0);
+    assert_true(backup_check(path, false, NULL, &findings, &e));
+    assert_string_not_equal(findings, "");
+    free(findings);
+    assert_int_equal(unlink(path), 0);
+    assert_false(backup_check(path, false, NULL, &findings, &e));
+    free(path);
+}
+
+static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
+{
+    place *p = *state;
+    queue_close(p->q);
+    char *directory = backup_directory(p->base), *path = mem_printf("%s/7.db", directory);
+    assert_true(store_file_write(path, "x", 1, NULL));
+    p->q = queue_open(p->base, NULL);
+    assert_non_null(p->q);
+    assert_int_equal(access(path, F_OK), -1);
+    free(path);
+    free(directory);
+}
+
+#define HEALTH_CASE(name) cmocka_unit_test_setup_teardown(name, open_place, close_place)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        HEALTH_CASE(test_a_sound_database_is_sound),
+        HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
+        HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
+        HEALTH_CASE(test_a_copy_is_whole_while_threads_write),
+        HEALTH_CASE(test_what_is_wrong_with_a_copy_is_listed),
+        HEALTH_CASE(test_what_a_killed_process_left_of_copies_is_removed),
+    };
+    return cmocka_run_group_tests_name("health", tests, NULL, NULL);
+}
