@@ -3,13 +3,13 @@
 #define HEXAD_RUN_REPORT_H
 
 #include "json/json.h"
+#include "packing/quality.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/source.h"
-#include "sampler/quality.h"
 #include "sampler/sampler.h"
-#include "sampler/surface.h"
 #include "spec/spec.h"
+#include "surface/surface.h"
 
 typedef struct report_facts {
     const spec *spec;

@@ -8,6 +8,8 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/threads.h"
+#include "packing/packing.h"
+#include "packing/quality.h"
 #include "run/pace.h"
 #include "run/progress.h"
 #include "run/report.h"
@@ -15,10 +17,9 @@
 #include "run/sequence.h"
 #include "run/source.h"
 #include "run/watch.h"
-#include "sampler/quality.h"
 #include "sampler/sampler.h"
-#include "sampler/surface.h"
 #include "store/file.h"
+#include "surface/surface.h"
 
 /* What a particle takes at the peak, from particles and neighbour lists: measured at 200 bytes on smooth
  * surfaces; where they crowd their lists are longer. */
@@ -167,12 +168,12 @@ static bool resolve_count(job *j, error *e)
 {
     const spec *s = j->spec;
     double area = j->scan->area, count = (double)s->count;
-    if (s->spacing > 0) count = round(2 * area / (sqrt(3) * s->spacing * s->spacing));
+    if (s->spacing > 0) count = round(packing_count(area, s->spacing));
     if (s->density > 0) count = round(s->density * area);
     /* the packing whose support is max_sigma; "paper" gets there by itself */
     if (s->has_control)
         count = fmax((double)s->control.min_count,
-                     ceil(6 * area / (sqrt(3) * s->control.max_sigma * s->control.max_sigma)));
+                     ceil(packing_count_of_support(area, s->control.max_sigma)));
     if (count < COUNT_MIN || count > COUNT_MAX)
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",

@@ -12,8 +12,8 @@
 #include "base/threads.h"
 #include "formats/ply.h"
 #include "json/json.h"
-#include "sampler/carry.h"
 #include "sampler/sampler.h"
+#include "sequence/carry.h"
 
 /* The results of the frame before, open. */
 typedef struct sequence_files {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 #include "sampler/population.h"
 #include "sampler/state.h"
 
@@ -109,7 +110,7 @@ static bool insert_particles(sampler *s, size_t k, rng *r, size_t *done, error *
     bool ok = chosen && sampler_reserve(s, s->p->count + k, e) &&
               population_choose(s->p, k, s->params.unbiased ? POPULATION_RANDOM : POPULATION_LOW_ENERGY, r,
                                 chosen, e);
-    double offset = TWIN_OFFSET * levels_spacing(s->scan->area, s->p->count + k);
+    double offset = TWIN_OFFSET * packing_spacing(s->scan->area, (double)(s->p->count + k));
     *done = 0;
     for (size_t i = 0; ok && i < k; i++) *done += population_split(s->field, s->p, chosen[i], offset, r);
     free(chosen);
@@ -157,7 +158,7 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
     if (wanted < before && !delete_particles(s, before - wanted, &r, e)) return false;
     round->inserted = inserted;
     round->deleted = wanted < before ? before - wanted : 0;
-    s->spacing = levels_spacing(s->scan->area, s->p->count);
+    s->spacing = packing_spacing(s->scan->area, (double)s->p->count);
     s->sigma *= sqrt((double)before / (double)s->p->count);
     return true;
 }

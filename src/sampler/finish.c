@@ -2,8 +2,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "sampler/project.h"
 #include "sampler/state.h"
+#include "surface/project.h"
 
 static const double ALPHA_EXPONENT = 0.18;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */

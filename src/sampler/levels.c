@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/rng.h"
+#include "packing/packing.h"
 #include "sampler/refine.h"
 
 /* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
@@ -47,11 +48,6 @@ static double typical_bend(const field *f, const surface *scan, const grading *g
     return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
 }
 
-double levels_spacing(double area, size_t count)
-{
-    return sqrt(2 * area / (sqrt(3) * (double)count));
-}
-
 /* The share of the smallest part that is to have a particle at all. */
 static double smallest_part(const surface *scan, const double *weight, size_t count)
 {
@@ -68,12 +64,12 @@ int levels_plan(const field *f, const surface *scan, const grading *graded, size
                 size_t out[LEVELS_MAX])
 {
     size_t finest_first[LEVELS_MAX] = {count};
-    double coarsest = COARSEST_BEND / typical_bend(f, scan, graded, levels_spacing(scan->area, count), seed);
+    double coarsest = COARSEST_BEND / typical_bend(f, scan, graded, packing_spacing(scan->area, (double)count), seed);
     double smallest = smallest_part(scan, grading_weight(graded, scan), count);
     int levels = 1;
     while (levels < LEVELS_MAX) {
         size_t next = refine_coarser(finest_first[levels - 1]);
-        if (next < FEWEST_PARTICLES || levels_spacing(scan->area, next) > coarsest) break;
+        if (next < FEWEST_PARTICLES || packing_spacing(scan->area, (double)next) > coarsest) break;
         if ((double)next * smallest < FEWEST_IN_PART) break;
         finest_first[levels++] = next;
     }

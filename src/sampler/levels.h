@@ -6,13 +6,10 @@
 #include <stdint.h>
 
 #include "field/field.h"
-#include "sampler/grading.h"
-#include "sampler/surface.h"
+#include "surface/grading.h"
+#include "surface/surface.h"
 
 #define LEVELS_MAX 12
-
-/* The distance of neighbours in a hexagonal packing of `count` points on an area. */
-double levels_spacing(double area, size_t count);
 
 /* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest
  * is still fine enough for the surface's curvature, for its smallest part, and for the grading (NULL: even).

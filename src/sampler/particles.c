@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 
 particles *particles_new(size_t count, error *e)
 {
@@ -84,4 +85,11 @@ bool particles_arrange(particles *p, const uint32_t *order, error *e)
            arrange(p->alpha, sizeof *p->alpha, order, p->count, e) &&
            arrange(p->size, sizeof *p->size, order, p->count, e) &&
            arrange(p->lambda, sizeof *p->lambda, order, p->count, e);
+}
+
+void particles_mark_boundary(particles *p, const field *f, double h)
+{
+    if (!f->open) return;
+    for (size_t i = 0; i < p->count; i++)
+        p->rim[i] = packing_is_near_boundary(f->rims, p->position[i], h * p->size[i]);
 }

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "geometry/vec3.h"
+#include "field/field.h"
 
 typedef struct particles {
     size_t count;
@@ -33,5 +33,9 @@ void particles_copy(particles *p, size_t to, size_t from);
 
 /* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, half of it done. */
 bool particles_arrange(particles *p, const uint32_t *order, error *e);
+
+/* Sets p->rim of every particle: whether it is near the boundary of an open surface (packing_is_near_boundary).
+ * The spacing of a particle is `h` times its size. On a closed surface p->rim stays as it is. */
+void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

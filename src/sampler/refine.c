@@ -6,8 +6,8 @@
 #include "base/memory.h"
 #include "base/rng.h"
 #include "base/sets.h"
-#include "sampler/project.h"
-#include "sampler/voronoi.h"
+#include "packing/voronoi.h"
+#include "surface/project.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;

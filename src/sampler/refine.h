@@ -6,9 +6,9 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/grading.h"
 #include "sampler/particles.h"
-#include "sampler/surface.h"
+#include "surface/grading.h"
+#include "surface/surface.h"
 
 /* How many particles to solve for so that refining gives at least `count`. A closed surface of Euler
  * characteristic x has 3 (n - x) edges, so n become 4 n - 3 x; spheres, x = 2, have the fewest. */

@@ -5,12 +5,12 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "sampler/batches.h"
-#include "sampler/energy.h"
-#include "sampler/kernel.h"
-#include "sampler/neighbours.h"
-#include "sampler/pair.h"
-#include "sampler/project.h"
+#include "packing/batches.h"
+#include "packing/energy.h"
+#include "packing/kernel.h"
+#include "packing/neighbours.h"
+#include "packing/pair.h"
+#include "surface/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists

@@ -16,8 +16,8 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/energy.h"
-#include "sampler/kernel.h"
+#include "packing/energy.h"
+#include "packing/kernel.h"
 #include "sampler/particles.h"
 
 typedef struct relax relax;

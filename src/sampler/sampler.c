@@ -5,12 +5,13 @@
 
 #include "base/memory.h"
 #include "geometry/morton.h"
-#include "sampler/energy.h"
-#include "sampler/project.h"
+#include "packing/energy.h"
+#include "packing/packing.h"
 #include "sampler/refine.h"
-#include "sampler/rims.h"
 #include "sampler/start.h"
 #include "sampler/state.h"
+#include "surface/project.h"
+#include "surface/rims.h"
 
 /* The paper's criterion for a system at rest (section 7, step 2). */
 static const double REST_LAMBDA = 14;
@@ -105,7 +106,7 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
 {
     size_job *job = context;
     sampler *s = job->s;
-    double over_h = 1 / levels_spacing(s->scan->area, s->params.count), squares = 0, spacing[SIZE_BATCH];
+    double over_h = 1 / packing_spacing(s->scan->area, (double)s->params.count), squares = 0, spacing[SIZE_BATCH];
     (void)worker;
     for (size_t first = begin; first < end; first += SIZE_BATCH) {
         size_t count = end - first < SIZE_BATCH ? end - first : SIZE_BATCH;
@@ -136,7 +137,7 @@ bool sampler_build_lists(sampler *s, error *e)
         s->next_amplitudes = s->sweep_count + 1 + s->sweep_count / 4;
     }
     sampler_resize(s);
-    rims_mark(s->field, s->spacing, s->p);
+    particles_mark_boundary(s->p, s->field, s->spacing);
     if (!relax_build(s->relax, s->p, s->sigma, s->skin, e)) return false;
     s->lists_stale = false;
     s->list_age = 0;
@@ -146,7 +147,7 @@ bool sampler_build_lists(sampler *s, error *e)
 /* The scales of the level at hand. */
 static void enter_level(sampler *s, double support)
 {
-    s->spacing = levels_spacing(s->scan->area, s->p->count);
+    s->spacing = packing_spacing(s->scan->area, (double)s->p->count);
     s->sigma = support * s->spacing;
     s->skin = SAMPLER_SKIN_WIDE * s->spacing;
     s->gain = sampler_stage_gain[s->stage];
@@ -216,8 +217,8 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
                     ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)
                     : 1;
     /* a support that is given is meant for the whole count */
-    if (!begin(s, params->sigma > 0 ? params->sigma / levels_spacing(scan->area, params->count) : sqrt(3), e))
-        goto fail;
+    double even = packing_spacing(scan->area, (double)params->count);
+    if (!begin(s, params->sigma > 0 ? params->sigma / even : packing_support(1), e)) goto fail;
     return s;
 fail:
     sampler_free(s);

@@ -21,10 +21,10 @@
 #include "base/isa.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/energy.h"
-#include "sampler/grading.h"
-#include "sampler/surface.h"
+#include "packing/energy.h"
 #include "sampler/witkin_heckbert.h"
+#include "surface/grading.h"
+#include "surface/surface.h"
 
 typedef struct sampler sampler;
 

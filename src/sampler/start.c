@@ -1,9 +1,9 @@
 #include "sampler/start.h"
 
 #include "base/rng.h"
-#include "sampler/levels.h"
-#include "sampler/project.h"
-#include "sampler/rims.h"
+#include "packing/packing.h"
+#include "surface/project.h"
+#include "surface/rims.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;
@@ -116,7 +116,7 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
     rng r = rng_seed(params->seed, 1);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0, first = 0;
-    const rims_request request = {spacing, params->grading, levels_spacing(scan->area, params->count),
+    const rims_request request = {spacing, params->grading, packing_spacing(scan->area, (double)params->count),
                                   p->count};
     /* also before random draws, of which many end on the rims, run into them from outside, and stay */
     if (!place_rims(scan, &request, p, &first, e)) return false;

@@ -5,10 +5,11 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "sampler/neighbours.h"
+#include "packing/neighbours.h"
+#include "packing/packing.h"
 #include "sampler/population.h"
-#include "sampler/project.h"
 #include "sampler/state.h"
+#include "surface/project.h"
 
 /* Lists reach this much farther than the widest Gaussian, of the mean radius. */
 static const double SKIN = 0.5;
@@ -359,7 +360,7 @@ static bool live(sampler *s, size_t *inserted, size_t *deleted, error *e)
         *deleted = population_remove(s->p, w->dies);
     }
     w->lists_stale = true;
-    s->spacing = levels_spacing(s->scan->area, s->p->count);
+    s->spacing = packing_spacing(s->scan->area, (double)s->p->count);
     return true;
 }
 

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/batches.h"
+#include "packing/batches.h"
 #include "shapes.h"
 
 enum { COUNT = 20000 };

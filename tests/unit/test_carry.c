@@ -10,10 +10,11 @@
 
 #include "base/memory.h"
 #include "close.h"
-#include "sampler/carry.h"
+#include "packing/packing.h"
+#include "packing/quality.h"
 #include "sampler/levels.h"
-#include "sampler/quality.h"
 #include "sampler/sampler.h"
+#include "sequence/carry.h"
 #include "shapes.h"
 
 enum { POINTS = 2000 };
@@ -123,7 +124,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
     after.minor_radius *= 1.05;
     stage s = set_stage(&after, 1);
     const sampler_points *p = sampler_result_points(first);
-    double h = levels_spacing(s.scan->area, POINTS);
+    double h = packing_spacing(s.scan->area, POINTS);
     carried c = carry(&s, POINTS);
     assert_int_equal(c.born, 0);
     bool seen[POINTS] = {false};
@@ -152,7 +153,7 @@ static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
     stage s = set_stage(&before, 1);
     carried c = carry(&s, POINTS);
     assert_int_equal(c.born, 0);
-    double h = levels_spacing(s.scan->area, POINTS);
+    double h = packing_spacing(s.scan->area, POINTS);
     for (size_t i = 0; i < c.count; i++)
         assert_true(vec3_norm(vec3_sub(c.position[i], c.origin[i])) < 1e-3 * h);
     carried_free(&c);
@@ -164,7 +165,7 @@ static void test_births_are_far_from_others_and_from_each_other(void **state)
     (void)state;
     stage s = set_stage(&before, 1);
     carried c = carry_by(&s, POINTS + 60, false);
-    double h = levels_spacing(s.scan->area, POINTS + 60);
+    double h = packing_spacing(s.scan->area, POINTS + 60);
     assert_int_equal(c.born, 60);
     for (size_t i = 0; i < c.count; i++)
         if (c.parent[i] == CARRY_NONE) assert_true(clearance(&c, h, i) > 0.45);
@@ -182,7 +183,7 @@ static void test_deaths_are_spread(void **state)
     stage s = set_stage(&before, 1);
     carried c = carry_by(&s, POINTS - 60, false);
     const sampler_points *p = sampler_result_points(first);
-    double h = levels_spacing(s.scan->area, POINTS);
+    double h = packing_spacing(s.scan->area, POINTS);
     bool stays[POINTS] = {false};
     assert_int_equal(c.born, 0);
     assert_int_equal(c.died, 60);
@@ -204,7 +205,7 @@ static double order_of(const stage *s, size_t count, const carried *start)
                               .position = p->position,
                               .normal = p->normal,
                               .spacing = p->spacing,
-                              .h = levels_spacing(s->scan->area, count)};
+                              .h = packing_spacing(s->scan->area, count)};
     quality q;
     if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
     sampler_free(rest);
@@ -236,7 +237,7 @@ static void test_where_a_point_landed_is_kept(void **state)
     (void)state;
     stage s = set_stage(&before, 1);
     const sampler_points *p = sampler_result_points(first);
-    double h = levels_spacing(s.scan->area, POINTS), moved = 0;
+    double h = packing_spacing(s.scan->area, POINTS), moved = 0;
     carried c = carry(&s, POINTS + 60);
     for (size_t i = 0; i < c.count; i++) {
         if (c.parent[i] == CARRY_NONE) continue;
@@ -256,7 +257,7 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     stage s = set_stage(&after, 1);
     size_t count = (size_t)lround(POINTS * 0.5 / 0.4); /* as dense as before */
     carried c = carry(&s, count);
-    double h = levels_spacing(s.scan->area, count);
+    double h = packing_spacing(s.scan->area, count);
     for (size_t i = 0; i < c.count; i++) assert_true(clearance(&c, h, i) > 0.3);
     sampler *rest = pack(&s, count, &c);
     const sampler_points *q = sampler_result_points(rest);

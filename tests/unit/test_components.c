@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/components.h"
 #include "sampler/sampler.h"
+#include "surface/components.h"
 
 /* Two balls, apart: the lesser of two distances, which is smooth near either. */
 typedef struct balls {

@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/grading.h"
 #include "shapes.h"
+#include "surface/grading.h"
 
 static const analytic_params torus = {
     .shape = ANALYTIC_TORUS, .axis = {0, 0, 1}, .major_radius = 1, .minor_radius = 0.4};

@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/kernel.h"
-#include "sampler/pair.h"
+#include "packing/kernel.h"
+#include "packing/pair.h"
 #include "shapes.h"
 
 enum { MOST = 40, LANES = KERNEL_LANES };

@@ -8,10 +8,10 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/motion.h"
-#include "sampler/project.h"
-#include "sampler/surface.h"
+#include "sequence/motion.h"
 #include "shapes.h"
+#include "surface/project.h"
+#include "surface/surface.h"
 
 enum { POINTS = 3000 };
 

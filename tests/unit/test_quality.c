@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/energy.h"
-#include "sampler/quality.h"
+#include "packing/energy.h"
+#include "packing/quality.h"
 #include "shapes.h"
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE };

@@ -8,10 +8,10 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/project.h"
 #include "sampler/relax.h"
-#include "sampler/surface.h"
 #include "shapes.h"
+#include "surface/project.h"
+#include "surface/surface.h"
 
 enum { COUNT = 600 };
 

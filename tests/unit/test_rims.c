@@ -9,12 +9,12 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "close.h"
 #include "base/memory.h"
+#include "close.h"
 #include "field/region.h"
-#include "sampler/rims.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
+#include "surface/rims.h"
 
 /* A particle this near to a face (of h) is on it; one this far from a curve (of h) belongs to another. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;

@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/energy.h"
-#include "sampler/quality.h"
+#include "packing/energy.h"
+#include "packing/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 

@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "packing/triangulation.h"
 #include "point_set.h"
-#include "sampler/triangulation.h"
 
 static triangulation triangulate(const point_set *s, const bbox *domain, int workers)
 {

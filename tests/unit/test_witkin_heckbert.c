@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/quality.h"
+#include "packing/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 
