@@ -15,7 +15,7 @@
 #define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
 #define BLOCK_WIDTH (1 << BLOCK_SHIFT)
 #define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
-static const int PLACE_BITS = 30; /* of a place: differences fit into 32 with room to move */
+static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
 /* Of a list, on average: an even packing under the widest skin has 19. */
 static const size_t FIRST_ENTRIES = 20;
 static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
@@ -75,7 +75,7 @@ neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
         !reserve_blocks(n, capacity / POINTS_PER_BLOCK, e) ||
         !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
         !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
-        !(n->list = mem_array(n->list_room = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
+        !(n->list = mem_array(n->list_capacity = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
         !(n->list_begin = mem_array(capacity, sizeof *n->list_begin, what, e)) ||
         !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
         neighbours_free(n);
@@ -285,11 +285,11 @@ static bool fill_bins(neighbours *n, error *e)
     return true;
 }
 
-typedef struct search search;
-typedef size_t (*finder)(const search *s, uint32_t i, float cutoff2, uint32_t *found);
+typedef struct list_search list_search;
+typedef size_t (*finder)(const list_search *s, uint32_t i, float cutoff2, uint32_t *found);
 
 /* What one worker needs to list the neighbours of a block's points. */
-struct search {
+struct list_search {
     neighbours *n;
     const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
     struct {
@@ -297,11 +297,11 @@ struct search {
         const uint32_t *cells;
     } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
     place at;                  /* of the bin at hand */
-    size_t count, room;        /* points that may be neighbours of its points, and how many have room */
+    size_t count, capacity;    /* points that may be neighbours of its points, and how many fit */
     int32_t *x, *y, *z;        /* arrays for the vector unit */
     float *size;
     uint32_t *item;
-    size_t entries, entry_room; /* the lists, one after the other */
+    size_t entries, entry_capacity; /* the lists, one after the other */
     uint32_t *entry;
 };
 
@@ -310,7 +310,7 @@ typedef struct build_job {
     const vec3 *x;
     const double *size;
     finder find;
-    search *searches; /* one per worker */
+    list_search *searches; /* one per worker */
     atomic_size_t longest, entries;
 } build_job;
 
@@ -338,9 +338,9 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
 #define pack_avx512 pack
 #endif
 
-/* Which of a batch are neighbours of point i; returns how many. */
+/* Which of the candidates are neighbours of point i; returns how many. */
 #define VERSION(name, target, pack)                                                                          \
-    target static size_t name(const search *s, uint32_t i, float cutoff2, uint32_t *found)                   \
+    target static size_t name(const list_search *s, uint32_t i, float cutoff2, uint32_t *found)              \
     {                                                                                                        \
         const neighbours_place own = s->n->place[i];                                                         \
         size_t count = 0;                                                                                    \
@@ -365,17 +365,17 @@ static finder best_finder(void)
     return versions[isa_best()];
 }
 
-static void add_near(search *s, uint32_t bin)
+static void add_near(list_search *s, uint32_t bin)
 {
     const neighbours *n = s->n;
     size_t more = n->bin_end[bin] - n->bin_begin[bin];
-    if (s->count + more + LANES > s->room) {
-        s->room = 2 * (s->count + more + LANES);
-        s->x = mem_resize(s->x, s->room * sizeof *s->x);
-        s->y = mem_resize(s->y, s->room * sizeof *s->y);
-        s->z = mem_resize(s->z, s->room * sizeof *s->z);
-        s->size = mem_resize(s->size, s->room * sizeof *s->size);
-        s->item = mem_resize(s->item, s->room * sizeof *s->item);
+    if (s->count + more + LANES > s->capacity) {
+        s->capacity = 2 * (s->count + more + LANES);
+        s->x = mem_resize(s->x, s->capacity * sizeof *s->x);
+        s->y = mem_resize(s->y, s->capacity * sizeof *s->y);
+        s->z = mem_resize(s->z, s->capacity * sizeof *s->z);
+        s->size = mem_resize(s->size, s->capacity * sizeof *s->size);
+        s->item = mem_resize(s->item, s->capacity * sizeof *s->item);
     }
     for (uint32_t b = n->bin_begin[bin]; b < n->bin_end[bin]; b++) {
         const neighbours_place *p = &n->place[n->bin_item[b]];
@@ -387,10 +387,10 @@ static void add_near(search *s, uint32_t bin)
     }
 }
 
-static void search_finer(search *s, uint32_t bin);
+static void search_finer(list_search *s, uint32_t bin);
 
 /* A cell's bin and what lies below it. */
-static void search_cell(search *s, uint32_t cell)
+static void search_cell(list_search *s, uint32_t cell)
 {
     if (!cell) return;
     add_near(s, cell - 1);
@@ -406,7 +406,7 @@ static const uint32_t *find_cells(const neighbours *n, uint64_t key)
 }
 
 /* The same for the block of a bin on another level than the one at hand. */
-static const uint32_t *cells_of(search *s, const place *bin)
+static const uint32_t *cells_of(list_search *s, const place *bin)
 {
     place block = block_of(bin);
     uint64_t key = key_of(&block);
@@ -418,7 +418,7 @@ static const uint32_t *cells_of(search *s, const place *bin)
 }
 
 /* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
-static void search_coarser(search *s, int up)
+static void search_coarser(list_search *s, int up)
 {
     int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
     for (int a = 0; a < 3; a++) {
@@ -435,7 +435,7 @@ static void search_coarser(search *s, int up)
 }
 
 /* Likewise those of the levels below, down from a bin that has some. */
-static void search_finer(search *s, uint32_t bin)
+static void search_finer(list_search *s, uint32_t bin)
 {
     place parent = place_of_bin(s->n, bin);
     int down = s->at.level - parent.level + 1;
@@ -454,7 +454,7 @@ static void search_finer(search *s, uint32_t bin)
 }
 
 /* The bins around the bin at hand, of its own level. */
-static void search_level(search *s)
+static void search_level(list_search *s)
 {
     int which[3][3], cell[3][3];
     for (int a = 0; a < 3; a++)
@@ -473,7 +473,7 @@ static void search_level(search *s)
 
 /* The lists of one bin's points, which begin where they do among those of the block. What there is no room
  * for is counted, not kept. */
-static size_t list_bin(search *s, finder find, size_t bin)
+static size_t list_bin(list_search *s, finder find, size_t bin)
 {
     neighbours *n = s->n;
     const double cutoff = n->cutoff / n->unit;
@@ -489,10 +489,10 @@ static size_t list_bin(search *s, finder find, size_t bin)
     size_t longest = 0;
     for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++) {
         uint32_t i = n->bin_item[a];
-        size_t begin = s->entries <= n->list_room ? s->entries : 0;
-        if (begin + s->count + LANES > s->entry_room) {
-            s->entry_room = 2 * (begin + s->count + LANES);
-            s->entry = mem_resize(s->entry, s->entry_room * sizeof *s->entry);
+        size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
+        if (begin + s->count + LANES > s->entry_capacity) {
+            s->entry_capacity = 2 * (begin + s->count + LANES);
+            s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
         }
         size_t count = find(s, i, (float)(cutoff * cutoff), s->entry + begin);
         n->list_begin[i] = (uint32_t)begin;
@@ -504,11 +504,11 @@ static size_t list_bin(search *s, finder find, size_t bin)
 }
 
 /* Where a block's lists are among all is a matter of chance, what they hold is not. */
-static void keep_lists(build_job *job, const search *s, uint32_t bins, uint32_t end)
+static void keep_lists(build_job *job, const list_search *s, uint32_t bins, uint32_t end)
 {
     neighbours *n = job->n;
     size_t begin = atomic_fetch_add(&job->entries, s->entries);
-    if (begin + s->entries > n->list_room) return;
+    if (begin + s->entries > n->list_capacity) return;
     memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
     for (uint32_t k = bins; k < end; k++) {
         uint32_t bin = n->block_bin[k];
@@ -518,7 +518,7 @@ static void keep_lists(build_job *job, const search *s, uint32_t bins, uint32_t 
 }
 
 /* The lists of a block's points: `rank` is its place in the order of colours. */
-static size_t list_block(build_job *job, search *s, size_t rank)
+static size_t list_block(build_job *job, list_search *s, size_t rank)
 {
     neighbours *n = s->n = job->n;
     uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
@@ -565,7 +565,7 @@ static bool reserve_lists(neighbours *n, size_t entries, error *e)
     if (!list) return false;
     free(n->list);
     n->list = list;
-    n->list_room = entries;
+    n->list_capacity = entries;
     return true;
 }
 
@@ -577,13 +577,13 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
     n->longest = atomic_load(&job.longest);
     size_t entries = atomic_load(&job.entries);
     bool ok = true;
-    if (entries + n->longest > n->list_room) {
+    if (entries + n->longest > n->list_capacity) {
         ok = reserve_lists(n, entries + entries / 8 + n->longest, e);
         atomic_store(&job.entries, 0);
         if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
     }
     if (ok) memset(n->list + entries, 0, n->longest * sizeof *n->list);
-    for (search *s = job.searches; s < job.searches + workers; s++) {
+    for (list_search *s = job.searches; s < job.searches + workers; s++) {
         free(s->x);
         free(s->y);
         free(s->z);

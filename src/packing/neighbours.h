@@ -42,7 +42,7 @@ typedef struct neighbours {
     size_t bin_capacity, bin_count;
     uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
     uint32_t *bin_end;   /* to here */
-    uint32_t *bin_item;  /* points by bin, ascending, bins by block; or as batches_form leaves them */
+    uint32_t *bin_item; /* points by bin, ascending, bins by block; or as independent_sets_form leaves them */
     uint32_t *bin_cell;  /* where it is: its entry in `cell` */
     bool *bin_split;     /* bins of the level below lie in it */
     vec3 origin;
@@ -61,7 +61,7 @@ typedef struct neighbours {
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */
-    size_t list_room;     /* entries there is memory for */
+    size_t list_capacity; /* entries there is memory for */
     uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
     uint32_t *list_begin; /* of each point */
     uint32_t *list_count;

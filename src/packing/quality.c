@@ -5,7 +5,7 @@
 #include "base/memory.h"
 #include "packing/energy.h"
 #include "packing/packing.h"
-#include "packing/slabs.h"
+#include "packing/partitions.h"
 #include "packing/voronoi.h"
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
@@ -33,18 +33,18 @@ typedef struct tally {
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
 } tally;
 
-/* What is measured at a time: a slab of the points and those around. */
-typedef struct part {
-    slab slab;
-    quality_input in; /* of the slab's points, in their order */
+/* What is measured at a time: a partition of the points and those around. */
+typedef struct quality_part {
+    partition partition;
+    quality_input in; /* of the partition's points, in their order */
     double *alpha;
     bool *unresolved;
     tally *tally; /* per chunk */
     bool graded;  /* spacings differ enough for a slope */
-} part;
+} quality_part;
 
 typedef struct measure_job {
-    const part *part;
+    const quality_part *part;
     const quality_input *in; /* the part's */
     voronoi_sites sites;
     double *local, *degree; /* of all points; either may be NULL */
@@ -68,15 +68,15 @@ static void count_value(moments *m, double value)
 }
 
 /* Pairs that wait to be summed. */
-#define BATCH (2 * ENERGY_LANES)
+#define PAIR_BATCH (2 * ENERGY_LANES)
 
-typedef struct batch {
+typedef struct pair_batch {
     size_t count;
-    double u2[BATCH], weight[BATCH];
+    double u2[PAIR_BATCH], weight[PAIR_BATCH];
     double energy;
-} batch;
+} pair_batch;
 
-static void sum_batch(batch *b)
+static void sum_pairs(pair_batch *b)
 {
     while (b->count % ENERGY_LANES) {
         b->u2[b->count] = 0.5;
@@ -92,7 +92,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
 {
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
-    batch b = {.count = 0};
+    pair_batch b = {.count = 0};
     double over = 1 / in->spacing[i], alpha = alpha_of(in, i), least = INFINITY;
     double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
@@ -104,12 +104,12 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
         least = relative2 < least ? relative2 : least;
         if (!in->sized) size2 = 1;
         double u2 = square * over2 / size2;
-        if (b.count == BATCH) sum_batch(&b);
+        if (b.count == PAIR_BATCH) sum_pairs(&b);
         b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
         b.weight[b.count] = 0.5 * (alpha + alpha_of(in, j)) * size2;
         b.count += u2 < 1; /* as good as random: no branch */
     }
-    sum_batch(&b);
+    sum_pairs(&b);
     *nearest2 = least;
     return b.energy;
 }
@@ -176,8 +176,8 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = packing_spacing(fmax(area, 0), 1);
-    if (job->local) job->local[job->part->slab.index[i]] = local;
-    if (job->degree) job->degree[job->part->slab.index[i]] = star.count;
+    if (job->local) job->local[job->part->partition.index[i]] = local;
+    if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
     t->degrees += 6.0 - star.count;
     if (is_on_rim(in, i)) {
         t->rims++;
@@ -211,7 +211,7 @@ static void tally_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     tally t = tally_empty();
     for (size_t i = begin; i < end; i++)
-        if (slab_owns(&job->part->slab, i)) tally_point(job, (uint32_t)i, &t);
+        if (partition_owns(&job->part->partition, i)) tally_point(job, (uint32_t)i, &t);
     job->part->tally[begin / CHUNK] = t;
 }
 
@@ -289,20 +289,20 @@ static extent extent_of(const quality_input *in)
     return x;
 }
 
-static void free_part(part *p)
+static void free_part(quality_part *p)
 {
-    slab_free(&p->slab);
+    partition_free(&p->partition);
     free(p->alpha);
     free(p->unresolved);
     free(p->tally);
 }
 
-static bool fill_part(const quality_input *in, const slabs_input *cut, const slabs *all, size_t k,
-                      threads *pool, part *out, error *e)
+static bool fill_part(const quality_input *in, const partitions_input *cut, const partitions *all, size_t k,
+                      threads *pool, quality_part *out, error *e)
 {
     const char *what = "the quality measures";
-    const slab *s = &out->slab;
-    if (!slab_fill(cut, all, k, pool, &out->slab, e)) return false;
+    const partition *s = &out->partition;
+    if (!partition_fill(cut, all, k, pool, &out->partition, e)) return false;
     out->alpha = mem_array(s->count, sizeof *out->alpha, what, e);
     out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
     out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
@@ -321,14 +321,14 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
                      quality *out, error *e)
 {
     const extent x = extent_of(in);
-    const slabs_input cut = {in->count, in->position, in->normal, in->spacing, x.reach};
-    slabs all;
-    bool ok = slabs_cut(&cut, &all, e);
+    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, x.reach};
+    partitions all;
+    bool ok = partitions_cut(&cut, &all, e);
     tally whole = tally_empty();
     for (size_t k = 0; k < all.count && ok; k++) {
-        part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+        quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
         ok = fill_part(in, &cut, &all, k, pool, &p, e);
-        const slab *s = &p.slab;
+        const partition *s = &p.partition;
         measure_job job = {
             &p, &p.in, {s->position, s->normal, s->spacing, s->near, s->index}, spacing_local, degree};
         if (ok) threads_run(pool, s->count, CHUNK, mark_chunk, &job);
@@ -336,7 +336,7 @@ bool quality_measure(const quality_input *in, threads *pool, double *spacing_loc
         for (size_t c = 0; ok && c < (s->count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &p.tally[c]);
         free_part(&p);
     }
-    slabs_free(&all);
+    partitions_free(&all);
     if (ok) *out = conclude(&whole);
     return ok;
 }

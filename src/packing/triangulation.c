@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "packing/slabs.h"
+#include "packing/partitions.h"
 #include "packing/voronoi.h"
 
 /* Points, or triangles, in a chunk of work. */
@@ -14,24 +14,24 @@
 
 /* Those that a chunk of points has found. */
 typedef struct found {
-    size_t count, room;
+    size_t count, capacity;
     uint32_t (*corner)[3];
 } found;
 
-typedef struct search {
-    const slab *slab;
+typedef struct triangle_search {
+    const partition *partition;
     voronoi_sites sites;
     found *found; /* per chunk */
-} search;
+} triangle_search;
 
 static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32_t c, found *out)
 {
     const vec3 *x = s->position, *n = s->normal;
     vec3 across = vec3_cross(vec3_sub(x[b], x[a]), vec3_sub(x[c], x[a]));
     bool outwards = vec3_dot(across, vec3_add(n[a], vec3_add(n[b], n[c]))) >= 0;
-    if (out->count == out->room) {
-        out->room = out->room > 0 ? 2 * out->room : 3 * CHUNK;
-        out->corner = mem_resize(out->corner, out->room * sizeof *out->corner);
+    if (out->count == out->capacity) {
+        out->capacity = out->capacity > 0 ? 2 * out->capacity : 3 * CHUNK;
+        out->corner = mem_resize(out->corner, out->capacity * sizeof *out->corner);
     }
     uint32_t *corner = out->corner[out->count++];
     corner[0] = s->index[a];
@@ -42,10 +42,10 @@ static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32
 /* A triangle is noted by the corner of the least index. */
 static void search_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const search *job = context;
+    const triangle_search *job = context;
     (void)worker;
     for (uint32_t a = (uint32_t)begin; a < end; a++) {
-        if (!slab_owns(job->slab, a)) continue;
+        if (!partition_owns(job->partition, a)) continue;
         voronoi_star star;
         voronoi_star_at(&job->sites, a, &star);
         for (uint32_t t = 0; t < star.triangle_count; t++) {
@@ -55,7 +55,7 @@ static void search_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-/* Adds what a slab's chunks have found, in their order. */
+/* Adds what a partition's chunks have found, in their order. */
 static bool append_found(const found *all, size_t chunks, triangulation *t, error *e)
 {
     size_t sum = t->facts.triangles;
@@ -73,12 +73,12 @@ static bool append_found(const found *all, size_t chunks, triangulation *t, erro
     return true;
 }
 
-static bool search_slab(const slabs_input *cut, const slabs *all, size_t k, threads *pool, triangulation *t,
-                        error *e)
+static bool search_partition(const partitions_input *cut, const partitions *all, size_t k, threads *pool,
+                             triangulation *t, error *e)
 {
-    slab s = {0};
-    search job = {.slab = &s};
-    bool ok = slab_fill(cut, all, k, pool, &s, e);
+    partition s = {0};
+    triangle_search job = {.partition = &s};
+    bool ok = partition_fill(cut, all, k, pool, &s, e);
     size_t chunks = (s.count + CHUNK - 1) / CHUNK;
     if (ok) {
         job.sites = (voronoi_sites){s.position, s.normal, s.spacing, s.near, s.index};
@@ -92,7 +92,7 @@ static bool search_slab(const slabs_input *cut, const slabs *all, size_t k, thre
     }
     for (size_t c = 0; job.found && c < chunks; c++) free(job.found[c].corner);
     free(job.found);
-    slab_free(&s);
+    partition_free(&s);
     return ok;
 }
 
@@ -399,12 +399,12 @@ static bool close_holes(const triangulation_input *in, triangulation *made, erro
 
 bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e)
 {
-    const slabs_input cut = {in->count, in->position, in->normal, in->spacing, VORONOI_REACH};
-    slabs all;
+    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, VORONOI_REACH};
+    partitions all;
     *out = (triangulation){0};
-    bool ok = slabs_cut(&cut, &all, e);
-    for (size_t k = 0; ok && k < all.count; k++) ok = search_slab(&cut, &all, k, pool, out, e);
-    slabs_free(&all);
+    bool ok = partitions_cut(&cut, &all, e);
+    for (size_t k = 0; ok && k < all.count; k++) ok = search_partition(&cut, &all, k, pool, out, e);
+    partitions_free(&all);
     return ok && close_holes(in, out, e) && survey_made(in, pool, out, e);
 }
 

@@ -92,7 +92,7 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e)
                          "more than %zu particles are needed, which is what memory holds: raise "
                          "limits.memory_mb, or ask for a larger sigma or spacing",
                          s->params.count_limit);
-    relax *bigger = relax_new(capacity, s->params.energy, s->forces, s->params.list_limit, s->pool, e);
+    relax *bigger = relax_new(capacity, s->params.energy, s->fast, s->params.list_limit, s->pool, e);
     if (!bigger || !particles_grow(s->p, capacity, e)) {
         relax_free(bigger);
         return false;

@@ -31,7 +31,7 @@ static const int round_patience[SAMPLER_STAGES] = {80, 150, 400}, PATIENCE_MORE 
 /* Lists are built anew when more than this share of the particles cannot move as they would, a larger one on
  * levels that are refined again, and for any one after so many sweeps. */
 static const double CRAMPED_SHARE = 0.01, CRAMPED_SHARE_COARSE = 0.04;
-static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_GLIDING = 12; /* where sweeps cost less than lists */
+static const int CRAMPED_WAIT = 4, CRAMPED_WAIT_FAST = 12; /* where sweeps cost less than lists */
 /* What the lists reach beyond the support, of h: SAMPLER_SKIN_WIDE while particles move far, narrow when a
  * few sweeps of their steps are less. */
 static const double SKIN_NARROW = 0.2, SKIN_STEPS = 6;
@@ -42,7 +42,7 @@ static const double SIZE_SETTLED = 1e-3;
 static const int RESIZES_MAX = 10;
 
 /* A coarsest level of which more particles than this see round edges or through sheets is too coarse. */
-static const double BENT_SHARE = 0.5;
+static const double CREASED_SHARE = 0.5;
 
 /* A level that is to be refined is left when the rms step is below this (of h), or after so many sweeps. */
 static const double LEVEL_STEP = 5e-3;
@@ -57,7 +57,7 @@ static const double LEVEL_SWEEPS_LEAST = 4, LEVEL_SWEEPS_MOST = 120;
  * for which so many are enough before steps are watched. */
 static const int STAGE_SWEEPS_MOST = 400, STAGE_SHAKEN = 15;
 /* Ten times the rms step of a shaken level: what is longer belongs to a particle that finds no rest. */
-static const double GLIDE_LONGEST = 0.05;
+static const double FAST_STEP_LONGEST = 0.05;
 /* Over-relaxation, of the first-term Hessian: with 3.0 and more a refined level loses its order. Sizes that
  * vary make stiffer neighbours: with 2.7 such a level would swing by a tenth of h for thirty sweeps. */
 static const double OMEGA_SHAKE = 2.7, OMEGA_SHAKE_GRADED = 2.4, OMEGA_SETTLE = 2.2, OMEGA_LEAST = 1.2;
@@ -204,11 +204,11 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     if (!params->energy) s->params.energy = &energy_cotangent;
     bool plain = params->coarse_to_fine && s->params.energy == &energy_cotangent && !params->graded &&
                  !params->gradient;
-    s->forces = plain ? kernel_for(params->isa) : NULL;
+    s->fast = plain ? fast_kernel_for(params->isa) : NULL;
     s->pool = pool;
     s->sweep = mem_array((size_t)params->max_sweeps, sizeof *s->sweep, "the record of sweeps", e);
     s->p = particles_new(params->count, e);
-    s->relax = relax_new(params->count, s->params.energy, s->forces, params->list_limit, pool, e);
+    s->relax = relax_new(params->count, s->params.energy, s->fast, params->list_limit, pool, e);
     if (!s->sweep || !s->p || !s->relax) goto fail;
     s->capacity = params->count;
     s->level_count[0] = params->count;
@@ -247,7 +247,7 @@ static size_t count_on_rim(const sampler *s)
 /* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
 static bool drop_coarsest(sampler *s, bool *again, error *e)
 {
-    *again = relax_bent_share(s->relax, s->p) > BENT_SHARE;
+    *again = relax_creased_share(s->relax, s->p) > CREASED_SHARE;
     if (!*again) return true;
     s->levels--;
     memmove(s->level_count, s->level_count + 1, (size_t)s->levels * sizeof *s->level_count);
@@ -293,7 +293,7 @@ static int level_sweeps(const sampler *s)
 
 /* Over-relaxation of sweeps that nothing watches: long steps shake a level's dislocations together first,
  * shorter ones settle it; where it does not come to rest for long they become shorter still. */
-static double glide_omega(const sampler *s)
+static double fast_omega(const sampler *s)
 {
     if (is_given(s)) return OMEGA_LEAST;
     if (s->level == 0 && s->stage < SAMPLER_STAGES - 1) return OMEGA_SETTLE;
@@ -305,17 +305,17 @@ static double glide_omega(const sampler *s)
 
 /* Over h: round edges and through sheets single particles would leap to and fro for ever, but once the
  * level has been shaken, long steps are watched, and with time all are. */
-static double glide_longest(const sampler *s)
+static double longest_fast_step(const sampler *s)
 {
-    if (is_given(s)) return GLIDE_LONGEST;
+    if (is_given(s)) return FAST_STEP_LONGEST;
     bool first_stages = s->level == 0 && s->stage < SAMPLER_STAGES - 1;
     double t = s->sweeps_in_round / (double)(first_stages ? STAGE_SHAKEN : level_sweeps(s));
-    return t < 1 ? INFINITY : GLIDE_LONGEST / (t * t);
+    return t < 1 ? INFINITY : FAST_STEP_LONGEST / (t * t);
 }
 
 /* A level has its sweeps; the coarsest, which sets the order of all, comes to rest stage by stage, and the
  * last to what was asked for. */
-static bool glides_are_at_rest(const sampler *s, const relax_sums *sums)
+static bool fast_steps_are_at_rest(const sampler *s, const relax_sums *sums)
 {
     static const double stage_step[SAMPLER_STAGES] = {0.03, 0.01, 0.001};
     bool last_stage = s->stage == SAMPLER_STAGES - 1, last_level = s->level == s->levels - 1;
@@ -328,7 +328,7 @@ static bool glides_are_at_rest(const sampler *s, const relax_sums *sums)
  * to be refined again need not wait for the last of them. */
 static bool is_at_rest(const sampler *s, const relax_sums *sums)
 {
-    if (s->forces) return glides_are_at_rest(s, sums);
+    if (s->fast) return fast_steps_are_at_rest(s, sums);
     bool last_stage = s->stage == SAMPLER_STAGES - 1, last_level = s->level == s->levels - 1;
     if (s->level > 0 && !last_level) return sums->rms_step < LEVEL_STEP || s->sweeps_in_round >= LEVEL_SWEEPS;
     bool still = sums->rms_step < s->params.step_tolerance;
@@ -350,7 +350,7 @@ static void estimate_fraction(sampler *s, const relax_sums *sums)
                                                  (double)s->params.count;
     }
     double climb;
-    if (s->forces) {
+    if (s->fast) {
         climb = fmin((double)s->sweeps_in_round / level_sweeps(s), 1);
         if (s->level == 0)
             climb = round_share[s->stage] + (round_share[s->stage + 1] - round_share[s->stage]) * climb;
@@ -382,8 +382,8 @@ static bool relax_step(sampler *s, error *e)
                            .step = s->params.step,
                            .sigma = s->sigma,
                            .spacing = s->spacing,
-                           .omega = s->forces ? glide_omega(s) : OMEGA,
-                           .glide = glide_longest(s),
+                           .omega = s->fast ? fast_omega(s) : OMEGA,
+                           .fast_step = longest_fast_step(s),
                            .gain = s->gain};
     relax_sums sums;
     relax_sweep(s->relax, s->p, &params, &sums);
@@ -405,7 +405,7 @@ static bool relax_step(sampler *s, error *e)
     s->list_age++;
     double cramped_share = s->level < s->levels - 1 ? CRAMPED_SHARE_COARSE : CRAMPED_SHARE;
     s->lists_stale = (double)sums.cramped > cramped_share * (double)s->p->count || amplitudes_are_due(s) ||
-                     (sums.cramped > 0 && s->list_age >= (s->forces ? CRAMPED_WAIT_GLIDING : CRAMPED_WAIT));
+                     (sums.cramped > 0 && s->list_age >= (s->fast ? CRAMPED_WAIT_FAST : CRAMPED_WAIT));
     s->skin = fmin(SAMPLER_SKIN_WIDE, fmax(SKIN_NARROW, SKIN_STEPS * sums.rms_step)) * s->spacing;
     if (is_at_rest(s, &sums) && sizes_are_settled(s) && !sampler_control(s, e)) return false;
     if (s->outcome == SAMPLER_RUNNING && s->sweep_count == (size_t)s->params.max_sweeps)

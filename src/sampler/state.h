@@ -36,7 +36,7 @@ struct sampler {
     particles *p;
     size_t capacity; /* of p and relax */
     relax *relax;
-    const kernel *forces; /* of relax; NULL: all with care, as what it does not know needs */
+    const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
     double spacing; /* h */
     double sigma;
     double skin;

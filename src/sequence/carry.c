@@ -49,7 +49,7 @@ enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
 static const size_t CANDIDATES = 32;
 /* Like those that follow: over-relaxation, the longest step that nothing watches, and how far lists reach
  * beyond the support, of the spacing. */
-static const double EASING_OMEGA = 1.2, EASING_GLIDE = 0.05, EASING_SKIN = 0.6, EASING_GAIN = 1e-8;
+static const double EASING_OMEGA = 1.2, EASING_FAST_STEP = 0.05, EASING_SKIN = 0.6, EASING_GAIN = 1e-8;
 /* Random numbers have their own stream. */
 enum { CARRY_STREAM = 5 };
 
@@ -442,12 +442,12 @@ static bool ease(crowd *c, error *e)
 {
     size_t n = c->carried;
     particles *p = particles_new(n, e);
-    relax *r = relax_new(n, &energy_cotangent, kernel_for(c->params->isa), SIZE_MAX, c->pool, e);
+    relax *r = relax_new(n, &energy_cotangent, fast_kernel_for(c->params->isa), SIZE_MAX, c->pool, e);
     relax_params params = {.field = c->f,
                            .sigma = packing_support(c->h),
                            .spacing = c->h,
                            .omega = EASING_OMEGA,
-                           .glide = EASING_GLIDE,
+                           .fast_step = EASING_FAST_STEP,
                            .gain = EASING_GAIN};
     bool ok = p && r;
     for (size_t i = 0; ok && i < n; i++) {

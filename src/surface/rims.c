@@ -17,7 +17,7 @@ typedef struct segment {
 
 typedef struct segments {
     segment *item;
-    size_t count, room;
+    size_t count, capacity;
     size_t *partner; /* of end number 2 k + end: the end of another segment there, or NONE */
 } segments;
 
@@ -70,14 +70,14 @@ static bool cut_segment(const field *f, int face, segment *s)
 
 static bool add_segment(segments *all, const segment *s, error *e)
 {
-    if (all->count == all->room) {
-        size_t room = all->room ? 2 * all->room : 256;
-        segment *larger = mem_array(room, sizeof *larger, "the rims", e);
+    if (all->count == all->capacity) {
+        size_t capacity = all->capacity ? 2 * all->capacity : 256;
+        segment *larger = mem_array(capacity, sizeof *larger, "the rims", e);
         if (!larger) return false;
         if (all->count) memcpy(larger, all->item, all->count * sizeof *larger);
         free(all->item);
         all->item = larger;
-        all->room = room;
+        all->capacity = capacity;
     }
     all->item[all->count++] = *s;
     return true;
@@ -203,7 +203,7 @@ typedef struct placing {
     const rims_request *request;
     double spacing; /* of a row, where the request is even */
     rims *out;
-    size_t room;
+    size_t capacity;
 } placing;
 
 /* Puts a place on the surface within the faces that it lies in. */
@@ -220,7 +220,7 @@ static bool settle(const placing *w, vec3 *x, vec3 *normal)
 static void add_place(placing *w, vec3 x)
 {
     vec3 normal;
-    if (w->out->count == w->room || !settle(w, &x, &normal)) return;
+    if (w->out->count == w->capacity || !settle(w, &x, &normal)) return;
     w->out->position[w->out->count] = x;
     w->out->normal[w->out->count++] = normal;
 }
@@ -312,9 +312,9 @@ static bool place_all(const curves *list, placing *w, error *e)
     double most = (double)w->request->most;
     w->spacing = fmax(ROW_SPACING * w->request->spacing, length / most);
     double places = length / w->spacing + 3 * (double)list->count; /* two corners, and what rounding adds */
-    w->room = (size_t)fmin(places, most);
-    w->out->position = mem_array(w->room, sizeof(vec3), "the rims", e);
-    w->out->normal = mem_array(w->room, sizeof(vec3), "the rims", e);
+    w->capacity = (size_t)fmin(places, most);
+    w->out->position = mem_array(w->capacity, sizeof(vec3), "the rims", e);
+    w->out->normal = mem_array(w->capacity, sizeof(vec3), "the rims", e);
     if (!w->out->position || !w->out->normal) return false;
     for (size_t k = 0; k < list->count; k++) place_corners(w, &list->item[k]);
     for (size_t k = 0; k < list->count; k++) place_row(w, &list->item[k]);

@@ -46,7 +46,7 @@ static double volume_of(const point_set *s, const triangulation *t)
     return volume;
 }
 
-/* In one slab and in two, by any number of threads. */
+/* In one partition and in two, by any number of threads. */
 static void spheres_are_closed(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Batches: everybody is in one, and nobody with a neighbour. */
+/* Independent sets: every point is in one set, and never with a neighbour. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/batches.h"
+#include "packing/independent_sets.h"
 #include "shapes.h"
 
 enum { COUNT = 20000 };
@@ -33,7 +33,7 @@ static void set_up(fixture *f, int thread_count, double widest)
     f->pool = threads_new(thread_count, NULL, &e);
     f->near = neighbours_new(COUNT, SIZE_MAX, &e);
     assert_true(neighbours_build(f->near, COUNT, x, size, 0.015, f->pool, &e));
-    batches_form(f->near, f->pool);
+    independent_sets_form(f->near, f->pool);
 }
 
 static void tear_down(fixture *f)
@@ -54,30 +54,30 @@ static void check(double widest)
     fixture f;
     set_up(&f, 2, widest);
     int *seen = calloc(COUNT, sizeof *seen);
-    size_t batches = 0;
+    size_t sets = 0;
     for (int c = 0; c < f.near->colours; c++)
         for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1];
-             block += BATCH_BLOCKS) {
-            size_t after = block + BATCH_BLOCKS;
+             block += INDEPENDENT_SET_BLOCKS) {
+            size_t after = block + INDEPENDENT_SET_BLOCKS;
             if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
-            uint32_t at, end, points[BATCH_MOST];
+            uint32_t at, end, points[INDEPENDENT_SET_MOST];
             neighbours_points(f.near, block, after, &at, &end);
             while (at < end) {
-                uint32_t count = batches_next(f.near, at, points);
-                assert_in_range(count, 1, BATCH_MOST);
+                uint32_t count = independent_sets_next(f.near, at, points);
+                assert_in_range(count, 1, INDEPENDENT_SET_MOST);
                 for (uint32_t a = 0; a < count; a++) {
                     seen[points[a]]++;
-                    assert_int_equal(batches_point(f.near, at + a), points[a]);
+                    assert_int_equal(independent_sets_point(f.near, at + a), points[a]);
                     for (uint32_t b = 0; b < a; b++)
                         assert_false(are_neighbours(f.near, points[a], points[b]));
                 }
                 at += count;
-                batches++;
+                sets++;
             }
             assert_int_equal(at, end);
         }
     for (int i = 0; i < COUNT; i++) assert_int_equal(seen[i], 1);
-    print_message("# sizes up to %g: %.1f points a batch\n", widest, (double)COUNT / (double)batches);
+    print_message("# sizes up to %g: %.1f points a set\n", widest, (double)COUNT / (double)sets);
     free(seen);
     tear_down(&f);
 }
@@ -106,5 +106,5 @@ int main(void)
         cmocka_unit_test(nobody_is_with_a_neighbour),
         cmocka_unit_test(threads_do_not_show),
     };
-    return cmocka_run_group_tests_name("batches", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("independent_sets", tests, NULL, NULL);
 }

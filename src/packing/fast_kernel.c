@@ -1,4 +1,4 @@
-#include "packing/kernel.h"
+#include "packing/fast_kernel.h"
 
 #include <math.h>
 #include <stddef.h>
@@ -6,7 +6,7 @@
 #include <immintrin.h>
 #endif
 
-enum { LANES = KERNEL_LANES };
+enum { LANES = FAST_KERNEL_LANES };
 
 /* w cot w for q = w^2, w in [0, pi/2]: least squares on Chebyshev nodes, within 5e-8; with rounding 2e-7. In
  * Estrin's order, which has the shortest chain. */
@@ -92,7 +92,7 @@ typedef struct scales {
 } scales;
 
 /* The frames of vec3_frame, in single precision; no forces yet. */
-ISA_INLINE void set_up(const kernel_particles *own, float reach, scales *s, kernel_forces *out)
+ISA_INLINE void set_up(const fast_kernel_particles *own, float reach, scales *s, fast_kernel_forces *out)
 {
     for (int l = 0; l < LANES; l++) {
         float x = (float)own->normal.x[l], y = (float)own->normal.y[l], z = (float)own->normal.z[l];
@@ -111,8 +111,8 @@ ISA_INLINE void set_up(const kernel_particles *own, float reach, scales *s, kern
 }
 
 /* Adds neighbour k of each particle that has as many. */
-ISA_INLINE void add_row(const row *b, uint32_t k, const kernel_particles *own, const scales *s, float reach,
-                        kernel_forces *out)
+ISA_INLINE void add_row(const row *b, uint32_t k, const fast_kernel_particles *own, const scales *s,
+                        float reach, fast_kernel_forces *out)
 {
     const float farthest = (float)(M_PI_2 * M_PI_2), nearest = farthest * CLOSEST * CLOSEST;
     for (int l = 0; l < LANES; l++) {
@@ -140,20 +140,20 @@ ISA_INLINE void add_row(const row *b, uint32_t k, const kernel_particles *own, c
 }
 
 /* (11)(12) in the tangent frame, without damping. */
-ISA_INLINE void step(const kernel_particles *own, const kernel_forces *f, const kernel_params *params,
-                     kernel_way *out)
+ISA_INLINE void step(const fast_kernel_particles *own, const fast_kernel_forces *f,
+                     const fast_kernel_params *params, fast_kernel_way *out)
 {
     const double unit2 = params->unit * params->unit, scale0 = params->omega * params->unit;
     for (int l = 0; l < LANES; l++) {
         double h11 = (double)f->h11[l], h12 = (double)f->h12[l], h22 = (double)f->h22[l];
         double d1 = (double)f->d1[l], d2 = (double)f->d2[l], size = (double)own->size[l];
-        double floor = KERNEL_HESSIAN_FLOOR * (h11 + h22), a = h11 + floor, c = h22 + floor;
+        double floor = FAST_KERNEL_HESSIAN_FLOOR * (h11 + h22), a = h11 + floor, c = h22 + floor;
         double determinant = a * c - h12 * h12;
         double over = determinant > 0 ? 1 / determinant : 0;
         double s1 = (h12 * d2 - c * d1) * over, s2 = (h12 * d1 - a * d2) * over;
-        double room = (double)own->room[l], limit2 = (double)f->nearest2[l] * unit2;
-        limit2 = limit2 < room * room ? limit2 : room * room;
-        double bound2 = KERNEL_BOUND_SHARE * KERNEL_BOUND_SHARE * limit2;
+        double allowed_step = (double)own->allowed_step[l], limit2 = (double)f->nearest2[l] * unit2;
+        limit2 = limit2 < allowed_step * allowed_step ? limit2 : allowed_step * allowed_step;
+        double bound2 = FAST_KERNEL_BOUND_SHARE * FAST_KERNEL_BOUND_SHARE * limit2;
         double length2 = scale0 * scale0 * (s1 * s1 + s2 * s2);
         double scale = length2 > bound2 ? scale0 * sqrt(bound2 / length2) : scale0;
         double longest = params->longest * size;
@@ -168,7 +168,7 @@ ISA_INLINE void step(const kernel_particles *own, const kernel_forces *f, const 
     }
 }
 
-ISA_INLINE void land(const kernel_particles *own, const kernel_params *params, kernel_way *way)
+ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params *params, fast_kernel_way *way)
 {
     for (int l = 0; l < LANES; l++) {
         double gx = way->gradient.x[l], gy = way->gradient.y[l], gz = way->gradient.z[l];
@@ -190,12 +190,12 @@ ISA_INLINE void land(const kernel_particles *own, const kernel_params *params, k
 }
 
 #define VERSION(isa, target)                                                                                 \
-    target static void forces_##isa(const neighbours_place *place, const kernel_particles *particles,        \
-                                    const kernel_params *params, kernel_forces *out)                         \
+    target static void forces_##isa(const neighbours_place *place, const fast_kernel_particles *particles,   \
+                                    const fast_kernel_params *params, fast_kernel_forces *out)               \
     {                                                                                                        \
         const float reach = (float)(M_PI * params->unit / params->support);                                  \
         scales s;                                                                                            \
-        kernel_forces sums;                                                                                  \
+        fast_kernel_forces sums;                                                                             \
         uint32_t longest = 0;                                                                                \
         set_up(particles, reach, &s, &sums);                                                                 \
         for (int l = 0; l < LANES; l++)                                                                      \
@@ -207,23 +207,23 @@ ISA_INLINE void land(const kernel_particles *own, const kernel_params *params, k
         }                                                                                                    \
         *out = sums;                                                                                         \
     }                                                                                                        \
-    target static void step_##isa(const kernel_particles *particles, const kernel_forces *forces,            \
-                                  const kernel_params *params, kernel_way *out)                              \
+    target static void step_##isa(const fast_kernel_particles *particles, const fast_kernel_forces *forces,  \
+                                  const fast_kernel_params *params, fast_kernel_way *out)                    \
     {                                                                                                        \
         step(particles, forces, params, out);                                                                \
     }                                                                                                        \
-    target static void land_##isa(const kernel_particles *particles, const kernel_params *params,            \
-                                  kernel_way *way)                                                           \
+    target static void land_##isa(const fast_kernel_particles *particles, const fast_kernel_params *params,  \
+                                  fast_kernel_way *way)                                                      \
     {                                                                                                        \
         land(particles, params, way);                                                                        \
     }                                                                                                        \
-    static const kernel version_##isa = {forces_##isa, step_##isa, land_##isa};
+    static const fast_kernel version_##isa = {forces_##isa, step_##isa, land_##isa};
 VERSION(portable, )
 VERSION(avx2, ISA_TARGET_AVX2)
 VERSION(avx512, ISA_TARGET_AVX512)
 
-const kernel *kernel_for(isa which)
+const fast_kernel *fast_kernel_for(isa which)
 {
-    static const kernel *const versions[ISA_COUNT] = {&version_portable, &version_avx2, &version_avx512};
+    static const fast_kernel *const versions[ISA_COUNT] = {&version_portable, &version_avx2, &version_avx512};
     return versions[which];
 }

@@ -1,18 +1,20 @@
-#include "packing/slabs.h"
+#include "packing/partitions.h"
 
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "geometry/bbox.h"
 
-static const size_t SLAB_POINTS = 100000, SLABS_MOST = 16;
-enum { BINS = 4096 }; /* of the histogram that slabs are cut by */
+static const size_t PARTITION_POINTS = 100000, PARTITIONS_MOST = 16;
+enum { BINS = 4096 }; /* of the histogram that decides where to cut */
 /* A star takes the lists of those listed by those listed. */
 static const double HALO_REACHES = 3;
 
-bool slabs_cut(const slabs_input *in, slabs *out, error *e)
+bool partitions_cut(const partitions_input *in, partitions *out, error *e)
 {
-    *out = (slabs){.count = in->count / SLAB_POINTS < SLABS_MOST ? in->count / SLAB_POINTS + 1 : SLABS_MOST};
+    *out = (partitions){.count = in->count / PARTITION_POINTS < PARTITIONS_MOST
+                                     ? in->count / PARTITION_POINTS + 1
+                                     : PARTITIONS_MOST};
     out->end = mem_array(out->count, sizeof *out->end, "a set's parts", e);
     if (!out->end) return false;
     bbox box = bbox_empty();
@@ -39,14 +41,14 @@ bool slabs_cut(const slabs_input *in, slabs *out, error *e)
     return true;
 }
 
-void slabs_free(slabs *s)
+void partitions_free(partitions *s)
 {
     free(s->end);
-    *s = (slabs){0};
+    *s = (partitions){0};
 }
 
-/* The points in a slab and around it; put there when it has room for them. */
-static size_t gather_points(const slabs_input *in, double halo, const slab *s)
+/* Counts the points in a partition and around it, and copies them once it has arrays for them. */
+static size_t gather_points(const partitions_input *in, double halo, const partition *s)
 {
     size_t found = 0;
     for (size_t i = 0; i < in->count; i++) {
@@ -63,11 +65,13 @@ static size_t gather_points(const slabs_input *in, double halo, const slab *s)
     return found;
 }
 
-bool slab_fill(const slabs_input *in, const slabs *all, size_t k, threads *pool, slab *out, error *e)
+bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
+                    partition *out, error *e)
 {
     const char *what = "a part of a set";
-    slab s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
-    if (s.low < s.high) s.count = gather_points(in, all->halo, &s); /* else the last bin ends two slabs */
+    partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
+    if (s.low < s.high)
+        s.count = gather_points(in, all->halo, &s); /* else the last bin ends two partitions */
     s.normal = mem_array(s.count, sizeof *s.normal, what, e);
     s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
     s.index = mem_array(s.count, sizeof *s.index, what, e);
@@ -80,12 +84,12 @@ bool slab_fill(const slabs_input *in, const slabs *all, size_t k, threads *pool,
     return neighbours_build(s.near, s.count, s.position, s.spacing, in->cutoff, pool, e);
 }
 
-void slab_free(slab *s)
+void partition_free(partition *s)
 {
     free(s->position);
     free(s->normal);
     free(s->spacing);
     free(s->index);
     neighbours_free(s->near);
-    *s = (slab){0};
+    *s = (partition){0};
 }

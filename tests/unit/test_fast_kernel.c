@@ -8,11 +8,11 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "packing/kernel.h"
+#include "packing/fast_kernel.h"
 #include "packing/pair.h"
 #include "shapes.h"
 
-enum { MOST = 40, LANES = KERNEL_LANES };
+enum { MOST = 40, LANES = FAST_KERNEL_LANES };
 
 static const double sigma = 0.9, unit = 0x1p-24;
 
@@ -20,8 +20,8 @@ static const double sigma = 0.9, unit = 0x1p-24;
 typedef struct fixture {
     neighbours_place place[LANES * MOST];
     uint32_t list[LANES][MOST];
-    kernel_particles particles;
-    kernel_params params;
+    fast_kernel_particles particles;
+    fast_kernel_params params;
 } fixture;
 
 static neighbours_place random_place(rng *r, vec3 half)
@@ -34,10 +34,10 @@ static neighbours_place random_place(rng *r, vec3 half)
 /* Up to MOST neighbours each, in and out of reach. */
 static void random_fixture(fixture *f, rng *r)
 {
-    kernel_particles *p = &f->particles;
+    fast_kernel_particles *p = &f->particles;
     memset(f, 0, sizeof *f);
     f->params =
-        (kernel_params){.unit = unit, .support = sigma, .omega = 1.2, .longest = 0.2, .farthest = 0.05};
+        (fast_kernel_params){.unit = unit, .support = sigma, .omega = 1.2, .longest = 0.2, .farthest = 0.05};
     for (uint32_t l = 0; l < LANES; l++) {
         neighbours_place own = random_place(r, (vec3){0.05, 0.05, 0.01});
         vec3 n = vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1}));
@@ -52,7 +52,7 @@ static void random_fixture(fixture *f, rng *r)
         p->y[l] = own.y;
         p->z[l] = own.z;
         p->size[l] = own.size;
-        p->room[l] = (float)(0.1 * rng_uniform(r));
+        p->allowed_step[l] = (float)(0.1 * rng_uniform(r));
         p->position.x[l] = own.x * unit;
         p->position.y[l] = own.y * unit;
         p->position.z[l] = own.z * unit;
@@ -62,14 +62,14 @@ static void random_fixture(fixture *f, rng *r)
     }
 }
 
-static vec3 lane_of(const kernel_vec3 *v, size_t lane)
+static vec3 lane_of(const fast_kernel_vec3 *v, size_t lane)
 {
     return (vec3){v->x[lane], v->y[lane], v->z[lane]};
 }
 
-static void sum_wide(const fixture *f, const kernel_forces *frames, size_t l, pair_forces *out)
+static void sum_wide(const fixture *f, const fast_kernel_forces *frames, size_t l, pair_forces *out)
 {
-    const kernel_particles *p = &f->particles;
+    const fast_kernel_particles *p = &f->particles;
     double column[5][MOST];
     for (size_t k = 0; k < MOST; k++) {
         const neighbours_place *q = &f->place[f->list[l][k]];
@@ -97,9 +97,9 @@ static void sums_are_those_in_double(void **state)
     rng r = rng_seed(test_seed(), 0);
     for (int round = 0; round < 20; round++) {
         fixture f;
-        kernel_forces single;
+        fast_kernel_forces single;
         random_fixture(&f, &r);
-        kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &single);
+        fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &single);
         for (size_t l = 0; l < LANES; l++) {
             pair_forces wide;
             sum_wide(&f, &single, l, &wide);
@@ -125,9 +125,9 @@ static void frames_are_tangent(void **state)
     (void)state;
     rng r = rng_seed(test_seed(), 1);
     fixture f;
-    kernel_forces out;
+    fast_kernel_forces out;
     random_fixture(&f, &r);
-    kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &out);
+    fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &out);
     for (size_t l = 0; l < LANES; l++) {
         vec3 n = lane_of(&f.particles.normal, l);
         vec3 u = {out.axis1[0][l], out.axis1[1][l], out.axis1[2][l]},
@@ -138,8 +138,8 @@ static void frames_are_tangent(void **state)
     }
 }
 
-/* The way of a glide over the plane z = 0.001, whose field has the gradient 2. */
-static void go(const fixture *f, const kernel *k, kernel_forces *forces, kernel_way *way)
+/* The way of a fast step over the plane z = 0.001, whose field has the gradient 2. */
+static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *forces, fast_kernel_way *way)
 {
     memset(forces, 0, sizeof *forces);
     memset(way, 0, sizeof *way);
@@ -152,18 +152,18 @@ static void go(const fixture *f, const kernel *k, kernel_forces *forces, kernel_
     k->land(&f->particles, &f->params, way);
 }
 
-static void a_glide_ends_on_the_surface_and_within_its_room(void **state)
+static void a_fast_step_ends_on_the_surface_and_within_what_is_allowed(void **state)
 {
     (void)state;
     rng r = rng_seed(test_seed(), 2);
     int ended_well = 0, refused = 0;
     for (int round = 0; round < 50; round++) {
         fixture f;
-        kernel_forces forces;
-        kernel_way way;
+        fast_kernel_forces forces;
+        fast_kernel_way way;
         random_fixture(&f, &r);
         if (round % 2 == 0) f.params.longest = 0.02;
-        go(&f, kernel_for(isa_best()), &forces, &way);
+        go(&f, fast_kernel_for(isa_best()), &forces, &way);
         for (size_t l = 0; l < LANES; l++) {
             if (!way.ends_well[l]) {
                 refused++;
@@ -172,7 +172,7 @@ static void a_glide_ends_on_the_surface_and_within_its_room(void **state)
             double length = vec3_norm(vec3_sub(lane_of(&way.to, l), lane_of(&f.particles.position, l)));
             assert_close(way.to.z[l], 0.001, 1e-15);
             assert_close(way.length[l], length, 1e-12);
-            assert_true(length <= (double)f.particles.room[l]);
+            assert_true(length <= (double)f.particles.allowed_step[l]);
             assert_close(vec3_norm(vec3_sub(lane_of(&way.gradient, l), (vec3){0, 0, 1})), 0, 1e-12);
             ended_well++;
         }
@@ -189,18 +189,18 @@ static void a_particle_always_gets_the_same_bits(void **state)
     int compared = 0;
     for (int round = 0; round < 100; round++) {
         fixture f;
-        kernel_forces portable, other;
-        kernel_way way, other_way;
+        fast_kernel_forces portable, other;
+        fast_kernel_way way, other_way;
         random_fixture(&f, &r);
-        go(&f, kernel_for(ISA_PORTABLE), &portable, &way);
+        go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &way);
         for (isa which = ISA_PORTABLE + 1; which < ISA_COUNT; which++) {
             if (!isa_available(which)) continue;
-            go(&f, kernel_for(which), &other, &other_way);
+            go(&f, fast_kernel_for(which), &other, &other_way);
             assert_memory_equal(&portable, &other, sizeof other);
             assert_memory_equal(&way, &other_way, sizeof way);
             compared++;
         }
-        kernel_particles *p = &f.particles;
+        fast_kernel_particles *p = &f.particles;
         p->list[5] = p->list[3]; /* lane 3 alone, in lane 5 */
         p->x[5] = p->x[3];
         p->y[5] = p->y[3];
@@ -212,7 +212,7 @@ static void a_particle_always_gets_the_same_bits(void **state)
         p->count[5] = p->count[3];
         for (size_t l = 0; l < LANES; l++)
             if (l != 5) p->count[l] = 0;
-        kernel_for(ISA_PORTABLE)->forces(f.place, p, &f.params, &other);
+        fast_kernel_for(ISA_PORTABLE)->forces(f.place, p, &f.params, &other);
         assert_memory_equal(&other.energy[5], &portable.energy[3], sizeof(float));
         assert_memory_equal(&other.d1[5], &portable.d1[3], sizeof(float));
         assert_memory_equal(&other.h22[5], &portable.h22[3], sizeof(float));
@@ -225,7 +225,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_are_those_in_double),
         cmocka_unit_test(frames_are_tangent),
-        cmocka_unit_test(a_glide_ends_on_the_surface_and_within_its_room),
+        cmocka_unit_test(a_fast_step_ends_on_the_surface_and_within_what_is_allowed),
         cmocka_unit_test(a_particle_always_gets_the_same_bits),
     };
     return cmocka_run_group_tests_name("kernel", tests, NULL, NULL);
