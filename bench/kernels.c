@@ -105,7 +105,7 @@ static void settle(const field *f, threads *pool, particles **out, double *spaci
     if (!s) fail(&e);
     while (!sampler_ended(s))
         if (!sampler_step(s, &e)) fail(&e);
-    if (!sampler_finish(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
+    if (!sampler_finalize(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
     const sampler_points *p = sampler_result_points(s);
     for (size_t i = 0; i < COUNT; i++) {
         (*out)->position[i] = p->position[i];

@@ -24,10 +24,10 @@ typedef struct moments {
     double n, sum, squares;
 } moments;
 
-/* What a chunk of points adds to the measures; all but `degrees` and `rims` without the points near rims. */
+/* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double rims, unresolved, hex, alpha, energy, nearest;
+    double boundary, unresolved, hex, alpha, energy, nearest;
     moments edge, area, ratio;
     double finest, coarsest;
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
@@ -55,7 +55,7 @@ static double alpha_of(const quality_input *in, size_t i)
     return in->alpha ? in->alpha[i] : 1;
 }
 
-static bool is_on_rim(const quality_input *in, size_t i)
+static bool is_near_boundary(const quality_input *in, size_t i)
 {
     return in->open && packing_is_near_boundary(in->domain, in->position[i], in->spacing[i]);
 }
@@ -155,7 +155,7 @@ static void tally_edges(const quality_input *in, uint32_t i, const voronoi_star 
 {
     for (uint32_t k = 0; k < star->count; k++) {
         uint32_t j = star->point[k];
-        if (!is_on_rim(in, j))
+        if (!is_near_boundary(in, j))
             count_value(&t->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
     }
 }
@@ -179,8 +179,8 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     if (job->local) job->local[job->part->partition.index[i]] = local;
     if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
     t->degrees += 6.0 - star.count;
-    if (is_on_rim(in, i)) {
-        t->rims++;
+    if (is_near_boundary(in, i)) {
+        t->boundary++;
         return;
     }
     double nearest2;
@@ -225,7 +225,7 @@ static void add_moments(moments *m, const moments *other)
 static void add_tally(tally *t, const tally *other)
 {
     t->degrees += other->degrees;
-    t->rims += other->rims;
+    t->boundary += other->boundary;
     t->unresolved += other->unresolved;
     t->hex += other->hex;
     t->alpha += other->alpha;
@@ -253,12 +253,12 @@ static double variation(const moments *m)
 
 static quality conclude(const tally *t)
 {
-    quality q = {.rim_count = (size_t)t->rims,
+    quality q = {.rim_count = (size_t)t->boundary,
                  .unresolved_count = (size_t)t->unresolved,
                  .euler = t->degrees / 6,
                  .min_spacing_ratio = sqrt(t->nearest)};
     q.grading_exponent = 1;
-    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1; /* NAN of nothing but rims */
+    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1; /* NAN of nothing but boundaries */
     if (t->area.n < 1) { /* no cells: there is nothing to say of them */
         q.hex_fraction = q.edge_cv = q.area_cv = q.grading_cv = q.grading_exponent = NAN;
         return q;

@@ -29,7 +29,7 @@ typedef struct quality_input {
     const double *spacing; /* requested spacing of each, world units */
     double h;              /* spacing of the ideal even packing (packing_spacing) */
     bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
-    bool open;             /* rims at the faces of `domain` */
+    bool open;             /* boundaries at the faces of `domain` */
     bbox domain;
 } quality_input;
 
@@ -41,7 +41,7 @@ typedef struct quality {
      * spacings, E_i over its own spacing squared */
     double energy_excess;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
-    size_t rim_count;         /* points within two spacings of a rim, left out of the above */
+    size_t rim_count;         /* points within two spacings of a boundary, left out of the above */
     size_t unresolved_count;  /* others without a cell */
     double euler;             /* sum of (6 - degree) / 6 over all points */
     double grading_cv;        /* of local over requested spacing */

@@ -152,7 +152,7 @@ static void count_sides(const wedge *w, size_t count, uint32_t other, size_t *fi
     }
 }
 
-static bool is_at_rim(const triangulation_input *in, uint32_t i)
+static bool is_at_boundary(const triangulation_input *in, uint32_t i)
 {
     return in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]);
 }
@@ -168,7 +168,7 @@ static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
     t->bad_edges += !good;
     if (first + second == 1) {
         t->boundary++;
-        t->rim += is_at_rim(job->in, i) && is_at_rim(job->in, other);
+        t->rim += is_at_boundary(job->in, i) && is_at_boundary(job->in, other);
     }
     return good;
 }
@@ -288,7 +288,7 @@ static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
     return job->begin[i + 1] - job->begin[i];
 }
 
-/* The point that a hole's edge leads to from i; false when none or several holes are there, or a rim. */
+/* The point that a hole's edge leads to from i; false when none or several holes are there, or a boundary. */
 static bool next_around(const survey *job, uint32_t i, uint32_t *out)
 {
     const wedge *w;
@@ -300,7 +300,7 @@ static bool next_around(const survey *job, uint32_t i, uint32_t *out)
         *out = w[k].to;
         open++;
     }
-    return open == 1 && !is_at_rim(job->in, i);
+    return open == 1 && !is_at_boundary(job->in, i);
 }
 
 /* The hole that is at i, if i is its least point. */

@@ -3,7 +3,7 @@
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */
 static const double JITTER = 1e-5;
-/* Triangles of a larger circumradius, in spacings, span a hole or reach across a rim. An ideal one has 0.58,
+/* Triangles of a larger circumradius, in spacings, span a hole or reach across a boundary. An ideal one has 0.58,
  * those of a vacancy 1. */
 static const double WIDEST = 1.5;
 /* Of three points nearly in a line: the sine of their angle at the first. */

@@ -38,7 +38,7 @@ typedef struct voronoi_star {
     uint32_t place[VORONOI_STAR_MAX];    /* of each in the list */
     double distance[VORONOI_STAR_MAX];   /* to each */
     double edge[VORONOI_STAR_MAX];       /* length of the Voronoi edge between; may be negative at corners */
-    uint8_t triangles[VORONOI_STAR_MAX]; /* that it is in: 2, but beside rims and holes */
+    uint8_t triangles[VORONOI_STAR_MAX]; /* that it is in: 2, but beside boundaries and holes */
     bool pinched; /* one is in more than 2, or there are too many: the triangles do not bound one cell */
     uint32_t triangle_count;
     uint8_t corner[VORONOI_STAR_MAX][2]; /* of each triangle the two others, by their places in `point` */

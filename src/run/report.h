@@ -15,7 +15,7 @@ typedef struct report_facts {
     const spec *spec;
     const source *source;
     const surface *scan;
-    const grading *grading; /* or NULL */
+    const sizing_field *sizing; /* or NULL */
     const sampler *sampler;
     const quality *quality;
     const results_facts *results;

@@ -10,13 +10,13 @@
 #include "base/threads.h"
 #include "packing/packing.h"
 #include "packing/quality.h"
-#include "run/pace.h"
+#include "run/cost_model.h"
 #include "run/progress.h"
 #include "run/report.h"
 #include "run/results.h"
 #include "run/sequence.h"
 #include "run/source.h"
-#include "run/watch.h"
+#include "run/watchdog.h"
 #include "sampler/sampler.h"
 #include "store/file.h"
 #include "surface/surface.h"
@@ -57,7 +57,7 @@ static const double TWO_RUNS = 0.8;
 
 /* A system at rest and what was measured of it. */
 typedef struct solution {
-    grading *grading; /* NULL: even, or by alpha */
+    sizing_field *sizing; /* NULL: even, or by alpha */
     sampler *sampler;
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */
@@ -84,7 +84,7 @@ typedef struct job {
 static void free_solution(solution *s)
 {
     sampler_free(s->sampler);
-    grading_free(s->grading);
+    sizing_field_free(s->sizing);
     free(s->spacing_local);
     free(s->degree);
     *s = (solution){0};
@@ -183,19 +183,19 @@ static bool resolve_count(job *j, error *e)
     return fits_memory(j, fmax(count, (double)s->control.start_count), e);
 }
 
-static grading_kind grading_kind_of(const spec *s)
+static sizing_field_kind sizing_field_kind_of(const spec *s)
 {
-    if (s->has_grid) return s->grid.kind == SPEC_MAP_DENSITY ? GRADING_DENSITY : GRADING_SPACING;
-    return s->curvature.chord_error > 0 ? GRADING_CHORD : GRADING_RATIO;
+    if (s->has_grid) return s->grid.kind == SPEC_MAP_DENSITY ? SIZING_FIELD_DENSITY : SIZING_FIELD_SPACING;
+    return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
 /* The spacing by place that sampling.curvature or sampling.grid asks for. */
-static bool start_grading(const job *j, grading **out, error *e)
+static bool start_sizing(const job *j, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
     if (!s->has_curvature && !s->has_grid) return true;
-    const grading_params params = {
-        .kind = grading_kind_of(s),
+    const sizing_field_params params = {
+        .kind = sizing_field_kind_of(s),
         .chord_error = s->curvature.chord_error,
         .ratio = s->curvature.ratio,
         .exponent = s->curvature.exponent,
@@ -206,7 +206,7 @@ static bool start_grading(const job *j, grading **out, error *e)
         .gradation = s->gradation,
         .memory_limit = (size_t)fmax(particle_memory(j), 1),
     };
-    *out = grading_new(j->source.field, j->scan, &params, j->count, j->pool, e);
+    *out = sizing_field_new(j->source.field, j->scan, &params, j->count, j->pool, e);
     return *out != NULL;
 }
 
@@ -218,7 +218,7 @@ static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent"
 static bool place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
-    if (!start_grading(j, &out->grading, e)) return false;
+    if (!start_sizing(j, &out->sizing, e)) return false;
     threads_narrow(j->pool, j->count < THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
@@ -226,16 +226,16 @@ static bool place(job *j, solution *out, error *e)
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
     const energy_function *energy = energy_find(energy_names[s->energy]);
-    const carry_params carry = {
+    const frame_transfer_params carry = {
         .count = j->count,
-        .grading = out->grading,
+        .sizing = out->sizing,
         .eased = energy == &energy_cotangent && !s->has_alpha && s->method != SPEC_METHOD_WITKIN_HECKBERT,
         .isa = j->isa,
         .seed = s->seed,
     };
-    carried brought = {0};
+    frame_transfer brought = {0};
     if (j->options->previous &&
-        !sequence_carry(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
+        !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
         goto done;
     const sampler_params params = {
         .given = brought.position,
@@ -256,7 +256,7 @@ static bool place(job *j, solution *out, error *e)
         .gamma = s->alpha.gamma,
         .nu = s->alpha.nu,
         .kappa_max = s->alpha.kappa_max,
-        .grading = out->grading,
+        .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
         .energy = energy,
@@ -270,7 +270,7 @@ static bool place(job *j, solution *out, error *e)
     };
     out->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
 done:
-    carried_free(&brought);
+    frame_transfer_free(&brought);
     return out->sampler != NULL;
 }
 
@@ -331,7 +331,7 @@ static bool measure(job *j, solution *s, error *e)
                               p->alpha,
                               p->spacing,
                               sampler_spacing(s->sampler),
-                              s->grading != NULL,
+                              s->sizing != NULL,
                               j->source.field->open,
                               j->source.field->rims};
     return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e);
@@ -365,12 +365,12 @@ static bool write_points(job *j, error *e)
 
 /* One run of j->count points that is to be over when no more than reserve_s are left. *late, with *out empty:
  * it was not, and its points are not fit to be a result. */
-static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *late, error *e)
+static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, bool *late, error *e)
 {
     int64_t begin = clock_monotonic_ms();
     *late = false;
     if (!place(j, out, e) ||
-        !relax_until_done(j, out->sampler, reserve_s + TAIL_SLACK * pace_rest(p, j->count), e))
+        !relax_until_done(j, out->sampler, reserve_s + TAIL_SLACK * cost_model_rest(p, j->count), e))
         return false;
     size_t sweeps;
     const sampler_sweep *last = sampler_sweeps(out->sampler, &sweeps) + sweeps - 1;
@@ -380,9 +380,9 @@ static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *
         return true;
     }
     int64_t relaxed = clock_monotonic_ms();
-    if (!sampler_finish(out->sampler, e) || !measure(j, out, e)) return false;
+    if (!sampler_finalize(out->sampler, e) || !measure(j, out, e)) return false;
     int64_t end = clock_monotonic_ms();
-    pace_note(p, j->count, 1e-3 * (double)(end - begin), 1e-3 * (double)(end - relaxed));
+    cost_model_note(p, j->count, 1e-3 * (double)(end - begin), 1e-3 * (double)(end - relaxed));
     return true;
 }
 
@@ -391,12 +391,13 @@ static bool run_in_time(job *j, pace *p, double reserve_s, solution *out, bool *
 static bool fill_time(job *j, error *e)
 {
     double memory = particle_memory(j) / bytes_per_particle(j) * TWO_RUNS, write_s = 0;
-    pace p = pace_begin((size_t)fmin(fmax(memory, COUNT_MIN), COUNT_MAX));
-    for (j->count = PACE_FIRST; j->count > 0; j->count = pace_next(&p, seconds_left(j) - write_s)) {
+    cost_model p = cost_model_begin((size_t)fmin(fmax(memory, COUNT_MIN), COUNT_MAX));
+    for (j->count = COST_MODEL_FIRST; j->count > 0;
+         j->count = cost_model_next(&p, seconds_left(j) - write_s)) {
         solution next = {0};
         bool late;
         /* to write a point takes less than to measure it */
-        if (!run_in_time(j, &p, write_s + pace_rest(&p, j->count), &next, &late, e)) {
+        if (!run_in_time(j, &p, write_s + cost_model_rest(&p, j->count), &next, &late, e)) {
             free_solution(&next);
             return false;
         }
@@ -413,7 +414,7 @@ static bool fill_time(job *j, error *e)
         e, ERROR_LIMIT_TIME,
         "/sampling/time_s: %d points of this surface, with everything that is written, take longer "
         "than %g s: allow more time, or do without the preview",
-        PACE_FIRST, j->spec->time_s);
+        COST_MODEL_FIRST, j->spec->time_s);
 }
 
 static bool relax(job *j, error *e)
@@ -421,7 +422,7 @@ static bool relax(job *j, error *e)
     progress_enter(&j->progress, PROGRESS_RELAX);
     if (j->spec->time_s > 0) return fill_time(j, e);
     const sampler *s = j->solution.sampler;
-    return relax_until_done(j, j->solution.sampler, 0, e) && sampler_finish(j->solution.sampler, e) &&
+    return relax_until_done(j, j->solution.sampler, 0, e) && sampler_finalize(j->solution.sampler, e) &&
            (!j->spec->coherent || sequence_end(&j->sequence, sampler_result_points(s), e));
 }
 
@@ -444,7 +445,7 @@ static bool write_report(job *j, run_summary *out, error *e)
     bool converged = sampler_result(s->sampler) == SAMPLER_CONVERGED && p->lost == 0;
     const report_facts facts = {
         j->spec,     &j->source,   j->scan,
-        s->grading,  s->sampler,   &s->quality,
+        s->sizing,   s->sampler,   &s->quality,
         &j->results, converged,    threads_count(j->pool),
         j->isa,      &j->progress,
     };
@@ -476,14 +477,15 @@ typedef bool phase(job *j, error *e);
 
 static bool run_phases(job *j, phase *const *phases, size_t count, error *e)
 {
-    const watch_params params = {&j->progress, j->options->cancel, j->options->leave ? leave_job : NULL, j};
-    watch *w = watch_start(&params, e);
+    const watchdog_params params = {&j->progress, j->options->cancel, j->options->leave ? leave_job : NULL,
+                                    j};
+    watchdog *w = watchdog_start(&params, e);
     bool ok = w != NULL;
     for (size_t k = 0; ok && k < count; k++) {
         ok = phases[k](j, e);
         if (!may_go_on(j, e)) ok = false;
     }
-    watch_end(w);
+    watchdog_end(w);
     return ok;
 }
 
@@ -513,15 +515,15 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
 /* ---- what it would take */
 
 /* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
-static bool rehearse_once(job *j, double end_s, pace *p)
+static bool rehearse_once(job *j, double end_s, cost_model *p)
 {
     solution s = {0};
     double begin_s = clock_processor_s();
     bool ok = place(j, &s, NULL);
     while (ok && !sampler_ended(s.sampler))
         ok = may_go_on(j, NULL) && clock_processor_s() < end_s && sampler_step(s.sampler, NULL);
-    ok = ok && sampler_finish(s.sampler, NULL) && measure(j, &s, NULL);
-    if (ok) pace_note(p, j->count, clock_processor_s() - begin_s, 0);
+    ok = ok && sampler_finalize(s.sampler, NULL) && measure(j, &s, NULL);
+    if (ok) cost_model_note(p, j->count, clock_processor_s() - begin_s, 0);
     free_solution(&s);
     return ok;
 }
@@ -540,15 +542,15 @@ static double rehearse(job *j)
 {
     size_t count = j->count, part = 1;
     double end_s = clock_processor_s() + 2 * REHEARSAL_S;
-    pace p = pace_begin(count);
-    while (count / part / REHEARSAL_STRIDE >= PACE_FIRST) part *= REHEARSAL_STRIDE;
+    cost_model p = cost_model_begin(count);
+    while (count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST) part *= REHEARSAL_STRIDE;
     for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
         part /= REHEARSAL_STRIDE;
-        if (pace_run(&p, count / part) > REHEARSAL_S) break;
+        if (cost_model_run(&p, count / part) > REHEARSAL_S) break;
     }
     j->count = count;
     /* few points are run by one thread, see place */
-    return p.runs > 0 ? pace_run(&p, count) / (count < THREADS_FROM ? 1 : threads_count(j->pool)) : NAN;
+    return p.runs > 0 ? cost_model_run(&p, count) / (count < THREADS_FROM ? 1 : threads_count(j->pool)) : NAN;
 }
 
 /* `missing`: why there are no seconds, NULL when there are. */

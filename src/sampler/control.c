@@ -1,4 +1,4 @@
-/* control: the global control of section 6.1, one action at the end of each round. See state.h.
+/* control: the global control of section 6.1, one action at the end of each round. See sampler_internal.h.
  *
  * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady
  * state is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma
@@ -8,7 +8,7 @@
 #include "base/memory.h"
 #include "packing/packing.h"
 #include "sampler/population.h"
-#include "sampler/state.h"
+#include "sampler/sampler_internal.h"
 
 /* A round relaxes until no particle can lower its energy by more than this fraction; each later one
  * looks closer. The first evens out the density, so that sigma is adapted before much work is done

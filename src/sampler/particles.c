@@ -17,7 +17,7 @@ particles *particles_new(size_t count, error *e)
         !(p->size = mem_array(count, sizeof *p->size, what, e)) ||
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
-        !(p->rim = mem_array(count, sizeof *p->rim, what, e))) {
+        !(p->near_boundary = mem_array(count, sizeof *p->near_boundary, what, e))) {
         particles_free(p);
         return NULL;
     }
@@ -34,7 +34,7 @@ void particles_free(particles *p)
     free(p->size);
     free(p->lambda);
     free(p->energy);
-    free(p->rim);
+    free(p->near_boundary);
     free(p);
 }
 
@@ -91,5 +91,5 @@ void particles_mark_boundary(particles *p, const field *f, double h)
 {
     if (!f->open) return;
     for (size_t i = 0; i < p->count; i++)
-        p->rim[i] = packing_is_near_boundary(f->rims, p->position[i], h * p->size[i]);
+        p->near_boundary[i] = packing_is_near_boundary(f->rims, p->position[i], h * p->size[i]);
 }

@@ -297,14 +297,14 @@ static bool add_middles(const field *f, const mesh *m, threads *pool, particles 
 }
 
 /* Particles that the edges did not give all the same, anywhere on the surface. */
-static bool draw_rest(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
-                      double spacing, uint64_t seed, error *e)
+static bool draw_rest(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                      size_t count, double spacing, uint64_t seed, error *e)
 {
     rng r = rng_seed(seed, 3);
     const project_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
                                    MIDDLE_ACCEPT * spacing};
     for (int draws = 0; p->count < count; draws++) {
-        vec3 x = grading_draw(graded, scan, rng_uniform(&r), &r), n;
+        vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r), n;
         if (draws == MAX_DRAWS)
             return error_set(e, ERROR_NO_SURFACE,
                              "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
@@ -326,13 +326,13 @@ bool refine_count_edges(const particles *p, double spacing, threads *pool, size_
     return ok;
 }
 
-bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
-                      double spacing, uint64_t seed, threads *pool, error *e)
+bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                      size_t count, double spacing, uint64_t seed, threads *pool, error *e)
 {
     mesh m;
     bool ok = mesh_particles(p, spacing, pool, &m, e);
     ok = ok && mesh_edges(&m, pool, e) && choose_edges(&m, count, e) && add_middles(f, &m, pool, p, e) &&
-         draw_rest(f, scan, graded, p, count, spacing, seed, e);
+         draw_rest(f, scan, sizing, p, count, spacing, seed, e);
     mesh_free(&m);
     return ok;
 }

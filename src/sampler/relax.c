@@ -5,9 +5,9 @@
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "packing/independent_sets.h"
 #include "packing/energy.h"
 #include "packing/fast_kernel.h"
+#include "packing/independent_sets.h"
 #include "packing/neighbours.h"
 #include "packing/pair.h"
 #include "surface/project.h"
@@ -204,7 +204,7 @@ typedef struct attempt {
     double bound;          /* longest step in the tangent plane */
     double limit;          /* longest displacement */
     double energy;
-    unsigned rim; /* axes of the faces that the particle slides along, and never leaves */
+    unsigned boundary_axes; /* axes of the faces that the particle slides along, and never leaves */
 } attempt;
 
 /* What the turning of the particle's own normal adds to its forces, through the weights: along axis e of the
@@ -294,7 +294,7 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
-        if (a->rim >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
+        if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
@@ -473,7 +473,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
                  .spacing = params->spacing * p->size[i],
-                 .rim = project_rim_axes(params->field, p->position[i])};
+                 .boundary_axes = project_boundary_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
     pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);
@@ -496,7 +496,7 @@ static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, s
     uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST];
     size_t creased_count = 0, smooth_count = 0;
     for (size_t k = 0; k < count; k++)
-        if (job->r->flat[items[k]] && !job->p->rim[items[k]])
+        if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]])
             smooth[smooth_count++] = items[k];
         else
             creased[creased_count++] = items[k];
@@ -527,7 +527,7 @@ ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&near->list_count[i]);
     __builtin_prefetch(&job->r->moved[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
-    __builtin_prefetch(&job->p->rim[i]);
+    __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);
 }
 
@@ -629,7 +629,7 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
     for (size_t i = 0; i < p->count; i++) {
         all += p->energy[i];
         all_alpha += p->alpha[i];
-        if (p->rim[i]) continue;
+        if (p->near_boundary[i]) continue;
         sum += p->energy[i];
         alpha += p->alpha[i];
     }

@@ -70,7 +70,7 @@ bool relax_refresh(relax *r, const particles *p, double sigma);
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
 /* Mean of E_i over size^2, over the mean of alpha, everyone where they are, for any support that the lists
- * cover; rims left out, where half of the neighbours are missing, unless there is nothing else. Sets
+ * cover; boundaries left out, where half of the neighbours are missing, unless there is nothing else. Sets
  * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 

@@ -8,10 +8,10 @@
 #include "packing/energy.h"
 #include "packing/packing.h"
 #include "sampler/refine.h"
+#include "sampler/sampler_internal.h"
 #include "sampler/start.h"
-#include "sampler/state.h"
+#include "surface/boundary.h"
 #include "surface/project.h"
-#include "surface/rims.h"
 
 /* The paper's criterion for a system at rest (section 7, step 2). */
 static const double REST_LAMBDA = 14;
@@ -110,7 +110,7 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t first = begin; first < end; first += SIZE_BATCH) {
         size_t count = end - first < SIZE_BATCH ? end - first : SIZE_BATCH;
-        grading_spacings(s->params.grading, count, s->p->position + first, spacing);
+        sizing_field_spacings(s->params.sizing, count, s->p->position + first, spacing);
         for (size_t k = 0; k < count; k++) {
             double *size = &s->p->size[first + k], change = *size / (spacing[k] * over_h) - 1;
             squares += change * change;
@@ -122,7 +122,7 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
 
 double sampler_resize(sampler *s)
 {
-    if (!s->params.grading) return 0;
+    if (!s->params.sizing) return 0;
     size_job job = {s, s->p->count / SIZE_PARTS + 1, {0}};
     double squares = 0;
     threads_run(s->pool, s->p->count, job.grain, size_chunk, &job);
@@ -214,7 +214,7 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->level_count[0] = params->count;
     s->stage = is_given(s) ? SAMPLER_STAGES - 1 : 0;
     s->levels = params->coarse_to_fine && !is_given(s)
-                    ? levels_plan(f, scan, params->grading, params->count, params->seed, s->level_count)
+                    ? levels_plan(f, scan, params->sizing, params->count, params->seed, s->level_count)
                     : 1;
     /* a support that is given is meant for the whole count */
     double even = packing_spacing(scan->area, (double)params->count);
@@ -237,10 +237,10 @@ void sampler_free(sampler *s)
     free(s);
 }
 
-static size_t count_on_rim(const sampler *s)
+static size_t count_on_boundary(const sampler *s)
 {
     size_t count = 0;
-    for (size_t i = 0; i < s->p->count; i++) count += project_rim_axes(s->field, s->p->position[i]) != 0;
+    for (size_t i = 0; i < s->p->count; i++) count += project_boundary_axes(s->field, s->p->position[i]) != 0;
     return count;
 }
 
@@ -254,14 +254,14 @@ static bool drop_coarsest(sampler *s, bool *again, error *e)
     return begin(s, s->sigma / s->spacing, e);
 }
 
-/* Begins again with a better count once: the rims fill up only with time, so the last word is left to the
+/* Begins again with a better count once: the boundaries fill up only with time, so the last word is left to the
  * levels between. */
 bool sampler_replan(sampler *s, bool *again, error *e)
 {
     size_t count = s->p->count, edges;
     if (s->stage == 0) return drop_coarsest(s, again, e);
     if (!refine_count_edges(s->p, s->spacing, s->pool, &edges, e)) return false;
-    levels_correct(s->level_count, s->levels, edges, count_on_rim(s));
+    levels_correct(s->level_count, s->levels, edges, count_on_boundary(s));
     *again = !s->planned && s->level_count[0] != count;
     s->planned = true;
     if (*again) return begin(s, s->sigma / s->spacing, e);
@@ -273,7 +273,7 @@ bool sampler_replan(sampler *s, bool *again, error *e)
 bool sampler_refine(sampler *s, error *e)
 {
     double support = s->sigma / s->spacing;
-    if (!refine_particles(s->field, s->scan, s->params.grading, s->p, s->level_count[++s->level], s->spacing,
+    if (!refine_particles(s->field, s->scan, s->params.sizing, s->p, s->level_count[++s->level], s->spacing,
                           s->params.seed, s->pool, e) ||
         !arrange(s, e))
         return false;
@@ -298,7 +298,7 @@ static double fast_omega(const sampler *s)
     if (is_given(s)) return OMEGA_LEAST;
     if (s->level == 0 && s->stage < SAMPLER_STAGES - 1) return OMEGA_SETTLE;
     double t = (double)s->sweeps_in_round / level_sweeps(s);
-    double shake = s->params.grading ? OMEGA_SHAKE_GRADED : OMEGA_SHAKE;
+    double shake = s->params.sizing ? OMEGA_SHAKE_GRADED : OMEGA_SHAKE;
     if (t < 1) return shake + (OMEGA_SETTLE - shake) * t * t;
     return fmax(OMEGA_SETTLE / t, OMEGA_LEAST);
 }

@@ -2,7 +2,7 @@
  *
  *     sampler *s = sampler_new(...);            // particles placed, lists built
  *     while (!sampler_ended(s)) sampler_step(s, e);  // one sweep each; the caller may stop at any
- *     sampler_finish(s, e);                     // exact projection, normals, curvature, energies
+ *     sampler_finalize(s, e);                     // exact projection, normals, curvature, energies
  *
  * The caller owns the loop, the progress and the cancellation; a pool that is told to stop leaves a step
  * undone, and the caller is to end. Steps allocate nothing, but for lists that grow where particles crowd,
@@ -23,7 +23,7 @@
 #include "field/field.h"
 #include "packing/energy.h"
 #include "sampler/witkin_heckbert.h"
-#include "surface/grading.h"
+#include "surface/sizing_field.h"
 #include "surface/surface.h"
 
 typedef struct sampler sampler;
@@ -45,7 +45,7 @@ typedef struct sampler_params {
     uint64_t seed;
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
-    const grading *grading; /* spacing by place, stays the caller's; NULL: even */
+    const sizing_field *sizing; /* spacing by place, stays the caller's; NULL: even */
     double sigma;           /* initial support, world units; 0: that of the ideal packing */
     /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
      * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
@@ -119,7 +119,7 @@ size_t sampler_removed_offsurface(const sampler *s);
 
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that
  * cannot be put there counts as lost. Errors: limit_memory. */
-bool sampler_finish(sampler *s, error *e);
+bool sampler_finalize(sampler *s, error *e);
 
 typedef struct sampler_points {
     size_t count;
@@ -133,7 +133,7 @@ typedef struct sampler_points {
     double sigma, mean_energy, ideal_energy, mean_neighbours;
 } sampler_points;
 
-/* After sampler_finish; the arrays belong to the sampler. */
+/* After sampler_finalize; the arrays belong to the sampler. */
 const sampler_points *sampler_result_points(const sampler *s);
 
 #endif

@@ -8,7 +8,7 @@
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "sampler/population.h"
-#include "sampler/state.h"
+#include "sampler/sampler_internal.h"
 #include "surface/project.h"
 
 /* Lists reach this much farther than the widest Gaussian, of the mean radius. */
@@ -270,7 +270,7 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* Where Euler's step ends, put back onto the surface if that is too far from it; the velocity becomes that
- * which took it there, so that radii follow what happens: at creases and rims it is not what the forces
+ * which took it there, so that radii follow what happens: at creases and boundaries it is not what the forces
  * wanted. A place that cannot be had is not taken. */
 static void place_chunk(void *context, int worker, size_t begin, size_t end)
 {

@@ -13,7 +13,7 @@ static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
     }
 }
 
-unsigned project_rim_axes(const field *f, vec3 x)
+unsigned project_boundary_axes(const field *f, vec3 x)
 {
     unsigned axes = 0;
     for (int axis = 0; f->open && axis < 3; axis++) {
@@ -38,7 +38,7 @@ static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
 bool project_point(const field *f, const project_limits *limits, vec3 *x, vec3 *normal)
 {
     vec3 p = *x, step;
-    unsigned pinned = project_rim_axes(f, p);
+    unsigned pinned = project_boundary_axes(f, p);
     clamp_to_domain(f, &p, &pinned);
     for (int k = 0;; k++) {
         field_sample s;

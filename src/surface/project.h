@@ -2,7 +2,7 @@
  *
  * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is
  * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
- * rim, if anywhere; so does a point that begins in such a face. Pure functions, safe in any thread.
+ * boundary, if anywhere; so does a point that begins in such a face. Pure functions, safe in any thread.
  */
 #ifndef HEXAD_SURFACE_PROJECT_H
 #define HEXAD_SURFACE_PROJECT_H
@@ -16,9 +16,9 @@ typedef struct project_limits {
     double reject;   /* farther than this after the last step is failure */
 } project_limits;
 
-/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a rim has
+/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has
  * some. */
-unsigned project_rim_axes(const field *f, vec3 x);
+unsigned project_boundary_axes(const field *f, vec3 x);
 
 /* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs
  * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */

@@ -34,7 +34,7 @@ static const double EXCESS_LIMIT = 0.2;
 static const double BENT_FACING = 0.8;
 enum { PARTS = 4, NODES = PARTS + 1 };
 /* A triangle that a face of the domain may cut is divided until its sides are this fraction of a cell, and of
- * the domain's shortest side, or so often: what lies between a rim and its chords goes with the square. */
+ * the domain's shortest side, or so often: what lies between a boundary and its chords goes with the square. */
 static const double CLIP_CELL = 1.0 / 8, CLIP_SIDE = 1.0 / 16;
 static const int CLIP_DEPTH = 8;
 /* How far the surface above a triangle may lie beyond its corners, of its longest side. */

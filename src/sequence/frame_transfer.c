@@ -1,4 +1,4 @@
-#include "sequence/carry.h"
+#include "sequence/frame_transfer.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -53,27 +53,28 @@ static const double EASING_OMEGA = 1.2, EASING_FAST_STEP = 0.05, EASING_SKIN = 0
 /* Random numbers have their own stream. */
 enum { CARRY_STREAM = 5 };
 
-/* Points that were carried, from 0 on, and after them places where others may be born. */
-typedef struct crowd {
+/* Candidates for the points of the new frame: first the points that were carried over, then places where points may
+ * be born. */
+typedef struct candidates {
     const field *f;
     const surface *scan;
-    const carry_params *params;
+    const frame_transfer_params *params;
     threads *pool;
-    motion motion;
+    registration motion;
     bbox box; /* nothing lands outside */
     double h; /* of an even packing */
     size_t carried, count;
     vec3 *position, *normal;
     double *spacing;
     vec3 *landed;     /* where one was carried to */
-    uint32_t *parent; /* CARRY_NONE: it was born */
+    uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
     bool *taken;      /* is one of the points */
     double *rank;     /* how crowded a point, how empty a place is: the largest first */
     uint32_t *order;
     neighbours *near;
-} crowd;
+} candidates;
 
-void carried_free(carried *c)
+void frame_transfer_free(frame_transfer *c)
 {
     if (!c) return;
     free(c->position);
@@ -81,10 +82,10 @@ void carried_free(carried *c)
     free(c->landed);
     free(c->origin);
     free(c->parent);
-    *c = (carried){0};
+    *c = (frame_transfer){0};
 }
 
-static void crowd_free(crowd *c)
+static void candidates_free(candidates *c)
 {
     free(c->position);
     free(c->normal);
@@ -97,7 +98,7 @@ static void crowd_free(crowd *c)
     neighbours_free(c->near);
 }
 
-static bool crowd_make(crowd *c, error *e)
+static bool candidates_make(candidates *c, error *e)
 {
     const char *what = "carried points";
     size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
@@ -114,7 +115,7 @@ static bool crowd_make(crowd *c, error *e)
 }
 
 /* Onto the surface, from anywhere. */
-static bool land(const crowd *c, vec3 *x, vec3 *normal)
+static bool land(const candidates *c, vec3 *x, vec3 *normal)
 {
     double accept = LANDED * c->h;
     const project_limits limits = {LANDING_STEPS, accept, accept, accept};
@@ -135,13 +136,13 @@ static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
 
 static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    crowd *c = context;
+    candidates *c = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         vec3 before = c->params->position[i],
-             x = keep_in_faces(c->f, before, motion_apply(&c->motion, before));
-        vec3 faced = motion_turn(&c->motion, c->params->normal[i]);
-        bool left = c->f->open && project_rim_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
+             x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
+        vec3 faced = registration_turn(&c->motion, c->params->normal[i]);
+        bool left = c->f->open && project_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
         c->taken[i] = !left && land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
         c->position[i] = c->landed[i] = x;
         c->parent[i] = (uint32_t)i;
@@ -149,16 +150,16 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* The requested spacing where the points from `first` on are. */
-static void set_spacings(crowd *c, size_t first)
+static void set_spacings(candidates *c, size_t first)
 {
-    if (c->params->grading)
-        grading_spacings(c->params->grading, c->count - first, c->position + first, c->spacing + first);
+    if (c->params->sizing)
+        sizing_field_spacings(c->params->sizing, c->count - first, c->position + first, c->spacing + first);
     else
         for (size_t i = first; i < c->count; i++) c->spacing[i] = c->h;
 }
 
 /* Only those that are taken stay, without gaps between them. */
-static void close_gaps(crowd *c)
+static void close_gaps(candidates *c)
 {
     size_t kept = 0;
     for (size_t i = 0; i < c->count; i++) {
@@ -175,7 +176,7 @@ static void close_gaps(crowd *c)
 }
 
 /* After a stop there are no lists that could be looked at. */
-static bool build_lists(crowd *c, double reach, error *e)
+static bool build_lists(candidates *c, double reach, error *e)
 {
     if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
         return false;
@@ -183,14 +184,14 @@ static bool build_lists(crowd *c, double reach, error *e)
 }
 
 /* How far two are apart, of their spacing; INFINITY: on different sheets. */
-static double distance(const crowd *c, size_t i, size_t j)
+static double distance(const candidates *c, size_t i, size_t j)
 {
     if (!(vec3_dot(c->normal[i], c->normal[j]) > OTHER_SHEET)) return INFINITY;
     return vec3_norm(vec3_sub(c->position[i], c->position[j])) / (0.5 * (c->spacing[i] + c->spacing[j]));
 }
 
 /* Whether a point from `first` on that is taken lies within `reach` of i. */
-static bool has_near(const crowd *c, size_t i, double reach, size_t first)
+static bool has_near(const candidates *c, size_t i, double reach, size_t first)
 {
     const uint32_t *list = neighbours_list(c->near, i);
     for (uint32_t k = 0; k < c->near->list_count[i]; k++)
@@ -199,10 +200,10 @@ static bool has_near(const crowd *c, size_t i, double reach, size_t first)
 }
 
 /* Carries the points, and lets go who did not arrive or crowds another. */
-static bool carry_all(crowd *c, error *e)
+static bool carry_all(candidates *c, error *e)
 {
-    const carry_params *p = c->params;
-    c->motion = motion_find(c->f, p->position, p->previous_count, c->h, c->pool);
+    const frame_transfer_params *p = c->params;
+    c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
     threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
     if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     c->count = p->previous_count;
@@ -210,16 +211,16 @@ static bool carry_all(crowd *c, error *e)
     set_spacings(c, 0);
     if (!build_lists(c, CROWDED, e)) return false;
     for (size_t i = 0; i < c->count; i++) c->taken[i] = false;
-    for (int inner = 0; inner <= 1; inner++) /* who is on a rim first: it is to stay closed */
+    for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
         for (size_t i = 0; i < c->count; i++)
-            if (inner == (project_rim_axes(c->f, c->position[i]) == 0))
+            if (inner == (project_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
     close_gaps(c);
     return true;
 }
 
 /* The three points nearest to a place; false: there are fewer. */
-static bool find_corners(const crowd *c, size_t place, uint32_t corner[3])
+static bool find_corners(const candidates *c, size_t place, uint32_t corner[3])
 {
     const uint32_t *list = neighbours_list(c->near, place);
     double least[3] = {INFINITY, INFINITY, INFINITY};
@@ -242,7 +243,7 @@ static bool find_corners(const crowd *c, size_t place, uint32_t corner[3])
  * dislocation is farther than elsewhere. Those by which there are fewer, or that would go far, stay. */
 static void centre_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    crowd *c = context;
+    candidates *c = context;
     (void)worker;
     for (size_t i = begin + c->carried; i < end + c->carried; i++) {
         uint32_t corner[3];
@@ -261,7 +262,7 @@ static void centre_chunk(void *context, int worker, size_t begin, size_t end)
 /* How far a place is from the nearest point, how crowded a point is by all. */
 static void rank_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    crowd *c = context;
+    candidates *c = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         const uint32_t *list = neighbours_list(c->near, i);
@@ -285,7 +286,7 @@ static int compare_rank(const void *a, const void *b, void *ranks)
 }
 
 /* Ranks all, and orders those from `first` to before `end`, the largest first. */
-static void rank_all(crowd *c, size_t first, size_t end)
+static void rank_all(candidates *c, size_t first, size_t end)
 {
     threads_run(c->pool, c->count, 256, rank_chunk, c);
     for (size_t i = first; i < end; i++) c->order[i] = (uint32_t)i;
@@ -293,7 +294,7 @@ static void rank_all(crowd *c, size_t first, size_t end)
 }
 
 /* The places to where the points leave most room, and their order. */
-static bool centre_places(crowd *c, error *e)
+static bool centre_places(candidates *c, error *e)
 {
     set_spacings(c, c->carried);
     if (!build_lists(c, NEAR, e)) return false;
@@ -304,7 +305,7 @@ static bool centre_places(crowd *c, error *e)
 }
 
 /* Places all over the surface, PLACES for each point that there is to be. */
-static bool draw_places(crowd *c, error *e)
+static bool draw_places(candidates *c, error *e)
 {
     rng r = rng_seed(c->params->seed, CARRY_STREAM);
     size_t places = PLACES * c->params->count;
@@ -312,10 +313,10 @@ static bool draw_places(crowd *c, error *e)
         if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         for (int draw = 0; draw < DRAWS; draw++) {
             double where = ((double)k + rng_uniform(&r)) / (double)places;
-            vec3 x = grading_draw(c->params->grading, c->scan, where, &r), n;
+            vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r), n;
             if (!land(c, &x, &n)) continue;
             c->position[c->count] = c->landed[c->count] = x;
-            c->parent[c->count] = CARRY_NONE;
+            c->parent[c->count] = FRAME_TRANSFER_NONE;
             c->normal[c->count++] = n;
             break;
         }
@@ -325,7 +326,7 @@ static bool draw_places(crowd *c, error *e)
 
 /* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
  * each other. Returns how many. */
-static size_t give_birth(crowd *c, double gap, double apart, size_t most)
+static size_t give_birth(candidates *c, double gap, double apart, size_t most)
 {
     size_t born = 0;
     for (size_t k = c->carried; k < c->count && born < most; k++) {
@@ -339,7 +340,7 @@ static size_t give_birth(crowd *c, double gap, double apart, size_t most)
 }
 
 /* Whether a neighbour of i was let go just now. */
-static bool has_lost(const crowd *c, size_t i)
+static bool has_lost(const candidates *c, size_t i)
 {
     const uint32_t *list = neighbours_list(c->near, i);
     for (uint32_t k = 0; k < c->near->list_count[i]; k++)
@@ -348,7 +349,7 @@ static bool has_lost(const crowd *c, size_t i)
 }
 
 /* Lets go so many of the carried, the most crowded first; no two neighbours if `spread`. Returns how many. */
-static size_t let_go(crowd *c, bool spread, size_t most)
+static size_t let_go(candidates *c, bool spread, size_t most)
 {
     size_t died = 0;
     for (size_t k = 0; k < c->carried && died < most; k++) {
@@ -362,7 +363,8 @@ static size_t let_go(crowd *c, bool spread, size_t most)
 
 /* Of `among` in the order from `first` on, most urgent first, takes or lets go at most `most` that are far
  * from each other. *there is the number of those that are taken. */
-static bool scatter(crowd *c, size_t first, size_t among, size_t most, bool lives, size_t *there, error *e)
+static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool lives, size_t *there,
+                    error *e)
 {
     const char *what = "births and deaths";
     const uint32_t *order = c->order + first;
@@ -395,7 +397,7 @@ static bool scatter(crowd *c, size_t first, size_t among, size_t most, bool live
 }
 
 /* `most` births: as they fit with room around them, or, if these are the last, all. */
-static bool bear(crowd *c, size_t most, bool last, size_t *there, error *e)
+static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
 {
     size_t wanted = *there + most, places = c->count - c->carried;
     size_t among = places < CANDIDATES * most ? places : CANDIDATES * most;
@@ -405,7 +407,7 @@ static bool bear(crowd *c, size_t most, bool last, size_t *there, error *e)
     return true;
 }
 
-static bool thin_out(crowd *c, size_t most, bool last, size_t *there, error *e)
+static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error *e)
 {
     size_t wanted = *there - most, among = c->carried < CANDIDATES * most ? c->carried : CANDIDATES * most;
     rank_all(c, 0, c->carried);
@@ -414,7 +416,7 @@ static bool thin_out(crowd *c, size_t most, bool last, size_t *there, error *e)
     return true;
 }
 
-static void swap_entries(crowd *c, size_t i, size_t j)
+static void swap_entries(candidates *c, size_t i, size_t j)
 {
     const vec3 position = c->position[i], normal = c->normal[i];
     const uint32_t parent = c->parent[i];
@@ -430,7 +432,7 @@ static void swap_entries(crowd *c, size_t i, size_t j)
 }
 
 /* Places that are taken join the carried; the others stay places. */
-static void settle_born(crowd *c)
+static void settle_born(candidates *c)
 {
     for (size_t i = c->carried; i < c->count; i++)
         if (c->taken[i]) swap_entries(c, i, c->carried++);
@@ -438,7 +440,7 @@ static void settle_born(crowd *c)
 }
 
 /* A few sweeps for the carried. After a stop none: the next lists tell of it. */
-static bool ease(crowd *c, error *e)
+static bool ease(candidates *c, error *e)
 {
     size_t n = c->carried;
     particles *p = particles_new(n, e);
@@ -473,14 +475,14 @@ static bool ease(crowd *c, error *e)
 }
 
 /* In how many portions the count is come to from those `there`. */
-static size_t count_portions(const crowd *c, size_t there)
+static size_t count_portions(const candidates *c, size_t there)
 {
     double count = (double)c->params->count, portions = ceil(fabs((double)there - count) * PORTION / count);
     return c->params->eased ? (size_t)fmin(fmax(portions, 1), PORTIONS_MOST) : 1;
 }
 
 /* Fills the holes and comes to the exact count. */
-static bool populate(crowd *c, error *e)
+static bool populate(candidates *c, error *e)
 {
     const size_t count = c->params->count;
     if (!draw_places(c, e)) return false;
@@ -498,14 +500,14 @@ static bool populate(crowd *c, error *e)
                      there + 1, count, DRAWS);
 }
 
-/* The carried point that is nearest to one; CARRY_NONE: none is near. */
-static uint32_t nearest_carried(const crowd *c, size_t i)
+/* The carried point that is nearest to one; FRAME_TRANSFER_NONE: none is near. */
+static uint32_t nearest_carried(const candidates *c, size_t i)
 {
     const uint32_t *list = neighbours_list(c->near, i);
-    uint32_t nearest = CARRY_NONE;
+    uint32_t nearest = FRAME_TRANSFER_NONE;
     double least = INFINITY;
     for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
-        double d = c->parent[list[k]] != CARRY_NONE ? distance(c, i, list[k]) : INFINITY;
+        double d = c->parent[list[k]] != FRAME_TRANSFER_NONE ? distance(c, i, list[k]) : INFINITY;
         if (d > least || d == INFINITY || (d == least && list[k] > nearest)) continue;
         least = d;
         nearest = list[k];
@@ -515,17 +517,17 @@ static uint32_t nearest_carried(const crowd *c, size_t i)
 
 /* Where one was in the frame before. Who is born would have been where the nearest point came from, or the
  * whole. */
-static vec3 origin_of(const crowd *c, size_t i)
+static vec3 origin_of(const candidates *c, size_t i)
 {
-    uint32_t guide = c->parent[i] == CARRY_NONE ? nearest_carried(c, i) : (uint32_t)i;
+    uint32_t guide = c->parent[i] == FRAME_TRANSFER_NONE ? nearest_carried(c, i) : (uint32_t)i;
     vec3 x = c->position[i];
-    if (guide == CARRY_NONE) return vec3_sub(vec3_scale(x, 2), motion_apply(&c->motion, x));
+    if (guide == FRAME_TRANSFER_NONE) return vec3_sub(vec3_scale(x, 2), registration_apply(&c->motion, x));
     vec3 origin = c->params->position[c->parent[guide]];
     return guide == i ? origin : vec3_sub(x, vec3_sub(c->position[guide], origin));
 }
 
 /* Those that are taken, in the order in which they are to be kept. */
-static bool hand_over(crowd *c, carried *out, error *e)
+static bool hand_over(candidates *c, frame_transfer *out, error *e)
 {
     const char *what = "carried points";
     close_gaps(c);
@@ -544,7 +546,7 @@ static bool hand_over(crowd *c, carried *out, error *e)
         out->landed[k] = c->landed[i];
         out->parent[k] = c->parent[i];
         out->origin[k] = origin_of(c, i);
-        out->born += c->parent[i] == CARRY_NONE;
+        out->born += c->parent[i] == FRAME_TRANSFER_NONE;
     }
     free(order);
     if (!ok) return false;
@@ -554,18 +556,18 @@ static bool hand_over(crowd *c, carried *out, error *e)
     return true;
 }
 
-bool carry_points(const field *f, const surface *scan, const carry_params *params, threads *pool,
-                  carried *out, error *e)
+bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
+                           threads *pool, frame_transfer *out, error *e)
 {
-    crowd c = {.f = f, .scan = scan, .params = params, .pool = pool};
+    candidates c = {.f = f, .scan = scan, .params = params, .pool = pool};
     c.h = packing_spacing(scan->area, (double)params->count);
     c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
-    *out = (carried){0};
-    bool ok = crowd_make(&c, e) && carry_all(&c, e);
+    *out = (frame_transfer){0};
+    bool ok = candidates_make(&c, e) && carry_all(&c, e);
     if (ok && (double)c.carried < SAME_SURFACE * (double)params->previous_count)
         out->died = params->previous_count;
     else
         ok = ok && populate(&c, e) && hand_over(&c, out, e);
-    crowd_free(&c);
+    candidates_free(&c);
     return ok;
 }

@@ -1,4 +1,4 @@
-#include "surface/grading.h"
+#include "surface/sizing_field.h"
 
 #include <stdlib.h>
 
@@ -53,12 +53,12 @@ typedef struct node {
     vec3 gradient;  /* of it */
 } node;
 
-/* The most that a cell takes while a grading is made: its place and value, and a node of its own with all
+/* The most that a cell takes while a field is made: its place and value, and a node of its own with all
  * that goes with one. */
 static const double CELL_BYTES = 24 + 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 
-struct grading {
-    grading_params params;
+struct sizing_field {
+    sizing_field_params params;
     vec3 origin;
     double edge;
     size_t count;
@@ -67,18 +67,18 @@ struct grading {
     size_t table_size;
     uint32_t *beside;      /* 27 a node: those around it, or NO_NODE */
     double *points_before; /* cells + 1, as area_before */
-    grading_facts facts;
+    sizing_field_facts facts;
 };
 
-static bool is_map(const grading *g)
+static bool is_map(const sizing_field *g)
 {
-    return g->params.kind == GRADING_SPACING || g->params.kind == GRADING_DENSITY;
+    return g->params.kind == SIZING_FIELD_SPACING || g->params.kind == SIZING_FIELD_DENSITY;
 }
 
 /* --- the request, cell by cell --- */
 
 typedef struct request_job {
-    const grading *g;
+    const sizing_field *g;
     const field *field;
     const surface *scan;
     vec3 *position;
@@ -100,15 +100,15 @@ static void request_cell(const request_job *job, size_t k)
         vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
         return;
     job->position[k] = x;
-    const grading_params *p = &job->g->params;
+    const sizing_field_params *p = &job->g->params;
     if (is_map(job->g)) {
         double v = p->map(p->map_context, x);
-        job->value[k] = !isnan(v) ? v : p->kind == GRADING_SPACING ? INFINITY : 0;
+        job->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
         return;
     }
     if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
     double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
-    job->value[k] = p->kind == GRADING_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+    job->value[k] = p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
 }
 
 static void request_chunk(void *context, int worker, size_t begin, size_t end)
@@ -155,34 +155,34 @@ static bool find_quantile(const surface *scan, const double *value, double share
 }
 
 /* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
-static double value_to_spacing(const grading_params *p, double v, double fine)
+static double value_to_spacing(const sizing_field_params *p, double v, double fine)
 {
     switch (p->kind) {
-    case GRADING_CHORD:
+    case SIZING_FIELD_CHORD:
         return sqrt(8 * p->chord_error / v);
-    case GRADING_RATIO:
+    case SIZING_FIELD_RATIO:
         return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
-    case GRADING_DENSITY:
+    case SIZING_FIELD_DENSITY:
         return packing_spacing(1, v);
     default:
         return v;
     }
 }
 
-static bool check_map(const grading_params *p, double v, error *e)
+static bool check_map(const sizing_field_params *p, double v, error *e)
 {
-    if (v > 0 || (v == 0 && p->kind == GRADING_DENSITY)) return true;
+    if (v > 0 || (v == 0 && p->kind == SIZING_FIELD_DENSITY)) return true;
     return error_set(e, ERROR_INPUT_UNSUPPORTED,
                      "the map of sampling.grid has the value %g at a place of the surface: %s", v,
-                     p->kind == GRADING_SPACING ? "a spacing is above 0" : "a density is not below 0");
+                     p->kind == SIZING_FIELD_SPACING ? "a spacing is above 0" : "a density is not below 0");
 }
 
 /* Turns values into spacings; what asks for none is held to a multiple of the least. */
-static bool values_to_spacings(const grading *g, const surface *scan, double *value, error *e)
+static bool values_to_spacings(const sizing_field *g, const surface *scan, double *value, error *e)
 {
-    const grading_params *p = &g->params;
+    const sizing_field_params *p = &g->params;
     double fine = 1, least = INFINITY;
-    if (p->kind == GRADING_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
+    if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         if (isnan(value[k])) continue;
         if (is_map(g) && !check_map(p, value[k], e)) return false;
@@ -204,20 +204,20 @@ static bool values_to_spacings(const grading *g, const surface *scan, double *va
 
 /* --- nodes --- */
 
-static uint64_t key_of(const grading *g, vec3 x)
+static uint64_t key_of(const sizing_field *g, vec3 x)
 {
     vec3 d = vec3_scale(vec3_sub(x, g->origin), 1 / g->edge);
     return (uint64_t)d.x | (uint64_t)d.y << AXIS_BITS | (uint64_t)d.z << 2 * AXIS_BITS;
 }
 
-static size_t slot_of(const grading *g, uint64_t key)
+static size_t slot_of(const sizing_field *g, uint64_t key)
 {
     size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (g->table_size - 1);
     while (g->table[slot] && g->node[g->table[slot] - 1].key != key) slot = (slot + 1) & (g->table_size - 1);
     return slot;
 }
 
-static uint32_t node_at(const grading *g, uint64_t key)
+static uint32_t node_at(const sizing_field *g, uint64_t key)
 {
     return g->table[slot_of(g, key)] - 1; /* 0 - 1: NO_NODE */
 }
@@ -229,12 +229,13 @@ static uint64_t key_beside(uint64_t key, int i, int j, int k)
 }
 
 /* Of the nodes around one, the k-th of 27. */
-static uint32_t node_beside(const grading *g, const node *n, int k)
+static uint32_t node_beside(const sizing_field *g, const node *n, int k)
 {
     return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
 }
 
-static bool make_nodes(grading *g, const surface *scan, const vec3 *position, const double *spacing, error *e)
+static bool make_nodes(sizing_field *g, const surface *scan, const vec3 *position, const double *spacing,
+                       error *e)
 {
     g->table_size = 64;
     while (g->table_size < 2 * scan->cells) g->table_size *= 2;
@@ -263,9 +264,9 @@ static bool make_nodes(grading *g, const surface *scan, const vec3 *position, co
     return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
 }
 
-/* What exists only while a grading is made. */
+/* What exists only while a field is made. */
 typedef struct making {
-    grading *g;
+    sizing_field *g;
     threads *pool;
     uint32_t *heap; /* nodes whose spacing may force others down, smallest first */
     uint32_t *at;   /* node k's place in it is at[k] - 1; 0: not in it */
@@ -285,13 +286,13 @@ static void making_free(making *m)
 
 static void link_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    const grading *g = context;
+    const sizing_field *g = context;
     (void)worker;
     for (size_t k = begin; k < end; k++)
         for (int i = 0; i < 27; i++) g->beside[27 * k + (size_t)i] = node_beside(g, &g->node[k], i);
 }
 
-static bool making_begin(making *m, grading *g, threads *pool, error *e)
+static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
 {
     const char *what = "the grading";
     *m = (making){.g = g, .pool = pool};
@@ -372,20 +373,19 @@ static void limit_growth(making *m)
 /* The spacings under a scale, and how many points they ask for. `widest` stands for no bound. */
 static double points_under(making *m, double scale, double widest)
 {
-    grading *g = m->g;
+    sizing_field *g = m->g;
     double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : widest;
     for (size_t k = 0; k < g->count; k++)
         g->node[k].spacing = fmin(fmax(scale * g->node[k].request, low), high);
     limit_growth(m);
     double points = 0;
-    for (size_t k = 0; k < g->count; k++)
-        points += g->node[k].area / packing_cell_area(g->node[k].spacing);
+    for (size_t k = 0; k < g->count; k++) points += g->node[k].area / packing_cell_area(g->node[k].spacing);
     return points;
 }
 
-static bool count_impossible(const grading *g, const surface *scan, size_t count, error *e)
+static bool count_impossible(const sizing_field *g, const surface *scan, size_t count, error *e)
 {
-    const grading_params *p = &g->params;
+    const sizing_field_params *p = &g->params;
     double most = packing_count(scan->area, p->min_spacing);
     if (p->min_spacing > 0 && (double)count > 0.99 * most)
         return error_set(
@@ -485,7 +485,7 @@ static vec3 solve3(sym3 m, vec3 b)
 /* The gradient that fits the neighbours' spacings best. */
 static void model_node(const making *links, size_t index)
 {
-    const grading *g = links->g;
+    const sizing_field *g = links->g;
     node *n = &g->node[index];
     sym3 m = {0};
     vec3 b = {0, 0, 0};
@@ -521,7 +521,7 @@ static void model_chunk(void *context, int worker, size_t begin, size_t end)
 }
 
 /* The nearest node: for points that stray from the cubes that were sampled. */
-static const node *nearest_node(const grading *g, vec3 x)
+static const node *nearest_node(const sizing_field *g, vec3 x)
 {
     const node *nearest = g->node;
     double nearest2 = INFINITY;
@@ -536,16 +536,16 @@ static const node *nearest_node(const grading *g, vec3 x)
 
 /* The eight cubes whose middles surround a place. */
 typedef struct spot {
-    bool inside;       /* of all cubes; the rest is set only then */
-    uint64_t low;      /* the key of the lowest */
-    double t[3];       /* how far the place is from its middle to that of the highest */
-    uint64_t own;      /* the key of the cube that the place is in, one of the eight */
-    int beside;        /* the lowest, among the cubes around that */
-    uint32_t node;     /* of its own cube, or NO_NODE */
+    bool inside;        /* of all cubes; the rest is set only then */
+    uint64_t low;       /* the key of the lowest */
+    double t[3];        /* how far the place is from its middle to that of the highest */
+    uint64_t own;       /* the key of the cube that the place is in, one of the eight */
+    int beside;         /* the lowest, among the cubes around that */
+    uint32_t node;      /* of its own cube, or NO_NODE */
     uint32_t around[8]; /* the nodes of all, or NO_NODE */
 } spot;
 
-static void find_cubes(const grading *g, vec3 x, spot *s)
+static void find_cubes(const sizing_field *g, vec3 x, spot *s)
 {
     vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
     s->low = s->own = 0;
@@ -565,7 +565,7 @@ static void find_cubes(const grading *g, vec3 x, spot *s)
 }
 
 /* The nodes of those cubes: when the place's own has one, that knows the others. */
-static void find_nodes(const grading *g, spot *s)
+static void find_nodes(const sizing_field *g, spot *s)
 {
     const uint32_t *row = g->beside + (s->node == NO_NODE ? 0 : 27 * (size_t)s->node + (size_t)s->beside);
     for (int c = 0; c < 8; c++)
@@ -590,7 +590,7 @@ ISA_INLINE void add_model(const node *n, double weight, vec3 x, bool steep, blen
 
 /* The models of the eight cubes. Any node stands in for one that is not there, with no weight: on a surface
  * half of them are missing, and a branch would guess wrongly as often as not. */
-ISA_INLINE double blend_models(const grading *g, vec3 x, const spot *s, vec3 *gradient)
+ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
 {
     blend b = {0};
     for (int c = 0; s->inside && c < 8; c++) {
@@ -607,7 +607,7 @@ ISA_INLINE double blend_models(const grading *g, vec3 x, const spot *s, vec3 *gr
 }
 
 /* Each step waits for memory: those of several places wait together. */
-static void find_spots(const grading *g, size_t count, const vec3 *x, spot *s)
+static void find_spots(const sizing_field *g, size_t count, const vec3 *x, spot *s)
 {
     for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
     for (size_t k = 0; k < count; k++)
@@ -616,14 +616,14 @@ static void find_spots(const grading *g, size_t count, const vec3 *x, spot *s)
         if (s[k].inside) find_nodes(g, &s[k]);
 }
 
-double grading_spacing(const grading *g, vec3 x, vec3 *gradient)
+double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient)
 {
     spot s;
     find_spots(g, 1, &x, &s);
     return blend_models(g, x, &s, gradient);
 }
 
-void grading_spacings(const grading *g, size_t count, const vec3 *x, double *out)
+void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out)
 {
     spot s[SPOTS];
     for (size_t first = 0; first < count; first += SPOTS) {
@@ -634,9 +634,9 @@ void grading_spacings(const grading *g, size_t count, const vec3 *x, double *out
 }
 
 /* The points that the models ask for, summed over the cells. */
-static double sum_points(grading *g, const surface *scan, const vec3 *position)
+static double sum_points(sizing_field *g, const surface *scan, const vec3 *position)
 {
-    grading_spacings(g, scan->cells, position, g->points_before + 1);
+    sizing_field_spacings(g, scan->cells, position, g->points_before + 1);
     for (size_t k = 0; k < scan->cells; k++) {
         double area = cell_area(scan, k), spacing = g->points_before[k + 1];
         double points = area > 0 ? area / packing_cell_area(spacing) : 0;
@@ -649,7 +649,7 @@ static double sum_points(grading *g, const surface *scan, const vec3 *position)
  * map means what it says. */
 static void smooth_spacing(making *m)
 {
-    grading *g = m->g;
+    sizing_field *g = m->g;
     if (is_map(g)) return;
     for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
     smooth(m);
@@ -658,8 +658,8 @@ static void smooth_spacing(making *m)
 }
 
 /* What the nodes are asked for is corrected until the cells ask for `count`. */
-static bool meet_count(grading *g, const surface *scan, const vec3 *position, size_t count, threads *pool,
-                       error *e)
+static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
+                       threads *pool, error *e)
 {
     double area = 0, asked = 0, even = packing_spacing(scan->area, (double)count);
     double widest = fmax(bbox_longest(scan->box), WIDEST_EVEN * even);
@@ -688,7 +688,7 @@ static bool meet_count(grading *g, const surface *scan, const vec3 *position, si
 }
 
 /* Every node has a cell at least. */
-static bool fits_memory(const grading *g, size_t cells, error *e)
+static bool fits_memory(const sizing_field *g, size_t cells, error *e)
 {
     double bytes = (double)cells * CELL_BYTES;
     if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
@@ -699,10 +699,10 @@ static bool fits_memory(const grading *g, size_t cells, error *e)
         cells, bytes / (1 << 20), (double)g->params.memory_limit / (1 << 20));
 }
 
-grading *grading_new(const field *f, const surface *scan, const grading_params *params, size_t count,
-                     threads *pool, error *e)
+sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
+                               size_t count, threads *pool, error *e)
 {
-    grading *g = mem_alloc(sizeof *g);
+    sizing_field *g = mem_alloc(sizeof *g);
     request_job job = {g, f, scan, NULL, NULL};
     bool ok = false;
     g->params = *params;
@@ -734,11 +734,11 @@ done:
     free(job.position);
     free(job.value);
     if (ok) return g;
-    grading_free(g);
+    sizing_field_free(g);
     return NULL;
 }
 
-void grading_free(grading *g)
+void sizing_field_free(sizing_field *g)
 {
     if (!g) return;
     free(g->node);
@@ -748,18 +748,18 @@ void grading_free(grading *g)
     free(g);
 }
 
-grading_facts grading_describe(const grading *g)
+sizing_field_facts sizing_field_describe(const sizing_field *g)
 {
     return g->facts;
 }
 
-const double *grading_weight(const grading *g, const surface *scan)
+const double *sizing_field_weight(const sizing_field *g, const surface *scan)
 {
     return g ? g->points_before : scan->area_before;
 }
 
-vec3 grading_draw(const grading *g, const surface *scan, double where, rng *r)
+vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r)
 {
-    const double *before = grading_weight(g, scan);
+    const double *before = sizing_field_weight(g, scan);
     return surface_point(scan, before, where * before[scan->cells], r);
 }

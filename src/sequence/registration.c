@@ -1,17 +1,17 @@
-#include "sequence/motion.h"
+#include "sequence/registration.h"
 
 #include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 
-/* Points that are asked, evenly among all: the seven unknowns are known to a hundredth of their distances. */
-static const size_t WITNESSES = 10000;
-/* Fewer that can answer tell nothing about seven unknowns. */
-static const size_t WITNESSES_LEAST = 20;
-/* Weights fall to a half at so many times the median distance; it is no less than a share of the spacing,
- * where what the surface does beside moving as a whole begins. */
-static const double DOUBT_MEDIANS = 1.5, DOUBT_LEAST = 0.05;
+/* So many points are looked at, evenly among all: they determine the seven unknowns to a hundredth of their distances. */
+static const size_t SAMPLES = 10000;
+/* Fewer points with a distance cannot determine seven unknowns. */
+static const size_t SAMPLES_LEAST = 20;
+/* Weights fall to a half at the Cauchy scale. It is so many times the median distance, but at least this share of the
+ * spacing: smaller distances come from what the surface does beside moving as a whole. */
+static const double CAUCHY_MEDIANS = 1.5, CAUCHY_LEAST = 0.05;
 /* What a motion by a length weighs against distances by that length, squared: makes the smallest of motions
  * that are equally good, and takes a few ten thousandths off those that are needed. */
 static const double REST_WEIGHT = 1e-4;
@@ -33,20 +33,20 @@ static vec3 rotate(vec3 rotation, vec3 v)
     return vec3_axpy((1 - cos(angle)) * vec3_dot(axis, v), axis, turned);
 }
 
-vec3 motion_apply(const motion *m, vec3 x)
+vec3 registration_apply(const registration *m, vec3 x)
 {
     vec3 arm = vec3_scale(rotate(m->rotation, vec3_sub(x, m->centre)), exp(m->growth));
     return vec3_add(vec3_add(m->centre, m->translation), arm);
 }
 
-vec3 motion_turn(const motion *m, vec3 n)
+vec3 registration_turn(const registration *m, vec3 n)
 {
     return rotate(m->rotation, n);
 }
 
 /* With J the left Jacobian of rotations, I + a [w] + b [w]^2, a turn by dw more moves an arm r by (J dw) x r;
  * so the derivative along n is J^T (r x n). */
-void motion_derive(const motion *m, vec3 x, vec3 along, double out[MOTION_UNKNOWNS])
+void registration_derive(const registration *m, vec3 x, vec3 along, double out[REGISTRATION_UNKNOWNS])
 {
     vec3 w = m->rotation, arm = vec3_scale(rotate(w, vec3_sub(x, m->centre)), exp(m->growth));
     double angle = vec3_norm(w), a = 0.5, b = 1.0 / 6;
@@ -63,34 +63,35 @@ void motion_derive(const motion *m, vec3 x, vec3 along, double out[MOTION_UNKNOW
     out[6] = vec3_dot(along, arm);
 }
 
-/* What a point says at the place it was moved to. */
-typedef struct witness {
-    double distance; /* to the surface, signed; INFINITY: nothing */
+/* The distance of a moved point to the surface. */
+typedef struct residual {
+    double distance; /* signed; INFINITY: the field is not defined there */
     vec3 normal;
-} witness;
+} residual;
 
-typedef struct hearing {
+typedef struct fit {
     const field *f;
     const vec3 *x;
-    size_t stride; /* of the points that are asked */
+    size_t stride; /* of the points that are looked at */
     size_t count;
-    motion at;
+    registration at;
     double size; /* rms distance of the points from their centre: turns and growth as lengths */
-    witness *said;
+    residual *residuals;
     double *sorted;
-} hearing;
+} fit;
 
-static void ask_chunk(void *context, int worker, size_t begin, size_t end)
+static void sample_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    hearing *h = context;
+    fit *h = context;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         field_sample s;
-        h->said[k].distance = INFINITY;
-        if (!field_sample_at(h->f, motion_apply(&h->at, h->x[k * h->stride]), FIELD_GRADIENT, &s)) continue;
+        h->residuals[k].distance = INFINITY;
+        if (!field_sample_at(h->f, registration_apply(&h->at, h->x[k * h->stride]), FIELD_GRADIENT, &s))
+            continue;
         double length = vec3_norm(s.gradient);
         if (!(length > 0)) continue;
-        h->said[k] = (witness){s.value / length, vec3_scale(s.gradient, 1 / length)};
+        h->residuals[k] = (residual){s.value / length, vec3_scale(s.gradient, 1 / length)};
     }
 }
 
@@ -100,106 +101,106 @@ static int compare_double(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The median distance of those that answer; how many do. */
-static size_t judge(hearing *h, double *median)
+/* Finds the median distance. Returns how many points have one. */
+static size_t find_median(fit *h, double *median)
 {
-    size_t answers = 0;
+    size_t found = 0;
     for (size_t k = 0; k < h->count; k++)
-        if (h->said[k].distance != INFINITY) h->sorted[answers++] = fabs(h->said[k].distance);
-    qsort(h->sorted, answers, sizeof *h->sorted, compare_double);
-    *median = answers > 0 ? h->sorted[answers / 2] : INFINITY;
-    return answers;
+        if (h->residuals[k].distance != INFINITY) h->sorted[found++] = fabs(h->residuals[k].distance);
+    qsort(h->sorted, found, sizeof *h->sorted, compare_double);
+    *median = found > 0 ? h->sorted[found / 2] : INFINITY;
+    return found;
 }
 
-/* How badly the motion explains the surface, 0 to 1: distances far beyond `scale` weigh like no answer. */
-static double blame(const hearing *h, double scale)
+/* How badly the motion fits the surface, 0 to 1. A distance far beyond `scale` counts like none. */
+static double misfit(const fit *h, double scale)
 {
     double sum = 0;
     for (size_t k = 0; k < h->count; k++) {
-        double r = h->said[k].distance;
+        double r = h->residuals[k].distance;
         sum += r == INFINITY ? 1 : r * r / (r * r + scale * scale);
     }
     return sum / (double)h->count;
 }
 
-/* The normal equations of the weighted distances, with all unknowns as lengths; `doubt` is where weights are
- * a half. */
-static void set_up(const hearing *h, double doubt, double a[MOTION_UNKNOWNS][MOTION_UNKNOWNS],
-                   double b[MOTION_UNKNOWNS])
+/* The normal equations of the weighted distances, with all unknowns as lengths. Weights are a half at
+ * `cauchy_scale`. */
+static void set_up(const fit *h, double cauchy_scale, double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS],
+                   double b[REGISTRATION_UNKNOWNS])
 {
     const vec3 t = h->at.translation, w = h->at.rotation;
     const double unknown[] = {
         t.x, t.y, t.z, w.x * h->size, w.y * h->size, w.z * h->size, h->at.growth * h->size};
     double weights = 0;
-    for (int i = 0; i < MOTION_UNKNOWNS; i++) {
+    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
         b[i] = 0;
-        for (int j = 0; j < MOTION_UNKNOWNS; j++) a[i][j] = 0;
+        for (int j = 0; j < REGISTRATION_UNKNOWNS; j++) a[i][j] = 0;
     }
     for (size_t k = 0; k < h->count; k++) {
-        double r = h->said[k].distance, d[MOTION_UNKNOWNS];
+        double r = h->residuals[k].distance, d[REGISTRATION_UNKNOWNS];
         if (r == INFINITY) continue;
-        double weight = 1 / (1 + r * r / (doubt * doubt));
-        motion_derive(&h->at, h->x[k * h->stride], h->said[k].normal, d);
-        for (int i = 3; i < MOTION_UNKNOWNS; i++) d[i] /= h->size;
+        double weight = 1 / (1 + r * r / (cauchy_scale * cauchy_scale));
+        registration_derive(&h->at, h->x[k * h->stride], h->residuals[k].normal, d);
+        for (int i = 3; i < REGISTRATION_UNKNOWNS; i++) d[i] /= h->size;
         weights += weight;
-        for (int i = 0; i < MOTION_UNKNOWNS; i++) {
+        for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
             b[i] -= weight * r * d[i];
             for (int j = 0; j <= i; j++) a[i][j] += weight * d[i] * d[j];
         }
     }
-    for (int i = 0; i < MOTION_UNKNOWNS; i++) {
+    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
         a[i][i] += REST_WEIGHT * weights;
         b[i] -= REST_WEIGHT * weights * unknown[i];
     }
 }
 
 /* Solves a x = b by Cholesky's method, in place: a, of which the lower half counts, is positive definite. */
-static void solve(double a[MOTION_UNKNOWNS][MOTION_UNKNOWNS], double b[MOTION_UNKNOWNS])
+static void solve(double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS], double b[REGISTRATION_UNKNOWNS])
 {
-    for (int i = 0; i < MOTION_UNKNOWNS; i++)
+    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++)
         for (int j = 0; j <= i; j++) {
             for (int k = 0; k < j; k++) a[i][j] -= a[i][k] * a[j][k];
             a[i][j] = i == j ? sqrt(a[i][i]) : a[i][j] / a[j][j];
         }
-    for (int i = 0; i < MOTION_UNKNOWNS; i++) {
+    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
         for (int k = 0; k < i; k++) b[i] -= a[i][k] * b[k];
         b[i] /= a[i][i];
     }
-    for (int i = MOTION_UNKNOWNS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < MOTION_UNKNOWNS; k++) b[i] -= a[k][i] * b[k];
+    for (int i = REGISTRATION_UNKNOWNS - 1; i >= 0; i--) {
+        for (int k = i + 1; k < REGISTRATION_UNKNOWNS; k++) b[i] -= a[k][i] * b[k];
         b[i] /= a[i][i];
     }
 }
 
-/* One step of Newton's; its length. */
-static double step(hearing *h, double doubt)
+/* One Gauss-Newton step. Returns its length. */
+static double step(fit *h, double cauchy_scale)
 {
-    double a[MOTION_UNKNOWNS][MOTION_UNKNOWNS], b[MOTION_UNKNOWNS], length2 = 0;
-    set_up(h, doubt, a, b);
+    double a[REGISTRATION_UNKNOWNS][REGISTRATION_UNKNOWNS], b[REGISTRATION_UNKNOWNS], length2 = 0;
+    set_up(h, cauchy_scale, a, b);
     solve(a, b);
     h->at.translation = vec3_add(h->at.translation, vec3_make(b[0], b[1], b[2]));
     h->at.rotation = vec3_axpy(1 / h->size, vec3_make(b[3], b[4], b[5]), h->at.rotation);
     h->at.growth += b[6] / h->size;
-    for (int i = 0; i < MOTION_UNKNOWNS; i++) length2 += b[i] * b[i];
+    for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) length2 += b[i] * b[i];
     return sqrt(length2);
 }
 
-static motion search(hearing *h, double spacing, threads *pool)
+static registration find_motion(fit *h, double spacing, threads *pool)
 {
-    motion rest = h->at;
-    threads_run(pool, h->count, 256, ask_chunk, h);
-    double before = blame(h, spacing), median;
-    for (int k = 0; k < STEPS_MOST && judge(h, &median) >= WITNESSES_LEAST; k++) {
-        double length = step(h, fmax(DOUBT_MEDIANS * median, DOUBT_LEAST * spacing));
-        threads_run(pool, h->count, 256, ask_chunk, h);
+    registration rest = h->at;
+    threads_run(pool, h->count, 256, sample_chunk, h);
+    double before = misfit(h, spacing), median;
+    for (int k = 0; k < STEPS_MOST && find_median(h, &median) >= SAMPLES_LEAST; k++) {
+        double length = step(h, fmax(CAUCHY_MEDIANS * median, CAUCHY_LEAST * spacing));
+        threads_run(pool, h->count, 256, sample_chunk, h);
         if (!(length > STEP_LAST * spacing)) break;
     }
-    return blame(h, spacing) < EXPLAINED * before ? h->at : rest;
+    return misfit(h, spacing) < EXPLAINED * before ? h->at : rest;
 }
 
-motion motion_find(const field *f, const vec3 *x, size_t count, double spacing, threads *pool)
+registration registration_find(const field *f, const vec3 *x, size_t count, double spacing, threads *pool)
 {
-    hearing h = {.f = f, .x = x, .stride = (count + WITNESSES - 1) / WITNESSES};
+    fit h = {.f = f, .x = x, .stride = (count + SAMPLES - 1) / SAMPLES};
     double squares = 0;
     if (count == 0) return h.at;
     h.count = (count - 1) / h.stride + 1;
@@ -208,10 +209,10 @@ motion motion_find(const field *f, const vec3 *x, size_t count, double spacing, 
     for (size_t k = 0; k < h.count; k++) squares += vec3_norm2(vec3_sub(x[k * h.stride], h.at.centre));
     h.size = sqrt(squares / (double)h.count);
     if (!(h.size > 0)) return h.at;
-    h.said = mem_alloc(h.count * sizeof *h.said);
+    h.residuals = mem_alloc(h.count * sizeof *h.residuals);
     h.sorted = mem_alloc(h.count * sizeof *h.sorted);
-    motion found = search(&h, spacing, pool);
-    free(h.said);
+    registration found = find_motion(&h, spacing, pool);
+    free(h.residuals);
     free(h.sorted);
     return found;
 }

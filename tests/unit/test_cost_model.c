@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "run/pace.h"
+#include "run/cost_model.h"
 
 /* Seconds of a run: a part of its own, and a power of the count, more or less. */
 typedef struct cost {
@@ -22,17 +22,17 @@ static double cost_of(const cost *c, size_t count, rng *r)
 /* Time spent on runs, the last included, and the largest count that fitted. */
 static double spend(const cost *c, double budget, size_t most, rng *r, size_t *reached)
 {
-    pace p = pace_begin(most);
+    cost_model p = cost_model_begin(most);
     double spent = 0;
     *reached = 0;
-    for (size_t count = PACE_FIRST; count > 0; count = pace_next(&p, budget - spent)) {
+    for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, budget - spent)) {
         double run = cost_of(c, count, r);
         if (*reached > 0) assert_true((double)count <= 6.001 * (double)*reached && count > *reached);
         if (spent + run > budget) return budget;
         spent += run;
         *reached = count;
-        pace_note(&p, count, run, 0.1 * run);
-        assert_true(fabs(pace_rest(&p, 2 * count) - 0.2 * run) < 1e-9 * run);
+        cost_model_note(&p, count, run, 0.1 * run);
+        assert_true(fabs(cost_model_rest(&p, 2 * count) - 0.2 * run) < 1e-9 * run);
     }
     return spent;
 }
@@ -86,36 +86,34 @@ static void memory_bounds_the_count(void **state)
 static void nothing_fits_into_no_time(void **state)
 {
     (void)state;
-    pace p = pace_begin(SIZE_MAX);
-    pace_note(&p, PACE_FIRST, 1, 0.1);
-    assert_int_equal(pace_next(&p, 0), 0);
-    assert_int_equal(pace_next(&p, -1), 0);
-    assert_int_equal(pace_next(&p, 1), 0);
-    pace_note(&p, PACE_FIRST, 0, 0); /* faster than the clock ticks */
-    assert_true(pace_next(&p, 1) > PACE_FIRST);
+    cost_model p = cost_model_begin(SIZE_MAX);
+    cost_model_note(&p, COST_MODEL_FIRST, 1, 0.1);
+    assert_int_equal(cost_model_next(&p, 0), 0);
+    assert_int_equal(cost_model_next(&p, -1), 0);
+    assert_int_equal(cost_model_next(&p, 1), 0);
+    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* faster than the clock ticks */
+    assert_true(cost_model_next(&p, 1) > COST_MODEL_FIRST);
 }
 
 /* A part that does not depend on the count, and one that goes with it. */
 static void a_run_is_foretold(void **state)
 {
     (void)state;
-    pace p = pace_begin(SIZE_MAX);
-    pace_note(&p, 1000, 0.5, 0);
-    assert_float_equal(pace_run(&p, 4000), 2, 1e-6);
-    pace_note(&p, 4000, 0.8, 0);
-    assert_float_equal(pace_run(&p, 4000), 0.8, 1e-6);
-    assert_float_equal(pace_run(&p, 16000), 2, 1e-6);
-    pace_note(&p, 16000, 0.7, 0); /* less than fewer took: by the last alone */
-    assert_float_equal(pace_run(&p, 32000), 1.4, 1e-6);
+    cost_model p = cost_model_begin(SIZE_MAX);
+    cost_model_note(&p, 1000, 0.5, 0);
+    assert_float_equal(cost_model_run(&p, 4000), 2, 1e-6);
+    cost_model_note(&p, 4000, 0.8, 0);
+    assert_float_equal(cost_model_run(&p, 4000), 0.8, 1e-6);
+    assert_float_equal(cost_model_run(&p, 16000), 2, 1e-6);
+    cost_model_note(&p, 16000, 0.7, 0); /* less than fewer took: by the last alone */
+    assert_float_equal(cost_model_run(&p, 32000), 1.4, 1e-6);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_time_is_used),
-        cmocka_unit_test(noise_is_allowed_for),
-        cmocka_unit_test(memory_bounds_the_count),
-        cmocka_unit_test(nothing_fits_into_no_time),
+        cmocka_unit_test(the_time_is_used),        cmocka_unit_test(noise_is_allowed_for),
+        cmocka_unit_test(memory_bounds_the_count), cmocka_unit_test(nothing_fits_into_no_time),
         cmocka_unit_test(a_run_is_foretold),
     };
     return cmocka_run_group_tests_name("pace", tests, NULL, NULL);

@@ -1,7 +1,7 @@
 /* state: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between
- * rounds, and finish.c, which ends it. */
-#ifndef HEXAD_SAMPLER_STATE_H
-#define HEXAD_SAMPLER_STATE_H
+ * rounds, and finalize.c, which ends it. */
+#ifndef HEXAD_SAMPLER_SAMPLER_INTERNAL_H
+#define HEXAD_SAMPLER_SAMPLER_INTERNAL_H
 
 #include "sampler/levels.h"
 #include "sampler/particles.h"
@@ -37,7 +37,7 @@ struct sampler {
     size_t capacity; /* of p and relax */
     relax *relax;
     const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
-    double spacing; /* h */
+    double spacing;          /* h */
     double sigma;
     double skin;
     size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
@@ -59,7 +59,7 @@ struct sampler {
     double fraction;
     struct swarm *swarm; /* of sampler_witkin_heckbert */
     sampler_points out;
-    bool *replaced; /* of each particle, from sampler_finish on */
+    bool *replaced; /* of each particle, from sampler_finalize on */
     double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
 };
 
@@ -75,7 +75,7 @@ bool sampler_is_on_target(const sampler *s, double energy);
 /* From the level at hand to the next, without relaxing it. Errors: limit_memory, no_surface. */
 bool sampler_refine(sampler *s, error *e);
 
-/* Amplitudes, if they are due, rims, and lists for the support at hand. Error: limit_memory. */
+/* Amplitudes, if they are due, boundaries, and lists for the support at hand. Error: limit_memory. */
 bool sampler_build_lists(sampler *s, error *e);
 
 /* The coarsest packing shows, after its first round, whether it resolves the surface at all, and after each

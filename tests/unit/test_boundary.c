@@ -14,7 +14,7 @@
 #include "field/region.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
-#include "surface/rims.h"
+#include "surface/boundary.h"
 
 /* A particle this near to a face (of h) is on it; one this far from a curve (of h) belongs to another. */
 static const double ON_FACE = 1e-3, ON_CURVE = 0.25;
@@ -274,7 +274,7 @@ static rim_rows solve(const field *f, size_t count, bool coarse_to_fine, uint64_
     sampler *s = sampler_new(f, scan, &params, pool, &e);
     if (!s) fail_msg("%s", e.message);
     while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-    assert_true(sampler_finish(s, &e));
+    assert_true(sampler_finalize(s, &e));
     const sampler_points *p = sampler_result_points(s);
     assert_int_equal(p->count, count);
     assert_int_equal(p->lost, 0);
@@ -308,9 +308,9 @@ static void places_stand_in_rows(void **state)
     const double length = 2 * M_PI * (sqrt(1 - 0.3 * 0.3) + 0.8);
     for (double h = 0.01; h < 0.2; h *= 3)
         for (int few = 0; few < 2; few++) {
-            rims r;
+            boundary r;
             size_t most = few ? 30 : SIZE_MAX;
-            assert_true(rims_find(scan, &(rims_request){.spacing = h, .most = most}, &r, &e));
+            assert_true(boundary_find(scan, &(boundary_request){.spacing = h, .most = most}, &r, &e));
             double spacing = few ? fmax(1.04 * h, length / 30) : 1.04 * h;
             assert_true(r.count <= most);
             assert_close((double)r.count, length / spacing, 1.01);
@@ -323,28 +323,28 @@ static void places_stand_in_rows(void **state)
                     if (j != i) nearest = fmin(nearest, vec3_norm(vec3_sub(r.position[i], r.position[j])));
                 assert_true(nearest > 0.9 * spacing && nearest < 1.1 * spacing);
             }
-            rims_free(&r);
+            boundary_free(&r);
         }
     surface_free(scan);
     region_free(part);
     /* a corner of three faces of the sphere: its three corners once each */
-    rims r;
+    boundary r;
     part = region_new(&whole->base, (bbox){{0, 0, 0}, {2, 2, 2}}, &e);
     scan = surface_scan(region_field(part), pool, &e);
-    assert_true(rims_find(scan, &(rims_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
+    assert_true(boundary_find(scan, &(boundary_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
     int corners = 0;
     for (size_t i = 0; i < r.count; i++)
         corners += (r.position[i].x == 0) + (r.position[i].y == 0) + (r.position[i].z == 0) == 2;
     assert_int_equal(corners, 3);
     assert_close((double)r.count, 3 * (M_PI / 2) / 0.104, 3);
-    rims_free(&r);
+    boundary_free(&r);
     surface_free(scan);
     region_free(part);
     /* a closed surface has none */
     scan = surface_scan(&whole->base, pool, &e);
-    assert_true(rims_find(scan, &(rims_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
+    assert_true(boundary_find(scan, &(boundary_request){.spacing = 0.1, .most = SIZE_MAX}, &r, &e));
     assert_int_equal(r.count, 0);
-    rims_free(&r);
+    boundary_free(&r);
     surface_free(scan);
     threads_free(pool);
     analytic_free(whole);

@@ -1,4 +1,4 @@
-#include "run/pace.h"
+#include "run/cost_model.h"
 
 #include <math.h>
 
@@ -14,12 +14,12 @@ static const double POWER_FIRST = 1.1, POWER_LOW = 0.7, POWER_HIGH = 1.4;
 /* Clocks count milliseconds. */
 static const double SHORTEST_S = 1e-3;
 
-pace pace_begin(size_t most)
+cost_model cost_model_begin(size_t most)
 {
-    return (pace){.most = most};
+    return (cost_model){.most = most};
 }
 
-void pace_note(pace *p, size_t count, double run_s, double rest_s)
+void cost_model_note(cost_model *p, size_t count, double run_s, double rest_s)
 {
     p->count[1] = p->count[0];
     p->run_s[1] = p->run_s[0];
@@ -30,7 +30,7 @@ void pace_note(pace *p, size_t count, double run_s, double rest_s)
     p->runs++;
 }
 
-static double power(const pace *p)
+static double power(const cost_model *p)
 {
     if (p->runs < 2 || p->count[0] == p->count[1]) return POWER_FIRST;
     /* of two runs that are not far apart the noise says more than the slope */
@@ -39,7 +39,7 @@ static double power(const pace *p)
     return fmin(fmax(POWER_FIRST + weight * (slope - POWER_FIRST), POWER_LOW), POWER_HIGH);
 }
 
-size_t pace_next(const pace *p, double left_s)
+size_t cost_model_next(const cost_model *p, double left_s)
 {
     double ratio = pow(FILL * left_s / p->run_s[0], 1 / power(p));
     if (!(ratio >= LEAST_GAIN)) return 0;
@@ -48,7 +48,7 @@ size_t pace_next(const pace *p, double left_s)
     return count >= LEAST_GAIN * (double)p->count[0] ? (size_t)count : 0;
 }
 
-double pace_run(const pace *p, size_t count)
+double cost_model_run(const cost_model *p, size_t count)
 {
     double each = p->run_s[0] / (double)p->count[0];
     if (p->runs > 1 && p->run_s[0] > p->run_s[1])
@@ -56,7 +56,7 @@ double pace_run(const pace *p, size_t count)
     return p->run_s[0] + each * ((double)count - (double)p->count[0]);
 }
 
-double pace_rest(const pace *p, size_t count)
+double cost_model_rest(const cost_model *p, size_t count)
 {
     return p->runs == 0 ? 0 : p->rest_s[0] * (double)count / (double)p->count[0];
 }

@@ -10,7 +10,7 @@
 
 #include "close.h"
 #include "shapes.h"
-#include "surface/grading.h"
+#include "surface/sizing_field.h"
 
 static const analytic_params torus = {
     .shape = ANALYTIC_TORUS, .axis = {0, 0, 1}, .major_radius = 1, .minor_radius = 0.4};
@@ -37,11 +37,11 @@ static void release(scanned *s)
     analytic_free(s->a);
 }
 
-static grading *grade(const scanned *s, grading_params params, size_t count)
+static sizing_field *grade(const scanned *s, sizing_field_params params, size_t count)
 {
     error e = {0};
     if (!(params.gradation > 0)) params.gradation = INFINITY;
-    grading *g = grading_new(&s->a->base, s->scan, &params, count, s->pool, &e);
+    sizing_field *g = sizing_field_new(&s->a->base, s->scan, &params, count, s->pool, &e);
     if (!g) fail_msg("%s", e.message);
     return g;
 }
@@ -59,14 +59,14 @@ static double torus_kappa(double v)
 }
 
 /* How many points the field asks for, by quadrature over the torus' parameters. */
-static double torus_points(const grading *g)
+static double torus_points(const sizing_field *g)
 {
     const int steps = 400;
     double sum = 0;
     for (int i = 0; i < steps; i++)
         for (int j = 0; j < steps; j++) {
             double u = 2 * M_PI * (i + 0.5) / steps, v = 2 * M_PI * (j + 0.5) / steps;
-            double h = grading_spacing(g, torus_point(u, v), NULL);
+            double h = sizing_field_spacing(g, torus_point(u, v), NULL);
             sum += torus.minor_radius * (torus.major_radius + torus.minor_radius * cos(v)) /
                    (sqrt(3) / 2 * h * h);
         }
@@ -79,13 +79,13 @@ static void ratio_follows_the_curvature(void **state)
     (void)state;
     scanned s = scan_shape(&torus, 2);
     for (double exponent = 1; exponent < 20; exponent += 11.6) {
-        grading *g =
-            grade(&s, (grading_params){.kind = GRADING_RATIO, .ratio = 10, .exponent = exponent}, 10000);
+        sizing_field *g = grade(
+            &s, (sizing_field_params){.kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = exponent}, 10000);
         assert_close(torus_points(g) / 10000, 1, 4e-3);
         double least = 1e300, most = 0;
         for (int j = 0; j < 64; j++) {
             double v = 2 * M_PI * j / 64, kappa = torus_kappa(v);
-            double constant = grading_spacing(g, torus_point(1 + j, v), NULL) * pow(kappa, exponent);
+            double constant = sizing_field_spacing(g, torus_point(1 + j, v), NULL) * pow(kappa, exponent);
             if (kappa > 0.99 * torus_kappa(M_PI)) continue; /* about the quantile */
             least = fmin(least, constant);
             most = fmax(most, constant);
@@ -93,11 +93,11 @@ static void ratio_follows_the_curvature(void **state)
         print_message("# exponent %.1f: constant within a factor of %.4f\n", exponent, most / least);
         /* where it bends too much within the spacing the request is averaged: */
         assert_true(most / least < (exponent > 1 ? 1.7 : 1.01));
-        grading_facts facts = grading_describe(g);
+        sizing_field_facts facts = sizing_field_describe(g);
         double whole = pow(torus_kappa(M_PI) / torus_kappa(M_PI / 2), exponent);
         assert_close(facts.largest / facts.least, fmin(whole, 10),
                      (exponent > 1 ? 0.2 : 0.06) * fmin(whole, 10));
-        grading_free(g);
+        sizing_field_free(g);
     }
     release(&s);
 }
@@ -108,14 +108,14 @@ static void chord_error_gives_the_spacing_of_the_larger_curvature(void **state)
     (void)state;
     const analytic_params shape = {.shape = ANALYTIC_ELLIPSOID, .radii = {1, 0.7, 0.4}};
     scanned s = scan_shape(&shape, 1);
-    grading *g = grade(&s, (grading_params){.kind = GRADING_CHORD, .chord_error = 1e-3}, 5000);
-    double at_x = grading_spacing(g, (vec3){1, 0, 0}, NULL),
-           at_z = grading_spacing(g, (vec3){0, 0, 0.4}, NULL);
+    sizing_field *g = grade(&s, (sizing_field_params){.kind = SIZING_FIELD_CHORD, .chord_error = 1e-3}, 5000);
+    double at_x = sizing_field_spacing(g, (vec3){1, 0, 0}, NULL),
+           at_z = sizing_field_spacing(g, (vec3){0, 0, 0.4}, NULL);
     /* at the end of axis a the curvatures are a / b^2 and a / c^2 */
     assert_close(at_z / at_x, sqrt((1 / 0.16) / (0.4 / 0.49)), 0.03 * at_z / at_x);
-    double scale = grading_describe(g).scale;
+    double scale = sizing_field_describe(g).scale;
     assert_close(at_x, scale * sqrt(8 * 1e-3 * 0.16), 0.03 * at_x);
-    grading_free(g);
+    sizing_field_free(g);
     release(&s);
 }
 
@@ -132,21 +132,22 @@ static void growth_is_held(void **state)
     rng r = rng_seed(test_seed(), 0);
     scanned s = scan_shape(&torus, 2);
     for (double gradation = 0.1; gradation < 1; gradation *= 2) {
-        grading *g =
-            grade(&s, (grading_params){.kind = GRADING_SPACING, .map = jump, .gradation = gradation}, 4000);
+        sizing_field *g = grade(
+            &s, (sizing_field_params){.kind = SIZING_FIELD_SPACING, .map = jump, .gradation = gradation},
+            4000);
         assert_close(torus_points(g) / 4000, 1, 1e-2);
         double steepest = 0, slope = 0;
         for (int k = 0; k < 20000; k++) {
             double u = 2 * M_PI * rng_uniform(&r), v = 2 * M_PI * rng_uniform(&r);
             vec3 gradient, x = torus_point(u, v), y = torus_point(u + 0.03 * rng_uniform(&r), v + 0.05);
-            double h = grading_spacing(g, x, &gradient);
-            steepest = fmax(steepest, fabs(grading_spacing(g, y, NULL) - h) / vec3_norm(vec3_sub(y, x)));
+            double h = sizing_field_spacing(g, x, &gradient);
+            steepest = fmax(steepest, fabs(sizing_field_spacing(g, y, NULL) - h) / vec3_norm(vec3_sub(y, x)));
             slope = fmax(slope, vec3_norm(gradient));
         }
         print_message("# gradation %.1f: steepest %.3f, gradient %.3f\n", gradation, steepest, slope);
         assert_true(slope < (1 + 1e-12) * gradation && slope > 0.9 * gradation);
         assert_true(steepest < 1.5 * gradation && steepest > 0.8 * gradation);
-        grading_free(g);
+        sizing_field_free(g);
     }
     release(&s);
 }
@@ -155,36 +156,37 @@ static void bounds_are_kept_and_told(void **state)
 {
     (void)state;
     scanned s = scan_shape(&torus, 1);
-    grading_params params = {.kind = GRADING_RATIO, .ratio = 10, .exponent = 12.6, .gradation = INFINITY};
+    sizing_field_params params = {
+        .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 12.6, .gradation = INFINITY};
     params.min_spacing = 0.03;
     params.max_spacing = 0.08;
-    grading *g = grade(&s, params, 10000);
+    sizing_field *g = grade(&s, params, 10000);
     assert_close(torus_points(g) / 10000, 1, 5e-3);
     for (int j = 0; j < 64; j++) {
-        double h = grading_spacing(g, torus_point(j, 0.1 * j), NULL);
+        double h = sizing_field_spacing(g, torus_point(j, 0.1 * j), NULL);
         assert_true(h > 0.03 * (1 - 1e-3) && h < 0.08 * (1 + 1e-3));
     }
-    grading_free(g);
+    sizing_field_free(g);
     error e = {0};
     double most = s.scan->area / (sqrt(3) / 2 * 9e-4), least = s.scan->area / (sqrt(3) / 2 * 64e-4);
-    assert_null(grading_new(&s.a->base, s.scan, &params, (size_t)most + 500, s.pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, (size_t)most + 500, s.pool, &e));
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     char words[64];
     snprintf(words, sizeof words, "min_spacing 0.03 there are at most %.0f", most);
     assert_non_null(strstr(e.message, words));
-    assert_null(grading_new(&s.a->base, s.scan, &params, (size_t)least - 500, s.pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, (size_t)least - 500, s.pool, &e));
     snprintf(words, sizeof words, "max_spacing 0.08 there are at least %.0f", least);
     assert_non_null(strstr(e.message, words));
     params.min_spacing = params.max_spacing = 0.05; /* one count fits, to half a point */
-    grading_free(grade(&s, params, (size_t)round(s.scan->area / (sqrt(3) / 2 * 25e-4))));
+    sizing_field_free(grade(&s, params, (size_t)round(s.scan->area / (sqrt(3) / 2 * 25e-4))));
     params.min_spacing = params.max_spacing = 0; /* nothing is bounded: a few points are no fault */
     for (size_t count = 4; count < 20; count += 5) {
         g = grade(&s, params, count);
         assert_close(torus_points(g) / (double)count, 1, 0.02);
-        grading_free(g);
+        sizing_field_free(g);
     }
     params.memory_limit = 1000;
-    assert_null(grading_new(&s.a->base, s.scan, &params, 1000, s.pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, 1000, s.pool, &e));
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
     release(&s);
 }
@@ -200,22 +202,22 @@ static void maps_with_holes(void **state)
     (void)state;
     scanned s = scan_shape(&torus, 1);
     double value = 0.05;
-    grading_params params = {
-        .kind = GRADING_SPACING, .map = unpainted_above, .map_context = &value, .gradation = 0.2};
-    grading *g = grade(&s, params, 3000);
-    double below = grading_spacing(g, torus_point(0, -M_PI / 2), NULL);
-    double above = grading_spacing(g, torus_point(0, M_PI / 2), NULL);
+    sizing_field_params params = {
+        .kind = SIZING_FIELD_SPACING, .map = unpainted_above, .map_context = &value, .gradation = 0.2};
+    sizing_field *g = grade(&s, params, 3000);
+    double below = sizing_field_spacing(g, torus_point(0, -M_PI / 2), NULL);
+    double above = sizing_field_spacing(g, torus_point(0, M_PI / 2), NULL);
     assert_close(above, below + 0.2 * M_PI / 2 * 0.4, 0.15 * above);
-    grading_free(g);
+    sizing_field_free(g);
     error e = {0};
     value = NAN;
-    assert_null(grading_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
     assert_int_equal(e.code, ERROR_INPUT_UNSUPPORTED);
     value = 0;
-    assert_null(grading_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
     assert_non_null(strstr(e.message, "above 0"));
-    params.kind = GRADING_DENSITY; /* where 0 asks for nothing */
-    assert_null(grading_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
+    params.kind = SIZING_FIELD_DENSITY; /* where 0 asks for nothing */
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, 3000, s.pool, &e));
     assert_non_null(strstr(e.message, "no points anywhere"));
     release(&s);
 }
@@ -228,9 +230,10 @@ static void stops_when_told(void **state)
     volatile sig_atomic_t stop = 0;
     error e = {0};
     threads *pool = threads_new(1, &stop, &e);
-    const grading_params params = {.kind = GRADING_RATIO, .ratio = 10, .exponent = 1, .gradation = 0.2};
+    const sizing_field_params params = {
+        .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 1, .gradation = 0.2};
     stop = 1;
-    assert_null(grading_new(&s.a->base, s.scan, &params, 1000, pool, &e));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, 1000, pool, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
     threads_free(pool);
     release(&s);
@@ -240,13 +243,14 @@ static void threads_do_not_show(void **state)
 {
     (void)state;
     scanned one = scan_shape(&torus, 1), many = scan_shape(&torus, 3);
-    const grading_params params = {.kind = GRADING_RATIO, .ratio = 10, .exponent = 5, .gradation = 0.2};
-    grading *a = grade(&one, params, 1000), *b = grade(&many, params, 1000);
+    const sizing_field_params params = {
+        .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 5, .gradation = 0.2};
+    sizing_field *a = grade(&one, params, 1000), *b = grade(&many, params, 1000);
     for (int j = 0; j < 64; j++)
-        assert_true(grading_spacing(a, torus_point(j, 0.1 * j), NULL) ==
-                    grading_spacing(b, torus_point(j, 0.1 * j), NULL));
-    grading_free(a);
-    grading_free(b);
+        assert_true(sizing_field_spacing(a, torus_point(j, 0.1 * j), NULL) ==
+                    sizing_field_spacing(b, torus_point(j, 0.1 * j), NULL));
+    sizing_field_free(a);
+    sizing_field_free(b);
     release(&one);
     release(&many);
 }

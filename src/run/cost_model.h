@@ -1,40 +1,41 @@
-/* pace: how many points can be had in the time that is left, learnt from runs with fewer.
+/* cost_model: how long a run of so many points takes, and how many points fit into the time that is left, learnt from
+ * runs with fewer points.
  *
- *     pace p = pace_begin(most);
- *     for (size_t count = PACE_FIRST; count > 0; count = pace_next(&p, left_s)) { ...; pace_note(&p, ...); }
+ *     cost_model p = cost_model_begin(most);
+ *     for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, left_s)) { ...; cost_model_note(&p, ...); }
  *
  * The time of a run is taken to go as a power of its count, which the last two runs give; a run is never of
  * much more points than the one before it, so that what it takes is known well. Pure arithmetic; no clock is
  * read here.
  */
-#ifndef HEXAD_RUN_PACE_H
-#define HEXAD_RUN_PACE_H
+#ifndef HEXAD_RUN_COST_MODEL_H
+#define HEXAD_RUN_COST_MODEL_H
 
 #include <stddef.h>
 
-#define PACE_FIRST 200 /* points: a run of milliseconds */
+#define COST_MODEL_FIRST 200 /* points: a run of milliseconds */
 
-typedef struct pace {
+typedef struct cost_model {
     size_t most; /* more points than this are more than memory holds */
     size_t runs;
     size_t count[2];  /* of the last run and of the one before */
     double run_s[2];  /* what they took, from placing the points to measuring them */
     double rest_s[2]; /* of that, what came after the relaxation */
-} pace;
+} cost_model;
 
-pace pace_begin(size_t most);
+cost_model cost_model_begin(size_t most);
 
 /* A run of `count` points took run_s, of which rest_s after its relaxation. */
-void pace_note(pace *p, size_t count, double run_s, double rest_s);
+void cost_model_note(cost_model *p, size_t count, double run_s, double rest_s);
 
 /* The count of the next run when left_s remain; 0: none with more points fits. */
-size_t pace_next(const pace *p, double left_s);
+size_t cost_model_next(const cost_model *p, double left_s);
 
 /* What a run of `count` points is expected to take, seconds, by the last two runs, the later one of more points: a
  * part that is the same in all, as the coarsest levels are that they share, and one that goes with the count. */
-double pace_run(const pace *p, size_t count);
+double cost_model_run(const cost_model *p, size_t count);
 
 /* What a run of `count` points is expected to take after its relaxation, seconds. */
-double pace_rest(const pace *p, size_t count);
+double cost_model_rest(const cost_model *p, size_t count);
 
 #endif

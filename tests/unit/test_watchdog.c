@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "run/watch.h"
+#include "run/watchdog.h"
 
 enum { LEFT = 42 };
 
@@ -36,9 +36,9 @@ static void test_a_job_that_hangs_is_left(void **state)
     pid_t child = fork();
     if (child == 0) {
         int code = LEFT;
-        const watch_params params = {NULL, &told_to_stop, leave, &code};
+        const watchdog_params params = {NULL, &told_to_stop, leave, &code};
         signal(SIGTERM, stop);
-        if (!watch_start(&params, NULL) || write(ready[1], "", 1) != 1) _exit(1);
+        if (!watchdog_start(&params, NULL) || write(ready[1], "", 1) != 1) _exit(1);
         for (;;) pause();
     }
     char byte;
@@ -66,8 +66,8 @@ static void test_a_silent_job_has_progress(void **state)
     assert_int_equal(pipe(ends), 0);
     progress p;
     progress_begin(&p, ends[1], false);
-    const watch_params params = {&p, &no, never, NULL};
-    watch *w = watch_start(&params, NULL);
+    const watchdog_params params = {&p, &no, never, NULL};
+    watchdog *w = watchdog_start(&params, NULL);
     assert_non_null(w);
     progress_enter(&p, PROGRESS_LOAD);
     progress_enter(&p, PROGRESS_WRITE);
@@ -77,8 +77,8 @@ static void test_a_silent_job_has_progress(void **state)
         assert_non_null(fgets(line, sizeof line, lines));
         assert_non_null(strstr(line, k == 0 ? "\"phase\":\"load\"" : "\"phase\":\"write\""));
     }
-    watch_end(w);
-    watch_end(NULL);
+    watchdog_end(w);
+    watchdog_end(NULL);
     progress_end(&p);
     fclose(lines);
     close(ends[1]);

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sequence/motion.h"
+#include "sequence/registration.h"
 #include "shapes.h"
 #include "surface/project.h"
 #include "surface/surface.h"
@@ -40,13 +40,13 @@ static void scatter(const analytic_params *shape, vec3 out[POINTS])
 }
 
 /* The motion that brings points onto the shape. */
-static motion find(const vec3 *x, const analytic_params *shape, int workers)
+static registration find(const vec3 *x, const analytic_params *shape, int workers)
 {
     error e = {0};
     analytic *a = analytic_new(shape, NULL, &e);
     threads *pool = threads_new(workers, NULL, &e);
     if (!a || !pool) fail_msg("%s", e.message);
-    motion m = motion_find(&a->base, x, POINTS, 0.05, pool);
+    registration m = registration_find(&a->base, x, POINTS, 0.05, pool);
     threads_free(pool);
     analytic_free(a);
     return m;
@@ -66,17 +66,17 @@ static void test_derivatives_are_those_of_the_motion(void **state)
     rng r = rng_seed(test_seed(), 0);
     for (int k = 0; k < 200; k++) {
         const vec3 low = {-1, -1, -1}, high = {1, 1, 1};
-        motion m = {random_between(&r, low, high), random_between(&r, low, high),
-                    random_between(&r, low, high), rng_uniform(&r) - 0.5};
+        registration m = {random_between(&r, low, high), random_between(&r, low, high),
+                          random_between(&r, low, high), rng_uniform(&r) - 0.5};
         /* also where the rotation is too small for anything but a series */
         m.rotation = vec3_scale(m.rotation, k % 3 == 0 ? 2 : k % 3 == 1 ? 1e-5 : 0);
         vec3 x = random_between(&r, low, high), along = vec3_unit(random_between(&r, low, high));
-        double derived[MOTION_UNKNOWNS];
-        motion_derive(&m, x, along, derived);
-        for (int i = 0; i < MOTION_UNKNOWNS; i++) {
+        double derived[REGISTRATION_UNKNOWNS];
+        registration_derive(&m, x, along, derived);
+        for (int i = 0; i < REGISTRATION_UNKNOWNS; i++) {
             double value[2];
             for (int side = 0; side < 2; side++) {
-                motion moved = m;
+                registration moved = m;
                 double by = side ? step : -step;
                 if (i < 3)
                     vec3_set(&moved.translation, i, vec3_get(m.translation, i) + by);
@@ -84,7 +84,7 @@ static void test_derivatives_are_those_of_the_motion(void **state)
                     vec3_set(&moved.rotation, i - 3, vec3_get(m.rotation, i - 3) + by);
                 else
                     moved.growth += by;
-                value[side] = vec3_dot(along, motion_apply(&moved, x));
+                value[side] = vec3_dot(along, registration_apply(&moved, x));
             }
             assert_close(derived[i], (value[1] - value[0]) / (2 * step), 1e-8);
         }
@@ -97,20 +97,20 @@ static void test_an_ellipsoid_that_moves_turns_and_grows_is_followed(void **stat
     vec3 x[POINTS], moved[POINTS];
     scatter(&ellipsoid, x);
     /* the points are moved away, so that what brings them back is known */
-    const motion away = {.centre = {1, 2, 3},
-                         .translation = {0.1, -0.05, 0.08},
-                         .rotation = {0.1, 0.15, -0.1},
-                         .growth = -0.1};
-    for (int k = 0; k < POINTS; k++) moved[k] = motion_apply(&away, x[k]);
-    motion back = find(moved, &ellipsoid, 1);
+    const registration away = {.centre = {1, 2, 3},
+                               .translation = {0.1, -0.05, 0.08},
+                               .rotation = {0.1, 0.15, -0.1},
+                               .growth = -0.1};
+    for (int k = 0; k < POINTS; k++) moved[k] = registration_apply(&away, x[k]);
+    registration back = find(moved, &ellipsoid, 1);
     double worst = 0;
     for (int k = 0; k < POINTS; k++)
-        worst = fmax(worst, vec3_norm(vec3_sub(motion_apply(&back, moved[k]), x[k])));
+        worst = fmax(worst, vec3_norm(vec3_sub(registration_apply(&back, moved[k]), x[k])));
     assert_close(worst, 0,
                  0.01); /* by a fifth of the points' spacing of 0.05, as the least motion is preferred */
     assert_close(back.growth, 0.1, 1e-3);
     assert_close(vec3_norm(back.rotation), vec3_norm(away.rotation), 0.01);
-    motion same = find(moved, &ellipsoid, 3);
+    registration same = find(moved, &ellipsoid, 3);
     assert_memory_equal(&back, &same, sizeof back);
 }
 
@@ -122,7 +122,7 @@ static void test_a_sphere_does_not_spin(void **state)
     scatter(&ball, x);
     moved.center = (vec3){1.1, 2, 2.9};
     moved.radius = 0.9;
-    motion m = find(x, &moved, 1);
+    registration m = find(x, &moved, 1);
     expect_near(m.translation, (vec3){0.1, 0, -0.1}, 1e-3);
     expect_near(m.rotation, (vec3){0, 0, 0}, 1e-3);
     assert_close(exp(m.growth), 0.9 / 0.8, 1e-3);
@@ -137,9 +137,9 @@ static void test_what_vanishes_has_no_say(void **state)
     for (int k = 0; k < POINTS / 10; k++)
         x[k] = (vec3){1 + 0.001 * k, 2, 3.9}; /* a bar that is there no more */
     moved.center = (vec3){1.05, 2, 3};
-    motion m = find(x, &moved, 1);
+    registration m = find(x, &moved, 1);
     vec3 pole = {1, 2, 3.5}; /* that was */
-    expect_near(motion_apply(&m, pole), vec3_add(pole, (vec3){0.05, 0, 0}), 0.01);
+    expect_near(registration_apply(&m, pole), vec3_add(pole, (vec3){0.05, 0, 0}), 0.01);
 }
 
 static void test_what_stands_still_is_left_alone(void **state)
@@ -147,11 +147,11 @@ static void test_what_stands_still_is_left_alone(void **state)
     (void)state;
     vec3 x[POINTS];
     scatter(&ellipsoid, x);
-    motion m = find(x, &ellipsoid, 1);
+    registration m = find(x, &ellipsoid, 1);
     expect_near(m.translation, (vec3){0, 0, 0}, 1e-9);
     expect_near(m.rotation, (vec3){0, 0, 0}, 1e-9);
-    expect_near(motion_apply(&m, x[7]), x[7], 1e-9);
-    motion none =
+    expect_near(registration_apply(&m, x[7]), x[7], 1e-9);
+    registration none =
         find(x, &(analytic_params){.shape = ANALYTIC_SPHERE, .center = {90, 90, 90}, .radius = 0.1}, 1);
     assert_true(isfinite(none.growth) && isfinite(none.rotation.x) && isfinite(none.translation.x));
 }

@@ -14,7 +14,7 @@
 #include "packing/quality.h"
 #include "sampler/levels.h"
 #include "sampler/sampler.h"
-#include "sequence/carry.h"
+#include "sequence/frame_transfer.h"
 #include "shapes.h"
 
 enum { POINTS = 2000 };
@@ -48,7 +48,7 @@ static void strike(stage *s)
 }
 
 /* A packing at rest, from a start or as it comes. */
-static sampler *pack(const stage *s, size_t count, const carried *start)
+static sampler *pack(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
     const sampler_params params = {.count = count,
@@ -64,7 +64,7 @@ static sampler *pack(const stage *s, size_t count, const carried *start)
     sampler *made = sampler_new(&s->field->base, s->scan, &params, s->pool, &e);
     while (made && !sampler_ended(made))
         if (!sampler_step(made, &e)) break;
-    if (!made || !sampler_ended(made) || !sampler_finish(made, &e)) fail_msg("%s", e.message);
+    if (!made || !sampler_ended(made) || !sampler_finalize(made, &e)) fail_msg("%s", e.message);
     return made;
 }
 
@@ -87,25 +87,26 @@ static int free_first(void **state)
     return 0;
 }
 
-static carried carry_by(const stage *s, size_t count, bool eased)
+static frame_transfer carry_by(const stage *s, size_t count, bool eased)
 {
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, count, NULL, eased, ISA_PORTABLE, 1};
-    carried c;
+    const frame_transfer_params params = {p->count, p->position, p->normal,    count,
+                                          NULL,     eased,       ISA_PORTABLE, 1};
+    frame_transfer c;
     error e = {0};
-    if (!carry_points(&s->field->base, s->scan, &params, s->pool, &c, &e)) fail_msg("%s", e.message);
+    if (!frame_transfer_points(&s->field->base, s->scan, &params, s->pool, &c, &e)) fail_msg("%s", e.message);
     assert_int_equal(c.count, count);
     assert_int_equal(c.count - c.born, p->count - c.died);
     return c;
 }
 
-static carried carry(const stage *s, size_t count)
+static frame_transfer carry(const stage *s, size_t count)
 {
     return carry_by(s, count, true);
 }
 
 /* The distance to the nearest other, over the spacing; of place i. */
-static double clearance(const carried *c, double spacing, size_t i)
+static double clearance(const frame_transfer *c, double spacing, size_t i)
 {
     double least = INFINITY;
     for (size_t k = 0; k < c->count; k++)
@@ -117,15 +118,15 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
 {
     (void)state;
     analytic_params after = before;
-    const motion true_motion = {before.center, {0.1, 0.05, -0.1}, {0.05, -0.1, 0.05}, log(1.05)};
-    after.center = motion_apply(&true_motion, before.center);
-    after.axis = motion_turn(&true_motion, vec3_unit(before.axis));
+    const registration true_motion = {before.center, {0.1, 0.05, -0.1}, {0.05, -0.1, 0.05}, log(1.05)};
+    after.center = registration_apply(&true_motion, before.center);
+    after.axis = registration_turn(&true_motion, vec3_unit(before.axis));
     after.major_radius *= 1.05;
     after.minor_radius *= 1.05;
     stage s = set_stage(&after, 1);
     const sampler_points *p = sampler_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS);
-    carried c = carry(&s, POINTS);
+    frame_transfer c = carry(&s, POINTS);
     assert_int_equal(c.born, 0);
     bool seen[POINTS] = {false};
     for (size_t i = 0; i < c.count; i++) {
@@ -133,7 +134,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
         seen[c.parent[i]] = true;
         assert_memory_equal(&c.origin[i], &p->position[c.parent[i]], sizeof(vec3));
         /* the turn about the torus' own axis cannot be seen; the rest is a motion that the test knows */
-        vec3 there = motion_apply(&true_motion, c.origin[i]), axis = after.axis;
+        vec3 there = registration_apply(&true_motion, c.origin[i]), axis = after.axis;
         double height = vec3_dot(vec3_sub(c.position[i], after.center), axis);
         assert_close(height, vec3_dot(vec3_sub(there, after.center), axis), 0.01 * h);
     }
@@ -143,7 +144,7 @@ static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
     for (size_t i = 0; i < q->count; i++) /* the order is kept, and they were at rest before */
         assert_true(vec3_norm(vec3_sub(q->position[i], c.position[i])) < 0.05 * h);
     sampler_free(rest);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
@@ -151,12 +152,12 @@ static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    carried c = carry(&s, POINTS);
+    frame_transfer c = carry(&s, POINTS);
     assert_int_equal(c.born, 0);
     double h = packing_spacing(s.scan->area, POINTS);
     for (size_t i = 0; i < c.count; i++)
         assert_true(vec3_norm(vec3_sub(c.position[i], c.origin[i])) < 1e-3 * h);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
@@ -164,16 +165,16 @@ static void test_births_are_far_from_others_and_from_each_other(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    carried c = carry_by(&s, POINTS + 60, false);
+    frame_transfer c = carry_by(&s, POINTS + 60, false);
     double h = packing_spacing(s.scan->area, POINTS + 60);
     assert_int_equal(c.born, 60);
     for (size_t i = 0; i < c.count; i++)
-        if (c.parent[i] == CARRY_NONE) assert_true(clearance(&c, h, i) > 0.45);
+        if (c.parent[i] == FRAME_TRANSFER_NONE) assert_true(clearance(&c, h, i) > 0.45);
     for (size_t i = 0; i < c.count; i++)
-        for (size_t k = 0; k < i && c.parent[i] == CARRY_NONE; k++)
-            if (c.parent[k] == CARRY_NONE)
+        for (size_t k = 0; k < i && c.parent[i] == FRAME_TRANSFER_NONE; k++)
+            if (c.parent[k] == FRAME_TRANSFER_NONE)
                 assert_true(vec3_norm(vec3_sub(c.position[i], c.position[k])) > 1.3 * h);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
@@ -181,7 +182,7 @@ static void test_deaths_are_spread(void **state)
 {
     (void)state;
     stage s = set_stage(&before, 1);
-    carried c = carry_by(&s, POINTS - 60, false);
+    frame_transfer c = carry_by(&s, POINTS - 60, false);
     const sampler_points *p = sampler_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS);
     bool stays[POINTS] = {false};
@@ -191,12 +192,12 @@ static void test_deaths_are_spread(void **state)
     for (size_t i = 0; i < POINTS; i++)
         for (size_t k = 0; k < i && !stays[i]; k++)
             if (!stays[k]) assert_true(vec3_norm(vec3_sub(p->position[i], p->position[k])) > 1.2 * h);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
 /* The share of points with six neighbours when the packing is at rest. */
-static double order_of(const stage *s, size_t count, const carried *start)
+static double order_of(const stage *s, size_t count, const frame_transfer *start)
 {
     error e = {0};
     sampler *rest = pack(s, count, start);
@@ -218,15 +219,15 @@ static void test_portions_keep_more_of_the_packing(void **state)
     stage s = set_stage(&before, 1);
     const size_t counts[] = {POINTS + 60, POINTS - 60};
     for (int k = 0; k < 2; k++) {
-        carried at_once = carry_by(&s, counts[k], false), eased = carry_by(&s, counts[k], true);
+        frame_transfer at_once = carry_by(&s, counts[k], false), eased = carry_by(&s, counts[k], true);
         assert_int_equal(eased.born, k == 0 ? 60 : 0);
         assert_int_equal(eased.died, k == 0 ? 0 : 60);
         double order = order_of(&s, counts[k], &eased), rough = order_of(&s, counts[k], &at_once);
         print_message("# hex_fraction with %zu of %d: %.3f in portions, %.3f at once\n", counts[k], POINTS,
                       order, rough);
         assert_true(order > rough + 0.02);
-        carried_free(&at_once);
-        carried_free(&eased);
+        frame_transfer_free(&at_once);
+        frame_transfer_free(&eased);
     }
     strike(&s);
 }
@@ -238,14 +239,14 @@ static void test_where_a_point_landed_is_kept(void **state)
     stage s = set_stage(&before, 1);
     const sampler_points *p = sampler_result_points(first);
     double h = packing_spacing(s.scan->area, POINTS), moved = 0;
-    carried c = carry(&s, POINTS + 60);
+    frame_transfer c = carry(&s, POINTS + 60);
     for (size_t i = 0; i < c.count; i++) {
-        if (c.parent[i] == CARRY_NONE) continue;
+        if (c.parent[i] == FRAME_TRANSFER_NONE) continue;
         assert_true(vec3_norm(vec3_sub(c.landed[i], p->position[c.parent[i]])) < 1e-3 * h);
         moved = fmax(moved, vec3_norm(vec3_sub(c.landed[i], c.position[i])));
     }
     assert_true(moved > 0.1 * h);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
@@ -256,7 +257,7 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     after.minor_radius = 0.5;
     stage s = set_stage(&after, 1);
     size_t count = (size_t)lround(POINTS * 0.5 / 0.4); /* as dense as before */
-    carried c = carry(&s, count);
+    frame_transfer c = carry(&s, count);
     double h = packing_spacing(s.scan->area, count);
     for (size_t i = 0; i < c.count; i++) assert_true(clearance(&c, h, i) > 0.3);
     sampler *rest = pack(&s, count, &c);
@@ -264,7 +265,7 @@ static void test_where_the_surface_is_new_points_are_born(void **state)
     assert_int_equal(q->lost, 0);
     assert_true(q->max_residual < 1e-6);
     sampler_free(rest);
-    carried_free(&c);
+    frame_transfer_free(&c);
     strike(&s);
 }
 
@@ -276,9 +277,10 @@ static void test_another_surface_is_not_carried_onto(void **state)
     after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
     stage s = set_stage(&after, 1);
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, true, ISA_PORTABLE, 1};
-    carried c;
-    assert_true(carry_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
+    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
+                                          NULL,     true,        ISA_PORTABLE, 1};
+    frame_transfer c;
+    assert_true(frame_transfer_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
     assert_int_equal(c.count, 0);
     assert_int_equal(c.died, POINTS);
     assert_null(c.position);
@@ -293,12 +295,13 @@ static void test_a_stop_is_told(void **state)
     error e = {0};
     threads *pool = threads_new(2, &stop, &e);
     const sampler_points *p = sampler_result_points(first);
-    const carry_params params = {p->count, p->position, p->normal, POINTS, NULL, true, ISA_PORTABLE, 1};
-    carried c;
+    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
+                                          NULL,     true,        ISA_PORTABLE, 1};
+    frame_transfer c;
     stop = 1;
-    assert_false(carry_points(&s.field->base, s.scan, &params, pool, &c, &e));
+    assert_false(frame_transfer_points(&s.field->base, s.scan, &params, pool, &c, &e));
     assert_int_equal(e.code, ERROR_CANCELLED);
-    carried_free(&c);
+    frame_transfer_free(&c);
     threads_free(pool);
     strike(&s);
 }
@@ -310,12 +313,12 @@ static void test_any_number_of_threads_gives_the_same(void **state)
     after.minor_radius = 0.44;
     after.center.x += 0.1;
     stage one = set_stage(&after, 1), many = set_stage(&after, 3);
-    carried a = carry(&one, POINTS + 100), b = carry(&many, POINTS + 100);
+    frame_transfer a = carry(&one, POINTS + 100), b = carry(&many, POINTS + 100);
     assert_memory_equal(a.position, b.position, a.count * sizeof *a.position);
     assert_memory_equal(a.origin, b.origin, a.count * sizeof *a.origin);
     assert_memory_equal(a.parent, b.parent, a.count * sizeof *a.parent);
-    carried_free(&a);
-    carried_free(&b);
+    frame_transfer_free(&a);
+    frame_transfer_free(&b);
     strike(&one);
     strike(&many);
 }

@@ -1,8 +1,8 @@
-/* finish: the end of a sampler's run, see sampler_finish. */
+/* finish: the end of a sampler's run, see sampler_finalize. */
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "sampler/state.h"
+#include "sampler/sampler_internal.h"
 #include "surface/project.h"
 
 static const double ALPHA_EXPONENT = 0.18;
@@ -18,7 +18,7 @@ static const double SETTLE_FARTHEST = 0.05;
 static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
-    if (s->params.grading) {
+    if (s->params.sizing) {
         for (size_t i = 0; i < s->p->count; i++) spacing[i] = s->p->size[i] * s->spacing;
         return;
     }
@@ -45,7 +45,7 @@ static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 
 }
 
 /* Until energies are known their place holds residuals: over h, inf for what is not on the surface. */
-static void finish_particle(sampler *s, size_t i)
+static void finalize_particle(sampler *s, size_t i)
 {
     vec3 x = s->p->position[i], normal = s->p->normal[i];
     field_sample sample;
@@ -63,10 +63,10 @@ static void finish_particle(sampler *s, size_t i)
     if (s->params.graded) s->p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
 }
 
-static void finish_chunk(void *context, int worker, size_t begin, size_t end)
+static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
 {
     (void)worker;
-    for (size_t i = begin; i < end; i++) finish_particle(context, i);
+    for (size_t i = begin; i < end; i++) finalize_particle(context, i);
 }
 
 /* Takes away the particles that are not on the surface and puts each on a new place there: of several drawn
@@ -79,7 +79,7 @@ static void replace_lost(sampler *s)
         double best = -1;
         vec3 x = s->p->position[i], normal = s->p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
-            vec3 q = grading_draw(s->params.grading, s->scan, rng_uniform(&r), &r), n = {0, 0, 1};
+            vec3 q = sizing_field_draw(s->params.sizing, s->scan, rng_uniform(&r), &r), n = {0, 0, 1};
             if (!settle_on_surface(s, s->spacing, s->field->cell_size, &q, &n)) continue;
             double nearest2 = INFINITY;
             for (size_t j = 0; j < s->p->count; j++)
@@ -94,7 +94,7 @@ static void replace_lost(sampler *s)
         s->p->normal[i] = normal;
         s->removed++;
         s->replaced[i] = true;
-        finish_particle(s, i);
+        finalize_particle(s, i);
     }
 }
 
@@ -124,7 +124,8 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
  * memory that a job takes. */
 static bool describe_energies(sampler *s, error *e)
 {
-    if (!relax_refresh(s->relax, s->p, s->sigma) && !relax_build(s->relax, s->p, s->sigma, 0, e)) return false;
+    if (!relax_refresh(s->relax, s->p, s->sigma) && !relax_build(s->relax, s->p, s->sigma, 0, e))
+        return false;
     s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma);
     s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
     relax_free(s->relax);
@@ -154,13 +155,13 @@ static bool describe_points(sampler *s, error *e)
     return true;
 }
 
-bool sampler_finish(sampler *s, error *e)
+bool sampler_finalize(sampler *s, error *e)
 {
     while (s->level < s->levels - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
     s->replaced = mem_array(s->p->count, sizeof *s->replaced, "the result", e);
     if (!s->replaced) return false;
-    threads_run(s->pool, s->p->count, 256, finish_chunk, s);
+    threads_run(s->pool, s->p->count, 256, finalize_chunk, s);
     replace_lost(s);
     count_lost(s);
     sampler_resize(s);

@@ -1,11 +1,11 @@
-#include "surface/rims.h"
+#include "surface/boundary.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 
-/* Of h, which counts rim particles as whole ones: at rest the packing behind the row is that much wider.
+/* Of h, which counts boundary particles as whole ones: at rest the packing behind the row is that much wider.
  * Denser rows (0.95) leave a seam of defects behind them. */
 static const double ROW_SPACING = 1.04;
 /* Of the spacing: ends of curves that meet at an edge of the domain are one place. */
@@ -167,19 +167,19 @@ typedef struct curve {
 } curve;
 
 /* The requested spacing at x over that of an even request. */
-static double size_at(const rims_request *r, vec3 x)
+static double size_at(const boundary_request *r, vec3 x)
 {
-    return r->grading ? grading_spacing(r->grading, x, NULL) / r->even : 1;
+    return r->sizing ? sizing_field_spacing(r->sizing, x, NULL) / r->even : 1;
 }
 
 /* The length of a side where the request is even; its spacings, times a constant, in general. */
-static double side_length(const rims_request *r, vec3 a, vec3 b)
+static double side_length(const boundary_request *r, vec3 a, vec3 b)
 {
     return vec3_norm(vec3_sub(b, a)) / size_at(r, vec3_scale(vec3_add(a, b), 0.5));
 }
 
 /* The curve that begins with end `first` of its segment. Its segments are marked. */
-static void follow(const rims_request *r, const segments *all, size_t first, bool *seen, curve *out)
+static void follow(const boundary_request *r, const segments *all, size_t first, bool *seen, curve *out)
 {
     size_t at = first;
     out->count = 0;
@@ -200,9 +200,9 @@ static void follow(const rims_request *r, const segments *all, size_t first, boo
 
 typedef struct placing {
     const surface *s;
-    const rims_request *request;
+    const boundary_request *request;
     double spacing; /* of a row, where the request is even */
-    rims *out;
+    boundary *out;
     size_t capacity;
 } placing;
 
@@ -260,7 +260,7 @@ typedef struct curves {
     size_t count;
 } curves;
 
-static bool collect_curves(const rims_request *r, const segments *all, curves *list, error *e)
+static bool collect_curves(const boundary_request *r, const segments *all, curves *list, error *e)
 {
     bool *seen = mem_array(all->count, sizeof *seen, "the rims", e);
     vec3 *points = mem_array(all->count + 1, sizeof *points, "the rims", e);
@@ -289,7 +289,7 @@ static bool collect_curves(const rims_request *r, const segments *all, curves *l
     return ok;
 }
 
-static bool find_curves(const surface *s, const rims_request *r, int face, curves *list, error *e)
+static bool find_curves(const surface *s, const boundary_request *r, int face, curves *list, error *e)
 {
     segments all = {0};
     bool ok = find_segments(s, face, &all, e) &&
@@ -321,18 +321,18 @@ static bool place_all(const curves *list, placing *w, error *e)
     return true;
 }
 
-double rims_spacing(const rims_request *request, vec3 x)
+double boundary_spacing(const boundary_request *request, vec3 x)
 {
     return request->spacing * size_at(request, x);
 }
 
-bool rims_find(const surface *s, const rims_request *request, rims *out, error *e)
+bool boundary_find(const surface *s, const boundary_request *request, boundary *out, error *e)
 {
     const field *f = s->field;
     curves list = {0};
     placing w = {.s = s, .request = request, .out = out};
     bool ok = true;
-    *out = (rims){0};
+    *out = (boundary){0};
     if (!f->open || request->most == 0) return true;
     for (int face = 0; ok && face < 6; face++)
         if (isfinite(vec3_get(face & 1 ? f->rims.max : f->rims.min, face >> 1)))
@@ -342,9 +342,9 @@ bool rims_find(const surface *s, const rims_request *request, rims *out, error *
     return ok;
 }
 
-void rims_free(rims *r)
+void boundary_free(boundary *r)
 {
     free(r->position);
     free(r->normal);
-    *r = (rims){0};
+    *r = (boundary){0};
 }

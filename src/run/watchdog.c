@@ -1,4 +1,4 @@
-#include "run/watch.h"
+#include "run/watchdog.h"
 
 #include <pthread.h>
 #include <stdbool.h>
@@ -14,8 +14,8 @@
 static const int64_t GLANCE_MS = 10, PATIENCE_MS = 20;
 static const size_t STACK_BYTES = 256 * 1024; /* a default stack may not fit under a limit of address space */
 
-struct watch {
-    watch_params params;
+struct watchdog {
+    watchdog_params params;
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t ended;
@@ -34,8 +34,8 @@ static struct timespec from_now(int64_t ms)
 
 static void *look(void *argument)
 {
-    watch *w = argument;
-    const watch_params *p = &w->params;
+    watchdog *w = argument;
+    const watchdog_params *p = &w->params;
     int64_t told_ms = -1, due_ms = GLANCE_MS;
     pthread_mutex_lock(&w->lock);
     while (!w->end) {
@@ -45,16 +45,16 @@ static void *look(void *argument)
         if (p->progress) due_ms = progress_tick(p->progress);
         if (!p->cancel || !*p->cancel || !p->leave) continue;
         if (told_ms < 0) told_ms = clock_monotonic_ms();
-        /* under the lock: once watch_end has it, this does not come any more */
+        /* under the lock: once watchdog_end has it, this does not come any more */
         if (clock_monotonic_ms() - told_ms >= PATIENCE_MS) p->leave(p->context);
     }
     pthread_mutex_unlock(&w->lock);
     return NULL;
 }
 
-watch *watch_start(const watch_params *params, error *e)
+watchdog *watchdog_start(const watchdog_params *params, error *e)
 {
-    watch *w = mem_alloc(sizeof *w);
+    watchdog *w = mem_alloc(sizeof *w);
     w->params = *params;
     pthread_condattr_t clock;
     pthread_condattr_init(&clock);
@@ -75,7 +75,7 @@ watch *watch_start(const watch_params *params, error *e)
     return NULL;
 }
 
-void watch_end(watch *w)
+void watchdog_end(watchdog *w)
 {
     if (!w) return;
     pthread_mutex_lock(&w->lock);
