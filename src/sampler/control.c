@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "packing/packing.h"
 #include "sampler/population.h"
+#include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
 
 /* A round relaxes until no particle can lower its energy by more than this fraction; each later one
@@ -22,8 +23,6 @@ enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
 /* A system that rests only under a coarser gain than this is not converged. */
 static const double COARSEST_GAIN = 1e-5;
 
-/* Of random numbers: each round has its own, from this one on. */
-enum { CONTROL_STREAM = 256 };
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
  * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
  * with too many sigma is a little below it. */
@@ -153,7 +152,7 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
     *changed = wanted != before;
     if (!*changed) return true;
     sampler_round *round = &s->round[s->round_count - 1];
-    rng r = rng_seed(s->params.seed, CONTROL_STREAM + s->round_count);
+    rng r = rng_seed(s->params.seed, RANDOM_STREAM_ROUND + s->round_count);
     if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;
     if (wanted < before && !delete_particles(s, before - wanted, &r, e)) return false;
     round->inserted = inserted;

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
 #include "surface/project.h"
 
@@ -73,7 +74,7 @@ static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
  * the one that is farthest from its nearest particle. */
 static void replace_lost(sampler *s)
 {
-    rng r = rng_seed(s->params.seed, 2);
+    rng r = rng_seed(s->params.seed, RANDOM_STREAM_REPLACEMENT);
     for (size_t i = 0; i < s->p->count && !threads_stopped(s->pool); i++) {
         if (s->p->energy[i] != INFINITY) continue;
         double best = -1;

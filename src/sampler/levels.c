@@ -5,6 +5,7 @@
 
 #include "base/rng.h"
 #include "packing/packing.h"
+#include "sampler/random_streams.h"
 #include "sampler/refine.h"
 
 /* The coarsest packing sets the order of the finest, at a cost that does not show, unless its spacing is
@@ -31,7 +32,7 @@ static int compare_double(const void *a, const void *b)
 static double typical_bend(const field *f, const surface *scan, const sizing_field *sizing, double h,
                            uint64_t seed)
 {
-    rng r = rng_seed(seed, 4);
+    rng r = rng_seed(seed, RANDOM_STREAM_BEND);
     double bend[BEND_SAMPLES];
     size_t found = 0;
     for (int k = 0; k < BEND_SAMPLES; k++) {

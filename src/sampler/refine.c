@@ -7,6 +7,7 @@
 #include "base/rng.h"
 #include "base/sets.h"
 #include "packing/voronoi.h"
+#include "sampler/random_streams.h"
 #include "surface/project.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
@@ -300,7 +301,7 @@ static bool add_middles(const field *f, const mesh *m, threads *pool, particles 
 static bool draw_rest(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
                       size_t count, double spacing, uint64_t seed, error *e)
 {
-    rng r = rng_seed(seed, 3);
+    rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
     const project_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
                                    MIDDLE_ACCEPT * spacing};
     for (int draws = 0; p->count < count; draws++) {

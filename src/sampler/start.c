@@ -2,6 +2,7 @@
 
 #include "base/rng.h"
 #include "packing/packing.h"
+#include "sampler/random_streams.h"
 #include "surface/boundary.h"
 #include "surface/project.h"
 
@@ -113,7 +114,7 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
 bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
                  threads *pool, particles *p, size_t *removed, error *e)
 {
-    rng r = rng_seed(params->seed, 1);
+    rng r = rng_seed(params->seed, RANDOM_STREAM_START);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0, first = 0;
     const boundary_request request = {spacing, params->sizing,

@@ -8,6 +8,7 @@
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "sampler/population.h"
+#include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
 #include "surface/project.h"
 
@@ -27,8 +28,6 @@ enum { QUIET_STEPS = 100 };
 enum { ROUND_STEPS = 50 };
 /* Curvatures sampled to find the scale of varied radii. */
 enum { SCALE_SAMPLES = 2000 };
-/* Streams of random numbers. */
-enum { STREAM_LIFE = 5, STREAM_SCALE = 6 };
 
 /* ---- formulas ---- */
 
@@ -177,7 +176,7 @@ static bool reserve(sampler *s, size_t capacity, error *e)
 static double amplitude_scale(const sampler *s)
 {
     if (!s->params.graded) return 1;
-    rng r = rng_seed(s->params.seed, STREAM_SCALE);
+    rng r = rng_seed(s->params.seed, RANDOM_STREAM_SWARM_SCALE);
     double sum = 0;
     int found = 0;
     for (int k = 0; k < SCALE_SAMPLES; k++) {
@@ -210,7 +209,7 @@ static bool begin(sampler *s, error *e)
     w->sigma_max = w->params.sigma_max > 0
                        ? w->params.sigma_max
                        : fmax(0.5 * bbox_longest(s->scan->box), 1.5 * s->spacing / w->packing / w->band);
-    w->life = rng_seed(s->params.seed, STREAM_LIFE);
+    w->life = rng_seed(s->params.seed, RANDOM_STREAM_SWARM_LIFE);
     s->sigma = s->spacing / w->packing;
     if (!reserve(s, s->p->count, e)) return false;
     for (size_t i = 0; i < s->p->count; i++) w->sigma[i] = s->sigma;

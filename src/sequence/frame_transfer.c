@@ -9,6 +9,7 @@
 #include "packing/neighbours.h"
 #include "packing/packing.h"
 #include "sampler/particles.h"
+#include "sampler/random_streams.h"
 #include "sampler/relax.h"
 #include "surface/project.h"
 
@@ -50,8 +51,6 @@ static const size_t CANDIDATES = 32;
 /* Like those that follow: over-relaxation, the longest step that nothing watches, and how far lists reach
  * beyond the support, of the spacing. */
 static const double EASING_OMEGA = 1.2, EASING_FAST_STEP = 0.05, EASING_SKIN = 0.6, EASING_GAIN = 1e-8;
-/* Random numbers have their own stream. */
-enum { CARRY_STREAM = 5 };
 
 /* Candidates for the points of the new frame: first the points that were carried over, then places where points may
  * be born. */
@@ -307,7 +306,7 @@ static bool centre_places(candidates *c, error *e)
 /* Places all over the surface, PLACES for each point that there is to be. */
 static bool draw_places(candidates *c, error *e)
 {
-    rng r = rng_seed(c->params->seed, CARRY_STREAM);
+    rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
     size_t places = PLACES * c->params->count;
     for (size_t k = 0; k < places; k++) {
         if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
