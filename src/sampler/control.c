@@ -11,17 +11,10 @@
 #include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
 
-/* A round relaxes until no particle can lower its energy by more than this fraction; each later one
- * looks closer. The first evens out the density, so that sigma is adapted before much work is done
- * under a wrong one. */
-const double sampler_stage_gain[SAMPLER_STAGES] = {1e-4, 1e-6, 1e-8};
-
 /* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the
  * other; so many Newton steps settle it to the tolerance, so many sets of lists reach it from anywhere. */
 static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
-/* A system that rests only under a coarser gain than this is not converged. */
-static const double COARSEST_GAIN = 1e-5;
 
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
  * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
@@ -57,7 +50,7 @@ static bool find_support(sampler *s, error *e)
 {
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
         double before = s->sigma;
-        s->skin = fmax(SAMPLER_SKIN_WIDE * s->spacing, SUPPORT_GROWTH * s->sigma);
+        s->skin = fmax(s->schedule->skin_wide * s->spacing, SUPPORT_GROWTH * s->sigma);
         if (!sampler_build_lists(s, e)) return false;
         s->sigma = fmin(ideal_support(s), bbox_longest(s->scan->box) * 2);
         bool at_bound = s->sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->relax) ||
@@ -71,7 +64,7 @@ static bool find_support(sampler *s, error *e)
 static bool settle_support(sampler *s, error *e)
 {
     if (s->params.max_sigma > 0) s->sigma = fmin(s->sigma, s->params.max_sigma);
-    s->skin = SAMPLER_SKIN_WIDE * s->spacing;
+    s->skin = s->schedule->skin_wide * s->spacing;
     return sampler_build_lists(s, e);
 }
 
@@ -165,7 +158,7 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
 static void enter_stage(sampler *s, int stage)
 {
     s->stage = stage;
-    s->gain = sampler_stage_gain[stage];
+    s->gain = s->schedule->gain[stage];
     for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
 }
 
@@ -173,7 +166,7 @@ bool sampler_control(sampler *s, error *e)
 {
     double energy = relax_mean_energy(s->relax, s->p, s->sigma);
     note_round(s, energy);
-    bool last_stage = s->stage == SAMPLER_STAGES - 1, bounded = s->params.max_sigma > 0;
+    bool last_stage = s->stage == SCHEDULE_STAGES - 1, bounded = s->params.max_sigma > 0;
     bool changed = false, again = false;
     if (s->level == 0 && s->levels > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
@@ -183,14 +176,14 @@ bool sampler_control(sampler *s, error *e)
     }
     bool good = last_stage && sampler_is_on_target(s, energy);
     if (s->round_count == SAMPLER_MAX_ROUNDS || (good && !bounded)) {
-        s->outcome = good && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+        s->outcome = good && s->gain <= s->schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
     if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;
     if (changed)
         enter_stage(s, 0);
     else if (good)
-        s->outcome = s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+        s->outcome = s->gain <= s->schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
     else
         enter_stage(s, last_stage ? s->stage : s->stage + 1);
     return settle_support(s, e);

@@ -7,14 +7,9 @@
 #include "sampler/particles.h"
 #include "sampler/relax.h"
 #include "sampler/sampler.h"
+#include "sampler/schedule.h"
 
-enum { SAMPLER_MAX_ROUNDS = 40, SAMPLER_STAGES = 3 };
-
-/* The least relative gain that each stage of rounds asks for. */
-extern const double sampler_stage_gain[SAMPLER_STAGES];
-
-/* What the lists reach beyond the support, of h, while particles move far. */
-#define SAMPLER_SKIN_WIDE 0.6
+enum { SAMPLER_MAX_ROUNDS = 40 };
 
 /* A way to solve: what differs between the method of 2005 and that of 1994. */
 typedef struct sampler_method {
@@ -36,6 +31,7 @@ struct sampler {
     particles *p;
     size_t capacity; /* of p and relax */
     relax *relax;
+    const schedule *schedule;
     const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
     double spacing;          /* h */
     double sigma;
@@ -43,7 +39,7 @@ struct sampler {
     size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
     int level, levels;
     bool planned; /* the counts were corrected by what the coarsest packing showed */
-    int stage;    /* of sampler_stage_gain */
+    int stage;    /* of the schedule */
     double gain;  /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;
     int list_age;           /* sweeps since they were built */

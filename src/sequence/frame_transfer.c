@@ -11,6 +11,7 @@
 #include "sampler/particles.h"
 #include "sampler/random_streams.h"
 #include "sampler/relax.h"
+#include "sampler/schedule.h"
 #include "surface/project.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
@@ -48,9 +49,6 @@ static const double PORTION = 600, SCATTER = 0.56;
 enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
 /* Candidates for each place of a portion: the most crowded or emptiest are several to a core. */
 static const size_t CANDIDATES = 32;
-/* Like those that follow: over-relaxation, the longest step that nothing watches, and how far lists reach
- * beyond the support, of the spacing. */
-static const double EASING_OMEGA = 1.2, EASING_FAST_STEP = 0.05, EASING_SKIN = 0.6, EASING_GAIN = 1e-8;
 
 /* Candidates for the points of the new frame: first the points that were carried over, then places where points may
  * be born. */
@@ -438,7 +436,7 @@ static void settle_born(candidates *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried. After a stop none: the next lists tell of it. */
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next lists tell of it. */
 static bool ease(candidates *c, error *e)
 {
     size_t n = c->carried;
@@ -447,9 +445,9 @@ static bool ease(candidates *c, error *e)
     relax_params params = {.field = c->f,
                            .sigma = packing_support(c->h),
                            .spacing = c->h,
-                           .omega = EASING_OMEGA,
-                           .fast_step = EASING_FAST_STEP,
-                           .gain = EASING_GAIN};
+                           .omega = schedule_continued.omega,
+                           .fast_step = schedule_continued.longest_step,
+                           .gain = schedule_continued.gain[SCHEDULE_STAGES - 1]};
     bool ok = p && r;
     for (size_t i = 0; ok && i < n; i++) {
         p->position[i] = c->position[i];
@@ -458,7 +456,7 @@ static bool ease(candidates *c, error *e)
         p->lambda[i] = 0;
     }
     if (ok) particles_mark_boundary(p, c->f, c->h);
-    ok = ok && relax_build(r, p, params.sigma, EASING_SKIN * c->h, e);
+    ok = ok && relax_build(r, p, params.sigma, schedule_continued.skin_wide * c->h, e);
     for (int k = 0; ok && k < PORTION_SWEEPS && !threads_stopped(c->pool); k++) {
         relax_sums sums;
         relax_sweep(r, p, &params, &sums);
