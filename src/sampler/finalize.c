@@ -1,4 +1,4 @@
-/* finish: the end of a sampler's run, see sampler_finalize. */
+/* finalize: the end of a sampler's run, see sampler_finalize. */
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -19,16 +19,16 @@ static const double SETTLE_FARTHEST = 0.05;
 static void requested_spacing(sampler *s, double *spacing)
 {
     double squares = 0;
-    if (s->params.sizing) {
-        for (size_t i = 0; i < s->p->count; i++) spacing[i] = s->p->size[i] * s->spacing;
+    if (s->setup.params.sizing) {
+        for (size_t i = 0; i < s->state.p->count; i++) spacing[i] = s->state.p->size[i] * s->state.spacing;
         return;
     }
-    for (size_t i = 0; i < s->p->count; i++) {
-        spacing[i] = s->params.graded ? pow(s->p->alpha[i], ALPHA_EXPONENT) : 1;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        spacing[i] = s->setup.params.graded ? pow(s->state.p->alpha[i], ALPHA_EXPONENT) : 1;
         squares += spacing[i] * spacing[i];
     }
-    double scale = s->spacing / sqrt(squares / (double)s->p->count);
-    for (size_t i = 0; i < s->p->count; i++) spacing[i] *= scale;
+    double scale = s->state.spacing / sqrt(squares / (double)s->state.p->count);
+    for (size_t i = 0; i < s->state.p->count; i++) spacing[i] *= scale;
 }
 
 /* To rounding: a Newton step from 1e-7 h leaves less than doubles resolve. A relaxed particle is within 0.01
@@ -37,31 +37,33 @@ static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 
 {
     const project_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
-    if (project_point(s->field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (project_point(s->setup.field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
     }
-    return project_bisect(s->field, *normal, farthest, x, normal);
+    return project_bisect(s->setup.field, *normal, farthest, x, normal);
 }
 
-/* Until energies are known their place holds residuals: over h, inf for what is not on the surface. */
+/* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */
 static void finalize_particle(sampler *s, size_t i)
 {
-    vec3 x = s->p->position[i], normal = s->p->normal[i];
+    vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
     field_sample sample;
-    s->p->energy[i] = INFINITY;
-    double h = s->spacing * s->p->size[i], kappa1, kappa2;
-    field_order order = s->params.graded ? FIELD_HESSIAN : FIELD_GRADIENT;
+    s->scratch.lost[i] = true;
+    double h = s->state.spacing * s->state.p->size[i], kappa1, kappa2;
+    field_order order = s->setup.params.graded ? FIELD_HESSIAN : FIELD_GRADIENT;
     if (!settle_on_surface(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
-        !field_sample_at(s->field, x, order, &sample))
+        !field_sample_at(s->setup.field, x, order, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
-    s->p->energy[i] = residual;
-    s->p->position[i] = x;
-    s->p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-    if (s->params.graded) s->p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+    s->scratch.lost[i] = false;
+    s->scratch.residual[i] = residual;
+    s->state.p->position[i] = x;
+    s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
+    if (s->setup.params.graded)
+        s->state.p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
 }
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
@@ -74,50 +76,52 @@ static void finalize_chunk(void *context, int worker, size_t begin, size_t end)
  * the one that is farthest from its nearest particle. */
 static void replace_lost(sampler *s)
 {
-    rng r = rng_seed(s->params.seed, RANDOM_STREAM_REPLACEMENT);
-    for (size_t i = 0; i < s->p->count && !threads_stopped(s->pool); i++) {
-        if (s->p->energy[i] != INFINITY) continue;
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_REPLACEMENT);
+    for (size_t i = 0; i < s->state.p->count && !threads_stopped(s->setup.pool); i++) {
+        if (!s->scratch.lost[i]) continue;
         double best = -1;
-        vec3 x = s->p->position[i], normal = s->p->normal[i];
+        vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
         for (int draw = 0; draw < REPLACEMENT_DRAWS; draw++) {
-            vec3 q = sizing_field_draw(s->params.sizing, s->scan, rng_uniform(&r), &r), n = {0, 0, 1};
-            if (!settle_on_surface(s, s->spacing, s->field->cell_size, &q, &n)) continue;
+            vec3 q = sizing_field_draw(s->setup.params.sizing, s->setup.scan, rng_uniform(&r), &r),
+                 n = {0, 0, 1};
+            if (!settle_on_surface(s, s->state.spacing, s->setup.field->cell_size, &q, &n)) continue;
             double nearest2 = INFINITY;
-            for (size_t j = 0; j < s->p->count; j++)
-                if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->p->position[j])));
+            for (size_t j = 0; j < s->state.p->count; j++)
+                if (j != i) nearest2 = fmin(nearest2, vec3_norm2(vec3_sub(q, s->state.p->position[j])));
             if (nearest2 <= best) continue;
             best = nearest2;
             x = q;
             normal = n;
         }
         if (best < 0) continue;
-        s->p->position[i] = x;
-        s->p->normal[i] = normal;
-        s->removed++;
-        s->replaced[i] = true;
+        s->state.p->position[i] = x;
+        s->state.p->normal[i] = normal;
+        s->record.removed++;
+        s->record.replaced[i] = true;
         finalize_particle(s, i);
     }
 }
 
 static void count_lost(sampler *s)
 {
-    for (size_t i = 0; i < s->p->count; i++) {
-        if (s->p->energy[i] == INFINITY)
-            s->out.lost++;
+    for (size_t i = 0; i < s->state.p->count; i++) {
+        if (s->scratch.lost[i])
+            s->record.out.lost++;
         else
-            s->out.max_residual = fmax(s->out.max_residual, s->p->energy[i]);
+            s->record.out.max_residual = fmax(s->record.out.max_residual, s->scratch.residual[i]);
     }
 }
 
 static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
 {
     sampler *s = context;
-    size_t n = s->p->count;
+    size_t n = s->state.p->count;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         field_sample sample;
-        if (!field_sample_at(s->field, s->p->position[i], FIELD_HESSIAN, &sample)) continue;
-        s->column[i] = field_curvature(&sample, &s->column[n + i], &s->column[2 * n + i]);
+        if (!field_sample_at(s->setup.field, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
+        s->record.column[i] =
+            field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
     }
 }
 
@@ -125,54 +129,72 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
  * memory that a job takes. */
 static bool describe_energies(sampler *s, error *e)
 {
-    if (!relax_refresh(s->relax, s->p, s->sigma) && !relax_build(s->relax, s->p, s->sigma, 0, e))
+    if (!relax_refresh(s->scratch.relax, s->state.p, s->state.sigma) &&
+        !relax_build(s->scratch.relax, s->state.p, s->state.sigma, 0, e))
         return false;
-    s->out.mean_energy = relax_mean_energy(s->relax, s->p, s->sigma);
-    s->out.mean_neighbours = relax_mean_neighbours(s->relax, s->p, s->sigma);
-    relax_free(s->relax);
-    s->relax = NULL;
+    s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
+    s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
+    relax_free(s->scratch.relax);
+    s->scratch.relax = NULL;
     return true;
 }
 
 static bool describe_points(sampler *s, error *e)
 {
-    size_t n = s->p->count;
-    s->column = mem_array(4 * n, sizeof *s->column, "the result", e);
-    if (!s->column) return false;
-    threads_run(s->pool, n, 256, curvature_chunk, s);
-    requested_spacing(s, s->column + 3 * n);
-    s->out.count = n;
-    s->out.position = s->p->position;
-    s->out.normal = s->p->normal;
-    s->out.replaced = s->replaced;
-    s->out.kappa = s->column;
-    s->out.kappa1 = s->column + n;
-    s->out.kappa2 = s->column + 2 * n;
-    s->out.alpha = s->p->alpha;
-    s->out.energy = s->p->energy;
-    s->out.spacing = s->column + 3 * n;
-    s->out.sigma = s->sigma;
-    s->out.ideal_energy = s->params.energy->ideal;
+    size_t n = s->state.p->count;
+    s->record.column = mem_array(4 * n, sizeof *s->record.column, "the result", e);
+    if (!s->record.column) return false;
+    threads_run(s->setup.pool, n, 256, curvature_chunk, s);
+    requested_spacing(s, s->record.column + 3 * n);
+    s->record.out.count = n;
+    s->record.out.position = s->state.p->position;
+    s->record.out.normal = s->state.p->normal;
+    s->record.out.replaced = s->record.replaced;
+    s->record.out.kappa = s->record.column;
+    s->record.out.kappa1 = s->record.column + n;
+    s->record.out.kappa2 = s->record.column + 2 * n;
+    s->record.out.alpha = s->state.p->alpha;
+    s->record.out.energy = s->state.p->energy;
+    s->record.out.spacing = s->record.column + 3 * n;
+    s->record.out.sigma = s->state.sigma;
+    s->record.out.ideal_energy = s->setup.params.energy->ideal;
     return true;
+}
+
+/* Every particle onto the surface, or onto a new place there. Error: limit_memory. */
+static bool settle_particles(sampler *s, error *e)
+{
+    size_t n = s->state.p->count;
+    s->scratch.residual = mem_array(n, sizeof *s->scratch.residual, "the result", e);
+    s->scratch.lost = mem_array(n, sizeof *s->scratch.lost, "the result", e);
+    s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
+    bool ok = s->scratch.residual && s->scratch.lost && s->record.replaced;
+    if (ok) {
+        threads_run(s->setup.pool, n, 256, finalize_chunk, s);
+        replace_lost(s);
+        count_lost(s);
+    }
+    free(s->scratch.residual);
+    free(s->scratch.lost);
+    s->scratch.residual = NULL;
+    s->scratch.lost = NULL;
+    return ok;
 }
 
 bool sampler_finalize(sampler *s, error *e)
 {
-    while (s->level < s->levels - 1) /* stopped early: the count is exact all the same */
+    while (s->state.level < s->state.levels - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
-    s->replaced = mem_array(s->p->count, sizeof *s->replaced, "the result", e);
-    if (!s->replaced) return false;
-    threads_run(s->pool, s->p->count, 256, finalize_chunk, s);
-    replace_lost(s);
-    count_lost(s);
+    if (!settle_particles(s, e)) return false;
     sampler_resize(s);
-    if (!describe_energies(s, e) || !describe_points(s, e) || !s->method->describe(s, e)) return false;
-    if (s->outcome == SAMPLER_CONVERGED && (s->out.lost > 0 || !sampler_is_on_target(s, s->out.mean_energy)))
-        s->outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
+    if (!describe_energies(s, e) || !describe_points(s, e) || !s->setup.method->describe(s, e)) return false;
+    if (s->state.outcome == SAMPLER_CONVERGED &&
+        (s->record.out.lost > 0 || !sampler_is_on_target(s, s->record.out.mean_energy)))
+        s->state.outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
     return true;
 }
 
 const sampler_points *sampler_result_points(const sampler *s)
 {
-    return &s->out;
+    return &s->record.out;
 }

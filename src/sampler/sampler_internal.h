@@ -1,5 +1,5 @@
-/* state: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between
- * rounds, and finalize.c, which ends it. */
+/* sampler_internal: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between
+ * rounds, finalize.c, which ends it, and swarm.c, which is the other method. */
 #ifndef HEXAD_SAMPLER_SAMPLER_INTERNAL_H
 #define HEXAD_SAMPLER_SAMPLER_INTERNAL_H
 
@@ -15,25 +15,28 @@ enum { SAMPLER_MAX_ROUNDS = 40 };
 typedef struct sampler_method {
     bool (*begin)(sampler *s, error *e);    /* the particles are placed */
     bool (*step)(sampler *s, error *e);     /* see sampler_step */
-    bool (*describe)(sampler *s, error *e); /* the particles are final: completes s->out */
+    bool (*describe)(sampler *s, error *e); /* the particles are final: completes record.out */
     void (*release)(sampler *s);            /* of what was begun, or was not */
 } sampler_method;
 
 extern const sampler_method sampler_meyer;           /* sampler.c */
-extern const sampler_method sampler_witkin_heckbert; /* witkin_heckbert.c */
+extern const sampler_method sampler_witkin_heckbert; /* swarm.c */
 
-struct sampler {
+/* What a solve is given and never changes. */
+typedef struct sampler_setup {
     const sampler_method *method;
     const field *field;
     const surface *scan;
-    sampler_params params;
     threads *pool;
-    particles *p;
-    size_t capacity; /* of p and relax */
-    relax *relax;
+    sampler_params params;
     const schedule *schedule;
     const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
-    double spacing;          /* h */
+} sampler_setup;
+
+/* Where it is. */
+typedef struct sampler_state {
+    particles *p;
+    double spacing; /* h */
     double sigma;
     double skin;
     size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
@@ -44,19 +47,38 @@ struct sampler {
     bool lists_stale;
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
-    int resizes;            /* in the round: rests that new sizes ended */
+    int sweeps_in_round;
+    int resizes; /* in the round: rests that new sizes ended */
+    double fraction;
     sampler_outcome outcome;
-    size_t removed;
+    struct swarm *swarm; /* of sampler_witkin_heckbert */
+} sampler_state;
+
+/* What it works with; nothing here outlives a solve. */
+typedef struct sampler_scratch {
+    relax *relax;     /* NULL once energies are known */
+    size_t capacity;  /* of state.p and relax */
+    double *residual; /* while the particles are finalized: |F| / |grad F| over h of each */
+    bool *lost;       /* likewise: it is not on the surface, and has no residual */
+} sampler_scratch;
+
+/* What it has come to. */
+typedef struct sampler_record {
     sampler_sweep *sweep;
     size_t sweep_count;
     sampler_round round[SAMPLER_MAX_ROUNDS];
     size_t round_count;
-    int sweeps_in_round;
-    double fraction;
-    struct swarm *swarm; /* of sampler_witkin_heckbert */
+    size_t removed; /* particles put on a new place */
     sampler_points out;
     bool *replaced; /* of each particle, from sampler_finalize on */
     double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
+} sampler_record;
+
+struct sampler {
+    sampler_setup setup;
+    sampler_state state;
+    sampler_scratch scratch;
+    sampler_record record;
 };
 
 /* (14), with curvature freed of scale by L and bounded. */
