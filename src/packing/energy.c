@@ -1,5 +1,6 @@
 #include "packing/energy.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -14,6 +15,7 @@ const double energy_cot_polynomial[ENERGY_COT_TERMS] = {
 
 ISA_CLONES double energy_cotangent_sum(const double *u2, const double *weight, size_t count)
 {
+    assert(count % ENERGY_LANES == 0);
     double sum[ENERGY_LANES] = {0};
     for (size_t k = 0; k < count; k += ENERGY_LANES)
         for (int l = 0; l < ENERGY_LANES; l++) {

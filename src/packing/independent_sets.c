@@ -1,5 +1,6 @@
 #include "packing/independent_sets.h"
 
+#include <assert.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -41,6 +42,7 @@ ISA_CLONES static bool may_take(const independent_set *s, const neighbours_place
 
 static void join(independent_set *s, uint32_t point, const neighbours_place *p)
 {
+    NEIGHBOURS_CHECK(s->count < INDEPENDENT_SET_MOST && !(point & INDEPENDENT_SET_LAST));
     size_t l = s->count++;
     s->x[l] = p->x;
     s->y[l] = p->y;
@@ -51,6 +53,7 @@ static void join(independent_set *s, uint32_t point, const neighbours_place *p)
 
 static uint32_t *write_set(const independent_set *s, uint32_t *to)
 {
+    assert(s->count > 0);
     memcpy(to, s->point, s->count * sizeof *to);
     to[s->count - 1] |= INDEPENDENT_SET_LAST;
     return to + s->count;

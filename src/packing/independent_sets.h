@@ -32,8 +32,10 @@ static inline uint32_t independent_sets_point(const neighbours *n, uint32_t at)
 static inline uint32_t independent_sets_next(const neighbours *n, uint32_t at, uint32_t *points)
 {
     uint32_t count = 0;
-    do points[count++] = independent_sets_point(n, at);
-    while (!(n->bin_item[at++] & INDEPENDENT_SET_LAST));
+    do {
+        NEIGHBOURS_CHECK(count < INDEPENDENT_SET_MOST && at < n->count);
+        points[count++] = independent_sets_point(n, at);
+    } while (!(n->bin_item[at++] & INDEPENDENT_SET_LAST));
     return count;
 }
 

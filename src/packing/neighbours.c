@@ -1,5 +1,6 @@
 #include "packing/neighbours.h"
 
+#include <assert.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -569,6 +570,22 @@ static bool reserve_lists(neighbours *n, size_t entries, error *e)
     return true;
 }
 
+#ifdef __SANITIZE_ADDRESS__
+/* Too slow for all builds: every entry is another point. */
+static void check_lists(const neighbours *n)
+{
+    for (size_t i = 0; i < n->count; i++) {
+        assert(n->list_count[i] <= n->longest);
+        for (uint32_t k = 0; k < n->list_count[i]; k++) {
+            uint32_t j = neighbours_list(n, i)[k];
+            assert(j < n->count && j != i);
+        }
+    }
+}
+#else
+#define check_lists(n) (void)(n)
+#endif
+
 static bool fill_lists(neighbours *n, threads *pool, error *e)
 {
     size_t workers = (size_t)threads_count(pool);
@@ -582,7 +599,11 @@ static bool fill_lists(neighbours *n, threads *pool, error *e)
         atomic_store(&job.entries, 0);
         if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
     }
-    if (ok) memset(n->list + entries, 0, n->longest * sizeof *n->list);
+    if (ok) {
+        assert(entries + n->longest <= n->list_capacity);
+        memset(n->list + entries, 0, n->longest * sizeof *n->list);
+    }
+    if (ok && !threads_stopped(pool)) check_lists(n);
     for (list_search *s = job.searches; s < job.searches + workers; s++) {
         free(s->x);
         free(s->y);
@@ -616,6 +637,7 @@ bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *
         least = size[i] < least ? size[i] : least;
         largest = size[i] > largest ? size[i] : largest;
     }
+    assert(count <= n->capacity && cutoff > 0);
     n->count = count;
     n->cutoff = cutoff;
     n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));

@@ -1,5 +1,6 @@
 #include "packing/partitions.h"
 
+#include <assert.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -68,6 +69,7 @@ static size_t gather_points(const partitions_input *in, double halo, const parti
 bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
                     partition *out, error *e)
 {
+    assert(k < all->count);
     const char *what = "a part of a set";
     partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
     if (s.low < s.high)

@@ -3,6 +3,7 @@
 #ifndef HEXAD_PACKING_PARTITIONS_H
 #define HEXAD_PACKING_PARTITIONS_H
 
+#include <assert.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -50,6 +51,7 @@ void partition_free(partition *s);
 
 static inline bool partition_owns(const partition *s, size_t i)
 {
+    assert(i < s->count);
     double at = vec3_get(s->position[i], s->axis);
     return at >= s->low && at < s->high;
 }

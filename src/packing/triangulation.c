@@ -1,5 +1,6 @@
 #include "packing/triangulation.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -132,7 +133,10 @@ static bool list_wedges(survey *job, error *e)
     job->wedge = mem_array(3 * t->facts.triangles, sizeof *job->wedge, "the mesh", e);
     if (!job->begin || !job->wedge) return false;
     for (size_t k = 0; k < t->facts.triangles; k++)
-        for (int c = 0; c < 3; c++) job->begin[t->corner[k][c] + 2]++;
+        for (int c = 0; c < 3; c++) {
+            assert(t->corner[k][c] < count);
+            job->begin[t->corner[k][c] + 2]++;
+        }
     for (size_t i = 2; i < count + 2; i++) job->begin[i] += job->begin[i - 1];
     for (size_t k = 0; k < t->facts.triangles; k++)
         for (int c = 0; c < 3; c++) { /* begin[i + 1] moves from where the point's begin to where they end */

@@ -1,5 +1,7 @@
 #include "packing/voronoi.h"
 
+#include <assert.h>
+
 /* Points are moved by this much at most, in spacings, along their normals: those that lie on a plane or a
  * sphere have no unique triangulation, and so they have. */
 static const double JITTER = 1e-5;
@@ -391,6 +393,7 @@ static uint32_t join_edge(const vec3 *x, uint32_t a, const site *b, uint32_t c, 
     uint32_t k = 0;
     while (k < out->count && out->point[k] != b->index) k++;
     if (k == out->count) {
+        assert(k < VORONOI_STAR_MAX);
         out->count++;
         out->point[k] = b->index;
         out->place[k] = b->place;

@@ -3,6 +3,7 @@
  * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady
  * state is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma
  * at its bound and as many particles as have the ideal energy under it. */
+#include <assert.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -72,6 +73,7 @@ static bool settle_support(sampler *s, error *e)
 
 static void note_round(sampler *s, double energy)
 {
+    assert(s->record.round_count < SAMPLER_MAX_ROUNDS);
     s->record.round[s->record.round_count++] = (sampler_round){
         s->state.sweeps_in_round, 0, 0, s->state.sigma, s->state.p->count, energy, s->state.gain};
     s->state.sweeps_in_round = 0;
@@ -165,6 +167,7 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
 
 static void enter_stage(sampler *s, int stage)
 {
+    assert(stage >= 0 && stage < SCHEDULE_STAGES);
     s->state.stage = stage;
     s->state.gain = s->setup.schedule->gain[stage];
     for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;

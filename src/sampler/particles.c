@@ -1,5 +1,6 @@
 #include "sampler/particles.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,7 +74,10 @@ static bool arrange(void *array, size_t size, const uint32_t *order, size_t coun
     char *copy = mem_array(count, size, "the order of particles", e), *to = array;
     if (!copy) return false;
     memcpy(copy, array, count * size);
-    for (size_t k = 0; k < count; k++) memcpy(to + k * size, copy + order[k] * size, size);
+    for (size_t k = 0; k < count; k++) {
+        assert(order[k] < count);
+        memcpy(to + k * size, copy + order[k] * size, size);
+    }
     free(copy);
     return true;
 }

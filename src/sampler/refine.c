@@ -1,5 +1,6 @@
 #include "sampler/refine.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -331,6 +332,7 @@ bool refine_particles(const field *f, const surface *scan, const sizing_field *s
                       size_t count, double spacing, uint64_t seed, threads *pool, error *e)
 {
     mesh m;
+    assert(count >= p->count);
     bool ok = mesh_particles(p, spacing, pool, &m, e);
     ok = ok && mesh_edges(&m, pool, e) && choose_edges(&m, count, e) && add_middles(f, &m, pool, p, e) &&
          draw_rest(f, scan, sizing, p, count, spacing, seed, e);

@@ -1,5 +1,6 @@
 #include "sampler/relax.h"
 
+#include <assert.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 
@@ -189,6 +190,7 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
 
 bool relax_refresh(relax *r, const particles *p, double sigma)
 {
+    if (p->count != r->near->count) return false; /* never built, or for others */
     refresh_job job = {r, p, sigma, false};
     threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
     return !atomic_load(&job.stale);
@@ -251,6 +253,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     const uint32_t *list = neighbours_list(r->near, i);
     size_t count = r->near->list_count[i];
     g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
+    assert(g->blocks * PAIR_LANES <= r->scratch_entries);
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
         gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]),
@@ -393,6 +396,7 @@ static void line_up(const relax *r, const particles *p, const uint32_t *items, s
                     fast_kernel_particles *out)
 {
     const neighbours *near = r->near;
+    assert(count > 0 && count <= FAST_KERNEL_LANES);
     for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         uint32_t i = items[l < count ? l : 0];
         neighbours_place own = near->place[i];
@@ -564,6 +568,8 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
 
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out)
 {
+    assert(p->count == r->near->count && params->sigma <= relax_max_support(r));
+    assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
     const uint32_t *colour = r->near->colour_begin;
     for (int c = 0; c < r->near->colours; c++) {
@@ -623,6 +629,7 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 
 double relax_mean_energy(relax *r, particles *p, double sigma)
 {
+    assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;

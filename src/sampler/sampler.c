@@ -1,5 +1,6 @@
 #include "sampler/sampler.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -242,6 +243,7 @@ bool sampler_replan(sampler *s, bool *again, error *e)
 /* A level has come to rest: four times as many particles, with the support that it needed. */
 bool sampler_refine(sampler *s, error *e)
 {
+    assert(s->state.level + 1 < s->state.levels);
     double support = s->state.sigma / s->state.spacing;
     if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing, s->state.p,
                           s->state.level_count[++s->state.level], s->state.spacing, s->setup.params.seed,
@@ -348,6 +350,7 @@ const sampler_method sampler_meyer = {sampler_build_lists, relax_step, describe_
 
 bool sampler_step(sampler *s, error *e)
 {
+    assert(!sampler_ended(s) && s->record.sweep_count < (size_t)s->setup.params.max_sweeps);
     return s->setup.method->step(s, e);
 }
 

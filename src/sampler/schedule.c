@@ -1,5 +1,6 @@
 #include "sampler/schedule.h"
 
+#include <assert.h>
 #include <math.h>
 
 /* Share of the sweeps that a job typically spends before each stage, for the estimate of progress. */
@@ -63,6 +64,7 @@ static bool is_early(const schedule_position *at)
 
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
+    assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
     bool between = at->level > 0 && !schedule_is_last_level(at);
     double many = between ? s->sweeps_count_between : s->sweeps_count;
     double sweeps = s->sweeps * pow(many / (double)at->count, s->sweeps_fall);

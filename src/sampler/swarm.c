@@ -1,5 +1,6 @@
 /* swarm: particles under the method of Witkin and Heckbert, the entry sampler_witkin_heckbert of the table in
  * sampler_internal.h. The formulas are witkin_heckbert.c's. */
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -320,6 +321,7 @@ static void note_step(sampler *s, size_t inserted, size_t deleted, double energy
     int length = s->setup.params.max_sweeps / SAMPLER_MAX_ROUNDS + 1;
     bool ends = s->state.sweeps_in_round >= (length > ROUND_STEPS ? length : ROUND_STEPS);
     if (!ends && s->state.outcome == SAMPLER_RUNNING) return;
+    assert(s->record.round_count < SAMPLER_MAX_ROUNDS);
     s->record.round[s->record.round_count++] = (sampler_round){s->state.sweeps_in_round,
                                                                w->round_inserted,
                                                                w->round_deleted,

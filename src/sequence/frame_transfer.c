@@ -1,5 +1,6 @@
 #include "sequence/frame_transfer.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -312,6 +313,7 @@ static bool draw_places(candidates *c, error *e)
             double where = ((double)k + rng_uniform(&r)) / (double)places;
             vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r), n;
             if (!land(c, &x, &n)) continue;
+            assert(c->count < c->near->capacity);
             c->position[c->count] = c->landed[c->count] = x;
             c->parent[c->count] = FRAME_TRANSFER_NONE;
             c->normal[c->count++] = n;

@@ -1,5 +1,6 @@
 #include "surface/sizing_field.h"
 
+#include <assert.h>
 #include <stdlib.h>
 
 #include "base/isa.h"
@@ -316,6 +317,7 @@ static double heap_spacing(const making *m, size_t place)
 
 static void heap_put(making *m, size_t place, uint32_t k)
 {
+    assert(place < m->g->count && k < m->g->count);
     m->heap[place] = k;
     m->at[k] = (uint32_t)place + 1;
 }
