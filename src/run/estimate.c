@@ -5,6 +5,7 @@
 #include "run/cost_model.h"
 #include "run/job.h"
 #include "run/report.h"
+#include "run/run.h"
 #include "surface/surface.h"
 
 /* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would

@@ -7,7 +7,7 @@
 #include "packing/quality.h"
 #include "run/progress.h"
 #include "run/results.h"
-#include "run/run.h"
+#include "run/run_options.h"
 #include "run/sequence.h"
 #include "run/source.h"
 #include "sampler/sampler.h"

@@ -3,7 +3,7 @@
 #define HEXAD_SAMPLER_START_H
 
 #include "sampler/particles.h"
-#include "sampler/sampler.h"
+#include "sampler/sampler_params.h"
 
 /* Places p->count particles on the surface, with normals; the first of them in rows along the boundaries of an open
  * surface, unless the start is random. Those that do not reach it, or land where
