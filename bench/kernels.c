@@ -24,7 +24,7 @@
 
 enum { COUNT = 100000, SWEEPS = 10, RUNS = 5, FLOPS = 1 << 22, CHAINS = 16, WIDTH = 16 };
 
-/* Of one neighbour, counted in kernel.c; of one sample with its gradient, counted in spline.c and for the
+/* Of one neighbour, counted in fast_kernel.c; of one sample with its gradient, counted in spline.c and for the
  * torus. */
 static const double NEIGHBOUR_OPERATIONS = 69, SPLINE_OPERATIONS = 640, TORUS_OPERATIONS = 60;
 /* Of the frame, the damped step and the projection. */
@@ -105,7 +105,7 @@ static void settle(const field *f, threads *pool, particles **out, double *spaci
     if (!s) fail(&e);
     while (!sampler_ended(s))
         if (!sampler_step(s, &e)) fail(&e);
-    if (!sampler_finish(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
+    if (!sampler_finalize(s, &e) || !(*out = particles_new(COUNT, &e))) fail(&e);
     const sampler_points *p = sampler_result_points(s);
     for (size_t i = 0; i < COUNT; i++) {
         (*out)->position[i] = p->position[i];
@@ -121,10 +121,10 @@ static void sweep(const char *name, const field *f, isa which, particles *p, dou
 {
     error e = {0};
     const relax_params params = {
-        .field = f, .sigma = sqrt(3) * h, .spacing = h, .omega = 1.2, .glide = INFINITY, .gain = 1e-8};
+        .field = f, .sigma = sqrt(3) * h, .spacing = h, .omega = 1.2, .fast_step = INFINITY, .gain = 1e-8};
     double update[RUNS], list[RUNS], entries;
     relax_sums sums;
-    relax *r = relax_new(COUNT, &energy_cotangent, kernel_for(which), SIZE_MAX, pool, &e);
+    relax *r = relax_new(COUNT, &energy_cotangent, fast_kernel_for(which), SIZE_MAX, pool, &e);
     if (!r) fail(&e);
     for (int run = 0; run < RUNS; run++) {
         double begin = cpu_seconds();

@@ -17,7 +17,7 @@
 #include "base/sandbox.h"
 #include "json/json.h"
 #include "run/run.h"
-#include "sampler/energy.h"
+#include "packing/energy.h"
 #include "spec/schema.h"
 #include "spec/spec.h"
 #include "store/file.h"

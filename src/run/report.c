@@ -141,8 +141,8 @@ static int64_t peak_memory(void)
 /* What the request of a grading came to, so that the count is met. */
 static void put_grading(json *report, const report_facts *facts)
 {
-    if (!facts->grading) return;
-    grading_facts g = grading_describe(facts->grading);
+    if (!facts->sizing) return;
+    sizing_field_facts g = sizing_field_describe(facts->sizing);
     json *object = json_put_object(report, "grading");
     json_put_number(object, "scale", g.scale);
     json_put_number(object, "least_spacing", g.least);

@@ -3,19 +3,19 @@
 #define HEXAD_RUN_REPORT_H
 
 #include "json/json.h"
+#include "packing/quality.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/source.h"
-#include "sampler/quality.h"
 #include "sampler/sampler.h"
-#include "sampler/surface.h"
 #include "spec/spec.h"
+#include "surface/surface.h"
 
 typedef struct report_facts {
     const spec *spec;
     const source *source;
     const surface *scan;
-    const grading *grading; /* or NULL */
+    const sizing_field *sizing; /* or NULL */
     const sampler *sampler;
     const quality *quality;
     const results_facts *results;

@@ -8,8 +8,8 @@
 #include "field/field.h"
 #include "formats/points.h"
 #include "json/json.h"
+#include "packing/triangulation.h"
 #include "sampler/sampler.h"
-#include "sampler/triangulation.h"
 #include "spec/spec.h"
 
 /* Above this fraction of h the rounding of single precision would show: such points are written in double. */

@@ -82,7 +82,7 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
 }
 
 /* Takes over what the points were and where they went. */
-static bool remember(sequence *s, const carried *c, error *e)
+static bool remember(sequence *s, const frame_transfer *c, error *e)
 {
     size_t n = c->count;
     s->died = c->died;
@@ -94,20 +94,21 @@ static bool remember(sequence *s, const carried *c, error *e)
     memcpy(s->start, c->landed, n * sizeof *s->start);
     memcpy(s->origin, c->origin, n * sizeof *s->origin);
     for (size_t i = 0; i < n; i++)
-        s->id[i] = c->parent[i] == CARRY_NONE ? CARRY_NONE : s->before.points.id[c->parent[i]];
+        s->id[i] =
+            c->parent[i] == FRAME_TRANSFER_NONE ? FRAME_TRANSFER_NONE : s->before.points.id[c->parent[i]];
     s->born = c->born;
     s->carried = n - c->born;
     s->motion = c->motion;
     return true;
 }
 
-bool sequence_carry(sequence *s, const field *f, const surface *scan, carry_params params, threads *pool,
-                    carried *out, error *e)
+bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_transfer_params params,
+                       threads *pool, frame_transfer *out, error *e)
 {
     params.previous_count = s->before.points.count;
     params.position = s->before.points.position;
     params.normal = s->before.points.normal;
-    bool ok = carry_points(f, scan, &params, pool, out, e) && remember(s, out, e);
+    bool ok = frame_transfer_points(f, scan, &params, pool, out, e) && remember(s, out, e);
     ply_file_free(&s->before);
     return ok;
 }
@@ -124,7 +125,7 @@ static bool measure_drift(sequence *s, const sampler_points *p, error *e)
     size_t n = 0;
     if (!drift) return false;
     for (size_t i = 0; i < p->count; i++)
-        if (s->id[i] != CARRY_NONE)
+        if (s->id[i] != FRAME_TRANSFER_NONE)
             drift[n++] = vec3_norm(vec3_sub(p->position[i], s->start[i])) / p->spacing[i];
     qsort(drift, n, sizeof *drift, compare_double);
     if (n > 0) {
@@ -140,7 +141,7 @@ static bool measure_drift(sequence *s, const sampler_points *p, error *e)
 static bool begin_first(sequence *s, size_t count, error *e)
 {
     if (!(s->id = mem_array(count, sizeof *s->id, what, e))) return false;
-    for (size_t i = 0; i < count; i++) s->id[i] = CARRY_NONE;
+    for (size_t i = 0; i < count; i++) s->id[i] = FRAME_TRANSFER_NONE;
     s->born = count;
     return true;
 }
@@ -152,18 +153,18 @@ bool sequence_end(sequence *s, const sampler_points *p, error *e)
     if (!s->start && !begin_first(s, p->count, e)) return false;
     for (size_t i = 0; s->start && i < p->count; i++) {
         if (p->replaced[i]) { /* it is another now, and nobody knows where it comes from */
-            s->died += s->id[i] != CARRY_NONE;
-            s->born += s->id[i] != CARRY_NONE;
-            s->carried -= s->id[i] != CARRY_NONE;
-            s->id[i] = CARRY_NONE;
+            s->died += s->id[i] != FRAME_TRANSFER_NONE;
+            s->born += s->id[i] != FRAME_TRANSFER_NONE;
+            s->carried -= s->id[i] != FRAME_TRANSFER_NONE;
+            s->id[i] = FRAME_TRANSFER_NONE;
         } else
             s->velocity[i] = vec3_scale(vec3_sub(p->position[i], s->origin[i]), 1 / frames);
     }
     if (s->start && !measure_drift(s, p, e)) return false;
-    if (s->born > CARRY_NONE - s->next_id)
-        return error_set(e, ERROR_INTERNAL, "the sequence has had more than %u points", CARRY_NONE);
+    if (s->born > FRAME_TRANSFER_NONE - s->next_id)
+        return error_set(e, ERROR_INTERNAL, "the sequence has had more than %u points", FRAME_TRANSFER_NONE);
     for (size_t i = 0; i < p->count; i++)
-        if (s->id[i] == CARRY_NONE) s->id[i] = s->next_id++;
+        if (s->id[i] == FRAME_TRANSFER_NONE) s->id[i] = s->next_id++;
     return true;
 }
 

@@ -12,8 +12,8 @@
 #include "base/threads.h"
 #include "formats/ply.h"
 #include "json/json.h"
-#include "sampler/carry.h"
 #include "sampler/sampler.h"
+#include "sequence/frame_transfer.h"
 
 /* The results of the frame before, open. */
 typedef struct sequence_files {
@@ -25,7 +25,7 @@ typedef struct sequence {
     uint32_t next_id;          /* that no point of this frame or those before it has had */
     ply_file before;           /* empty once its points were carried */
     size_t carried, born, died;
-    motion motion;
+    registration motion;
     vec3 *start, *origin; /* of each point: where it was carried to, and from; NULL in a first frame */
     uint32_t *id;
     vec3 *velocity;                            /* world units per frame */
@@ -40,9 +40,9 @@ void sequence_close(sequence_files *files); /* also when nothing is open */
 bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *e);
 
 /* Carries the points of the frame before, which `params` need not have; those of *out are the caller's to free.
- * Errors: as carry_points. */
-bool sequence_carry(sequence *s, const field *f, const surface *scan, carry_params params, threads *pool,
-                    carried *out, error *e);
+ * Errors: as frame_transfer_points. */
+bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_transfer_params params,
+                       threads *pool, frame_transfer *out, error *e);
 
 /* The points are final: gives velocities, ids to those that have none yet, and measures the drift. Errors:
  * limit_memory; internal when there are no more ids. */

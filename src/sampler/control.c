@@ -1,28 +1,22 @@
-/* control: the global control of section 6.1, one action at the end of each round. See state.h.
+/* control: the global control of section 6.1, one action at the end of each round. See sampler_internal.h.
  *
  * With a count alone sigma grows and shrinks to the ideal energy. With a bound on sigma as well the steady
  * state is the smallest system that keeps both: either the least count and a sigma within its bound, or sigma
  * at its bound and as many particles as have the ideal energy under it. */
+#include <assert.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 #include "sampler/population.h"
-#include "sampler/state.h"
-
-/* A round relaxes until no particle can lower its energy by more than this fraction; each later one
- * looks closer. The first evens out the density, so that sigma is adapted before much work is done
- * under a wrong one. */
-const double sampler_stage_gain[SAMPLER_STAGES] = {1e-4, 1e-6, 1e-8};
+#include "sampler/random_streams.h"
+#include "sampler/sampler_internal.h"
 
 /* The search for the ideal support: within one set of lists it may shrink to this fraction and grow by the
  * other; so many Newton steps settle it to the tolerance, so many sets of lists reach it from anywhere. */
 static const double SHRINK_LIMIT = 0.2, SUPPORT_GROWTH = 0.5, SUPPORT_TOLERANCE = 1e-6;
 enum { SUPPORT_STEPS = 6, SUPPORT_BUILDS = 24 };
-/* A system that rests only under a coarser gain than this is not converged. */
-static const double COARSEST_GAIN = 1e-5;
 
-/* Of random numbers: each round has its own, from this one on. */
-enum { CONTROL_STREAM = 256 };
 /* Of the count: by how much it may miss that which the bound on sigma asks for. With too few particles the
  * energy falls short under that bound, so that no more may be missing than half of energy_tolerance is worth;
  * with too many sigma is a little below it. */
@@ -35,18 +29,19 @@ static const double TWIN_OFFSET = 0.25;
 /* A step of Newton's method on log E against log sigma, from a support and the energy under it. */
 static double nearer_support(const sampler *s, double sigma, double energy)
 {
-    return sigma * pow(energy / s->params.energy->ideal, -1 / s->params.energy->ideal_slope);
+    return sigma * pow(energy / s->setup.params.energy->ideal, -1 / s->setup.params.energy->ideal_slope);
 }
 
 /* The support under which the particles, where they are, have the ideal energy (6.1: a one-dimensional
  * optimisation), no farther than the lists cover. */
 static double ideal_support(const sampler *s)
 {
-    double low = SHRINK_LIMIT * s->sigma, high = relax_max_support(s->relax), sigma = s->sigma;
+    double low = SHRINK_LIMIT * s->state.sigma, high = relax_max_support(s->scratch.relax),
+           sigma = s->state.sigma;
     for (int k = 0; k < SUPPORT_STEPS; k++) {
-        double energy = relax_mean_energy(s->relax, s->p, sigma);
+        double energy = relax_mean_energy(s->scratch.relax, s->state.p, sigma);
         if (!(energy > 0)) return high;
-        if (fabs(energy / s->params.energy->ideal - 1) < SUPPORT_TOLERANCE) break;
+        if (fabs(energy / s->setup.params.energy->ideal - 1) < SUPPORT_TOLERANCE) break;
         sigma = fmin(fmax(nearer_support(s, sigma, energy), low), high);
     }
     return sigma;
@@ -56,12 +51,13 @@ static double ideal_support(const sampler *s)
 static bool find_support(sampler *s, error *e)
 {
     for (int k = 0; k < SUPPORT_BUILDS; k++) {
-        double before = s->sigma;
-        s->skin = fmax(SAMPLER_SKIN_WIDE * s->spacing, SUPPORT_GROWTH * s->sigma);
+        double before = s->state.sigma;
+        s->state.skin =
+            fmax(s->setup.schedule->skin_wide * s->state.spacing, SUPPORT_GROWTH * s->state.sigma);
         if (!sampler_build_lists(s, e)) return false;
-        s->sigma = fmin(ideal_support(s), bbox_longest(s->scan->box) * 2);
-        bool at_bound = s->sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->relax) ||
-                        s->sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
+        s->state.sigma = fmin(ideal_support(s), bbox_longest(s->setup.scan->box) * 2);
+        bool at_bound = s->state.sigma >= (1 - SUPPORT_TOLERANCE) * relax_max_support(s->scratch.relax) ||
+                        s->state.sigma <= (1 + SUPPORT_TOLERANCE) * SHRINK_LIMIT * before;
         if (!at_bound) break;
     }
     return true;
@@ -70,35 +66,37 @@ static bool find_support(sampler *s, error *e)
 /* Lists for the support that was found, held to its bound. */
 static bool settle_support(sampler *s, error *e)
 {
-    if (s->params.max_sigma > 0) s->sigma = fmin(s->sigma, s->params.max_sigma);
-    s->skin = SAMPLER_SKIN_WIDE * s->spacing;
+    if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
+    s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
     return sampler_build_lists(s, e);
 }
 
 static void note_round(sampler *s, double energy)
 {
-    s->round[s->round_count++] =
-        (sampler_round){s->sweeps_in_round, 0, 0, s->sigma, s->p->count, energy, s->gain};
-    s->sweeps_in_round = 0;
-    s->resizes = 0;
+    assert(s->record.round_count < SAMPLER_MAX_ROUNDS);
+    s->record.round[s->record.round_count++] = (sampler_round){
+        s->state.sweeps_in_round, 0, 0, s->state.sigma, s->state.p->count, energy, s->state.gain};
+    s->state.sweeps_in_round = 0;
+    s->state.resizes = 0;
 }
 
 bool sampler_reserve(sampler *s, size_t capacity, error *e)
 {
-    if (capacity <= s->capacity) return true;
-    if (s->params.count_limit > 0 && capacity > s->params.count_limit)
+    if (capacity <= s->scratch.capacity) return true;
+    if (s->setup.params.count_limit > 0 && capacity > s->setup.params.count_limit)
         return error_set(e, ERROR_LIMIT_MEMORY,
                          "more than %zu particles are needed, which is what memory holds: raise "
                          "limits.memory_mb, or ask for a larger sigma or spacing",
-                         s->params.count_limit);
-    relax *bigger = relax_new(capacity, s->params.energy, s->forces, s->params.list_limit, s->pool, e);
-    if (!bigger || !particles_grow(s->p, capacity, e)) {
+                         s->setup.params.count_limit);
+    relax *bigger = relax_new(capacity, s->setup.params.energy, s->setup.fast, s->setup.params.list_limit,
+                              s->setup.pool, e);
+    if (!bigger || !particles_grow(s->state.p, capacity, e)) {
         relax_free(bigger);
         return false;
     }
-    relax_free(s->relax);
-    s->relax = bigger;
-    s->capacity = capacity;
+    relax_free(s->scratch.relax);
+    s->scratch.relax = bigger;
+    s->scratch.capacity = capacity;
     return true;
 }
 
@@ -106,12 +104,14 @@ bool sampler_reserve(sampler *s, size_t capacity, error *e)
 static bool insert_particles(sampler *s, size_t k, rng *r, size_t *done, error *e)
 {
     uint32_t *chosen = mem_array(k, sizeof *chosen, "the choice of particles", e);
-    bool ok = chosen && sampler_reserve(s, s->p->count + k, e) &&
-              population_choose(s->p, k, s->params.unbiased ? POPULATION_RANDOM : POPULATION_LOW_ENERGY, r,
-                                chosen, e);
-    double offset = TWIN_OFFSET * levels_spacing(s->scan->area, s->p->count + k);
+    bool ok =
+        chosen && sampler_reserve(s, s->state.p->count + k, e) &&
+        population_choose(s->state.p, k, s->setup.params.unbiased ? POPULATION_RANDOM : POPULATION_LOW_ENERGY,
+                          r, chosen, e);
+    double offset = TWIN_OFFSET * packing_spacing(s->setup.scan->area, (double)(s->state.p->count + k));
     *done = 0;
-    for (size_t i = 0; ok && i < k; i++) *done += population_split(s->field, s->p, chosen[i], offset, r);
+    for (size_t i = 0; ok && i < k; i++)
+        *done += population_split(s->setup.field, s->state.p, chosen[i], offset, r);
     free(chosen);
     return ok;
 }
@@ -120,12 +120,13 @@ static bool insert_particles(sampler *s, size_t k, rng *r, size_t *done, error *
 static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
 {
     uint32_t *chosen = mem_array(k, sizeof *chosen, "the choice of particles", e);
-    bool *marked = mem_array(s->p->count, sizeof *marked, "the choice of particles", e);
+    bool *marked = mem_array(s->state.p->count, sizeof *marked, "the choice of particles", e);
     bool ok = chosen && marked &&
-              population_choose(s->p, k, s->params.unbiased ? POPULATION_RANDOM : POPULATION_HIGH_ENERGY, r,
+              population_choose(s->state.p, k,
+                                s->setup.params.unbiased ? POPULATION_RANDOM : POPULATION_HIGH_ENERGY, r,
                                 chosen, e);
     for (size_t i = 0; ok && i < k; i++) marked[chosen[i]] = true;
-    if (ok) population_remove(s->p, marked);
+    if (ok) population_remove(s->state.p, marked);
     free(chosen);
     free(marked);
     return ok;
@@ -136,62 +137,67 @@ static bool delete_particles(sampler *s, size_t k, rng *r, error *e)
  * is the system's energy, N (E_ideal / E)^(2 / slope); far from it that power law would overshoot. */
 static size_t bounded_count(const sampler *s)
 {
-    double ratio = s->sigma / s->params.max_sigma, needed = (double)s->p->count * ratio * ratio;
-    double short_of = fmin(COUNT_SLACK, s->params.energy_tolerance / s->params.energy->ideal_slope);
-    double count = (double)s->p->count;
+    double ratio = s->state.sigma / s->setup.params.max_sigma,
+           needed = (double)s->state.p->count * ratio * ratio;
+    double short_of =
+        fmin(COUNT_SLACK, s->setup.params.energy_tolerance / s->setup.params.energy->ideal_slope);
+    double count = (double)s->state.p->count;
     if (count >= ceil(needed * (1 - short_of)) &&
-        count <= fmax(ceil(needed * (1 + COUNT_SLACK)), (double)s->params.min_count))
-        return s->p->count;
-    return (size_t)fmin(fmax(ceil(needed), (double)s->params.min_count), GROWTH * count);
+        count <= fmax(ceil(needed * (1 + COUNT_SLACK)), (double)s->setup.params.min_count))
+        return s->state.p->count;
+    return (size_t)fmin(fmax(ceil(needed), (double)s->setup.params.min_count), GROWTH * count);
 }
 
 /* Inserts or deletes particles until sigma, which is the ideal one of those at hand, is within its bound. */
 static bool adapt_count(sampler *s, bool *changed, error *e)
 {
-    size_t before = s->p->count, wanted = bounded_count(s), inserted = 0;
+    size_t before = s->state.p->count, wanted = bounded_count(s), inserted = 0;
     *changed = wanted != before;
     if (!*changed) return true;
-    sampler_round *round = &s->round[s->round_count - 1];
-    rng r = rng_seed(s->params.seed, CONTROL_STREAM + s->round_count);
+    sampler_round *round = &s->record.round[s->record.round_count - 1];
+    rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_ROUND + s->record.round_count);
     if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;
     if (wanted < before && !delete_particles(s, before - wanted, &r, e)) return false;
     round->inserted = inserted;
     round->deleted = wanted < before ? before - wanted : 0;
-    s->spacing = levels_spacing(s->scan->area, s->p->count);
-    s->sigma *= sqrt((double)before / (double)s->p->count);
+    s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
+    s->state.sigma *= sqrt((double)before / (double)s->state.p->count);
     return true;
 }
 
 static void enter_stage(sampler *s, int stage)
 {
-    s->stage = stage;
-    s->gain = sampler_stage_gain[stage];
-    for (size_t i = 0; i < s->p->count; i++) s->p->lambda[i] = 0;
+    assert(stage >= 0 && stage < SCHEDULE_STAGES);
+    s->state.stage = stage;
+    s->state.gain = s->setup.schedule->gain[stage];
+    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
 }
 
 bool sampler_control(sampler *s, error *e)
 {
-    double energy = relax_mean_energy(s->relax, s->p, s->sigma);
+    double energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     note_round(s, energy);
-    bool last_stage = s->stage == SAMPLER_STAGES - 1, bounded = s->params.max_sigma > 0;
+    bool last_stage = s->state.stage == SCHEDULE_STAGES - 1, bounded = s->setup.params.max_sigma > 0;
     bool changed = false, again = false;
-    if (s->level == 0 && s->levels > 1 && !sampler_replan(s, &again, e)) return false;
+    if (s->state.level == 0 && s->state.levels > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
-    if (last_stage && s->level < s->levels - 1) { /* the next level starts nearer to its ideal */
-        if (energy > 0) s->sigma = nearer_support(s, s->sigma, energy);
+    if (last_stage && s->state.level < s->state.levels - 1) { /* the next level starts nearer to its ideal */
+        if (energy > 0) s->state.sigma = nearer_support(s, s->state.sigma, energy);
         return sampler_refine(s, e);
     }
     bool good = last_stage && sampler_is_on_target(s, energy);
-    if (s->round_count == SAMPLER_MAX_ROUNDS || (good && !bounded)) {
-        s->outcome = good && s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+    if (s->record.round_count == SAMPLER_MAX_ROUNDS || (good && !bounded)) {
+        s->state.outcome =
+            good && s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
         return true;
     }
     if (!find_support(s, e) || (bounded && !adapt_count(s, &changed, e))) return false;
     if (changed)
         enter_stage(s, 0);
     else if (good)
-        s->outcome = s->gain <= COARSEST_GAIN ? SAMPLER_CONVERGED : SAMPLER_STALLED;
+        s->state.outcome =
+            s->state.gain <= s->setup.schedule->coarsest_gain ? SAMPLER_CONVERGED : SAMPLER_STALLED;
     else
-        enter_stage(s, last_stage ? s->stage : s->stage + 1);
+        enter_stage(s, last_stage ? s->state.stage : s->state.stage + 1);
     return settle_support(s, e);
 }

@@ -6,24 +6,21 @@
 #include <stdint.h>
 
 #include "field/field.h"
-#include "sampler/grading.h"
-#include "sampler/surface.h"
+#include "surface/sizing_field.h"
+#include "surface/surface.h"
 
 #define LEVELS_MAX 12
-
-/* The distance of neighbours in a hexagonal packing of `count` points on an area. */
-double levels_spacing(double area, size_t count);
 
 /* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest
  * is still fine enough for the surface's curvature, for its smallest part, and for the grading (NULL: even).
  * Deterministic in the seed. */
-int levels_plan(const field *f, const surface *scan, const grading *graded, size_t count, uint64_t seed,
+int levels_plan(const field *f, const surface *scan, const sizing_field *sizing, size_t count, uint64_t seed,
                 size_t out[LEVELS_MAX]);
 
-/* Corrects a plan by the edges that the coarsest packing turned out to have, `rim` of whose particles lie on
- * a rim. A closed surface of Euler characteristic x has 3 (n - x) edges for n particles, an open one fewer by
- * its rim particles, which double from level to level. Off by what refining would have to invent, a level
+/* Corrects a plan by the edges that the coarsest packing turned out to have, `on_boundary` of whose particles lie on
+ * a boundary. A closed surface of Euler characteristic x has 3 (n - x) edges for n particles, an open one fewer by
+ * its boundary particles, which double from level to level. Off by what refining would have to invent, a level
  * begins with as many defects. */
-void levels_correct(size_t plan[LEVELS_MAX], int levels, size_t edges, size_t rim);
+void levels_correct(size_t plan[LEVELS_MAX], int levels, size_t edges, size_t on_boundary);
 
 #endif

@@ -1,9 +1,11 @@
 #include "sampler/particles.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "packing/packing.h"
 
 particles *particles_new(size_t count, error *e)
 {
@@ -16,7 +18,7 @@ particles *particles_new(size_t count, error *e)
         !(p->size = mem_array(count, sizeof *p->size, what, e)) ||
         !(p->lambda = mem_array(count, sizeof *p->lambda, what, e)) ||
         !(p->energy = mem_array(count, sizeof *p->energy, what, e)) ||
-        !(p->rim = mem_array(count, sizeof *p->rim, what, e))) {
+        !(p->near_boundary = mem_array(count, sizeof *p->near_boundary, what, e))) {
         particles_free(p);
         return NULL;
     }
@@ -33,7 +35,7 @@ void particles_free(particles *p)
     free(p->size);
     free(p->lambda);
     free(p->energy);
-    free(p->rim);
+    free(p->near_boundary);
     free(p);
 }
 
@@ -72,7 +74,10 @@ static bool arrange(void *array, size_t size, const uint32_t *order, size_t coun
     char *copy = mem_array(count, size, "the order of particles", e), *to = array;
     if (!copy) return false;
     memcpy(copy, array, count * size);
-    for (size_t k = 0; k < count; k++) memcpy(to + k * size, copy + order[k] * size, size);
+    for (size_t k = 0; k < count; k++) {
+        assert(order[k] < count);
+        memcpy(to + k * size, copy + order[k] * size, size);
+    }
     free(copy);
     return true;
 }
@@ -84,4 +89,11 @@ bool particles_arrange(particles *p, const uint32_t *order, error *e)
            arrange(p->alpha, sizeof *p->alpha, order, p->count, e) &&
            arrange(p->size, sizeof *p->size, order, p->count, e) &&
            arrange(p->lambda, sizeof *p->lambda, order, p->count, e);
+}
+
+void particles_mark_boundary(particles *p, const field *f, double h)
+{
+    if (!f->open) return;
+    for (size_t i = 0; i < p->count; i++)
+        p->near_boundary[i] = packing_is_near_boundary(f->rims, p->position[i], h * p->size[i]);
 }

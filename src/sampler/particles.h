@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "geometry/vec3.h"
+#include "field/field.h"
 
 typedef struct particles {
     size_t count;
@@ -17,7 +17,7 @@ typedef struct particles {
     double *size;   /* requested spacing over h, lagged to the last build; 1 when even */
     float *lambda;  /* log10 of the damping of (11) */
     double *energy; /* E_i over size^2, full sum, when it was last looked at: comparable with the ideal */
-    bool *rim;      /* within 2 h of a rim of an open surface, at the last build of lists */
+    bool *near_boundary; /* within 2 h of a boundary of an open surface, at the last build of lists */
 } particles;
 
 /* Error: limit_memory. */
@@ -33,5 +33,9 @@ void particles_copy(particles *p, size_t to, size_t from);
 
 /* Particle k becomes what order[k] is, a permutation; likewise. Error: limit_memory, half of it done. */
 bool particles_arrange(particles *p, const uint32_t *order, error *e);
+
+/* Sets p->boundary of every particle: whether it is near the boundary of an open surface (packing_is_near_boundary).
+ * The spacing of a particle is `h` times its size. On a closed surface p->boundary stays as it is. */
+void particles_mark_boundary(particles *p, const field *f, double h);
 
 #endif

@@ -1,10 +1,11 @@
 #include "sampler/population.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "sampler/project.h"
+#include "surface/project.h"
 
 /* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and
  * no more than this many deviations count. A choice by rank alone would take whole clusters at once, and
@@ -39,6 +40,7 @@ static int compare_index(const void *a, const void *b)
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen, error *e)
 {
     size_t n = p->count;
+    assert(k <= n);
     lot *lots = mem_array(n, sizeof *lots, "the choice of particles", e);
     if (!lots) return false;
     double mean = 0, squares = 0;

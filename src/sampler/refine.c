@@ -1,13 +1,15 @@
 #include "sampler/refine.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "base/rng.h"
 #include "base/sets.h"
-#include "sampler/project.h"
-#include "sampler/voronoi.h"
+#include "packing/voronoi.h"
+#include "sampler/random_streams.h"
+#include "surface/project.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;
@@ -139,12 +141,12 @@ static bool mesh_edges(mesh *m, threads *pool, error *e)
 /* A connected part of the mesh. Where its edges are too many the shortest get no particle, where too few the
  * longest two each. Both are at the cores of dislocations, which they only move along: anywhere else a
  * particle too few or too many is a defect more. */
-typedef struct part {
+typedef struct mesh_part {
     size_t members, edges;
     bool longest;         /* its longest edges are picked, not its shortest */
     size_t picks, picked; /* how many edges are, and have been */
     uint32_t *pick;       /* a heap, the one to be given up first at its root */
-} part;
+} mesh_part;
 
 /* Whether edge x is to be picked rather than y. */
 static bool is_better(const edge *edges, bool longest, uint32_t x, uint32_t y)
@@ -154,7 +156,7 @@ static bool is_better(const edge *edges, bool longest, uint32_t x, uint32_t y)
 }
 
 /* Puts x where the place k of the heap is free, or below. */
-static void sift_down(part *p, const edge *edges, size_t k, uint32_t x)
+static void sift_down(mesh_part *p, const edge *edges, size_t k, uint32_t x)
 {
     for (size_t child = 2 * k + 1; child < p->picked; child = 2 * k + 1) {
         if (child + 1 < p->picked && is_better(edges, p->longest, p->pick[child], p->pick[child + 1]))
@@ -166,14 +168,14 @@ static void sift_down(part *p, const edge *edges, size_t k, uint32_t x)
     p->pick[k] = x;
 }
 
-static void sift_up(part *p, const edge *edges, size_t k, uint32_t x)
+static void sift_up(mesh_part *p, const edge *edges, size_t k, uint32_t x)
 {
     for (; k > 0 && is_better(edges, p->longest, p->pick[(k - 1) / 2], x); k = (k - 1) / 2)
         p->pick[k] = p->pick[(k - 1) / 2];
     p->pick[k] = x;
 }
 
-static void offer_edge(part *p, const edge *edges, uint32_t x)
+static void offer_edge(mesh_part *p, const edge *edges, uint32_t x)
 {
     if (p->picked < p->picks)
         sift_up(p, edges, p->picked++, x);
@@ -181,7 +183,7 @@ static void offer_edge(part *p, const edge *edges, uint32_t x)
         sift_down(p, edges, 0, x);
 }
 
-/* Which part each point is of; the parts in the order of their first points. */
+/* Which part each point belongs to; the parts in the order of their first points. */
 static size_t number_parts(const mesh *m, uint32_t *part_of)
 {
     uint32_t parts = 0;
@@ -194,11 +196,11 @@ static size_t number_parts(const mesh *m, uint32_t *part_of)
 
 /* How many edges of each part are to be picked, so that every part keeps its share of the particles; by
  * their edges alone small parts would lose, since a closed one of n has 3 n - 6. */
-static size_t share_out(part *parts, size_t count, double share)
+static size_t share_out(mesh_part *parts, size_t count, double share)
 {
     double seen = 0;
     size_t sum = 0;
-    for (part *p = parts; p < parts + count; p++) {
+    for (mesh_part *p = parts; p < parts + count; p++) {
         if (p->edges == 0) continue;
         double members = (double)p->members;
         double wanted = round((seen + members) * share) - round(seen * share) - members;
@@ -216,7 +218,7 @@ static bool choose_edges(mesh *m, size_t count, error *e)
 {
     const char *what = "refinement";
     bool ok = false;
-    part *parts = NULL;
+    mesh_part *parts = NULL;
     uint32_t *picks = NULL, *part_of = mem_array(m->points, sizeof *part_of, what, e);
     if (!part_of) return false;
     size_t number = number_parts(m, part_of);
@@ -230,7 +232,7 @@ static bool choose_edges(mesh *m, size_t count, error *e)
     uint32_t *next = picks;
     for (size_t k = 0; k < number; next += parts[k++].picks) parts[k].pick = next;
     for (size_t k = 0; k < m->count; k++) offer_edge(&parts[part_of[m->edges[k].a]], m->edges, (uint32_t)k);
-    for (part *p = parts; p < parts + number; p++)
+    for (mesh_part *p = parts; p < parts + number; p++)
         for (size_t k = 0; k < p->picked; k++) m->edges[p->pick[k]].copies = p->longest ? 2 : 0;
     ok = true;
 done:
@@ -297,14 +299,14 @@ static bool add_middles(const field *f, const mesh *m, threads *pool, particles 
 }
 
 /* Particles that the edges did not give all the same, anywhere on the surface. */
-static bool draw_rest(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
-                      double spacing, uint64_t seed, error *e)
+static bool draw_rest(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                      size_t count, double spacing, uint64_t seed, error *e)
 {
-    rng r = rng_seed(seed, 3);
+    rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
     const project_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
                                    MIDDLE_ACCEPT * spacing};
     for (int draws = 0; p->count < count; draws++) {
-        vec3 x = grading_draw(graded, scan, rng_uniform(&r), &r), n;
+        vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r), n;
         if (draws == MAX_DRAWS)
             return error_set(e, ERROR_NO_SURFACE,
                              "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
@@ -326,13 +328,14 @@ bool refine_count_edges(const particles *p, double spacing, threads *pool, size_
     return ok;
 }
 
-bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
-                      double spacing, uint64_t seed, threads *pool, error *e)
+bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                      size_t count, double spacing, uint64_t seed, threads *pool, error *e)
 {
     mesh m;
+    assert(count >= p->count);
     bool ok = mesh_particles(p, spacing, pool, &m, e);
     ok = ok && mesh_edges(&m, pool, e) && choose_edges(&m, count, e) && add_middles(f, &m, pool, p, e) &&
-         draw_rest(f, scan, graded, p, count, spacing, seed, e);
+         draw_rest(f, scan, sizing, p, count, spacing, seed, e);
     mesh_free(&m);
     return ok;
 }

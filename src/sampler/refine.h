@@ -6,9 +6,9 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/grading.h"
 #include "sampler/particles.h"
-#include "sampler/surface.h"
+#include "surface/sizing_field.h"
+#include "surface/surface.h"
 
 /* How many particles to solve for so that refining gives at least `count`. A closed surface of Euler
  * characteristic x has 3 (n - x) edges, so n become 4 n - 3 x; spheres, x = 2, have the fewest. */
@@ -20,10 +20,10 @@ bool refine_count_edges(const particles *p, double spacing, threads *pool, size_
 
 /* Adds particles until there are exactly `count` (p has room for them): those on the middles of Delaunay
  * edges, with the shortest of these left out when they are too many, and two on the longest when they are too
- * few; what is missing even so is drawn from the surface by `graded` (NULL: evenly). `spacing` is that of the
+ * few; what is missing even so is drawn from the surface by `sizing` (NULL: evenly). `spacing` is that of the
  * particles at hand, of size 1. The same for any number of threads. Errors: limit_memory, no_surface,
  * cancelled. */
-bool refine_particles(const field *f, const surface *scan, const grading *graded, particles *p, size_t count,
-                      double spacing, uint64_t seed, threads *pool, error *e);
+bool refine_particles(const field *f, const surface *scan, const sizing_field *sizing, particles *p,
+                      size_t count, double spacing, uint64_t seed, threads *pool, error *e);
 
 #endif

@@ -1,16 +1,17 @@
 #include "sampler/relax.h"
 
+#include <assert.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
-#include "sampler/batches.h"
-#include "sampler/energy.h"
-#include "sampler/kernel.h"
-#include "sampler/neighbours.h"
-#include "sampler/pair.h"
-#include "sampler/project.h"
+#include "packing/energy.h"
+#include "packing/fast_kernel.h"
+#include "packing/independent_sets.h"
+#include "packing/neighbours.h"
+#include "packing/pair.h"
+#include "surface/project.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
@@ -33,8 +34,9 @@ static const double CRAMPED_STEP = 0.8;
 /* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
  * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
-/* One Newton step from this fraction of h ends on the surface to about its square times kappa h. */
-static const double GLIDE_FARTHEST = 0.05;
+/* A fast step ends with one Newton step. From this fraction of h it leaves an error of about its square times
+ * kappa h. */
+static const double FAST_STEP_FARTHEST = 0.05;
 
 /* One particle's neighbours, gathered. */
 typedef struct gather {
@@ -42,34 +44,34 @@ typedef struct gather {
     pair_list list;
 } gather;
 
-/* Sums over the particles of a few blocks, in the place of the first; those of the others are nothing. Added
- * up in the order of the blocks. */
-typedef struct part {
+/* Sums over the particles of a few blocks, stored at the first of them; the entries of the others are 0. They are
+ * added up in the order of the blocks, so that the number of threads does not show. */
+typedef struct block_sums {
     double energy, lambda, squares, max_step;
     size_t rejected, cramped;
-} part;
+} block_sums;
 
 struct relax {
     threads *pool;
     const energy_function *energy;
-    const kernel *forces; /* NULL: all with care */
+    const fast_kernel *fast; /* NULL: every particle goes the general way */
     neighbours *near;
     bool *flat;   /* all of a particle's neighbours face its way, clearly */
     float *moved; /* length of a particle's way since the lists were built */
-    part *parts;  /* of the sweep */
+    block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
     gather *scratch;    /* one per worker */
     size_t scratch_entries;
 };
 
-relax *relax_new(size_t capacity, const energy_function *energy, const kernel *forces, size_t list_limit,
+relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e)
 {
     relax *r = mem_alloc(sizeof *r);
     r->pool = pool;
     r->energy = energy;
-    r->forces = forces;
+    r->fast = fast;
     r->scratch = mem_alloc((size_t)threads_count(pool) * sizeof *r->scratch);
     r->near = neighbours_new(capacity, list_limit, e);
     r->flat = mem_array(capacity, sizeof *r->flat, "neighbour lists", e);
@@ -102,7 +104,7 @@ void relax_free(relax *r)
 static bool grow(relax *r, error *e)
 {
     if (r->near->blocks > r->part_capacity) {
-        part *parts = mem_array(2 * r->near->blocks, sizeof *parts, "the sums of a sweep", e);
+        block_sums *parts = mem_array(2 * r->near->blocks, sizeof *parts, "the sums of a sweep", e);
         if (!parts) return false;
         free(r->parts);
         r->parts = parts;
@@ -155,7 +157,7 @@ bool relax_build(relax *r, particles *p, double sigma, double skin, error *e)
         return false;
     r->sigma = sigma;
     r->skin = skin;
-    if (r->forces) batches_form(r->near, r->pool);
+    if (r->fast) independent_sets_form(r->near, r->pool);
     sweep_job job = {.r = r, .p = p};
     threads_run(r->pool, p->count, 512, look_chunk, &job);
     return true;
@@ -188,6 +190,7 @@ static void refresh_chunk(void *context, int worker, size_t begin, size_t end)
 
 bool relax_refresh(relax *r, const particles *p, double sigma)
 {
+    if (p->count != r->near->count) return false; /* never built, or for others */
     refresh_job job = {r, p, sigma, false};
     threads_run(r->pool, p->count, 4096, refresh_chunk, &job);
     return !atomic_load(&job.stale);
@@ -203,7 +206,7 @@ typedef struct attempt {
     double bound;          /* longest step in the tangent plane */
     double limit;          /* longest displacement */
     double energy;
-    unsigned rim; /* axes of the faces that the particle slides along, and never leaves */
+    unsigned boundary_axes; /* axes of the faces that the particle slides along, and never leaves */
 } attempt;
 
 /* What the turning of the particle's own normal adds to its forces, through the weights: along axis e of the
@@ -250,6 +253,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
     const uint32_t *list = neighbours_list(r->near, i);
     size_t count = r->near->list_count[i];
     g->blocks = (count + PAIR_LANES - 1) / PAIR_LANES;
+    assert(g->blocks * PAIR_LANES <= r->scratch_entries);
     for (size_t k = 0; k < count; k++) {
         uint32_t j = list[k];
         gather_place(g, k, p->position[j], p->normal[j], 0.5 * (p->alpha[i] + p->alpha[j]),
@@ -266,7 +270,7 @@ static pair_list *gather_list(const relax *r, const particles *p, int worker, si
  * quadratic model expects of it. */
 static double damped_step(const pair_forces *f, double lambda, double *s1, double *s2)
 {
-    double floor = KERNEL_HESSIAN_FLOOR * (f->h11 + f->h22);
+    double floor = FAST_KERNEL_HESSIAN_FLOOR * (f->h11 + f->h22);
     double a = f->h11 * (1 + lambda) + floor, c = f->h22 * (1 + lambda) + floor, b = f->h12;
     double determinant = a * c - b * b, over = 1 / determinant;
     if (!(determinant > 0)) {
@@ -293,7 +297,7 @@ static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
-        if (a->rim >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
+        if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
     if (!project_point(a->params->field, &limits, &q, &n)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
@@ -324,15 +328,15 @@ static void straighten(const attempt *a, vec3 *x, vec3 *normal)
     project_point(a->params->field, &limits, x, normal);
 }
 
-/* A particle that goes to x, `length` away, which is no farther than its room. */
-static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double room,
-                      part *sums)
+/* A particle that goes to x, `length` away, which is no farther than it is allowed. */
+static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, double length, double allowed_step,
+                      block_sums *sums)
 {
     particles *p = job->p;
     double step = length / p->size[i];
     sums->squares += step * step;
     sums->max_step = step > sums->max_step ? step : sums->max_step;
-    sums->cramped += length >= CRAMPED_STEP * room;
+    sums->cramped += length >= CRAMPED_STEP * allowed_step;
     job->r->moved[i] += (float)length;
     p->position[i] = x;
     p->normal[i] = normal;
@@ -341,7 +345,7 @@ static void take_step(const sweep_job *job, size_t i, vec3 x, vec3 normal, doubl
 
 /* Steps 1 to 4 of section 5. */
 static void descend_damped(const sweep_job *job, const attempt *a, const pair_forces *f, size_t i,
-                           double room, part *sums)
+                           double allowed_step, block_sums *sums)
 {
     const relax_params *params = a->params;
     particles *p = job->p;
@@ -353,13 +357,13 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
             if (!first) straighten(a, &p->position[i], &p->normal[i]);
             return;
         }
-        if (a->bound < STEP_FLOOR * a->spacing && room < sqrt(f->nearest2)) { /* wait for new lists */
+        if (a->bound < STEP_FLOOR * a->spacing && allowed_step < sqrt(f->nearest2)) { /* wait for new lists */
             sums->cramped++;
             return;
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
-            take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), room, sums);
+            take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
             p->lambda[i] = (float)(first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda);
             return;
         }
@@ -370,29 +374,30 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
 
 /* (5), as used for Table 1. */
 static void descend_gradient(const sweep_job *job, const attempt *a, const pair_forces *f, size_t i,
-                             double room, part *sums)
+                             double allowed_step, block_sums *sums)
 {
     double scale = -a->params->step * a->sigma * a->sigma;
     vec3 x, normal;
     if (move(a, scale * f->d1, scale * f->d2, &x, &normal))
-        take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), room, sums);
+        take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
     else
         sums->rejected++;
 }
 
-/* How far the particle may still go until the lists are no longer valid. */
-static double room_of(const relax *r, const particles *p, size_t i)
+/* How far the particle may still go while the lists stay valid. */
+static double allowed_step_of(const relax *r, const particles *p, size_t i)
 {
-    double room = 0.5 * r->skin * p->size[i] - (double)r->moved[i];
-    return room > 0 ? room : 0;
+    double allowed_step = 0.5 * r->skin * p->size[i] - (double)r->moved[i];
+    return allowed_step > 0 ? allowed_step : 0;
 }
 
 /* Particles side by side for the kernel. What is left over of the lanes repeats the first. */
 static void line_up(const relax *r, const particles *p, const uint32_t *items, size_t count,
-                    kernel_particles *out)
+                    fast_kernel_particles *out)
 {
     const neighbours *near = r->near;
-    for (size_t l = 0; l < KERNEL_LANES; l++) {
+    assert(count > 0 && count <= FAST_KERNEL_LANES);
+    for (size_t l = 0; l < FAST_KERNEL_LANES; l++) {
         uint32_t i = items[l < count ? l : 0];
         neighbours_place own = near->place[i];
         const vec3 *x = &p->position[i], *n = &p->normal[i];
@@ -402,7 +407,7 @@ static void line_up(const relax *r, const particles *p, const uint32_t *items, s
         out->y[l] = own.y;
         out->z[l] = own.z;
         out->size[l] = own.size;
-        out->room[l] = (float)room_of(r, p, i);
+        out->allowed_step[l] = (float)allowed_step_of(r, p, i);
         out->position.x[l] = x->x;
         out->position.y[l] = x->y;
         out->position.z[l] = x->z;
@@ -412,25 +417,25 @@ static void line_up(const relax *r, const particles *p, const uint32_t *items, s
     }
 }
 
-/* What the kernel is to know of a sweep. */
-static kernel_params glide_params(const relax *r, const relax_params *params)
+/* What the fast kernel needs to know of a sweep. */
+static fast_kernel_params fast_step_params(const relax *r, const relax_params *params)
 {
-    return (kernel_params){.unit = r->near->unit,
-                           .support = params->sigma,
-                           .omega = params->omega,
-                           .longest = params->glide * params->spacing,
-                           .farthest = GLIDE_FARTHEST * params->spacing};
+    return (fast_kernel_params){.unit = r->near->unit,
+                                .support = params->sigma,
+                                .omega = params->omega,
+                                .longest = params->fast_step * params->spacing,
+                                .farthest = FAST_STEP_FARTHEST * params->spacing};
 }
 
-/* Moves particles that are nobody's neighbours among themselves and whose neighbours all face their way, by
- * the kernel; those for which that does not end well stay, and are kept in `items`. Returns how many. */
-static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *sums)
+/* Moves a set of independent particles whose neighbours all face their way, by the fast kernel. Particles whose step
+ * does not end well stay where they are: `items` receives them. Returns how many. */
+static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, block_sums *sums)
 {
-    const kernel *k = job->r->forces;
-    const kernel_params params = glide_params(job->r, job->params);
-    kernel_particles own;
-    kernel_forces forces;
-    kernel_way way;
+    const fast_kernel *k = job->r->fast;
+    const fast_kernel_params params = fast_step_params(job->r, job->params);
+    fast_kernel_particles own;
+    fast_kernel_forces forces;
+    fast_kernel_way way;
     line_up(job->r, job->p, items, count, &own);
     k->forces(job->r->near->place, &own, &params, &forces);
     k->step(&own, &forces, &params, &way);
@@ -443,7 +448,7 @@ static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *s
         way.gradient.y[l] = s.gradient.y;
         way.gradient.z[l] = s.gradient.z;
     }
-    for (size_t l = count; l < KERNEL_LANES; l++)
+    for (size_t l = count; l < FAST_KERNEL_LANES; l++)
         way.value[l] = way.gradient.x[l] = way.gradient.y[l] = way.gradient.z[l] = 0;
     k->land(&own, &params, &way);
     size_t left = 0;
@@ -456,12 +461,12 @@ static size_t glide(const sweep_job *job, uint32_t *items, size_t count, part *s
         sums->lambda += LAMBDA_FLOOR;
         take_step(job, items[l], (vec3){way.to.x[l], way.to.y[l], way.to.z[l]},
                   (vec3){way.gradient.x[l], way.gradient.y[l], way.gradient.z[l]}, way.length[l],
-                  (double)own.room[l], sums);
+                  (double)own.allowed_step[l], sums);
     }
     return left;
 }
 
-static void update_particle(const sweep_job *job, int worker, size_t i, part *sums)
+static void update_particle(const sweep_job *job, int worker, size_t i, block_sums *sums)
 {
     particles *p = job->p;
     const relax_params *params = job->params;
@@ -472,41 +477,41 @@ static void update_particle(const sweep_job *job, int worker, size_t i, part *su
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
                  .spacing = params->spacing * p->size[i],
-                 .rim = project_rim_axes(params->field, p->position[i])};
+                 .boundary_axes = project_boundary_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
     pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);
     if (!a.flat) add_turning(&a, &f);
     sums->energy += a.energy = f.energy;
     /* the neighbour penalty of section 5, as a bound; and the lists' validity */
-    double room = room_of(job->r, p, i);
-    a.limit = fmin(sqrt(f.nearest2), room);
-    a.bound = KERNEL_BOUND_SHARE * a.limit;
+    double allowed_step = allowed_step_of(job->r, p, i);
+    a.limit = fmin(sqrt(f.nearest2), allowed_step);
+    a.bound = FAST_KERNEL_BOUND_SHARE * a.limit;
     if (params->minimiser == RELAX_GRADIENT)
-        descend_gradient(job, &a, &f, i, room, sums);
+        descend_gradient(job, &a, &f, i, allowed_step, sums);
     else
-        descend_damped(job, &a, &f, i, room, sums);
+        descend_damped(job, &a, &f, i, allowed_step, sums);
     sums->lambda += (double)p->lambda[i];
 }
 
-/* Updates a batch: those that glide go first. */
-static void sweep_batch(const sweep_job *job, int worker, const uint32_t *items, size_t count, part *sums)
+/* Updates an independent set: fast steps first, then the particles that need the general way. */
+static void sweep_set(const sweep_job *job, int worker, const uint32_t *items, size_t count, block_sums *sums)
 {
-    uint32_t bent[BATCH_MOST], smooth[BATCH_MOST];
-    size_t bent_count = 0, smooth_count = 0;
+    uint32_t creased[INDEPENDENT_SET_MOST], smooth[INDEPENDENT_SET_MOST];
+    size_t creased_count = 0, smooth_count = 0;
     for (size_t k = 0; k < count; k++)
-        if (job->r->flat[items[k]] && !job->p->rim[items[k]])
+        if (job->r->flat[items[k]] && !job->p->near_boundary[items[k]])
             smooth[smooth_count++] = items[k];
         else
-            bent[bent_count++] = items[k];
-    if (smooth_count > 0) smooth_count = glide(job, smooth, smooth_count, sums);
+            creased[creased_count++] = items[k];
+    if (smooth_count > 0) smooth_count = fast_step(job, smooth, smooth_count, sums);
     for (size_t k = 0; k < smooth_count; k++) update_particle(job, worker, smooth[k], sums);
-    for (size_t k = 0; k < bent_count; k++) update_particle(job, worker, bent[k], sums);
+    for (size_t k = 0; k < creased_count; k++) update_particle(job, worker, creased[k], sums);
 }
 
-/* Asks for what a particle will need, which is found by way of what ask_far has asked for. (Inlined: the
+/* Asks for what a particle will need, which is found by way of what prefetch_far has asked for. (Inlined: the
  * compiler leaves out calls of a function that does nothing else.) */
-ISA_INLINE void ask_near(const sweep_job *job, uint32_t i)
+ISA_INLINE void prefetch_near(const sweep_job *job, uint32_t i)
 {
     const neighbours *near = job->r->near;
     const uint32_t *list = neighbours_list(near, i);
@@ -519,29 +524,29 @@ ISA_INLINE void ask_near(const sweep_job *job, uint32_t i)
     __builtin_prefetch(&near->place[i], 1);
 }
 
-ISA_INLINE void ask_far(const sweep_job *job, uint32_t i)
+ISA_INLINE void prefetch_far(const sweep_job *job, uint32_t i)
 {
     const neighbours *near = job->r->near;
     __builtin_prefetch(&near->list_begin[i]);
     __builtin_prefetch(&near->list_count[i]);
     __builtin_prefetch(&job->r->moved[i], 1);
     __builtin_prefetch(&job->r->flat[i]);
-    __builtin_prefetch(&job->p->rim[i]);
+    __builtin_prefetch(&job->p->near_boundary[i]);
     __builtin_prefetch(&job->p->size[i]);
 }
 
 /* The points of `bin_item` from `at` up to `end`, each asked for before its turn comes. */
-static void sweep_batches(const sweep_job *job, int worker, uint32_t at, uint32_t end, part *sums)
+static void sweep_sets(const sweep_job *job, int worker, uint32_t at, uint32_t end, block_sums *sums)
 {
     const neighbours *near = job->r->near;
-    uint32_t near_end = at, far_end = at, items[BATCH_MOST];
+    uint32_t near_end = at, far_end = at, items[INDEPENDENT_SET_MOST];
     while (at < end) {
-        uint32_t count = batches_next(near, at, items);
+        uint32_t count = independent_sets_next(near, at, items);
         for (; far_end < end && far_end < at + count + FAR_AHEAD; far_end++)
-            ask_far(job, batches_point(near, far_end));
+            prefetch_far(job, independent_sets_point(near, far_end));
         for (; near_end < end && near_end < at + count + NEAR_AHEAD; near_end++)
-            ask_near(job, batches_point(near, near_end));
-        sweep_batch(job, worker, items, count, sums);
+            prefetch_near(job, independent_sets_point(near, near_end));
+        sweep_set(job, worker, items, count, sums);
         at += count;
     }
 }
@@ -551,27 +556,31 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
     const sweep_job *job = context;
     const neighbours *near = job->r->near;
     uint32_t at, to;
-    part sums = {0};
+    block_sums sums = {0};
     neighbours_points(near, job->first_block + begin, job->first_block + end, &at, &to);
-    if (job->r->forces)
-        sweep_batches(job, worker, at, to, &sums);
+    if (job->r->fast)
+        sweep_sets(job, worker, at, to, &sums);
     else
         for (; at < to; at++) update_particle(job, worker, near->bin_item[at], &sums);
-    for (size_t k = begin; k < end; k++) job->r->parts[job->first_block + k] = k == begin ? sums : (part){0};
+    for (size_t k = begin; k < end; k++)
+        job->r->parts[job->first_block + k] = k == begin ? sums : (block_sums){0};
 }
 
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out)
 {
+    assert(p->count == r->near->count && params->sigma <= relax_max_support(r));
+    assert(r->near->blocks <= r->part_capacity);
     sweep_job job = {.r = r, .p = p, .params = params};
     const uint32_t *colour = r->near->colour_begin;
     for (int c = 0; c < r->near->colours; c++) {
         job.first_block = colour[c];
-        threads_run(r->pool, colour[c + 1] - colour[c], r->forces ? BATCH_BLOCKS : 1, sweep_chunk, &job);
+        threads_run(r->pool, colour[c + 1] - colour[c], r->fast ? INDEPENDENT_SET_BLOCKS : 1, sweep_chunk,
+                    &job);
     }
     relax_sums sums = {0};
     double squares = 0;
     for (size_t k = 0; k < r->near->blocks; k++) {
-        const part *block = &r->parts[k];
+        const block_sums *block = &r->parts[k];
         sums.cramped += block->cramped;
         sums.energy += block->energy;
         sums.mean_log10_lambda += block->lambda;
@@ -590,11 +599,11 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
 /* The energies of particles where all neighbours face their way. */
 static void sum_energies(const sweep_job *job, const uint32_t *items, size_t count)
 {
-    const kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
-    kernel_particles own;
-    kernel_forces forces;
+    const fast_kernel_params params = {.unit = job->r->near->unit, .support = job->sigma};
+    fast_kernel_particles own;
+    fast_kernel_forces forces;
     line_up(job->r, job->p, items, count, &own);
-    job->r->forces->forces(job->r->near->place, &own, &params, &forces);
+    job->r->fast->forces(job->r->near->place, &own, &params, &forces);
     for (size_t l = 0; l < count; l++) job->p->energy[items[l]] = (double)forces.energy[l];
 }
 
@@ -602,16 +611,16 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const sweep_job *job = context;
     particles *p = job->p;
-    uint32_t smooth[KERNEL_LANES];
+    uint32_t smooth[FAST_KERNEL_LANES];
     size_t count = 0;
     for (size_t i = begin; i < end; i++) {
-        if (!job->r->forces || !job->r->flat[i]) {
+        if (!job->r->fast || !job->r->flat[i]) {
             p->energy[i] = pair_energy_at(gather_list(job->r, p, worker, i), job->r->energy, p->position[i],
                                           job->sigma * p->size[i]);
             continue;
         }
         smooth[count++] = (uint32_t)i;
-        if (count < KERNEL_LANES) continue;
+        if (count < FAST_KERNEL_LANES) continue;
         sum_energies(job, smooth, count);
         count = 0;
     }
@@ -620,13 +629,14 @@ static void energy_chunk(void *context, int worker, size_t begin, size_t end)
 
 double relax_mean_energy(relax *r, particles *p, double sigma)
 {
+    assert(p->count == r->near->count);
     sweep_job job = {.r = r, .p = p, .sigma = sigma};
     threads_run(r->pool, p->count, 512, energy_chunk, &job);
     double sum = 0, alpha = 0, all = 0, all_alpha = 0;
     for (size_t i = 0; i < p->count; i++) {
         all += p->energy[i];
         all_alpha += p->alpha[i];
-        if (p->rim[i]) continue;
+        if (p->near_boundary[i]) continue;
         sum += p->energy[i];
         alpha += p->alpha[i];
     }
@@ -638,11 +648,11 @@ double relax_max_support(const relax *r)
     return r->sigma + r->skin;
 }
 
-double relax_bent_share(const relax *r, const particles *p)
+double relax_creased_share(const relax *r, const particles *p)
 {
-    size_t bent = 0;
-    for (size_t i = 0; i < p->count; i++) bent += !r->flat[i];
-    return (double)bent / (double)p->count;
+    size_t creased = 0;
+    for (size_t i = 0; i < p->count; i++) creased += !r->flat[i];
+    return (double)creased / (double)p->count;
 }
 
 typedef struct pairs_job {

@@ -16,8 +16,8 @@
 #include "base/error.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/energy.h"
-#include "sampler/kernel.h"
+#include "packing/energy.h"
+#include "packing/fast_kernel.h"
 #include "sampler/particles.h"
 
 typedef struct relax relax;
@@ -34,7 +34,8 @@ typedef struct relax_params {
     double sigma;   /* support of the potential, of particles of size 1 */
     double spacing; /* h, times size the scale of tolerances */
     double omega;   /* over-relaxation of the step: 1 is the paper's */
-    double glide;   /* longest step that nothing watches, over h size */
+    double
+        fast_step; /* longest step of the fast kernel, over h size: it is taken without a trial of the energy */
     double gain;    /* least relative decrease of a particle's energy that counts */
 } relax_params;
 
@@ -50,9 +51,9 @@ typedef struct relax_sums {
 #define RELAX_LAMBDA_CAP 16.0 /* log10; the paper stops at a mean of 14 */
 
 /* Scratch for `capacity` particles under a potential, worked on by `pool` (neither owned); lists may take
- * `list_limit` bytes. `forces`: NULL, or, with the cotangent and amplitudes of 1, what serves particles whose
+ * `list_limit` bytes. `fast`: NULL, or, with the cotangent and amplitudes of 1, the kernel for particles whose
  * neighbours all face their way. Error: limit_memory. */
-relax *relax_new(size_t capacity, const energy_function *energy, const kernel *forces, size_t list_limit,
+relax *relax_new(size_t capacity, const energy_function *energy, const fast_kernel *fast, size_t list_limit,
                  threads *pool, error *e);
 void relax_free(relax *r);
 
@@ -61,7 +62,7 @@ void relax_free(relax *r);
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
 /* Takes note of where particles have been put since the build, and of their sizes; they are as many. False
- * where the lists do not cover a support of `sigma` there, so that they are to be built anew. Once after a
+ * where the lists do not cover a support of `sigma` there, or were never built, so that they are to be built anew. Once after a
  * build, and no sweeps after it: energies are all that the lists serve for then. */
 bool relax_refresh(relax *r, const particles *p, double sigma);
 
@@ -69,7 +70,7 @@ bool relax_refresh(relax *r, const particles *p, double sigma);
 void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums *out);
 
 /* Mean of E_i over size^2, over the mean of alpha, everyone where they are, for any support that the lists
- * cover; rims left out, where half of the neighbours are missing, unless there is nothing else. Sets
+ * cover; boundaries left out, where half of the neighbours are missing, unless there is nothing else. Sets
  * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
@@ -78,7 +79,7 @@ double relax_max_support(const relax *r);
 
 /* Share of the particles that see a neighbour turned from them by 60 degrees or more, when the lists were
  * built: round an edge, or through a sheet. */
-double relax_bent_share(const relax *r, const particles *p);
+double relax_creased_share(const relax *r, const particles *p);
 
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);

@@ -2,7 +2,7 @@
  *
  *     sampler *s = sampler_new(...);            // particles placed, lists built
  *     while (!sampler_ended(s)) sampler_step(s, e);  // one sweep each; the caller may stop at any
- *     sampler_finish(s, e);                     // exact projection, normals, curvature, energies
+ *     sampler_finalize(s, e);                     // exact projection, normals, curvature, energies
  *
  * The caller owns the loop, the progress and the cancellation; a pool that is told to stop leaves a step
  * undone, and the caller is to end. Steps allocate nothing, but for lists that grow where particles crowd,
@@ -18,56 +18,12 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "base/isa.h"
 #include "base/threads.h"
 #include "field/field.h"
-#include "sampler/energy.h"
-#include "sampler/grading.h"
-#include "sampler/surface.h"
-#include "sampler/witkin_heckbert.h"
+#include "sampler/sampler_params.h"
+#include "surface/surface.h"
 
 typedef struct sampler sampler;
-
-typedef enum sampler_start {
-    SAMPLER_START_SURFACE, /* in proportion to the area */
-    SAMPLER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing cells (volumes) */
-    SAMPLER_START_GIVEN    /* where `given` has them */
-} sampler_start;
-
-typedef struct sampler_params {
-    size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
-    sampler_start start;
-    bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
-    /* with SAMPLER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that
-     * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
-     * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
-    const vec3 *given, *given_normal;
-    uint64_t seed;
-    bool graded; /* (13)(14) */
-    double d, gamma, nu, kappa_max;
-    const grading *grading; /* spacing by place, stays the caller's; NULL: even */
-    double sigma;           /* initial support, world units; 0: that of the ideal packing */
-    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
-     * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
-     * exact */
-    double max_sigma;
-    size_t min_count;
-    bool unbiased;      /* insertion and deletion at random instead of biased by energy */
-    size_t count_limit; /* more than this many particles are more than memory holds; 0: no limit */
-    bool
-        coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
-    const energy_function *energy; /* NULL: cotangent */
-    /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;
-     * graded: its target radii go with the amplitudes (14) */
-    const witkin_heckbert_params *witkin_heckbert;
-    isa isa;       /* what the kernels run on */
-    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
-    double step;
-    size_t list_limit; /* bytes that neighbour lists may take */
-    int max_sweeps;
-    double step_tolerance;   /* of the rms step over h */
-    double energy_tolerance; /* of |E / E_ideal - 1| */
-} sampler_params;
 
 typedef enum sampler_outcome {
     SAMPLER_RUNNING,
@@ -119,7 +75,7 @@ size_t sampler_removed_offsurface(const sampler *s);
 
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that
  * cannot be put there counts as lost. Errors: limit_memory. */
-bool sampler_finish(sampler *s, error *e);
+bool sampler_finalize(sampler *s, error *e);
 
 typedef struct sampler_points {
     size_t count;
@@ -133,7 +89,7 @@ typedef struct sampler_points {
     double sigma, mean_energy, ideal_energy, mean_neighbours;
 } sampler_points;
 
-/* After sampler_finish; the arrays belong to the sampler. */
+/* After sampler_finalize; the arrays belong to the sampler. */
 const sampler_points *sampler_result_points(const sampler *s);
 
 #endif

@@ -1,9 +1,10 @@
 #include "sampler/start.h"
 
 #include "base/rng.h"
-#include "sampler/levels.h"
-#include "sampler/project.h"
-#include "sampler/rims.h"
+#include "packing/packing.h"
+#include "sampler/random_streams.h"
+#include "surface/boundary.h"
+#include "surface/project.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;
@@ -15,10 +16,10 @@ static const size_t MAX_DRAWS = 1000;
  * where the gradient vanishes with F: Newton's method creeps there, but there is no surface. On a surface
  * that its cells resolve the ratio is below 2. */
 static const double DEGENERATE = 50;
-/* Other particles keep this far from rims, in h: half of what a row and the next have between them. Where
+/* Other particles keep this far from boundaries, in h: half of what a row and the next have between them. Where
  * there is no room for that, so many draws try. */
-static const double RIM_CLEAR = 0.45;
-static const size_t RIM_DRAWS = 20;
+static const double BOUNDARY_CLEAR = 0.45;
+static const size_t BOUNDARY_DRAWS = 20;
 /* Newton's method that ends farther outside of the surface's box than this times h, or a cell, ran off. */
 static const double FARTHEST = 1.0;
 
@@ -58,7 +59,7 @@ static vec3 draw_point(const field *f, const surface *scan, const sampler_params
     if (params->start == SAMPLER_START_SURFACE) {
         double where = ((double)i + rng_uniform(r)) / (double)count;
         if (draw > 0) where = rng_uniform(r);
-        return grading_draw(params->grading, scan, where, r);
+        return sizing_field_draw(params->sizing, scan, where, r);
     }
     return params->random_in_cells ? random_in_cells(f, scan->cells, r) : random_in_domain(f, r);
 }
@@ -83,25 +84,25 @@ static bool settle(const field *f, const sampler_params *params, double spacing,
            (params->start == SAMPLER_START_SURFACE || !is_degenerate(f, *x));
 }
 
-/* The first particles, in rows along the rims. *count is how many. */
-static bool place_rims(const surface *scan, const rims_request *request, particles *p, size_t *count,
-                       error *e)
+/* The first particles, in rows along the boundaries. *count is how many. */
+static bool place_boundary(const surface *scan, const boundary_request *request, particles *p, size_t *count,
+                           error *e)
 {
-    rims row;
-    bool ok = rims_find(scan, request, &row, e);
+    boundary row;
+    bool ok = boundary_find(scan, request, &row, e);
     for (size_t i = 0; ok && i < row.count; i++) {
         p->position[i] = row.position[i];
         p->normal[i] = row.normal[i];
     }
     *count = ok ? row.count : 0;
-    rims_free(&row);
+    boundary_free(&row);
     return ok;
 }
 
-/* Whether a point is so near to a rim, along the surface, that it would push its way into the row there. */
-static bool crowds_rim(const field *f, const rims_request *request, vec3 x, vec3 normal)
+/* Whether a point is so near to a boundary, along the surface, that it would push its way into the row there. */
+static bool crowds_boundary(const field *f, const boundary_request *request, vec3 x, vec3 normal)
 {
-    double clear = RIM_CLEAR * rims_spacing(request, x);
+    double clear = BOUNDARY_CLEAR * boundary_spacing(request, x);
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
         double height = fmin(at - vec3_get(f->rims.min, axis), vec3_get(f->rims.max, axis) - at);
@@ -113,19 +114,20 @@ static bool crowds_rim(const field *f, const rims_request *request, vec3 x, vec3
 bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
                  threads *pool, particles *p, size_t *removed, error *e)
 {
-    rng r = rng_seed(params->seed, 1);
+    rng r = rng_seed(params->seed, RANDOM_STREAM_START);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0, first = 0;
-    const rims_request request = {spacing, params->grading, levels_spacing(scan->area, params->count),
-                                  p->count};
-    /* also before random draws, of which many end on the rims, run into them from outside, and stay */
-    if (!place_rims(scan, &request, p, &first, e)) return false;
+    const boundary_request request = {spacing, params->sizing,
+                                      packing_spacing(scan->area, (double)params->count), p->count};
+    /* also before random draws, of which many end on the boundaries, run into them from outside, and stay */
+    if (!place_boundary(scan, &request, p, &first, e)) return false;
     for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
             vec3 x = draw_point(f, scan, params, i - first, p->count - first, draw, &r);
             bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
-            if (settled && !(first > 0 && draw < RIM_DRAWS && crowds_rim(f, &request, x, p->normal[i]))) {
+            if (settled &&
+                !(first > 0 && draw < BOUNDARY_DRAWS && crowds_boundary(f, &request, x, p->normal[i]))) {
                 p->position[i] = x;
                 break;
             }

@@ -3,9 +3,9 @@
 #define HEXAD_SAMPLER_START_H
 
 #include "sampler/particles.h"
-#include "sampler/sampler.h"
+#include "sampler/sampler_params.h"
 
-/* Places p->count particles on the surface, with normals; the first of them in rows along the rims of an open
+/* Places p->count particles on the surface, with normals; the first of them in rows along the boundaries of an open
  * surface, unless the start is random. Those that do not reach it, or land where
  * the field degenerates, are taken away and drawn again; *removed counts them. Deterministic in
  * params->seed. Errors: no_surface when too few reach the surface, cancelled (the pool was told to stop). */

@@ -11,7 +11,7 @@
  * alike; Gaussians are cut off at four deviations; a step is no longer than the particle's radius, and one
  * that ends off the surface is projected.
  *
- * The method itself is an entry in the table of state.h; these are the formulas. Pure functions, any thread.
+ * These are the formulas; swarm.c runs the particles. Pure functions, any thread.
  */
 #ifndef HEXAD_SAMPLER_WITKIN_HECKBERT_H
 #define HEXAD_SAMPLER_WITKIN_HECKBERT_H

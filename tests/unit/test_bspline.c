@@ -10,8 +10,8 @@
 
 #include "close.h"
 #include "field/bspline.h"
-#include "sampler/surface.h"
 #include "shapes.h"
+#include "surface/surface.h"
 
 enum { NX = 7, NY = 5, NZ = 9, COUNT = NX * NY * NZ };
 

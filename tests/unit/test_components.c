@@ -8,8 +8,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/components.h"
 #include "sampler/sampler.h"
+#include "surface/components.h"
 
 /* Two balls, apart: the lesser of two distances, which is smooth near either. */
 typedef struct balls {
@@ -134,7 +134,7 @@ static void a_small_part_gets_its_share(void **state)
         sampler *s = sampler_new(&b.base, scan, &params, pool, &e);
         assert_non_null(s);
         while (!sampler_ended(s)) assert_true(sampler_step(s, &e));
-        assert_true(sampler_finish(s, &e));
+        assert_true(sampler_finalize(s, &e));
         const sampler_points *p = sampler_result_points(s);
         double on_small = 0, wanted = 6000 * small * small / (1 + small * small);
         for (size_t i = 0; i < p->count; i++) on_small += p->position[i].x > 1.1;

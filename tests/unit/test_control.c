@@ -147,7 +147,7 @@ static void solve(int shape, const sampler_params *params, int workers, solved *
     if (!x->s) fail_msg("%s", e.message);
     while (!sampler_ended(x->s))
         if (!sampler_step(x->s, &e)) fail_msg("%s", e.message);
-    assert_true(sampler_finish(x->s, &e));
+    assert_true(sampler_finalize(x->s, &e));
     x->points = sampler_result_points(x->s);
     size_t rounds, before = params->count;
     const sampler_round *round = sampler_rounds(x->s, &rounds);

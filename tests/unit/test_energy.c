@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/energy.h"
+#include "packing/energy.h"
 
 static void value_is_equation_6(void **state)
 {

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "sampler/neighbours.h"
+#include "packing/neighbours.h"
 #include "shapes.h"
 
 enum { COUNT = 900 };

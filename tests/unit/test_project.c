@@ -7,8 +7,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/project.h"
 #include "shapes.h"
+#include "surface/project.h"
 
 static const project_limits exact = {30, 1e-12, 1e-8, 1e-9};
 

@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/energy.h"
-#include "sampler/quality.h"
+#include "packing/energy.h"
+#include "packing/quality.h"
 #include "shapes.h"
 
 enum { SIDE = 40, LATTICE = SIDE * SIDE };
@@ -240,8 +240,8 @@ static quality_input part_of(const quality_input *all, size_t begin, size_t end)
     return part;
 }
 
-/* A set so large that it is measured in slabs, each point as if the others far from it were not there. */
-static void slabs_do_not_show(void **state)
+/* A set so large that it is measured in partitions, each point as if the others far from it were not there. */
+static void partitions_do_not_show(void **state)
 {
     (void)state;
     enum { LONG = 2600, WIDE = 100, ALL = LONG * WIDE, PIECE = 60, MARGIN = 10 };
@@ -277,8 +277,8 @@ static void slabs_do_not_show(void **state)
     free(degree);
 }
 
-/* A sphere of several slabs, whose triangulation closes. */
-static void slabs_fit_together(void **state)
+/* A sphere of several partitions, whose triangulation closes. */
+static void partitions_fit_together(void **state)
 {
     (void)state;
     enum { POINTS = 250000 };
@@ -399,8 +399,8 @@ int main(void)
         cmocka_unit_test(grading_is_told_from_disorder),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(energies_are_those_of_all_pairs),
-        cmocka_unit_test(slabs_do_not_show),
-        cmocka_unit_test(slabs_fit_together),
+        cmocka_unit_test(partitions_do_not_show),
+        cmocka_unit_test(partitions_fit_together),
         cmocka_unit_test(sheets_that_are_too_close_are_left_out),
         cmocka_unit_test(neighbours_of_the_unresolved_are_left_out),
         cmocka_unit_test(creases_are_resolved),

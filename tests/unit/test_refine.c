@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "packing/voronoi.h"
 #include "sampler/refine.h"
-#include "sampler/voronoi.h"
 #include "shapes.h"
 
 enum { POINTS = 600, EDGES = 3 * POINTS - 6, MOST = 4 * EDGES };

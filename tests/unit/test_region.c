@@ -9,8 +9,8 @@
 
 #include "close.h"
 #include "field/region.h"
-#include "sampler/surface.h"
 #include "shapes.h"
+#include "surface/surface.h"
 
 static const analytic_params ball = {.shape = ANALYTIC_SPHERE, .radius = 1};
 static const analytic_params ring = {

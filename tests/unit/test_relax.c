@@ -8,10 +8,10 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/project.h"
 #include "sampler/relax.h"
-#include "sampler/surface.h"
 #include "shapes.h"
+#include "surface/project.h"
+#include "surface/surface.h"
 
 enum { COUNT = 600 };
 
@@ -24,7 +24,7 @@ typedef struct bench {
     relax_params params;
 } bench;
 
-static void set_up(bench *b, int shape, const kernel *forces, uint64_t stream)
+static void set_up(bench *b, int shape, const fast_kernel *forces, uint64_t stream)
 {
     error e = {0};
     rng r = rng_seed(test_seed(), stream);
@@ -46,7 +46,7 @@ static void set_up(bench *b, int shape, const kernel *forces, uint64_t stream)
                                .sigma = sqrt(3) * h,
                                .spacing = h,
                                .omega = 2.6,
-                               .glide = INFINITY,
+                               .fast_step = INFINITY,
                                .gain = 1e-9};
 }
 
@@ -86,7 +86,7 @@ static void energy_never_rises(void **state)
 }
 
 /* No particle moves farther from where the lists were built than they allow, nor off the surface. */
-static void check_lists_stay_valid(const kernel *forces)
+static void check_lists_stay_valid(const fast_kernel *forces)
 {
     error e = {0};
     bench b;
@@ -115,7 +115,7 @@ static void lists_stay_valid(void **state)
 {
     (void)state;
     check_lists_stay_valid(NULL);
-    check_lists_stay_valid(kernel_for(isa_best()));
+    check_lists_stay_valid(fast_kernel_for(isa_best()));
 }
 
 /* From the same start, sweeps that nothing watches come to rest at the energy of those that are watched. */
@@ -126,7 +126,7 @@ static void unwatched_sweeps_end_as_low(void **state)
     double energy[2], step[2];
     for (int way = 0; way < 2; way++) {
         bench b;
-        set_up(&b, 0, way ? kernel_for(isa_best()) : NULL, 4);
+        set_up(&b, 0, way ? fast_kernel_for(isa_best()) : NULL, 4);
         for (size_t i = 0; i < COUNT; i++) b.p->alpha[i] = 1;
         b.params.omega = way ? 2.2 : 2.6;
         for (int sweep = 0; sweep < 300; sweep++) {
@@ -175,7 +175,7 @@ static void refreshed_lists_serve_as_new_ones(void **state)
     bench b;
     error e = {0};
     rng r = rng_seed(test_seed(), 9);
-    set_up(&b, 1, kernel_for(isa_best()), 5);
+    set_up(&b, 1, fast_kernel_for(isa_best()), 5);
     double h = b.params.spacing, skin = 0.3 * h;
     assert_true(relax_build(b.r, b.p, b.params.sigma, skin, &e));
     for (size_t i = 0; i < COUNT; i++) {
@@ -196,7 +196,7 @@ static void lists_that_do_not_cover_are_not_refreshed(void **state)
     for (int way = 0; way < 3; way++) {
         bench b;
         error e = {0};
-        set_up(&b, 1, kernel_for(isa_best()), 6);
+        set_up(&b, 1, fast_kernel_for(isa_best()), 6);
         double h = b.params.spacing, sigma = b.params.sigma;
         assert_true(relax_build(b.r, b.p, sigma, 0.3 * h, &e));
         if (way == 0) b.p->position[7].x += 0.16 * h;

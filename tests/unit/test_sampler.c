@@ -10,8 +10,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/energy.h"
-#include "sampler/quality.h"
+#include "packing/energy.h"
+#include "packing/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 
@@ -40,11 +40,11 @@ static void solve_shape(const analytic_params *shape, const sampler_params *para
     out->s = sampler_new(&out->a->base, out->scan, params, out->pool, &e);
     if (!out->s) fail_msg("%s", e.message);
     while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
-    assert_true(sampler_finish(out->s, &e));
+    assert_true(sampler_finalize(out->s, &e));
     out->points = sampler_result_points(out->s);
-    quality_input in = {out->points->count,      out->points->position, out->points->normal,
-                        out->points->alpha,      out->points->spacing,  sampler_spacing(out->s),
-                        params->grading != NULL, out->a->base.open,     out->a->base.domain};
+    quality_input in = {out->points->count,     out->points->position, out->points->normal,
+                        out->points->alpha,     out->points->spacing,  sampler_spacing(out->s),
+                        params->sizing != NULL, out->a->base.open,     out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 
@@ -208,8 +208,8 @@ static void coarse_to_fine_leaves_few_defects(void **state)
 }
 
 /* Nearly ten to one, by a curvature that hardly changes: the local spacing is the requested one. */
-static const grading_params ten_to_one = {
-    .kind = GRADING_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.2};
+static const sizing_field_params ten_to_one = {
+    .kind = SIZING_FIELD_RATIO, .ratio = 10, .exponent = 12.6, .gradation = 0.2};
 
 static void local_spacing_follows_the_request(void **state)
 {
@@ -221,8 +221,8 @@ static void local_spacing_follows_the_request(void **state)
     analytic *a = analytic_new(&shapes[1], NULL, &e);
     threads *pool = threads_new(1, NULL, &e);
     surface *scan = surface_scan(&a->base, pool, &e);
-    grading *g = grading_new(&a->base, scan, &ten_to_one, params.count, pool, &e);
-    params.grading = g;
+    sizing_field *g = sizing_field_new(&a->base, scan, &ten_to_one, params.count, pool, &e);
+    params.sizing = g;
     solved one, two;
     solve(1, &params, 1, &one);
     solve(1, &params, 2, &two);
@@ -244,7 +244,7 @@ static void local_spacing_follows_the_request(void **state)
     assert_memory_equal(one.points->position, two.points->position, 10000 * sizeof(vec3));
     release(&one);
     release(&two);
-    grading_free(g);
+    sizing_field_free(g);
     surface_free(scan);
     threads_free(pool);
     analytic_free(a);

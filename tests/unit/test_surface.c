@@ -7,8 +7,8 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/surface.h"
 #include "shapes.h"
+#include "surface/surface.h"
 
 static double scan_area(int k, int workers)
 {

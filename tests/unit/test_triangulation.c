@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "close.h"
+#include "packing/triangulation.h"
 #include "point_set.h"
-#include "sampler/triangulation.h"
 
 static triangulation triangulate(const point_set *s, const bbox *domain, int workers)
 {
@@ -46,7 +46,7 @@ static double volume_of(const point_set *s, const triangulation *t)
     return volume;
 }
 
-/* In one slab and in two, by any number of threads. */
+/* In one partition and in two, by any number of threads. */
 static void spheres_are_closed(void **state)
 {
     (void)state;

@@ -9,9 +9,9 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/project.h"
-#include "sampler/voronoi.h"
+#include "packing/voronoi.h"
 #include "shapes.h"
+#include "surface/project.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };
 

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "close.h"
-#include "sampler/quality.h"
+#include "packing/quality.h"
 #include "sampler/sampler.h"
 #include "shapes.h"
 
@@ -190,7 +190,7 @@ static void solve(const analytic_params *shape, const sampler_params *params, in
     if (!x->s) fail_msg("%s", e.message);
     while (!sampler_ended(x->s))
         if (!sampler_step(x->s, &e)) fail_msg("%s", e.message);
-    if (!sampler_finish(x->s, &e)) fail_msg("%s", e.message);
+    if (!sampler_finalize(x->s, &e)) fail_msg("%s", e.message);
     x->points = sampler_result_points(x->s);
     x->sweep = sampler_sweeps(x->s, &x->sweeps);
     quality_input in = {x->points->count,

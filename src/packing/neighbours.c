@@ -1,0 +1,656 @@
+#include "packing/neighbours.h"
+
+#include <assert.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
+
+#include "base/isa.h"
+#include "base/memory.h"
+#include "geometry/bbox.h"
+
+#define AXIS_BITS 19 /* of a bin's or block's coordinate; in a block's key the level stands above the three */
+#define BLOCK_SHIFT 3 /* a block is this power of two of bins wide: what it reads fits into a core's cache */
+#define BLOCK_WIDTH (1 << BLOCK_SHIFT)
+#define BLOCK_CELLS (1 << 3 * BLOCK_SHIFT)
+static const int PLACE_BITS = 30; /* of a place: differences fit into 32 bits, with room to move */
+/* Of a list, on average: an even packing under the widest skin has 19. */
+static const size_t FIRST_ENTRIES = 20;
+static const size_t FEWEST_BINS = 64, FEWEST_BLOCKS = 8;
+/* Points on a surface share bins, some six to one, and those bins a block, some sixty; there is always room
+ * for more. */
+static const size_t POINTS_PER_BIN = 4, POINTS_PER_BLOCK = 128;
+/* Bins are a hair wider than the cutoff of the least size, so that no rounding puts it on level 1. */
+static const double BIN_HAIR = 1e-6;
+enum { LANES = 16 };
+
+/* Bins with points are no more than points; those above them rarely as many again. */
+static bool reserve_bins(neighbours *n, size_t bins, error *e)
+{
+    const char *what = "neighbour lists";
+    if (bins < FEWEST_BINS) bins = FEWEST_BINS;
+    free(n->bin_begin);
+    free(n->bin_end);
+    free(n->bin_cell);
+    free(n->bin_split);
+    free(n->block_bin);
+    n->bin_capacity = bins;
+    n->bin_begin = mem_array(bins, sizeof *n->bin_begin, what, e);
+    n->bin_end = mem_array(bins, sizeof *n->bin_end, what, e);
+    n->bin_cell = mem_array(bins, sizeof *n->bin_cell, what, e);
+    n->bin_split = mem_array(bins, sizeof *n->bin_split, what, e);
+    n->block_bin = mem_array(bins, sizeof *n->block_bin, what, e);
+    return n->bin_begin && n->bin_end && n->bin_cell && n->bin_split && n->block_bin;
+}
+
+static bool reserve_blocks(neighbours *n, size_t blocks, error *e)
+{
+    const char *what = "neighbour lists";
+    if (blocks < FEWEST_BLOCKS) blocks = FEWEST_BLOCKS;
+    n->table_size = 2 * FEWEST_BLOCKS;
+    while (n->table_size < 2 * blocks) n->table_size *= 2;
+    free(n->table);
+    free(n->block_key);
+    free(n->block_rank);
+    free(n->block_begin);
+    free(n->cell);
+    n->block_capacity = blocks;
+    n->table = mem_array(n->table_size, sizeof *n->table, what, e);
+    n->block_key = mem_array(blocks, sizeof *n->block_key, what, e);
+    n->block_rank = mem_array(blocks, sizeof *n->block_rank, what, e);
+    n->block_begin = mem_array(blocks + 1, sizeof *n->block_begin, what, e);
+    n->cell = mem_array(blocks, BLOCK_CELLS * sizeof *n->cell, what, e);
+    return n->table && n->block_key && n->block_rank && n->block_begin && n->cell;
+}
+
+neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e)
+{
+    neighbours *n = mem_alloc(sizeof *n);
+    n->capacity = capacity;
+    n->list_limit = list_limit;
+    const char *what = "neighbour lists";
+    if (!reserve_bins(n, capacity / POINTS_PER_BIN, e) ||
+        !reserve_blocks(n, capacity / POINTS_PER_BLOCK, e) ||
+        !(n->place = mem_array(capacity, sizeof *n->place, what, e)) ||
+        !(n->bin_item = mem_array(capacity, sizeof *n->bin_item, what, e)) ||
+        !(n->list = mem_array(n->list_capacity = capacity * FIRST_ENTRIES, sizeof *n->list, what, e)) ||
+        !(n->list_begin = mem_array(capacity, sizeof *n->list_begin, what, e)) ||
+        !(n->list_count = mem_array(capacity, sizeof *n->list_count, what, e))) {
+        neighbours_free(n);
+        return NULL;
+    }
+    return n;
+}
+
+void neighbours_free(neighbours *n)
+{
+    if (!n) return;
+    free(n->place);
+    free(n->bin_begin);
+    free(n->bin_end);
+    free(n->bin_item);
+    free(n->bin_cell);
+    free(n->bin_split);
+    free(n->table);
+    free(n->block_key);
+    free(n->block_rank);
+    free(n->block_begin);
+    free(n->block_bin);
+    free(n->cell);
+    free(n->list);
+    free(n->list_begin);
+    free(n->list_count);
+    free(n);
+}
+
+/* Where a bin is, in edges of its level, or a block, in blocks. */
+typedef struct place {
+    int level;
+    int64_t at[3];
+} place;
+
+static uint64_t key_of(const place *block)
+{
+    return (uint64_t)block->at[0] | (uint64_t)block->at[1] << AXIS_BITS |
+           (uint64_t)block->at[2] << 2 * AXIS_BITS | (uint64_t)block->level << 3 * AXIS_BITS;
+}
+
+static place block_of(const place *bin)
+{
+    return (place){bin->level,
+                   {bin->at[0] >> BLOCK_SHIFT, bin->at[1] >> BLOCK_SHIFT, bin->at[2] >> BLOCK_SHIFT}};
+}
+
+static place place_of_block(uint64_t key)
+{
+    const uint64_t mask = ((uint64_t)1 << AXIS_BITS) - 1;
+    return (place){
+        (int)(key >> 3 * AXIS_BITS),
+        {(int64_t)(key & mask), (int64_t)(key >> AXIS_BITS & mask), (int64_t)(key >> 2 * AXIS_BITS & mask)}};
+}
+
+/* A bin's cell in its block. */
+static uint32_t cell_of(const place *bin)
+{
+    const int64_t mask = BLOCK_WIDTH - 1;
+    return (uint32_t)((bin->at[0] & mask) | (bin->at[1] & mask) << BLOCK_SHIFT |
+                      (bin->at[2] & mask) << 2 * BLOCK_SHIFT);
+}
+
+static place place_of_bin(const neighbours *n, size_t bin)
+{
+    place p = place_of_block(n->block_key[n->bin_cell[bin] / BLOCK_CELLS]);
+    for (int a = 0; a < 3; a++)
+        p.at[a] = p.at[a] << BLOCK_SHIFT | (n->bin_cell[bin] >> a * BLOCK_SHIFT & (BLOCK_WIDTH - 1));
+    return p;
+}
+
+static place parent_of(const place *p)
+{
+    return (place){p->level + 1, {p->at[0] >> 1, p->at[1] >> 1, p->at[2] >> 1}};
+}
+
+/* The slot of a key: where its block is, or where it would go. */
+static size_t slot_of(const neighbours *n, uint64_t key)
+{
+    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (n->table_size - 1);
+    while (n->table[slot] && n->block_key[n->table[slot] - 1] != key) slot = (slot + 1) & (n->table_size - 1);
+    return slot;
+}
+
+#define NO_BIN UINT32_MAX
+#define NO_KEY UINT64_MAX
+
+/* The block that was asked for last: more often than not it is the next one too. */
+typedef struct visit {
+    uint64_t key;
+    uint32_t block;
+} visit;
+
+/* The bin at a place, made if there is none; NO_BIN when there is no room for it. */
+static uint32_t bin_at(neighbours *n, const place *p, visit *last)
+{
+    place block = block_of(p);
+    uint64_t key = key_of(&block);
+    if (key != last->key) {
+        size_t slot = slot_of(n, key);
+        if (!n->table[slot]) {
+            if (n->blocks == n->block_capacity) return NO_BIN;
+            n->block_key[n->blocks] = key;
+            memset(n->cell + n->blocks * BLOCK_CELLS, 0, BLOCK_CELLS * sizeof *n->cell);
+            n->table[slot] = (uint32_t)++n->blocks;
+        }
+        *last = (visit){key, n->table[slot] - 1};
+    }
+    uint32_t at = last->block * BLOCK_CELLS + cell_of(p);
+    if (!n->cell[at]) {
+        if (n->bin_count == n->bin_capacity) return NO_BIN;
+        n->bin_cell[n->bin_count] = at;
+        n->bin_begin[n->bin_count] = n->bin_end[n->bin_count] = 0;
+        n->bin_split[n->bin_count] = false;
+        n->cell[at] = (uint32_t)++n->bin_count;
+    }
+    return n->cell[at] - 1;
+}
+
+/* Where a point's bin is. */
+static place place_at(const neighbours_place *p, double scale, double size_scale)
+{
+    double over = (double)p->size * size_scale;
+    int level = 0;
+    while (level < NEIGHBOURS_LEVELS - 1 && over > (double)(1 << level)) level++;
+    return (place){level,
+                   {(int64_t)(p->x * scale) >> level, (int64_t)(p->y * scale) >> level,
+                    (int64_t)(p->z * scale) >> level}};
+}
+
+/* Bins are numbered as points first fall into them, so their order follows that of the points; then come
+ * those that have only bins below them. False when there are more than there is room for. Until there are
+ * lists each point's bin stands for their counts. */
+static bool number_bins(neighbours *n)
+{
+    const double scale = n->unit / n->edge, size_scale = n->cutoff / n->edge;
+    memset(n->table, 0, n->table_size * sizeof *n->table);
+    n->bin_count = n->blocks = 0;
+    n->levels = 1;
+    visit last = {NO_KEY, 0};
+    for (size_t i = 0; i < n->count; i++) {
+        place p = place_at(&n->place[i], scale, size_scale);
+        if (p.level >= n->levels) n->levels = p.level + 1;
+        uint32_t bin = bin_at(n, &p, &last);
+        if (bin == NO_BIN) return false;
+        n->list_count[i] = bin;
+        n->bin_end[bin]++;
+    }
+    for (size_t b = 0; b < n->bin_count; b++) {
+        place p = place_of_bin(n, b);
+        if (p.level == n->levels - 1) continue;
+        p = parent_of(&p);
+        uint32_t parent = bin_at(n, &p, &last);
+        if (parent == NO_BIN) return false;
+        n->bin_split[parent] = true;
+    }
+    return true;
+}
+
+static int colour_of(uint64_t key)
+{
+    return (int)((key & 1) | (key >> AXIS_BITS & 1) << 1 | (key >> 2 * AXIS_BITS & 1) << 2 |
+                 (key >> 3 * AXIS_BITS & (NEIGHBOURS_LEVELS - 1)) << 3);
+}
+
+static inline bool has_points(const neighbours *n, size_t bin)
+{
+    return n->bin_begin[bin] < n->bin_end[bin];
+}
+
+/* Puts the blocks in the order of their colours, and the bins in that of their blocks. */
+static void sort_blocks(neighbours *n)
+{
+    n->colours = 8 * n->levels;
+    memset(n->colour_begin, 0, sizeof n->colour_begin);
+    for (size_t k = 0; k < n->blocks; k++) n->colour_begin[colour_of(n->block_key[k]) + 1]++;
+    uint32_t next[NEIGHBOURS_COLOURS];
+    for (int c = 0; c < n->colours; c++) {
+        n->colour_begin[c + 1] += n->colour_begin[c];
+        next[c] = n->colour_begin[c];
+    }
+    for (size_t k = 0; k < n->blocks; k++) n->block_rank[k] = next[colour_of(n->block_key[k])]++;
+    memset(n->block_begin, 0, (n->blocks + 1) * sizeof *n->block_begin);
+    for (size_t b = 0; b < n->bin_count; b++)
+        if (has_points(n, b)) n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]++;
+    uint32_t total = 0; /* counts to ends; filling from the back turns ends into begins */
+    for (size_t k = 0; k < n->blocks; k++) n->block_begin[k] = total += n->block_begin[k];
+    n->block_begin[n->blocks] = total;
+    for (size_t b = n->bin_count; b-- > 0;)
+        if (has_points(n, b))
+            n->block_bin[--n->block_begin[n->block_rank[n->bin_cell[b] / BLOCK_CELLS]]] = (uint32_t)b;
+}
+
+static bool fill_bins(neighbours *n, error *e)
+{
+    while (!number_bins(n))
+        if (!reserve_bins(n, 2 * n->bin_capacity, e) || !reserve_blocks(n, 2 * n->block_capacity, e))
+            return false;
+    sort_blocks(n);
+    uint32_t total = 0; /* ends are counts still */
+    for (uint32_t k = 0; k < n->block_begin[n->blocks]; k++) {
+        uint32_t bin = n->block_bin[k], count = n->bin_end[bin];
+        n->bin_begin[bin] = n->bin_end[bin] = total;
+        total += count;
+    }
+    for (size_t i = 0; i < n->count; i++) n->bin_item[n->bin_end[n->list_count[i]]++] = (uint32_t)i;
+    return true;
+}
+
+typedef struct list_search list_search;
+typedef size_t (*finder)(const list_search *s, uint32_t i, float cutoff2, uint32_t *found);
+
+/* What one worker needs to list the neighbours of a block's points. */
+struct list_search {
+    neighbours *n;
+    const uint32_t *around[27]; /* cells of the blocks around the bin's own, and its own in the middle */
+    struct {
+        uint64_t key;
+        const uint32_t *cells;
+    } last[NEIGHBOURS_LEVELS]; /* of other levels, the blocks that were asked for last */
+    place at;                  /* of the bin at hand */
+    size_t count, capacity;    /* points that may be neighbours of its points, and how many fit */
+    int32_t *x, *y, *z;        /* arrays for the vector unit */
+    float *size;
+    uint32_t *item;
+    size_t entries, entry_capacity; /* the lists, one after the other */
+    uint32_t *entry;
+};
+
+typedef struct build_job {
+    neighbours *n;
+    const vec3 *x;
+    const double *size;
+    finder find;
+    list_search *searches; /* one per worker */
+    atomic_size_t longest, entries;
+} build_job;
+
+/* Writes the items that are hits behind the `count` that were found; returns how many there are then. */
+ISA_INLINE size_t pack(const uint32_t hit[LANES], const uint32_t *item, size_t count, uint32_t *found)
+{
+    for (int l = 0; l < LANES; l++) {
+        found[count] = item[l];
+        count += hit[l];
+    }
+    return count;
+}
+
+#ifdef __x86_64__
+/* One instruction, which no compiler makes of the above. */
+ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], const uint32_t *item,
+                                                   size_t count, uint32_t *found)
+{
+    __m512i hits = _mm512_loadu_si512(hit);
+    __mmask16 mask = _mm512_test_epi32_mask(hits, hits);
+    _mm512_storeu_si512(found + count, _mm512_maskz_compress_epi32(mask, _mm512_loadu_si512(item)));
+    return count + (size_t)__builtin_popcount(mask);
+}
+#else
+#define pack_avx512 pack
+#endif
+
+/* Which of the candidates are neighbours of point i; returns how many. */
+#define VERSION(name, target, pack)                                                                          \
+    target static size_t name(const list_search *s, uint32_t i, float cutoff2, uint32_t *found)              \
+    {                                                                                                        \
+        const neighbours_place own = s->n->place[i];                                                         \
+        size_t count = 0;                                                                                    \
+        for (size_t b = 0; b < s->count; b += LANES) {                                                       \
+            uint32_t hit[LANES];                                                                             \
+            for (int l = 0; l < LANES; l++) {                                                                \
+                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),                    \
+                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);           \
+                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);          \
+            }                                                                                                \
+            count = pack(hit, s->item + b, count, found);                                                    \
+        }                                                                                                    \
+        return count;                                                                                        \
+    }
+VERSION(find_portable, , pack)
+VERSION(find_avx2, ISA_TARGET_AVX2, pack)
+VERSION(find_avx512, ISA_TARGET_AVX512, pack_avx512)
+
+static finder best_finder(void)
+{
+    static const finder versions[ISA_COUNT] = {find_portable, find_avx2, find_avx512};
+    return versions[isa_best()];
+}
+
+static void add_near(list_search *s, uint32_t bin)
+{
+    const neighbours *n = s->n;
+    size_t more = n->bin_end[bin] - n->bin_begin[bin];
+    if (s->count + more + LANES > s->capacity) {
+        s->capacity = 2 * (s->count + more + LANES);
+        s->x = mem_resize(s->x, s->capacity * sizeof *s->x);
+        s->y = mem_resize(s->y, s->capacity * sizeof *s->y);
+        s->z = mem_resize(s->z, s->capacity * sizeof *s->z);
+        s->size = mem_resize(s->size, s->capacity * sizeof *s->size);
+        s->item = mem_resize(s->item, s->capacity * sizeof *s->item);
+    }
+    for (uint32_t b = n->bin_begin[bin]; b < n->bin_end[bin]; b++) {
+        const neighbours_place *p = &n->place[n->bin_item[b]];
+        s->x[s->count] = p->x;
+        s->y[s->count] = p->y;
+        s->z[s->count] = p->z;
+        s->size[s->count] = p->size;
+        s->item[s->count++] = n->bin_item[b];
+    }
+}
+
+static void search_finer(list_search *s, uint32_t bin);
+
+/* A cell's bin and what lies below it. */
+static void search_cell(list_search *s, uint32_t cell)
+{
+    if (!cell) return;
+    add_near(s, cell - 1);
+    if (s->n->bin_split[cell - 1]) search_finer(s, cell - 1);
+}
+
+/* A block's cells: its bins + 1, or 0; all 0 where there is no block. */
+static const uint32_t *find_cells(const neighbours *n, uint64_t key)
+{
+    static const uint32_t none[BLOCK_CELLS];
+    uint32_t block = n->table[slot_of(n, key)];
+    return block ? n->cell + (block - 1) * (size_t)BLOCK_CELLS : none;
+}
+
+/* The same for the block of a bin on another level than the one at hand. */
+static const uint32_t *cells_of(list_search *s, const place *bin)
+{
+    place block = block_of(bin);
+    uint64_t key = key_of(&block);
+    if (s->last[bin->level].key != key) {
+        s->last[bin->level].key = key;
+        s->last[bin->level].cells = find_cells(s->n, key);
+    }
+    return s->last[bin->level].cells;
+}
+
+/* The points of bins of level `up` above are neighbours no farther than the mean of the two edges. */
+static void search_coarser(list_search *s, int up)
+{
+    int64_t reach = ((1 << up) + 2) / 2, low[3], high[3];
+    for (int a = 0; a < 3; a++) {
+        low[a] = (s->at.at[a] - reach) >> up;
+        high[a] = (s->at.at[a] + reach) >> up;
+    }
+    place p = {.level = s->at.level + up};
+    for (p.at[2] = low[2]; p.at[2] <= high[2]; p.at[2]++)
+        for (p.at[1] = low[1]; p.at[1] <= high[1]; p.at[1]++)
+            for (p.at[0] = low[0]; p.at[0] <= high[0]; p.at[0]++) {
+                uint32_t cell = cells_of(s, &p)[cell_of(&p)];
+                if (cell) add_near(s, cell - 1);
+            }
+}
+
+/* Likewise those of the levels below, down from a bin that has some. */
+static void search_finer(list_search *s, uint32_t bin)
+{
+    place parent = place_of_bin(s->n, bin);
+    int down = s->at.level - parent.level + 1;
+    int64_t reach = ((1 << down) + 2) / 2;
+    for (int k = 0; k < 8; k++) {
+        place p = {
+            parent.level - 1,
+            {2 * parent.at[0] + (k & 1), 2 * parent.at[1] + (k >> 1 & 1), 2 * parent.at[2] + (k >> 2)}};
+        bool inside = true;
+        for (int a = 0; a < 3; a++) {
+            int64_t low = s->at.at[a] << down, high = (s->at.at[a] + 1) << down;
+            inside = inside && p.at[a] >= low - reach && p.at[a] < high + reach;
+        }
+        if (inside) search_cell(s, cells_of(s, &p)[cell_of(&p)]);
+    }
+}
+
+/* The bins around the bin at hand, of its own level. */
+static void search_level(list_search *s)
+{
+    int which[3][3], cell[3][3];
+    for (int a = 0; a < 3; a++)
+        for (int k = 0; k < 3; k++) {
+            int at = (int)(s->at.at[a] & (BLOCK_WIDTH - 1)) + k - 1;
+            which[a][k] = (at + BLOCK_WIDTH) >> BLOCK_SHIFT;
+            cell[a][k] = at & (BLOCK_WIDTH - 1);
+        }
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++)
+            for (int i = 0; i < 3; i++) {
+                const uint32_t *cells = s->around[(which[2][k] * 3 + which[1][j]) * 3 + which[0][i]];
+                search_cell(s, cells[(cell[2][k] << BLOCK_SHIFT | cell[1][j]) << BLOCK_SHIFT | cell[0][i]]);
+            }
+}
+
+/* The lists of one bin's points, which begin where they do among those of the block. What there is no room
+ * for is counted, not kept. */
+static size_t list_bin(list_search *s, finder find, size_t bin)
+{
+    neighbours *n = s->n;
+    const double cutoff = n->cutoff / n->unit;
+    s->at = place_of_bin(n, bin);
+    s->count = 0;
+    search_level(s);
+    for (int up = 1; s->at.level + up < n->levels; up++) search_coarser(s, up);
+    for (; s->count % LANES; s->count++) { /* nobody's neighbours */
+        s->x[s->count] = s->y[s->count] = s->z[s->count] = 0;
+        s->item[s->count] = NO_BIN;
+        s->size[s->count] = NAN;
+    }
+    size_t longest = 0;
+    for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++) {
+        uint32_t i = n->bin_item[a];
+        size_t begin = s->entries <= n->list_capacity ? s->entries : 0;
+        if (begin + s->count + LANES > s->entry_capacity) {
+            s->entry_capacity = 2 * (begin + s->count + LANES);
+            s->entry = mem_resize(s->entry, s->entry_capacity * sizeof *s->entry);
+        }
+        size_t count = find(s, i, (float)(cutoff * cutoff), s->entry + begin);
+        n->list_begin[i] = (uint32_t)begin;
+        n->list_count[i] = (uint32_t)count;
+        s->entries += count;
+        longest = count > longest ? count : longest;
+    }
+    return longest;
+}
+
+/* Where a block's lists are among all is a matter of chance, what they hold is not. */
+static void keep_lists(build_job *job, const list_search *s, uint32_t bins, uint32_t end)
+{
+    neighbours *n = job->n;
+    size_t begin = atomic_fetch_add(&job->entries, s->entries);
+    if (begin + s->entries > n->list_capacity) return;
+    memcpy(n->list + begin, s->entry, s->entries * sizeof *n->list);
+    for (uint32_t k = bins; k < end; k++) {
+        uint32_t bin = n->block_bin[k];
+        for (uint32_t a = n->bin_begin[bin]; a < n->bin_end[bin]; a++)
+            n->list_begin[n->bin_item[a]] += (uint32_t)begin;
+    }
+}
+
+/* The lists of a block's points: `rank` is its place in the order of colours. */
+static size_t list_block(build_job *job, list_search *s, size_t rank)
+{
+    neighbours *n = s->n = job->n;
+    uint32_t begin = n->block_begin[rank], end = n->block_begin[rank + 1];
+    size_t longest = 0;
+    if (begin == end) return 0;
+    for (int l = 0; l < n->levels; l++) s->last[l].key = NO_KEY;
+    place own = place_of_block(n->block_key[n->bin_cell[n->block_bin[begin]] / BLOCK_CELLS]);
+    for (int k = 0; k < 27; k++) {
+        place p = {own.level, {own.at[0] + k % 3 - 1, own.at[1] + k / 3 % 3 - 1, own.at[2] + k / 9 - 1}};
+        s->around[k] = find_cells(n, key_of(&p));
+    }
+    s->entries = 0;
+    for (uint32_t k = begin; k < end; k++) {
+        size_t l = list_bin(s, job->find, n->block_bin[k]);
+        if (l > longest) longest = l;
+    }
+    keep_lists(job, s, begin, end);
+    return longest;
+}
+
+static void list_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    build_job *job = context;
+    size_t longest = 0;
+    for (size_t rank = begin; rank < end; rank++) {
+        size_t l = list_block(job, &job->searches[worker], rank);
+        if (l > longest) longest = l;
+    }
+    size_t seen = atomic_load(&job->longest);
+    while (longest > seen && !atomic_compare_exchange_weak(&job->longest, &seen, longest)) continue;
+}
+
+/* Room for so many entries; what the lists hold is lost. */
+static bool reserve_lists(neighbours *n, size_t entries, error *e)
+{
+    double bytes = (double)entries * sizeof *n->list;
+    if (bytes > (double)n->list_limit || entries > UINT32_MAX)
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "within %g of a point there are up to %zu others: lists of that take %.0f MB, %.0f are "
+            "left: lower solver.sigma, or raise limits.memory_mb",
+            n->cutoff, n->longest, bytes / (1 << 20), (double)n->list_limit / (1 << 20));
+    uint32_t *list = mem_array(entries, sizeof *list, "neighbour lists", e);
+    if (!list) return false;
+    free(n->list);
+    n->list = list;
+    n->list_capacity = entries;
+    return true;
+}
+
+#ifdef __SANITIZE_ADDRESS__
+/* Too slow for all builds: every entry is another point. */
+static void check_lists(const neighbours *n)
+{
+    for (size_t i = 0; i < n->count; i++) {
+        assert(n->list_count[i] <= n->longest);
+        for (uint32_t k = 0; k < n->list_count[i]; k++) {
+            uint32_t j = neighbours_list(n, i)[k];
+            assert(j < n->count && j != i);
+        }
+    }
+}
+#else
+#define check_lists(n) (void)(n)
+#endif
+
+static bool fill_lists(neighbours *n, threads *pool, error *e)
+{
+    size_t workers = (size_t)threads_count(pool);
+    build_job job = {.n = n, .find = best_finder(), .searches = mem_alloc(workers * sizeof *job.searches)};
+    threads_run(pool, n->blocks, 1, list_chunk, &job);
+    n->longest = atomic_load(&job.longest);
+    size_t entries = atomic_load(&job.entries);
+    bool ok = true;
+    if (entries + n->longest > n->list_capacity) {
+        ok = reserve_lists(n, entries + entries / 8 + n->longest, e);
+        atomic_store(&job.entries, 0);
+        if (ok) threads_run(pool, n->blocks, 1, list_chunk, &job);
+    }
+    if (ok) {
+        assert(entries + n->longest <= n->list_capacity);
+        memset(n->list + entries, 0, n->longest * sizeof *n->list);
+    }
+    if (ok && !threads_stopped(pool)) check_lists(n);
+    for (list_search *s = job.searches; s < job.searches + workers; s++) {
+        free(s->x);
+        free(s->y);
+        free(s->z);
+        free(s->size);
+        free(s->item);
+        free(s->entry);
+    }
+    free(job.searches);
+    return ok;
+}
+
+static void place_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const build_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        neighbours_move(job->n, i, job->x[i]);
+        job->n->place[i].size = job->size ? (float)job->size[i] : 1;
+    }
+}
+
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
+                      threads *pool, error *e)
+{
+    bbox box = bbox_empty();
+    double least = size && count > 0 ? size[0] : 1, largest = least;
+    for (size_t i = 0; i < count; i++) {
+        box = bbox_include(box, x[i]);
+        if (!size) continue;
+        least = size[i] < least ? size[i] : least;
+        largest = size[i] > largest ? size[i] : largest;
+    }
+    assert(count <= n->capacity && cutoff > 0);
+    n->count = count;
+    n->cutoff = cutoff;
+    n->edge = (1 + BIN_HAIR) * cutoff * fmax(least, ldexp(largest, 1 - NEIGHBOURS_LEVELS));
+    /* one bin of margin on any level, so that the bins around one have no negative coordinate */
+    double margin = cutoff * 2 * largest, span = bbox_longest(box) + 2 * margin;
+    if (span / n->edge > (1 << AXIS_BITS) - 4)
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "the support %g is too small for a surface of size %g: ask for fewer points",
+                         n->edge, bbox_longest(box));
+    n->origin = vec3_sub(box.min, vec3_make(margin, margin, margin));
+    n->unit = ldexp(span, -PLACE_BITS);
+    n->per_unit = 1 / n->unit;
+    build_job job = {.n = n, .x = x, .size = size};
+    threads_run(pool, count, 4096, place_chunk, &job);
+    return fill_bins(n, e) && fill_lists(n, pool, e);
+}

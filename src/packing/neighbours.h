@@ -1,0 +1,116 @@
+/* neighbours: who is within a cutoff of whom, from spatial bins, and an order of updates in which any number
+ * of threads gives the same result.
+ *
+ * Each point has a size; two points are neighbours within the cutoff times the mean of their sizes. Points
+ * are binned by level: those of level l have sizes up to 2^l times the least, and lie in cubes whose edge is
+ * the cutoff for that size. Cubes nest; they are gathered in blocks, which are hashed and each have a table
+ * of their cubes, so that only where points are memory is taken.
+ *
+ * Blocks are of one level, and blocks whose coordinates agree in parity have one colour.
+ * Two points in different blocks of one colour are farther apart than their cutoff, so neither is in the
+ * other's list: the blocks of a colour may be updated at once, the colours one after the other, and the
+ * result is that of one thread (Gauss-Seidel). The lists stay valid while no point has moved farther than
+ * its size times half of (cutoff - support). */
+#ifndef HEXAD_PACKING_NEIGHBOURS_H
+#define HEXAD_PACKING_NEIGHBOURS_H
+
+#include <assert.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "geometry/vec3.h"
+
+/* An assert in what inner loops call, where it would cost one or two per cent of a job: in the sanitized build only. */
+#ifdef __SANITIZE_ADDRESS__
+#define NEIGHBOURS_CHECK(condition) assert(condition)
+#else
+#define NEIGHBOURS_CHECK(condition) ((void)0)
+#endif
+
+#define NEIGHBOURS_LEVELS 16 /* sizes of 1 : 2^15 are told apart */
+#define NEIGHBOURS_COLOURS (8 * NEIGHBOURS_LEVELS)
+
+/* Where a point is, in units of 2^-30 of the box around all: differences are exact, whatever the origin, and
+ * a point and its size take one quarter of a cache line. */
+typedef struct neighbours_place {
+    int32_t x, y, z;
+    float size;
+} neighbours_place;
+
+typedef struct neighbours {
+    size_t capacity; /* points there is room for */
+    size_t count;
+    double cutoff; /* of points of size 1 */
+    double edge;   /* of the bins of level 0 */
+    int levels;    /* in use */
+
+    size_t bin_capacity, bin_count;
+    uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
+    uint32_t *bin_end;   /* to here */
+    uint32_t *bin_item; /* points by bin, ascending, bins by block; or as independent_sets_form leaves them */
+    uint32_t *bin_cell;  /* where it is: its entry in `cell` */
+    bool *bin_split;     /* bins of the level below lie in it */
+    vec3 origin;
+    double unit, per_unit;   /* of places, world; its inverse */
+    neighbours_place *place; /* of each point, at the build or since neighbours_move */
+
+    size_t block_capacity, blocks;
+    uint32_t *table;       /* open addressing: block + 1, or 0 */
+    size_t table_size;     /* a power of two */
+    uint64_t *block_key;   /* where it is */
+    uint32_t *cell;        /* of each block its bins + 1, or 0, in rows along x */
+    uint32_t *block_rank;  /* place of a block in the order below */
+    uint32_t *block_begin; /* blocks + 1: the block's bins in `block_bin` */
+    uint32_t *block_bin;   /* bins with points by block, ascending within a block */
+    int colours;                     /* in use, 8 a level */
+    uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
+
+    size_t list_limit;    /* bytes that the lists may take */
+    size_t list_capacity; /* entries there is memory for */
+    uint32_t *list;       /* those of point i from list_begin[i] on, in no order that means anything */
+    uint32_t *list_begin; /* of each point */
+    uint32_t *list_count;
+    size_t longest; /* count */
+} neighbours;
+
+/* Room for `capacity` points, whose lists may take `list_limit` bytes. Error: limit_memory. */
+neighbours *neighbours_new(size_t capacity, size_t list_limit, error *e);
+void neighbours_free(neighbours *n);
+
+/* Bins and lists for `count` points of the given sizes, > 0 (NULL: 1 each). Full lists: j in the list of i
+ * and i in that of j; a point is not in its own. May grow its memory when points are crowded. Errors:
+ * limit_memory. */
+bool neighbours_build(neighbours *n, size_t count, const vec3 *x, const double *size, double cutoff,
+                      threads *pool, error *e);
+
+/* The neighbours of point i, list_count[i] of them. The list may be read on up to the longest of all; what
+ * stands there are points, too. */
+static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
+{
+    NEIGHBOURS_CHECK(i < n->count && n->list_begin[i] <= n->list_capacity);
+    return n->list + n->list_begin[i];
+}
+
+/* The points of blocks that follow one another, from `from` up to `to`: those of `bin_item` from *begin up to
+ * *end. */
+static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
+                                     uint32_t *end)
+{
+    assert(from <= to && to <= n->blocks);
+    uint32_t first = n->block_begin[from], after = n->block_begin[to];
+    *begin = first < after ? n->bin_begin[n->block_bin[first]] : 0;
+    *end = first < after ? n->bin_end[n->block_bin[after - 1]] : 0;
+}
+
+/* Notes where point i has moved to, for those who look at places; bins and lists stay. */
+static inline void neighbours_move(neighbours *n, size_t i, vec3 x)
+{
+    NEIGHBOURS_CHECK(i < n->count);
+    vec3 d = vec3_scale(vec3_sub(x, n->origin), n->per_unit);
+    n->place[i] = (neighbours_place){(int32_t)d.x, (int32_t)d.y, (int32_t)d.z, n->place[i].size};
+}
+
+#endif

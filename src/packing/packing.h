@@ -1,0 +1,50 @@
+/* packing: the formulas of the ideal hexagonal packing, in which six neighbours at one distance h, the spacing,
+ * surround each point. Pure functions. Lengths, areas and counts are the caller's units. */
+#ifndef HEXAD_PACKING_PACKING_H
+#define HEXAD_PACKING_PACKING_H
+
+#include <math.h>
+#include <stdbool.h>
+
+#include "geometry/bbox.h"
+
+/* The spacing of `count` points on an area. With a count of 1 the area is that of one point's cell; with an area
+ * of 1 the count is a density. */
+static inline double packing_spacing(double area, double count)
+{
+    return sqrt(2 * area / (sqrt(3) * count));
+}
+
+/* How many points of this spacing an area holds; not rounded. */
+static inline double packing_count(double area, double spacing)
+{
+    return 2 * area / (sqrt(3) * spacing * spacing);
+}
+
+/* The area of the Voronoi cell of a point: of a hexagon whose opposite sides are one spacing apart. */
+static inline double packing_cell_area(double spacing)
+{
+    return sqrt(3) / 2 * spacing * spacing;
+}
+
+/* The support of the potential under which the packing has the ideal energy: only the six neighbours are within
+ * it, and the next six lie on its edge. */
+static inline double packing_support(double spacing)
+{
+    return sqrt(3) * spacing;
+}
+
+/* How many points an area holds whose packing has this support; not rounded. */
+static inline double packing_count_of_support(double area, double support)
+{
+    return 6 * area / (sqrt(3) * support * support);
+}
+
+/* Whether x lies within two spacings of a face of the box that cuts the surface: a point there lacks neighbours,
+ * or has them elsewhere than in the interior. */
+static inline bool packing_is_near_boundary(bbox faces, vec3 x, double spacing)
+{
+    return !bbox_contains(bbox_grow(faces, -2 * spacing), x);
+}
+
+#endif

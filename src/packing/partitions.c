@@ -1,0 +1,97 @@
+#include "packing/partitions.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "geometry/bbox.h"
+
+static const size_t PARTITION_POINTS = 100000, PARTITIONS_MOST = 16;
+enum { BINS = 4096 }; /* of the histogram that decides where to cut */
+/* A star takes the lists of those listed by those listed. */
+static const double HALO_REACHES = 3;
+
+bool partitions_cut(const partitions_input *in, partitions *out, error *e)
+{
+    *out = (partitions){.count = in->count / PARTITION_POINTS < PARTITIONS_MOST
+                                     ? in->count / PARTITION_POINTS + 1
+                                     : PARTITIONS_MOST};
+    out->end = mem_array(out->count, sizeof *out->end, "a set's parts", e);
+    if (!out->end) return false;
+    bbox box = bbox_empty();
+    double coarsest = 0;
+    for (size_t i = 0; i < in->count; i++) {
+        box = bbox_include(box, in->position[i]);
+        coarsest = fmax(coarsest, in->spacing[i]);
+    }
+    vec3 size = vec3_sub(box.max, box.min);
+    out->axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    out->halo = HALO_REACHES * in->cutoff * coarsest;
+    double low = vec3_get(box.min, out->axis), width = vec3_get(size, out->axis) / BINS;
+    size_t bin[BINS] = {0}, k = 0, seen = 0;
+    for (size_t i = 0; out->count > 1 && width > 0 && i < in->count; i++) {
+        double at = (vec3_get(in->position[i], out->axis) - low) / width;
+        bin[at < BINS ? (size_t)at : BINS - 1]++;
+    }
+    for (size_t b = 0; b < BINS; b++) {
+        seen += bin[b];
+        while (k + 1 < out->count && seen * out->count >= (k + 1) * in->count)
+            out->end[k++] = low + (double)(b + 1) * width;
+    }
+    while (k < out->count) out->end[k++] = INFINITY;
+    return true;
+}
+
+void partitions_free(partitions *s)
+{
+    free(s->end);
+    *s = (partitions){0};
+}
+
+/* Counts the points in a partition and around it, and copies them once it has arrays for them. */
+static size_t gather_points(const partitions_input *in, double halo, const partition *s)
+{
+    size_t found = 0;
+    for (size_t i = 0; i < in->count; i++) {
+        double at = vec3_get(in->position[i], s->axis);
+        if (!(at >= s->low - halo && at < s->high + halo)) continue;
+        if (s->position) {
+            s->position[found] = in->position[i];
+            s->normal[found] = in->normal[i];
+            s->spacing[found] = in->spacing[i];
+            s->index[found] = (uint32_t)i;
+        }
+        found++;
+    }
+    return found;
+}
+
+bool partition_fill(const partitions_input *in, const partitions *all, size_t k, threads *pool,
+                    partition *out, error *e)
+{
+    assert(k < all->count);
+    const char *what = "a part of a set";
+    partition s = {.axis = all->axis, .low = k > 0 ? all->end[k - 1] : -INFINITY, .high = all->end[k]};
+    if (s.low < s.high)
+        s.count = gather_points(in, all->halo, &s); /* else the last bin ends two partitions */
+    s.normal = mem_array(s.count, sizeof *s.normal, what, e);
+    s.spacing = mem_array(s.count, sizeof *s.spacing, what, e);
+    s.index = mem_array(s.count, sizeof *s.index, what, e);
+    s.near = neighbours_new(s.count, SIZE_MAX, e);
+    s.position = mem_array(s.count, sizeof *s.position, what, e);
+    *out = s;
+    if (!s.position || !s.normal || !s.spacing || !s.index || !s.near) return false;
+    if (s.count == 0) return true;
+    gather_points(in, all->halo, &s);
+    return neighbours_build(s.near, s.count, s.position, s.spacing, in->cutoff, pool, e);
+}
+
+void partition_free(partition *s)
+{
+    free(s->position);
+    free(s->normal);
+    free(s->spacing);
+    free(s->index);
+    neighbours_free(s->near);
+    *s = (partition){0};
+}

@@ -1,0 +1,342 @@
+#include "packing/quality.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/energy.h"
+#include "packing/packing.h"
+#include "packing/partitions.h"
+#include "packing/voronoi.h"
+
+/* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
+static const double EVEN_REQUEST = 1.05;
+/* Two points never come closer than this fraction of the support as far as the energy is concerned. */
+static const double CLOSEST = 1e-6;
+
+/* Sheets that points do not tell apart: see the header. */
+static const double SHEET_FACING = -0.4, SHEET_REACH = 1.7, SHEET_GAP = 1.2;
+
+/* Points in a chunk of work, and in a partial sum. */
+#define CHUNK 256
+
+/* Moments of a set of values. */
+typedef struct moments {
+    double n, sum, squares;
+} moments;
+
+/* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
+typedef struct tally {
+    double degrees; /* sum of 6 - degree */
+    double boundary, unresolved, hex, alpha, energy, nearest;
+    moments edge, area, ratio;
+    double finest, coarsest;
+    double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
+} tally;
+
+/* What is measured at a time: a partition of the points and those around. */
+typedef struct quality_part {
+    partition partition;
+    quality_input in; /* of the partition's points, in their order */
+    double *alpha;
+    bool *unresolved;
+    tally *tally; /* per chunk */
+    bool graded;  /* spacings differ enough for a slope */
+} quality_part;
+
+typedef struct measure_job {
+    const quality_part *part;
+    const quality_input *in; /* the part's */
+    voronoi_sites sites;
+    double *local, *degree; /* of all points; either may be NULL */
+} measure_job;
+
+static double alpha_of(const quality_input *in, size_t i)
+{
+    return in->alpha ? in->alpha[i] : 1;
+}
+
+static bool is_near_boundary(const quality_input *in, size_t i)
+{
+    return in->open && packing_is_near_boundary(in->domain, in->position[i], in->spacing[i]);
+}
+
+static void count_value(moments *m, double value)
+{
+    m->n++;
+    m->sum += value;
+    m->squares += value * value;
+}
+
+/* Pairs that wait to be summed. */
+#define PAIR_BATCH (2 * ENERGY_LANES)
+
+typedef struct pair_batch {
+    size_t count;
+    double u2[PAIR_BATCH], weight[PAIR_BATCH];
+    double energy;
+} pair_batch;
+
+static void sum_pairs(pair_batch *b)
+{
+    while (b->count % ENERGY_LANES) {
+        b->u2[b->count] = 0.5;
+        b->weight[b->count++] = 0;
+    }
+    b->energy += energy_cotangent_sum(b->u2, b->weight, b->count);
+    b->count = 0;
+}
+
+/* The energy of i, as quality.energy_excess has it, and the smallest of its neighbours' distances, squared
+ * and over the squared mean of the spacings. */
+static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
+{
+    const quality_input *in = job->in;
+    const uint32_t *list = neighbours_list(job->sites.near, i);
+    pair_batch b = {.count = 0};
+    double over = 1 / in->spacing[i], alpha = alpha_of(in, i), least = INFINITY;
+    double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
+        uint32_t j = list[k];
+        if (vec3_dot(in->normal[i], in->normal[j]) <= VORONOI_OTHER_SIDE) continue;
+        double square = vec3_norm2(vec3_sub(in->position[i], in->position[j]));
+        double size = 0.5 * (1 + in->spacing[j] * over), size2 = size * size;
+        double relative2 = square * over * over / size2;
+        least = relative2 < least ? relative2 : least;
+        if (!in->sized) size2 = 1;
+        double u2 = square * over2 / size2;
+        if (b.count == PAIR_BATCH) sum_pairs(&b);
+        b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
+        b.weight[b.count] = 0.5 * (alpha + alpha_of(in, j)) * size2;
+        b.count += u2 < 1; /* as good as random: no branch */
+    }
+    sum_pairs(&b);
+    *nearest2 = least;
+    return b.energy;
+}
+
+static double area_of(const voronoi_star *star)
+{
+    double area = 0;
+    for (uint32_t k = 0; k < star->count; k++) area += 0.25 * star->distance[k] * star->edge[k];
+    return area;
+}
+
+static bool is_unresolved(const measure_job *job, uint32_t i)
+{
+    const quality_input *in = job->in;
+    const uint32_t *list = neighbours_list(job->sites.near, i);
+    for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
+        uint32_t j = list[k];
+        if (vec3_dot(in->normal[i], in->normal[j]) >= SHEET_FACING) continue;
+        vec3 r = vec3_sub(in->position[j], in->position[i]);
+        double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = SHEET_REACH * mean;
+        double gap = fmin(fabs(vec3_dot(in->normal[i], r)), fabs(vec3_dot(in->normal[j], r)));
+        if (gap < SHEET_GAP * mean && vec3_norm2(r) < reach * reach) return true;
+    }
+    return false;
+}
+
+static void mark_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const measure_job *job = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) job->part->unresolved[i] = is_unresolved(job, (uint32_t)i);
+}
+
+static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *star)
+{
+    bool has = !job->part->unresolved[i] && !star->pinched;
+    for (uint32_t k = 0; k < star->count; k++) has &= !job->part->unresolved[star->point[k]];
+    return has;
+}
+
+/* Those of a point that has a cell: an edge counts from either end. */
+static void tally_edges(const quality_input *in, uint32_t i, const voronoi_star *star, tally *t)
+{
+    for (uint32_t k = 0; k < star->count; k++) {
+        uint32_t j = star->point[k];
+        if (!is_near_boundary(in, j))
+            count_value(&t->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
+    }
+}
+
+static void tally_logarithms(double requested, double local, tally *t)
+{
+    double x = log(requested), y = log(local);
+    t->sized++;
+    t->sx += x;
+    t->sy += y;
+    t->sxx += x * x;
+    t->sxy += x * y;
+}
+
+static void tally_point(const measure_job *job, uint32_t i, tally *t)
+{
+    const quality_input *in = job->in;
+    voronoi_star star;
+    voronoi_star_at(&job->sites, i, &star);
+    double spacing = in->spacing[i], area = area_of(&star), local = packing_spacing(fmax(area, 0), 1);
+    if (job->local) job->local[job->part->partition.index[i]] = local;
+    if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
+    t->degrees += 6.0 - star.count;
+    if (is_near_boundary(in, i)) {
+        t->boundary++;
+        return;
+    }
+    double nearest2;
+    t->energy += energy_of(job, i, &nearest2);
+    t->nearest = fmin(t->nearest, nearest2);
+    t->alpha += alpha_of(in, i);
+    t->finest = fmin(t->finest, spacing);
+    t->coarsest = fmax(t->coarsest, spacing);
+    if (!has_cell(job, i, &star)) {
+        t->unresolved++;
+        return;
+    }
+    t->hex += star.count == 6;
+    tally_edges(in, i, &star, t);
+    count_value(&t->area, area / (spacing * spacing));
+    count_value(&t->ratio, local / spacing);
+    if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
+}
+
+static tally tally_empty(void)
+{
+    return (tally){.nearest = INFINITY, .finest = INFINITY};
+}
+
+static void tally_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const measure_job *job = context;
+    (void)worker;
+    tally t = tally_empty();
+    for (size_t i = begin; i < end; i++)
+        if (partition_owns(&job->part->partition, i)) tally_point(job, (uint32_t)i, &t);
+    job->part->tally[begin / CHUNK] = t;
+}
+
+static void add_moments(moments *m, const moments *other)
+{
+    m->n += other->n;
+    m->sum += other->sum;
+    m->squares += other->squares;
+}
+
+static void add_tally(tally *t, const tally *other)
+{
+    t->degrees += other->degrees;
+    t->boundary += other->boundary;
+    t->unresolved += other->unresolved;
+    t->hex += other->hex;
+    t->alpha += other->alpha;
+    t->energy += other->energy;
+    t->nearest = fmin(t->nearest, other->nearest);
+    add_moments(&t->edge, &other->edge);
+    add_moments(&t->area, &other->area);
+    add_moments(&t->ratio, &other->ratio);
+    t->finest = fmin(t->finest, other->finest);
+    t->coarsest = fmax(t->coarsest, other->coarsest);
+    t->sized += other->sized;
+    t->sx += other->sx;
+    t->sy += other->sy;
+    t->sxx += other->sxx;
+    t->sxy += other->sxy;
+}
+
+/* Coefficient of variation. */
+static double variation(const moments *m)
+{
+    if (m->n < 1 || !(m->sum > 0)) return 0;
+    double mean = m->sum / m->n;
+    return sqrt(fmax(m->squares / m->n - mean * mean, 0)) / mean;
+}
+
+static quality conclude(const tally *t)
+{
+    quality q = {.rim_count = (size_t)t->boundary,
+                 .unresolved_count = (size_t)t->unresolved,
+                 .euler = t->degrees / 6,
+                 .min_spacing_ratio = sqrt(t->nearest)};
+    q.grading_exponent = 1;
+    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1; /* NAN of nothing but boundaries */
+    if (t->area.n < 1) { /* no cells: there is nothing to say of them */
+        q.hex_fraction = q.edge_cv = q.area_cv = q.grading_cv = q.grading_exponent = NAN;
+        return q;
+    }
+    q.hex_fraction = t->hex / t->area.n;
+    q.edge_cv = variation(&t->edge);
+    q.area_cv = variation(&t->area);
+    q.grading_cv = variation(&t->ratio);
+    if (t->coarsest > EVEN_REQUEST * t->finest)
+        q.grading_exponent = (t->sxy - t->sx * t->sy / t->sized) / (t->sxx - t->sx * t->sx / t->sized);
+    return q;
+}
+
+/* What is to be known of all points before any is measured. */
+typedef struct extent {
+    double finest, coarsest; /* spacing */
+    double reach;            /* of the lists: that of the Voronoi diagram and of the energies */
+} extent;
+
+static extent extent_of(const quality_input *in)
+{
+    extent x = {.finest = INFINITY, .coarsest = 0};
+    for (size_t i = 0; i < in->count; i++) {
+        x.finest = fmin(x.finest, in->spacing[i]);
+        x.coarsest = fmax(x.coarsest, in->spacing[i]);
+    }
+    x.reach = in->sized ? VORONOI_REACH : fmax(VORONOI_REACH, packing_support(in->h) / x.finest);
+    return x;
+}
+
+static void free_part(quality_part *p)
+{
+    partition_free(&p->partition);
+    free(p->alpha);
+    free(p->unresolved);
+    free(p->tally);
+}
+
+static bool fill_part(const quality_input *in, const partitions_input *cut, const partitions *all, size_t k,
+                      threads *pool, quality_part *out, error *e)
+{
+    const char *what = "the quality measures";
+    const partition *s = &out->partition;
+    if (!partition_fill(cut, all, k, pool, &out->partition, e)) return false;
+    out->alpha = mem_array(s->count, sizeof *out->alpha, what, e);
+    out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
+    out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
+    if (!out->alpha || !out->unresolved || !out->tally) return false;
+    for (size_t i = 0; i < s->count; i++) out->alpha[i] = alpha_of(in, s->index[i]);
+    out->in = *in;
+    out->in.count = s->count;
+    out->in.position = s->position;
+    out->in.normal = s->normal;
+    out->in.spacing = s->spacing;
+    out->in.alpha = out->alpha;
+    return true;
+}
+
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
+                     quality *out, error *e)
+{
+    const extent x = extent_of(in);
+    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, x.reach};
+    partitions all;
+    bool ok = partitions_cut(&cut, &all, e);
+    tally whole = tally_empty();
+    for (size_t k = 0; k < all.count && ok; k++) {
+        quality_part p = {.graded = x.coarsest > EVEN_REQUEST * x.finest};
+        ok = fill_part(in, &cut, &all, k, pool, &p, e);
+        const partition *s = &p.partition;
+        measure_job job = {
+            &p, &p.in, {s->position, s->normal, s->spacing, s->near, s->index}, spacing_local, degree};
+        if (ok) threads_run(pool, s->count, CHUNK, mark_chunk, &job);
+        if (ok) threads_run(pool, s->count, CHUNK, tally_chunk, &job);
+        for (size_t c = 0; ok && c < (s->count + CHUNK - 1) / CHUNK; c++) add_tally(&whole, &p.tally[c]);
+        free_part(&p);
+    }
+    partitions_free(&all);
+    if (ok) *out = conclude(&whole);
+    return ok;
+}

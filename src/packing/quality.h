@@ -1,0 +1,56 @@
+/* quality: measures of a finished point set, from its points alone.
+ *
+ * Neighbours are those of the Voronoi diagram restricted to the surface (voronoi.h); the sum of (6 - degree)
+ * tells the Euler characteristic.
+ *
+ * Where two sheets of the surface lie closer than 1.2 spacings, which points are neighbours is not told by
+ * the points: a triangle of an ideal packing has a circumradius of 0.58 spacings, and balls that large about
+ * places on the two sheets touch then. A point is unresolved when there is another within 1.7 spacings of it
+ * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
+ * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
+ * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
+ * nor have those whose star is pinched. See SPEC `report.json` for the meaning of each measure.
+ */
+#ifndef HEXAD_PACKING_QUALITY_H
+#define HEXAD_PACKING_QUALITY_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "geometry/bbox.h"
+#include "geometry/vec3.h"
+
+typedef struct quality_input {
+    size_t count;
+    const vec3 *position, *normal;
+    const double *alpha;   /* NULL: 1 everywhere */
+    const double *spacing; /* requested spacing of each, world units */
+    double h;              /* spacing of the ideal even packing (packing_spacing) */
+    bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
+    bool open;             /* boundaries at the faces of `domain` */
+    bbox domain;
+} quality_input;
+
+typedef struct quality {
+    /* share with six neighbours; as edge_cv, area_cv and grading, of points with a cell */
+    double hex_fraction;
+    double edge_cv, area_cv;
+    /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha. Sized: sqrt(3) times the mean of the pair's
+     * spacings, E_i over its own spacing squared */
+    double energy_excess;
+    double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */
+    size_t rim_count;         /* points within two spacings of a boundary, left out of the above */
+    size_t unresolved_count;  /* others without a cell */
+    double euler;             /* sum of (6 - degree) / 6 over all points */
+    double grading_cv;        /* of local over requested spacing */
+    double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */
+} quality;
+
+/* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), `degree` (or NULL) the number of
+ * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */
+bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
+                     quality *out, error *e);
+
+#endif

@@ -1,0 +1,430 @@
+#include "packing/triangulation.h"
+
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "packing/partitions.h"
+#include "packing/voronoi.h"
+
+/* Points, or triangles, in a chunk of work. */
+#define CHUNK 256
+
+/* ---- the triangles ---- */
+
+/* Those that a chunk of points has found. */
+typedef struct found {
+    size_t count, capacity;
+    uint32_t (*corner)[3];
+} found;
+
+typedef struct triangle_search {
+    const partition *partition;
+    voronoi_sites sites;
+    found *found; /* per chunk */
+} triangle_search;
+
+static void note_triangle(const voronoi_sites *s, uint32_t a, uint32_t b, uint32_t c, found *out)
+{
+    const vec3 *x = s->position, *n = s->normal;
+    vec3 across = vec3_cross(vec3_sub(x[b], x[a]), vec3_sub(x[c], x[a]));
+    bool outwards = vec3_dot(across, vec3_add(n[a], vec3_add(n[b], n[c]))) >= 0;
+    if (out->count == out->capacity) {
+        out->capacity = out->capacity > 0 ? 2 * out->capacity : 3 * CHUNK;
+        out->corner = mem_resize(out->corner, out->capacity * sizeof *out->corner);
+    }
+    uint32_t *corner = out->corner[out->count++];
+    corner[0] = s->index[a];
+    corner[1] = s->index[outwards ? b : c];
+    corner[2] = s->index[outwards ? c : b];
+}
+
+/* A triangle is noted by the corner of the least index. */
+static void search_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const triangle_search *job = context;
+    (void)worker;
+    for (uint32_t a = (uint32_t)begin; a < end; a++) {
+        if (!partition_owns(job->partition, a)) continue;
+        voronoi_star star;
+        voronoi_star_at(&job->sites, a, &star);
+        for (uint32_t t = 0; t < star.triangle_count; t++) {
+            uint32_t b = star.point[star.corner[t][0]], c = star.point[star.corner[t][1]];
+            if (a < b && a < c) note_triangle(&job->sites, a, b, c, &job->found[begin / CHUNK]);
+        }
+    }
+}
+
+/* Adds what a partition's chunks have found, in their order. */
+static bool append_found(const found *all, size_t chunks, triangulation *t, error *e)
+{
+    size_t sum = t->facts.triangles;
+    for (size_t k = 0; k < chunks; k++) sum += all[k].count;
+    uint32_t(*corner)[3] = mem_array(sum, sizeof *corner, "the mesh", e);
+    if (!corner) return false;
+    if (t->facts.triangles > 0) memcpy(corner, t->corner, t->facts.triangles * sizeof *corner);
+    free(t->corner);
+    t->corner = corner;
+    for (size_t k = 0; k < chunks; k++) {
+        if (all[k].count > 0)
+            memcpy(corner + t->facts.triangles, all[k].corner, all[k].count * sizeof *corner);
+        t->facts.triangles += all[k].count;
+    }
+    return true;
+}
+
+static bool search_partition(const partitions_input *cut, const partitions *all, size_t k, threads *pool,
+                             triangulation *t, error *e)
+{
+    partition s = {0};
+    triangle_search job = {.partition = &s};
+    bool ok = partition_fill(cut, all, k, pool, &s, e);
+    size_t chunks = (s.count + CHUNK - 1) / CHUNK;
+    if (ok) {
+        job.sites = (voronoi_sites){s.position, s.normal, s.spacing, s.near, s.index};
+        job.found = mem_array(chunks, sizeof *job.found, "the mesh", e);
+        ok = job.found != NULL;
+    }
+    if (ok) {
+        threads_run(pool, s.count, CHUNK, search_chunk, &job);
+        ok = threads_stopped(pool) ? error_set(e, ERROR_CANCELLED, "stopped")
+                                   : append_found(job.found, chunks, t, e);
+    }
+    for (size_t c = 0; job.found && c < chunks; c++) free(job.found[c].corner);
+    free(job.found);
+    partition_free(&s);
+    return ok;
+}
+
+/* ---- whether they are a surface ---- */
+
+/* A triangle as one of its corners sees it: the other two, counterclockwise. */
+typedef struct wedge {
+    uint32_t from, to;
+} wedge;
+
+/* What a chunk adds to the facts. */
+typedef struct tally {
+    size_t edges, boundary, rim, bad_edges, bad_vertices;
+    double ratio;
+} tally;
+
+typedef struct survey {
+    const triangulation_input *in;
+    const triangulation *made;
+    size_t *begin; /* count + 1: of each point's wedges in `wedge` */
+    wedge *wedge;
+    tally *tally; /* per chunk */
+} survey;
+
+static void free_survey(survey *job)
+{
+    free(job->begin);
+    free(job->wedge);
+    free(job->tally);
+}
+
+static bool list_wedges(survey *job, error *e)
+{
+    const triangulation *t = job->made;
+    size_t count = job->in->count;
+    job->begin = mem_array(count + 2, sizeof *job->begin, "the mesh", e);
+    job->wedge = mem_array(3 * t->facts.triangles, sizeof *job->wedge, "the mesh", e);
+    if (!job->begin || !job->wedge) return false;
+    for (size_t k = 0; k < t->facts.triangles; k++)
+        for (int c = 0; c < 3; c++) {
+            assert(t->corner[k][c] < count);
+            job->begin[t->corner[k][c] + 2]++;
+        }
+    for (size_t i = 2; i < count + 2; i++) job->begin[i] += job->begin[i - 1];
+    for (size_t k = 0; k < t->facts.triangles; k++)
+        for (int c = 0; c < 3; c++) { /* begin[i + 1] moves from where the point's begin to where they end */
+            const uint32_t *corner = t->corner[k];
+            job->wedge[job->begin[corner[c] + 1]++] = (wedge){corner[(c + 1) % 3], corner[(c + 2) % 3]};
+        }
+    return true;
+}
+
+/* How many triangles at the point have the edge to `other` as their first, and how many as their second. */
+static void count_sides(const wedge *w, size_t count, uint32_t other, size_t *first, size_t *second)
+{
+    *first = *second = 0;
+    for (size_t k = 0; k < count; k++) {
+        *first += w[k].from == other;
+        *second += w[k].to == other;
+    }
+}
+
+static bool is_at_boundary(const triangulation_input *in, uint32_t i)
+{
+    return in->open && !bbox_contains(bbox_grow(in->domain, -in->spacing[i]), in->position[i]);
+}
+
+/* False when the edge is in too many triangles. Edges count at their lower end. */
+static bool tally_edge(const survey *job, uint32_t i, uint32_t other, tally *t)
+{
+    size_t first, second;
+    count_sides(job->wedge + job->begin[i], job->begin[i + 1] - job->begin[i], other, &first, &second);
+    bool good = first <= 1 && second <= 1;
+    if (i > other) return good;
+    t->edges++;
+    t->bad_edges += !good;
+    if (first + second == 1) {
+        t->boundary++;
+        t->rim += is_at_boundary(job->in, i) && is_at_boundary(job->in, other);
+    }
+    return good;
+}
+
+/* The edges at a point, each as often as it has triangles. */
+static uint32_t edge_at(const wedge *w, size_t k)
+{
+    return k % 2 == 0 ? w[k / 2].from : w[k / 2].to;
+}
+
+static bool is_first_time(const wedge *w, size_t k)
+{
+    for (size_t earlier = 0; earlier < k; earlier++)
+        if (edge_at(w, earlier) == edge_at(w, k)) return false;
+    return true;
+}
+
+/* Whether the triangles at a point, whose edges are good, are one fan: from one on, each joins the next. */
+static bool is_one_fan(const wedge *w, size_t count)
+{
+    size_t start = 0, seen = 1;
+    for (size_t k = 0; k < count; k++) {
+        size_t first, second;
+        count_sides(w, count, w[k].from, &first, &second);
+        if (second == 0) start = k; /* a boundary begins here */
+    }
+    for (uint32_t at = w[start].to; at != w[start].from && seen <= count;) {
+        size_t next = 0;
+        while (next < count && w[next].from != at) next++;
+        if (next == count) break;
+        at = w[next].to;
+        seen++;
+    }
+    return seen == count;
+}
+
+static void survey_points(void *context, int worker, size_t begin, size_t end)
+{
+    const survey *job = context;
+    tally *t = &job->tally[begin / CHUNK];
+    (void)worker;
+    for (uint32_t i = (uint32_t)begin; i < end; i++) {
+        const wedge *w = job->wedge + job->begin[i];
+        size_t count = job->begin[i + 1] - job->begin[i];
+        bool good = true;
+        for (size_t k = 0; k < 2 * count; k++)
+            if (is_first_time(w, k)) good &= tally_edge(job, i, edge_at(w, k), t);
+        t->bad_vertices += count == 0 || (good && !is_one_fan(w, count));
+    }
+}
+
+/* 2 r_in / R_circ by the sides. */
+static double radius_ratio(const vec3 *x, const uint32_t corner[3])
+{
+    double a = vec3_norm(vec3_sub(x[corner[1]], x[corner[2]]));
+    double b = vec3_norm(vec3_sub(x[corner[2]], x[corner[0]]));
+    double c = vec3_norm(vec3_sub(x[corner[0]], x[corner[1]]));
+    double product = a * b * c;
+    return product > 0 ? fmax((b + c - a) * (c + a - b) * (a + b - c) / product, 0) : 0;
+}
+
+static void survey_triangles(void *context, int worker, size_t begin, size_t end)
+{
+    const survey *job = context;
+    (void)worker;
+    double sum = 0;
+    for (size_t k = begin; k < end; k++) sum += radius_ratio(job->in->position, job->made->corner[k]);
+    job->tally[begin / CHUNK].ratio = sum;
+}
+
+static void conclude(const tally *all, size_t chunks, size_t points, triangulation_facts *out)
+{
+    for (size_t k = 0; k < chunks; k++) {
+        out->edges += all[k].edges;
+        out->boundary_edges += all[k].boundary;
+        out->rim_edges += all[k].rim;
+        out->nonmanifold_edges += all[k].bad_edges;
+        out->nonmanifold_vertices += all[k].bad_vertices;
+        out->radius_ratio += all[k].ratio;
+    }
+    if (out->triangles > 0) out->radius_ratio /= (double)out->triangles;
+    out->euler = (int64_t)points - (int64_t)out->edges + (int64_t)out->triangles;
+}
+
+static bool survey_made(const triangulation_input *in, threads *pool, triangulation *made, error *e)
+{
+    survey job = {.in = in, .made = made};
+    size_t most = made->facts.triangles > in->count ? made->facts.triangles : in->count,
+           chunks = most / CHUNK + 1;
+    job.tally = mem_array(chunks, sizeof *job.tally, "the mesh", e);
+    bool ok = job.tally && list_wedges(&job, e);
+    if (ok) {
+        threads_run(pool, in->count, CHUNK, survey_points, &job);
+        threads_run(pool, made->facts.triangles, CHUNK, survey_triangles, &job);
+        conclude(job.tally, chunks, in->count, &made->facts);
+        if (threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    free_survey(&job);
+    return ok;
+}
+
+/* ---- holes ---- */
+
+/* Loops of more edges are left open: they are where sheets are not told apart. */
+enum { HOLE_MOST = 8 };
+
+/* Around a hole, clockwise as seen from outside on the triangles, so counterclockwise for those that close
+ * it. */
+typedef struct hole {
+    size_t count;
+    uint32_t point[HOLE_MOST];
+} hole;
+
+static size_t wedges_at(const survey *job, uint32_t i, const wedge **out)
+{
+    *out = job->wedge + job->begin[i];
+    return job->begin[i + 1] - job->begin[i];
+}
+
+/* The point that a hole's edge leads to from i; false when none or several holes are there, or a boundary. */
+static bool next_around(const survey *job, uint32_t i, uint32_t *out)
+{
+    const wedge *w;
+    size_t count = wedges_at(job, i, &w), open = 0;
+    for (size_t k = 0; k < count; k++) { /* an edge that ends at i, in one triangle */
+        size_t first, second;
+        count_sides(w, count, w[k].to, &first, &second);
+        if (first > 0 || second != 1) continue;
+        *out = w[k].to;
+        open++;
+    }
+    return open == 1 && !is_at_boundary(job->in, i);
+}
+
+/* The hole that is at i, if i is its least point. */
+static bool find_hole(const survey *job, uint32_t i, hole *out)
+{
+    uint32_t at = i;
+    out->count = 0;
+    do {
+        if (out->count == HOLE_MOST || at < i) return false;
+        out->point[out->count++] = at;
+        if (!next_around(job, at, &at)) return false;
+    } while (at != i);
+    return out->count >= 3;
+}
+
+/* Whether it faces as its corners do: a bridge between two sheets does not. */
+static bool faces_right(const triangulation_input *in, const uint32_t corner[3])
+{
+    const vec3 *x = in->position, *n = in->normal;
+    vec3 across = vec3_cross(vec3_sub(x[corner[1]], x[corner[0]]), vec3_sub(x[corner[2]], x[corner[0]]));
+    double least = VORONOI_OTHER_SIDE * vec3_norm(across), sum = 0;
+    for (int c = 0; c < 3; c++) {
+        double facing = vec3_dot(across, n[corner[c]]);
+        if (!(facing > least)) return false;
+        sum += facing;
+    }
+    return sum > 0;
+}
+
+static bool are_joined(const survey *job, uint32_t a, uint32_t b)
+{
+    const wedge *w;
+    size_t count = wedges_at(job, a, &w), first, second;
+    count_sides(w, count, b, &first, &second);
+    return first + second > 0;
+}
+
+/* The corner of the hole at which the shortest edge, that is not there yet, cuts off a triangle that faces
+ * right; the hole's count if there is none. */
+static size_t choose_ear(const survey *job, const hole *h, uint32_t ear[3])
+{
+    size_t best = h->count;
+    double shortest = INFINITY;
+    for (size_t k = 0; k < h->count; k++) {
+        const uint32_t corner[3] = {h->point[(k + h->count - 1) % h->count], h->point[k],
+                                    h->point[(k + 1) % h->count]};
+        double square = vec3_norm2(vec3_sub(job->in->position[corner[2]], job->in->position[corner[0]]));
+        if (!(square < shortest) || !faces_right(job->in, corner)) continue;
+        if (h->count > 3 && are_joined(job, corner[0], corner[2])) continue;
+        memcpy(ear, corner, sizeof corner);
+        shortest = square;
+        best = k;
+    }
+    return best;
+}
+
+/* Triangles that close the hole; 0 where it cannot be closed so. */
+static size_t close_hole(const survey *job, hole h, uint32_t out[HOLE_MOST - 2][3])
+{
+    size_t made = 0;
+    for (; h.count >= 3; h.count--) {
+        uint32_t ear[3];
+        size_t k = choose_ear(job, &h, ear);
+        if (k == h.count) return 0;
+        int least = ear[0] < ear[1] ? (ear[0] < ear[2] ? 0 : 2) : ear[1] < ear[2] ? 1 : 2;
+        for (int c = 0; c < 3; c++) out[made][c] = ear[(least + c) % 3];
+        made++;
+        memmove(h.point + k, h.point + k + 1, (h.count - k - 1) * sizeof *h.point);
+    }
+    return made;
+}
+
+/* Closes what small holes the stars have left, and says how many triangles that took. Few points have any. */
+static bool close_holes(const triangulation_input *in, triangulation *made, error *e)
+{
+    survey job = {.in = in, .made = made};
+    found added = {0};
+    bool ok = list_wedges(&job, e);
+    for (uint32_t i = 0; ok && i < in->count; i++) {
+        hole h;
+        uint32_t corner[HOLE_MOST - 2][3];
+        if (!find_hole(&job, i, &h)) continue;
+        size_t more = close_hole(&job, h, corner);
+        added.corner = mem_resize(added.corner, (added.count + more + 1) * sizeof *added.corner);
+        memcpy(added.corner + added.count, corner, more * sizeof *corner);
+        added.count += more;
+    }
+    made->facts.closing = added.count;
+    if (ok && added.count > 0) ok = append_found(&added, 1, made, e);
+    free(added.corner);
+    free_survey(&job);
+    return ok;
+}
+
+/* ---- the whole ---- */
+
+bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e)
+{
+    const partitions_input cut = {in->count, in->position, in->normal, in->spacing, VORONOI_REACH};
+    partitions all;
+    *out = (triangulation){0};
+    bool ok = partitions_cut(&cut, &all, e);
+    for (size_t k = 0; ok && k < all.count; k++) ok = search_partition(&cut, &all, k, pool, out, e);
+    partitions_free(&all);
+    return ok && close_holes(in, out, e) && survey_made(in, pool, out, e);
+}
+
+void triangulation_free(triangulation *t)
+{
+    free(t->corner);
+    *t = (triangulation){0};
+}
+
+bool triangulation_is_whole(const triangulation_facts *f)
+{
+    return f->triangles > 0 && f->nonmanifold_edges == 0 && f->nonmanifold_vertices == 0 &&
+           f->boundary_edges == f->rim_edges;
+}
+
+bool triangulation_is_closed(const triangulation_facts *f)
+{
+    return triangulation_is_whole(f) && f->boundary_edges == 0;
+}

@@ -1,0 +1,54 @@
+/* triangulation: the triangles of the restricted Delaunay triangulation (voronoi.h) of a finished point set,
+ * and whether they are a surface.
+ *
+ * Where the points resolve the surface the triangles close it, each edge in two of them, or leave off at its
+ * boundaries. Elsewhere, as between sheets closer than the spacing, they may not: the facts say so, all of them
+ * counted from the triangles alone. Before that holes of up to eight edges are closed, where triangles that
+ * face as their corners do can close them.
+ */
+#ifndef HEXAD_PACKING_TRIANGULATION_H
+#define HEXAD_PACKING_TRIANGULATION_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "geometry/bbox.h"
+#include "geometry/vec3.h"
+
+typedef struct triangulation_input {
+    size_t count;
+    const vec3 *position, *normal;
+    const double *spacing; /* requested, of each */
+    bool open;             /* boundaries at the faces of `domain` */
+    bbox domain;
+} triangulation_input;
+
+typedef struct triangulation_facts {
+    size_t triangles, edges;
+    size_t closing;              /* of the triangles those that close small holes which the stars have left */
+    int64_t euler;               /* points - edges + triangles */
+    size_t boundary_edges;       /* in one triangle */
+    size_t rim_edges;            /* of them those with both ends within a spacing of a boundary */
+    size_t nonmanifold_edges;    /* in more than two triangles, or in two that face opposite ways */
+    size_t nonmanifold_vertices; /* in no triangle, or where surfaces touch in a point; not at such edges */
+    double radius_ratio;         /* mean of 2 r_in / R_circ over the triangles, 1 where all are equilateral */
+} triangulation_facts;
+
+typedef struct triangulation {
+    uint32_t (
+        *corner)[3]; /* of each triangle, counterclockwise seen from outside; the first has the least index */
+    triangulation_facts facts;
+} triangulation;
+
+/* Release also after failure. Errors: limit_memory, cancelled. Deterministic for any number of threads. */
+bool triangulation_make(const triangulation_input *in, threads *pool, triangulation *out, error *e);
+void triangulation_free(triangulation *t);
+
+/* Whether the triangles are a surface that ends nowhere but at boundaries, and whether it ends nowhere. */
+bool triangulation_is_whole(const triangulation_facts *facts);
+bool triangulation_is_closed(const triangulation_facts *facts);
+
+#endif

@@ -1,0 +1,103 @@
+/* estimate: what a job would take, see run_estimate. */
+#include <math.h>
+
+#include "base/clock.h"
+#include "run/cost_model.h"
+#include "run/job.h"
+#include "run/report.h"
+#include "run/run.h"
+#include "surface/surface.h"
+
+/* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would
+ * take is begun if it should take longer, and none goes on after twice that. The most points tell best. */
+static const double REHEARSAL_S = 1;
+/* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
+static const size_t REHEARSAL_STRIDE = 4;
+
+/* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
+static bool rehearse_once(job *j, double end_s, cost_model *p)
+{
+    solution s = {0};
+    double begin_s = clock_processor_s();
+    bool ok = job_place(j, &s, NULL);
+    while (ok && !sampler_ended(s.sampler))
+        ok = job_may_go_on(j, NULL) && clock_processor_s() < end_s && sampler_step(s.sampler, NULL);
+    ok = ok && sampler_finalize(s.sampler, NULL) && job_measure(j, &s, NULL);
+    if (ok) cost_model_note(p, j->count, clock_processor_s() - begin_s, 0);
+    job_free_solution(&s);
+    return ok;
+}
+
+/* Why no runs of fewer points tell what the job takes; NULL: they do. */
+static const char *rehearsal_obstacle(const job *j)
+{
+    return j->spec->has_control ? "sampling.control finds the count on the way"
+           : j->options->previous
+               ? "points of the frame before are carried over, which cannot be tried with fewer"
+               : NULL;
+}
+
+/* Seconds from the first point to the last measure; NAN when that cannot be told, since no run came to its end.
+ * That a rehearsal fails is no fault of the job's. */
+static double rehearse(job *j)
+{
+    size_t count = j->count, part = 1;
+    double end_s = clock_processor_s() + 2 * REHEARSAL_S;
+    cost_model p = cost_model_begin(count);
+    while (count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST) part *= REHEARSAL_STRIDE;
+    for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
+        part /= REHEARSAL_STRIDE;
+        if (cost_model_run(&p, count / part) > REHEARSAL_S) break;
+    }
+    j->count = count;
+    /* few points are run by one thread, see place */
+    return p.runs > 0 ? cost_model_run(&p, count) / (count < JOB_THREADS_FROM ? 1 : threads_count(j->pool))
+                      : NAN;
+}
+
+/* `missing`: why there are no seconds, NULL when there are. */
+static json *describe_estimate(const job *j, double seconds, const char *missing)
+{
+    double memory = (double)j->memory - job_particle_memory(j) + (double)j->count * job_bytes_per_particle(j);
+    json *o = json_new_object();
+    if (j->count > 0)
+        json_put_integer(o, "count", (int64_t)j->count);
+    else
+        json_put_null(o, "count");
+    json_put_number(o, "area", j->scan->area);
+    report_put_box(o, j->scan->box);
+    json_put_integer(o, "memory_bytes", (int64_t)memory);
+    if (isnan(seconds))
+        json_put_null(o, "seconds");
+    else
+        json_put_number(o, "seconds", seconds);
+    json_put_string(o, "seconds_missing", missing);
+    json_put_integer(o, "threads", threads_count(j->pool));
+    return o;
+}
+
+json *run_estimate(const spec *s, const run_options *options, error *e)
+{
+    static job_phase *const phases[] = {job_load, job_survey};
+    json *estimate = NULL;
+    job j = {.spec = s, .options = options};
+    progress_begin(&j.progress, options->progress_fd, options->progress_bar);
+    if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
+        /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which
+         * others stretch, nor than all of its threads together */
+        double passed_s = 1e-3 * (double)(clock_monotonic_ms() - j.progress.start_ms);
+        double opened_s = fmin(clock_processor_s(), passed_s);
+        const char *missing = NULL;
+        double seconds = s->time_s; /* as the target it holds for all of the job */
+        if (s->time_s <= 0) {
+            missing = rehearsal_obstacle(&j);
+            seconds = missing ? NAN : opened_s + rehearse(&j);
+            if (isnan(seconds) && !missing)
+                missing = "a run of few points did not end in the time that it was given";
+        }
+        if (job_may_go_on(&j, e)) estimate = describe_estimate(&j, seconds, missing);
+    }
+    progress_end(&j.progress);
+    job_free(&j);
+    return estimate;
+}

@@ -1,0 +1,281 @@
+#include "run/job.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "run/plan.h"
+#include "run/watchdog.h"
+#include "surface/surface.h"
+
+void job_free_solution(solution *s)
+{
+    sampler_free(s->sampler);
+    sizing_field_free(s->sizing);
+    free(s->spacing_local);
+    free(s->degree);
+    *s = (solution){0};
+}
+
+/* Also after a loop that was told to stop, which then says cancelled whatever the reason. */
+bool job_may_go_on(const job *j, error *e)
+{
+    int stop = j->options->cancel ? *j->options->cancel : 0;
+    if (stop == SIGALRM)
+        return error_set(e, ERROR_LIMIT_TIME, "the job did not end within limits.timeout_s = %g s",
+                         j->spec->timeout_s);
+    return stop == 0 || error_set(e, ERROR_CANCELLED, "the job was cancelled");
+}
+
+double job_particle_memory(const job *j)
+{
+    return plan_particle_memory(j->spec, j->memory, source_memory(&j->source));
+}
+
+double job_bytes_per_particle(const job *j)
+{
+    return plan_bytes_per_particle(j->spec, j->options->previous != NULL);
+}
+
+static bool fits_memory(const job *j, double count, error *e)
+{
+    return plan_check_memory(j->spec, j->options->previous != NULL, count, job_particle_memory(j), e);
+}
+
+/* The instruction set that the spec asks for. */
+static bool choose_isa(const spec *s, isa *out, error *e)
+{
+    static const isa named[] = {
+        [SPEC_ISA_PORTABLE] = ISA_PORTABLE, [SPEC_ISA_AVX2] = ISA_AVX2, [SPEC_ISA_AVX512] = ISA_AVX512};
+    *out = s->isa == SPEC_ISA_AUTO ? isa_best() : named[s->isa];
+    return isa_available(*out) ||
+           error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine has no %s: use \"auto\"",
+                     isa_name(*out));
+}
+
+bool job_load(job *j, error *e)
+{
+    const spec *s = j->spec;
+    progress_enter(&j->progress, PROGRESS_LOAD);
+    j->memory = (size_t)(s->memory_mb > 0 ? s->memory_mb : j->options->memory_mb) << 20;
+    if (!fits_memory(j, (double)s->count, e)) return false;
+    int most = j->options->threads, workers = s->threads;
+    if (workers <= 0) workers = most > 0 ? most : threads_available();
+    if (most > 0 && workers > most) workers = most;
+    if (workers > THREADS_MAX) workers = THREADS_MAX;
+    j->pool = threads_new(workers, j->options->cancel, e);
+    return j->pool && choose_isa(s, &j->isa, e) &&
+           (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
+           source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
+}
+
+bool job_survey(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_START);
+    j->scan = surface_scan(j->source.field, j->pool, e);
+    if (!j->scan) return false;
+    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
+    return plan_count(j->spec, j->scan->area, &j->count, e) &&
+           fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e);
+}
+
+static sizing_field_kind sizing_field_kind_of(const spec *s)
+{
+    if (s->has_grid) return s->grid.kind == SPEC_MAP_DENSITY ? SIZING_FIELD_DENSITY : SIZING_FIELD_SPACING;
+    return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
+}
+
+/* The spacing by place that sampling.curvature or sampling.grid asks for. */
+static bool start_sizing(const job *j, sizing_field **out, error *e)
+{
+    const spec *s = j->spec;
+    if (!s->has_curvature && !s->has_grid) return true;
+    const sizing_field_params params = {
+        .kind = sizing_field_kind_of(s),
+        .chord_error = s->curvature.chord_error,
+        .ratio = s->curvature.ratio,
+        .exponent = s->curvature.exponent,
+        .map = map_value,
+        .map_context = j->source.map,
+        .min_spacing = s->min_spacing,
+        .max_spacing = s->max_spacing,
+        .gradation = s->gradation,
+        .memory_limit = (size_t)fmax(job_particle_memory(j), 1),
+    };
+    *out = sizing_field_new(j->source.field, j->scan, &params, j->count, j->pool, e);
+    return *out != NULL;
+}
+
+static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent",
+                                           [SPEC_ENERGY_GAUSSIAN] = "gaussian",
+                                           [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
+
+/* Places j->count particles: those of the frame before, if there are any. */
+bool job_place(job *j, solution *out, error *e)
+{
+    const spec *s = j->spec;
+    if (!start_sizing(j, &out->sizing, e)) return false;
+    threads_narrow(j->pool, j->count < JOB_THREADS_FROM);
+    bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
+    int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
+    const spec_witkin_heckbert *w = &s->witkin_heckbert;
+    const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
+                                          w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
+    const energy_function *energy = energy_find(energy_names[s->energy]);
+    const frame_transfer_params carry = {
+        .count = j->count,
+        .sizing = out->sizing,
+        .eased = energy == &energy_cotangent && !s->has_alpha && s->method != SPEC_METHOD_WITKIN_HECKBERT,
+        .isa = j->isa,
+        .seed = s->seed,
+    };
+    frame_transfer brought = {0};
+    if (j->options->previous &&
+        !sequence_transfer(&j->sequence, j->source.field, j->scan, carry, j->pool, &brought, e))
+        goto done;
+    const sampler_params params = {
+        .given = brought.position,
+        .given_normal = brought.normal,
+        .witkin_heckbert = s->method == SPEC_METHOD_WITKIN_HECKBERT ? &swarm : NULL,
+        .count = inserts ? (size_t)start : j->count,
+        .max_sigma = inserts ? s->control.max_sigma : 0,
+        .min_count = (size_t)s->control.min_count,
+        .unbiased = s->control.selection == SPEC_SELECTION_RANDOM,
+        .count_limit = (size_t)(job_particle_memory(j) / job_bytes_per_particle(j)),
+        .start = brought.position              ? SAMPLER_START_GIVEN
+                 : s->init == SPEC_INIT_RANDOM ? SAMPLER_START_RANDOM
+                                               : SAMPLER_START_SURFACE,
+        .random_in_cells = source_starts_in_cells(&j->source),
+        .seed = s->seed,
+        .graded = s->has_alpha,
+        .d = s->alpha.d,
+        .gamma = s->alpha.gamma,
+        .nu = s->alpha.nu,
+        .kappa_max = s->alpha.kappa_max,
+        .sizing = out->sizing,
+        .sigma = s->sigma,
+        .coarse_to_fine = s->method == SPEC_METHOD_SIZED,
+        .energy = energy,
+        .isa = j->isa,
+        .gradient = s->minimiser == SPEC_MINIMISER_GRADIENT,
+        .step = s->step,
+        .list_limit = j->memory - source_memory(&j->source),
+        .max_sweeps = s->max_sweeps,
+        .step_tolerance = s->step_tolerance,
+        .energy_tolerance = s->energy_tolerance,
+    };
+    out->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
+done:
+    frame_transfer_free(&brought);
+    return out->sampler != NULL;
+}
+
+double job_seconds_left(const job *j)
+{
+    return 1e-3 * (double)(j->end_ms - clock_monotonic_ms());
+}
+
+static void show_progress(job *j, const sampler *s, const sampler_sweep *last, size_t sweeps)
+{
+    size_t rounds;
+    sampler_rounds(s, &rounds);
+    double fraction = j->spec->time_s > 0 ? 1 - job_seconds_left(j) / j->spec->time_s : sampler_fraction(s);
+    progress_update(&j->progress,
+                    &(progress_numbers){fraction, rounds, sweeps, last->count, sampler_excess(s, last),
+                                        last->rms_step, last->mean_log10_lambda});
+}
+
+/* Until the system is at rest, or, when time is the target, no more than `reserve_s` of it are left. */
+bool job_relax(job *j, sampler *s, double reserve_s, error *e)
+{
+    while (!sampler_ended(s)) {
+        if (!job_may_go_on(j, e) || !sampler_step(s, e)) return false;
+        size_t sweeps;
+        const sampler_sweep *last = sampler_sweeps(s, &sweeps) + sweeps - 1;
+        show_progress(j, s, last, sweeps);
+        if (j->spec->time_s > 0 && job_seconds_left(j) < reserve_s) break;
+    }
+    return true;
+}
+
+bool job_measure(job *j, solution *s, error *e)
+{
+    const sampler_points *p = sampler_result_points(s->sampler);
+    s->spacing_local = mem_array(p->count, sizeof *s->spacing_local, "the result", e);
+    if (!s->spacing_local) return false;
+    if (j->spec->has_preview && j->spec->preview_color == SPEC_COLOR_DEGREE) {
+        s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
+        if (!s->degree) return false;
+    }
+    const quality_input in = {p->count,
+                              p->position,
+                              p->normal,
+                              p->alpha,
+                              p->spacing,
+                              sampler_spacing(s->sampler),
+                              s->sizing != NULL,
+                              j->source.field->open,
+                              j->source.field->rims};
+    return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e);
+}
+
+bool job_write_points(job *j, error *e)
+{
+    const solution *s = &j->solution;
+    const sampler_points *p = sampler_result_points(s->sampler);
+    const points set = {.count = p->count,
+                        .position = p->position,
+                        .normal = p->normal,
+                        .kappa = p->kappa,
+                        .kappa1 = p->kappa1,
+                        .kappa2 = p->kappa2,
+                        .alpha = p->alpha,
+                        .energy = p->energy,
+                        .spacing = p->spacing,
+                        .spacing_local = s->spacing_local,
+                        .degree = s->degree,
+                        .id = j->sequence.id,
+                        .velocity = j->sequence.velocity};
+    results_input in = {
+        .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
+    in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
+    json_free(j->report);
+    j->report = json_new_object();
+    return job_may_go_on(j, e) && results_write(j->options->output, &in, j->pool,
+                                                json_put_array(j->report, "outputs"), &j->results, e);
+}
+
+/* The job is still busy; what it holds goes with the process. */
+static void leave_job(void *context)
+{
+    const job *j = context;
+    error e = {0};
+    job_may_go_on(j, &e);
+    results_clear(j->options->output);
+    j->options->leave(&e);
+}
+
+bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e)
+{
+    const watchdog_params params = {&j->progress, j->options->cancel, j->options->leave ? leave_job : NULL,
+                                    j};
+    watchdog *w = watchdog_start(&params, e);
+    bool ok = w != NULL;
+    for (size_t k = 0; ok && k < count; k++) {
+        ok = phases[k](j, e);
+        if (!job_may_go_on(j, e)) ok = false;
+    }
+    watchdog_end(w);
+    return ok;
+}
+
+void job_free(job *j)
+{
+    json_free(j->report);
+    job_free_solution(&j->solution);
+    sequence_free(&j->sequence);
+    surface_free(j->scan);
+    source_close(&j->source);
+    threads_free(j->pool);
+}

@@ -1,0 +1,72 @@
+#include "run/plan.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "packing/packing.h"
+
+/* What a particle takes at the peak, from particles and neighbour lists: measured at 200 bytes on smooth
+ * surfaces; where they crowd their lists are longer. */
+static const double BYTES_PER_PARTICLE = 300;
+/* Of the method of Witkin and Heckbert, whose widest particle sets the length of all lists: 2.1 and 4.7
+ * kB. */
+static const double BYTES_PER_PARTICLE_SWARM = 5000;
+/* Of a mesh: two triangles, six corners as their points see them, and the triangles once more while they
+ * grow. */
+static const double BYTES_PER_VERTEX = 120;
+/* Of a points grid: OpenVDB's index, tree and attributes, and the file twice in memory. */
+static const double BYTES_PER_GRID_POINT = 200;
+/* Of a frame that is carried over: places for births and their lists, beside the points before. */
+static const double BYTES_PER_CARRIED = 800;
+/* Likewise of the preview's pixels. */
+static const double BYTES_PER_PIXEL = 20;
+
+double plan_particle_memory(const spec *s, size_t limit, size_t source_bytes)
+{
+    double pixels = s->has_preview ? (double)s->preview_width * s->preview_height * BYTES_PER_PIXEL : 0;
+    return (double)limit - (double)source_bytes - pixels;
+}
+
+double plan_bytes_per_particle(const spec *s, bool is_continued)
+{
+    /* one after the other */
+    double more = fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
+    if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
+    return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
+}
+
+bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e)
+{
+    double particles = count * plan_bytes_per_particle(s, is_continued);
+    if (particles <= memory) return true;
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "%.0f points need about %.0f MB, the limit leaves %.0f MB beside surface and preview: raise "
+        "limits.memory_mb",
+        count, particles / (1 << 20), fmax(memory, 0) / (1 << 20));
+}
+
+static const char *target_pointer(const spec *s)
+{
+    return s->spacing > 0   ? "/sampling/spacing"
+           : s->density > 0 ? "/sampling/density"
+                            : "/sampling/control/max_sigma";
+}
+
+bool plan_count(const spec *s, double area, size_t *out, error *e)
+{
+    double count = (double)s->count;
+    if (s->spacing > 0) count = round(packing_count(area, s->spacing));
+    if (s->density > 0) count = round(s->density * area);
+    /* the packing whose support is max_sigma; "paper" gets there by itself */
+    if (s->has_control)
+        count =
+            fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));
+    if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",
+                         target_pointer(s), count, area, PLAN_COUNT_MIN, PLAN_COUNT_MAX,
+                         strrchr(target_pointer(s), '/') + 1);
+    *out = (size_t)count;
+    return true;
+}

@@ -1,0 +1,112 @@
+/* sampler_internal: what a sampler is made of. Private to sampler.c, which runs it, control.c, which acts between
+ * rounds, finalize.c, which ends it, and swarm.c, which is the other method. */
+#ifndef HEXAD_SAMPLER_SAMPLER_INTERNAL_H
+#define HEXAD_SAMPLER_SAMPLER_INTERNAL_H
+
+#include "sampler/levels.h"
+#include "sampler/particles.h"
+#include "sampler/relax.h"
+#include "sampler/sampler.h"
+#include "sampler/schedule.h"
+
+enum { SAMPLER_MAX_ROUNDS = 40 };
+
+/* A way to solve: what differs between the method of 2005 and that of 1994. */
+typedef struct sampler_method {
+    bool (*begin)(sampler *s, error *e);    /* the particles are placed */
+    bool (*step)(sampler *s, error *e);     /* see sampler_step */
+    bool (*describe)(sampler *s, error *e); /* the particles are final: completes record.out */
+    void (*release)(sampler *s);            /* of what was begun, or was not */
+} sampler_method;
+
+extern const sampler_method sampler_meyer;           /* sampler.c */
+extern const sampler_method sampler_witkin_heckbert; /* swarm.c */
+
+/* What a solve is given and never changes. */
+typedef struct sampler_setup {
+    const sampler_method *method;
+    const field *field;
+    const surface *scan;
+    threads *pool;
+    sampler_params params;
+    const schedule *schedule;
+    const fast_kernel *fast; /* of relax; NULL: the energy, amplitudes or minimiser need the general way */
+} sampler_setup;
+
+/* Where it is. */
+typedef struct sampler_state {
+    particles *p;
+    double spacing; /* h */
+    double sigma;
+    double skin;
+    size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
+    int level, levels;
+    bool planned; /* the counts were corrected by what the coarsest packing showed */
+    int stage;    /* of the schedule */
+    double gain;  /* in force: that of the stage, or more when it does not come to rest */
+    bool lists_stale;
+    int list_age;           /* sweeps since they were built */
+    size_t next_amplitudes; /* the sweep before which they are renewed */
+    int sweeps_in_round;
+    int resizes; /* in the round: rests that new sizes ended */
+    double fraction;
+    sampler_outcome outcome;
+    struct swarm *swarm; /* of sampler_witkin_heckbert */
+} sampler_state;
+
+/* What it works with; nothing here outlives a solve. */
+typedef struct sampler_scratch {
+    relax *relax;     /* NULL once energies are known */
+    size_t capacity;  /* of state.p and relax */
+    double *residual; /* while the particles are finalized: |F| / |grad F| over h of each */
+    bool *lost;       /* likewise: it is not on the surface, and has no residual */
+} sampler_scratch;
+
+/* What it has come to. */
+typedef struct sampler_record {
+    sampler_sweep *sweep;
+    size_t sweep_count;
+    sampler_round round[SAMPLER_MAX_ROUNDS];
+    size_t round_count;
+    size_t removed; /* particles put on a new place */
+    sampler_points out;
+    bool *replaced; /* of each particle, from sampler_finalize on */
+    double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
+} sampler_record;
+
+struct sampler {
+    sampler_setup setup;
+    sampler_state state;
+    sampler_scratch scratch;
+    sampler_record record;
+};
+
+/* (14), with curvature freed of scale by L and bounded. */
+double sampler_amplitude(const sampler *s, double kappa);
+
+/* Sizes of the particles where they are; returns the rms of their relative change. */
+double sampler_resize(sampler *s);
+
+/* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
+bool sampler_is_on_target(const sampler *s, double energy);
+
+/* From the level at hand to the next, without relaxing it. Errors: limit_memory, no_surface. */
+bool sampler_refine(sampler *s, error *e);
+
+/* Amplitudes, if they are due, boundaries, and lists for the support at hand. Error: limit_memory. */
+bool sampler_build_lists(sampler *s, error *e);
+
+/* The coarsest packing shows, after its first round, whether it resolves the surface at all, and after each
+ * later one how many particles its refinement will give. When another count would have been better it begins
+ * again with that, *again. Errors: limit_memory, no_surface. */
+bool sampler_replan(sampler *s, bool *again, error *e);
+
+/* Room for `capacity` particles, in whatever holds one entry for each; lists are to be built anew. Error:
+ * limit_memory, also when the count is beyond params.count_limit. */
+bool sampler_reserve(sampler *s, size_t capacity, error *e);
+
+/* A round has come to rest: adapts the support and looks closer, refines, or ends. Errors: limit_memory,
+ * no_surface. */
+bool sampler_control(sampler *s, error *e);
+
+#endif

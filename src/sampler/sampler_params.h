@@ -1,0 +1,55 @@
+/* sampler_params: what a sampler is asked for. */
+#ifndef HEXAD_SAMPLER_SAMPLER_PARAMS_H
+#define HEXAD_SAMPLER_SAMPLER_PARAMS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/isa.h"
+#include "packing/energy.h"
+#include "sampler/witkin_heckbert.h"
+#include "surface/sizing_field.h"
+
+typedef enum sampler_start {
+    SAMPLER_START_SURFACE, /* in proportion to the area */
+    SAMPLER_START_RANDOM,  /* uniform in the domain (formulas) or in the crossing cells (volumes) */
+    SAMPLER_START_GIVEN    /* where `given` has them */
+} sampler_start;
+
+typedef struct sampler_params {
+    size_t count; /* exactly this many particles at the end, >= 4; see max_sigma */
+    sampler_start start;
+    bool random_in_cells; /* with SAMPLER_START_RANDOM: in the crossing cells instead of the domain */
+    /* with SAMPLER_START_GIVEN: `count` places on the surface and their unit normals, along a curve that
+     * fills space (geometry/morton), as the particles keep this order. They are near their rest, and are
+     * brought there without haste: no coarse levels, no long steps. Only looked at by sampler_new. */
+    const vec3 *given, *given_normal;
+    uint64_t seed;
+    bool graded; /* (13)(14) */
+    double d, gamma, nu, kappa_max;
+    const sizing_field *sizing; /* spacing by place, stays the caller's; NULL: even */
+    double sigma;               /* initial support, world units; 0: that of the ideal packing */
+    /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
+     * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
+     * exact */
+    double max_sigma;
+    size_t min_count;
+    bool unbiased;      /* insertion and deletion at random instead of biased by energy */
+    size_t count_limit; /* more than this many particles are more than memory holds; 0: no limit */
+    bool
+        coarse_to_fine; /* solve a quarter of the count first, and so on down, then refine (method "sized") */
+    const energy_function *energy; /* NULL: cotangent */
+    /* not NULL: this method, from `count` particles on, of which there are in the end as many as it comes to;
+     * graded: its target radii go with the amplitudes (14) */
+    const witkin_heckbert_params *witkin_heckbert;
+    isa isa;       /* what the kernels run on */
+    bool gradient; /* steepest descent by `step` (of sigma^2) instead of Levenberg-Marquardt */
+    double step;
+    size_t list_limit; /* bytes that neighbour lists may take */
+    int max_sweeps;
+    double step_tolerance;   /* of the rms step over h */
+    double energy_tolerance; /* of |E / E_ideal - 1| */
+} sampler_params;
+
+#endif

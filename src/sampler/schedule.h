@@ -1,0 +1,116 @@
+/* schedule: how a solve proceeds. A schedule is a constant table of numbers: over-relaxation, longest steps, when a
+ * stage or a level is at rest, gains, sweeps by count, when lists are built anew. The functions below answer from a
+ * table and from where the solve is; they change nothing. Whoever wants another schedule adds a table.
+ *
+ * A solve has levels, from the coarsest packing to the finest. The coarsest level goes through all stages, of which
+ * each asks for smaller gains; finer levels stay in the last stage. Sweeps up to a rest are a round. Pure functions, any
+ * thread. */
+#ifndef HEXAD_SAMPLER_SCHEDULE_H
+#define HEXAD_SAMPLER_SCHEDULE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+enum { SCHEDULE_STAGES = 3 };
+
+typedef struct schedule {
+    /* A round relaxes until no particle can lower its energy by more than this fraction. The first stage evens out
+     * the density, so that sigma is adapted before much work is done under a wrong one. */
+    double gain[SCHEDULE_STAGES];
+    /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that. A
+     * round that takes longer than `patience` sweeps asks for ten times the gain, and again after every
+     * `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged. */
+    int patience[SCHEDULE_STAGES], patience_more;
+    double coarsest_gain;
+
+    /* Over-relaxation of the step, which the first-term Hessian makes about half of Newton's. Where `is_paced`, a level
+     * begins with `omega_shake` (`omega_shake_sized` with a sizing field) and comes down to `omega` over its sweeps;
+     * after these it falls with the number of sweeps, to `omega_least`. Where not, it is `omega` throughout. */
+    bool is_paced;
+    double omega, omega_shake, omega_shake_sized, omega_least;
+    /* The longest fast step, over h. Where `is_paced` every step is allowed over the sweeps of a level, and for
+     * `shake_sweeps` in the first stages; then the longest falls from this with the square of the sweeps. */
+    double longest_step;
+    int shake_sweeps;
+
+    /* Sweeps of a level of n particles, at least: sweeps (sweeps_count / n)^sweeps_fall, within the two bounds; on
+     * levels between the coarsest and the finest sweeps_count_between. */
+    double sweeps, sweeps_count, sweeps_count_between, sweeps_fall, sweeps_least, sweeps_most;
+
+    /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
+     * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
+     * level_step or after level_sweeps. stage_step and stage_sweeps_most do the same for the stages of a coarsest level
+     * that is judged by steps. */
+    double rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
+    int level_sweeps, stage_sweeps_most;
+    /* A rest holds when the sizes at the particles' present places differ by less than size_settled (rms, relative)
+     * from those in use; so often in a round it may be broken. */
+    double size_settled;
+    int resizes_most;
+
+    /* Lists are built anew when more than this share of the particles cannot move as they would, a larger share on
+     * levels that are refined again; and for a single one after so many sweeps. */
+    double cramped_share, cramped_share_coarse;
+    int cramped_wait;
+    /* What lists reach beyond the support, over h: wide while particles move far, then so many times the rms step, but
+     * not below the narrow one. */
+    double skin_wide, skin_narrow, skin_steps;
+
+    /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
+    double creased_share;
+} schedule;
+
+extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
+extern const schedule schedule_multilevel; /* the default: fast steps, levels paced by their count */
+extern const schedule schedule_continued;  /* fast steps from places near rest, as of a frame of a sequence */
+
+/* Where a solve is. */
+typedef struct schedule_position {
+    int level, levels, stage;
+    int sweeps;    /* in this round */
+    size_t count;  /* particles of the level */
+    bool is_sized; /* there is a sizing field */
+} schedule_position;
+
+static inline bool schedule_is_last_stage(const schedule_position *at)
+{
+    return at->stage == SCHEDULE_STAGES - 1;
+}
+
+static inline bool schedule_is_last_level(const schedule_position *at)
+{
+    return at->level == at->levels - 1;
+}
+
+/* Sweeps that the level has at least. */
+int schedule_level_sweeps(const schedule *s, const schedule_position *at);
+
+double schedule_omega(const schedule *s, const schedule_position *at);
+
+/* The longest fast step, over h; may be INFINITY. */
+double schedule_longest_step(const schedule *s, const schedule_position *at);
+
+/* What a sweep has shown. */
+typedef struct schedule_evidence {
+    double rms_step;          /* over h */
+    double mean_log10_lambda; /* read where has_lambda */
+    bool has_lambda;          /* false for the gradient minimiser */
+    double step_tolerance;    /* of the rms step, that the job asks for */
+} schedule_evidence;
+
+/* Whether the round has come to rest. */
+bool schedule_is_at_rest(const schedule *s, const schedule_position *at, const schedule_evidence *seen);
+
+/* Whether the round has taken so long that it is to ask for ten times the gain; true once each time. */
+bool schedule_is_impatient(const schedule *s, const schedule_position *at);
+
+/* Whether lists are to be built anew, with `cramped` particles held back by lists that are `age` sweeps old. */
+bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age);
+
+/* What the next lists reach beyond the support, over h. */
+double schedule_skin(const schedule *s, double rms_step);
+
+/* An estimate of how much of the level at hand is done, 0 to 1. */
+double schedule_level_progress(const schedule *s, const schedule_position *at, const schedule_evidence *seen);
+
+#endif

@@ -1,0 +1,572 @@
+#include "sequence/frame_transfer.h"
+
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/rng.h"
+#include "geometry/morton.h"
+#include "packing/neighbours.h"
+#include "packing/packing.h"
+#include "sampler/particles.h"
+#include "sampler/random_streams.h"
+#include "sampler/relax.h"
+#include "sampler/schedule.h"
+#include "surface/project.h"
+
+/* On the surface to this fraction of the spacing; the relaxation does the rest. */
+static const double LANDED = 1e-3;
+static const int LANDING_STEPS = 20;
+/* A point that lands farther outside of the surface's box than this, in spacings, ran off. */
+static const double FARTHEST = 1;
+/* Cosine of the angle from which on two points, or a point and where it landed, are of different sheets. */
+static const double OTHER_SHEET = 0.5;
+/* Points closer than this, of the spacing, cannot both stay: a packing that is relaxed has none below 0.8. */
+static const double CROWDED = 0.6;
+/* A place so far from every point, of the spacing, is a hole. Corners of ideal cells are at 0.58, the middle
+ * of a vacancy is at 1. What is filled with points so far from each other, at random, is as dense as a
+ * packing. */
+static const double HOLE = 0.78;
+/* When fewer than this share can be carried the surface is another one. */
+static const double SAME_SURFACE = 0.5;
+/* Within this, of the spacing, lie the neighbours of a point and no others. */
+static const double NEAR = 1.3;
+/* Places that are looked at for births, of the count. */
+static const size_t PLACES = 2;
+/* Draws for one of them. */
+static const int DRAWS = 20;
+/* Distances, of the spacing, that births of one frame keep, the next one when there is no more room. */
+static const double birth_distance[] = {1.3, 0.8, 0.4, 0};
+enum { BIRTH_DISTANCES = sizeof birth_distance / sizeof birth_distance[0] };
+/* Births and deaths come in portions of one in so many points, with sweeps between, so that each finds a
+ * packing in which the ones before have found their places: a birth beside the core of a dislocation moves it
+ * by a row, and the next ones see where it is then. Those of a portion keep SCATTER of the distance that they
+ * would have if they were spread evenly: what is born in one place too many has to flow to the others. On a
+ * torus with 2 % more points in each frame hex_fraction is 0.95, and 0.92 with all at once. More portions and
+ * sweeps give a better order and longer ways: 0.94 and 0.068 of the spacing in the median with half as many of
+ * both, 0.95 and 0.080 with these. */
+static const double PORTION = 600, SCATTER = 0.56;
+enum { PORTIONS_MOST = 8, PORTION_SWEEPS = 8 };
+/* Candidates for each place of a portion: the most crowded or emptiest are several to a core. */
+static const size_t CANDIDATES = 32;
+
+/* Candidates for the points of the new frame: first the points that were carried over, then places where points may
+ * be born. */
+typedef struct candidates {
+    const field *f;
+    const surface *scan;
+    const frame_transfer_params *params;
+    threads *pool;
+    registration motion;
+    bbox box; /* nothing lands outside */
+    double h; /* of an even packing */
+    size_t carried, count;
+    vec3 *position, *normal;
+    double *spacing;
+    vec3 *landed;     /* where one was carried to */
+    uint32_t *parent; /* FRAME_TRANSFER_NONE: it was born */
+    bool *taken;      /* is one of the points */
+    double *rank;     /* how crowded a point, how empty a place is: the largest first */
+    uint32_t *order;
+    neighbours *near;
+} candidates;
+
+void frame_transfer_free(frame_transfer *c)
+{
+    if (!c) return;
+    free(c->position);
+    free(c->normal);
+    free(c->landed);
+    free(c->origin);
+    free(c->parent);
+    *c = (frame_transfer){0};
+}
+
+static void candidates_free(candidates *c)
+{
+    free(c->position);
+    free(c->normal);
+    free(c->spacing);
+    free(c->landed);
+    free(c->parent);
+    free(c->taken);
+    free(c->rank);
+    free(c->order);
+    neighbours_free(c->near);
+}
+
+static bool candidates_make(candidates *c, error *e)
+{
+    const char *what = "carried points";
+    size_t most = c->params->count > c->params->previous_count ? c->params->count : c->params->previous_count;
+    size_t room = most + PLACES * c->params->count;
+    return (c->position = mem_array(room, sizeof *c->position, what, e)) &&
+           (c->normal = mem_array(room, sizeof *c->normal, what, e)) &&
+           (c->spacing = mem_array(room, sizeof *c->spacing, what, e)) &&
+           (c->landed = mem_array(room, sizeof *c->landed, what, e)) &&
+           (c->parent = mem_array(room, sizeof *c->parent, what, e)) &&
+           (c->taken = mem_array(room, sizeof *c->taken, what, e)) &&
+           (c->rank = mem_array(room, sizeof *c->rank, what, e)) &&
+           (c->order = mem_array(room, sizeof *c->order, what, e)) &&
+           (c->near = neighbours_new(room, SIZE_MAX, e));
+}
+
+/* Onto the surface, from anywhere. */
+static bool land(const candidates *c, vec3 *x, vec3 *normal)
+{
+    double accept = LANDED * c->h;
+    const project_limits limits = {LANDING_STEPS, accept, accept, accept};
+    return project_point(c->f, &limits, x, normal) && bbox_contains(c->box, *x);
+}
+
+/* A point that lay in a face of the domain stays in it. Points were written in single precision, perhaps. */
+static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
+{
+    for (int axis = 0; f->open && axis < 3; axis++) {
+        float v = (float)vec3_get(before, axis);
+        double low = vec3_get(f->rims.min, axis), high = vec3_get(f->rims.max, axis);
+        if (v == (float)low) vec3_set(&x, axis, low);
+        if (v == (float)high) vec3_set(&x, axis, high);
+    }
+    return x;
+}
+
+static void carry_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        vec3 before = c->params->position[i],
+             x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
+        vec3 faced = registration_turn(&c->motion, c->params->normal[i]);
+        bool left = c->f->open && project_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
+        c->taken[i] = !left && land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
+        c->position[i] = c->landed[i] = x;
+        c->parent[i] = (uint32_t)i;
+    }
+}
+
+/* The requested spacing where the points from `first` on are. */
+static void set_spacings(candidates *c, size_t first)
+{
+    if (c->params->sizing)
+        sizing_field_spacings(c->params->sizing, c->count - first, c->position + first, c->spacing + first);
+    else
+        for (size_t i = first; i < c->count; i++) c->spacing[i] = c->h;
+}
+
+/* Only those that are taken stay, without gaps between them. */
+static void close_gaps(candidates *c)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < c->count; i++) {
+        if (!c->taken[i]) continue;
+        c->position[kept] = c->position[i];
+        c->normal[kept] = c->normal[i];
+        c->spacing[kept] = c->spacing[i];
+        c->landed[kept] = c->landed[i];
+        c->parent[kept] = c->parent[i];
+        c->taken[kept++] = true;
+    }
+    for (size_t i = kept; i < c->count; i++) c->taken[i] = false;
+    c->carried = c->count = kept;
+}
+
+/* After a stop there are no lists that could be looked at. */
+static bool build_lists(candidates *c, double reach, error *e)
+{
+    if (c->count > 0 && !neighbours_build(c->near, c->count, c->position, c->spacing, reach, c->pool, e))
+        return false;
+    return !threads_stopped(c->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+/* How far two are apart, of their spacing; INFINITY: on different sheets. */
+static double distance(const candidates *c, size_t i, size_t j)
+{
+    if (!(vec3_dot(c->normal[i], c->normal[j]) > OTHER_SHEET)) return INFINITY;
+    return vec3_norm(vec3_sub(c->position[i], c->position[j])) / (0.5 * (c->spacing[i] + c->spacing[j]));
+}
+
+/* Whether a point from `first` on that is taken lies within `reach` of i. */
+static bool has_near(const candidates *c, size_t i, double reach, size_t first)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++)
+        if (list[k] >= first && c->taken[list[k]] && distance(c, i, list[k]) < reach) return true;
+    return false;
+}
+
+/* Carries the points, and lets go who did not arrive or crowds another. */
+static bool carry_all(candidates *c, error *e)
+{
+    const frame_transfer_params *p = c->params;
+    c->motion = registration_find(c->f, p->position, p->previous_count, c->h, c->pool);
+    threads_run(c->pool, p->previous_count, 256, carry_chunk, c);
+    if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    c->count = p->previous_count;
+    close_gaps(c);
+    set_spacings(c, 0);
+    if (!build_lists(c, CROWDED, e)) return false;
+    for (size_t i = 0; i < c->count; i++) c->taken[i] = false;
+    for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
+        for (size_t i = 0; i < c->count; i++)
+            if (inner == (project_boundary_axes(c->f, c->position[i]) == 0))
+                c->taken[i] = !has_near(c, i, CROWDED, 0);
+    close_gaps(c);
+    return true;
+}
+
+/* The three points nearest to a place; false: there are fewer. */
+static bool find_corners(const candidates *c, size_t place, uint32_t corner[3])
+{
+    const uint32_t *list = neighbours_list(c->near, place);
+    double least[3] = {INFINITY, INFINITY, INFINITY};
+    for (uint32_t k = 0; k < c->near->list_count[place]; k++) {
+        if (!c->taken[list[k]]) continue;
+        double d = distance(c, place, list[k]);
+        if (!(d < least[2])) continue;
+        int at = 2;
+        for (; at > 0 && d < least[at - 1]; at--) {
+            least[at] = least[at - 1];
+            corner[at] = corner[at - 1];
+        }
+        least[at] = d;
+        corner[at] = list[k];
+    }
+    return least[2] < INFINITY;
+}
+
+/* Places go to the middle between the points around them: as far from all as can be, which at the core of a
+ * dislocation is farther than elsewhere. Those by which there are fewer, or that would go far, stay. */
+static void centre_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin + c->carried; i < end + c->carried; i++) {
+        uint32_t corner[3];
+        if (!find_corners(c, i, corner)) continue;
+        vec3 a = c->position[corner[0]], ab = vec3_sub(c->position[corner[1]], a),
+             ac = vec3_sub(c->position[corner[2]], a), n = vec3_cross(ab, ac), normal;
+        vec3 to = vec3_add(vec3_scale(vec3_cross(n, ab), vec3_norm2(ac)),
+                           vec3_scale(vec3_cross(ac, n), vec3_norm2(ab)));
+        vec3 x = vec3_axpy(1 / (2 * vec3_norm2(n)), to, a);
+        if (!(vec3_norm(vec3_sub(x, c->position[i])) < c->spacing[i]) || !land(c, &x, &normal)) continue;
+        c->position[i] = x;
+        c->normal[i] = normal;
+    }
+}
+
+/* How far a place is from the nearest point, how crowded a point is by all. */
+static void rank_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    candidates *c = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t *list = neighbours_list(c->near, i);
+        double nearest = NEAR, crowding = 0;
+        for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+            if (!c->taken[list[k]]) continue;
+            double d = fmin(distance(c, i, list[k]), NEAR);
+            nearest = fmin(nearest, d);
+            crowding += (NEAR - d) * (NEAR - d);
+        }
+        c->rank[i] = i < c->carried ? crowding : nearest;
+    }
+}
+
+static int compare_rank(const void *a, const void *b, void *ranks)
+{
+    const uint32_t i = *(const uint32_t *)a, j = *(const uint32_t *)b;
+    const double *rank = ranks;
+    if (rank[i] != rank[j]) return rank[i] > rank[j] ? -1 : 1;
+    return (i > j) - (i < j);
+}
+
+/* Ranks all, and orders those from `first` to before `end`, the largest first. */
+static void rank_all(candidates *c, size_t first, size_t end)
+{
+    threads_run(c->pool, c->count, 256, rank_chunk, c);
+    for (size_t i = first; i < end; i++) c->order[i] = (uint32_t)i;
+    qsort_r(c->order + first, end - first, sizeof *c->order, compare_rank, c->rank);
+}
+
+/* The places to where the points leave most room, and their order. */
+static bool centre_places(candidates *c, error *e)
+{
+    set_spacings(c, c->carried);
+    if (!build_lists(c, NEAR, e)) return false;
+    threads_run(c->pool, c->count - c->carried, 256, centre_chunk, c);
+    if (!build_lists(c, NEAR, e)) return false;
+    rank_all(c, c->carried, c->count);
+    return true;
+}
+
+/* Places all over the surface, PLACES for each point that there is to be. */
+static bool draw_places(candidates *c, error *e)
+{
+    rng r = rng_seed(c->params->seed, RANDOM_STREAM_FRAME_TRANSFER);
+    size_t places = PLACES * c->params->count;
+    for (size_t k = 0; k < places; k++) {
+        if (threads_stopped(c->pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+        for (int draw = 0; draw < DRAWS; draw++) {
+            double where = ((double)k + rng_uniform(&r)) / (double)places;
+            vec3 x = sizing_field_draw(c->params->sizing, c->scan, where, &r), n;
+            if (!land(c, &x, &n)) continue;
+            assert(c->count < c->near->capacity);
+            c->position[c->count] = c->landed[c->count] = x;
+            c->parent[c->count] = FRAME_TRANSFER_NONE;
+            c->normal[c->count++] = n;
+            break;
+        }
+    }
+    return centre_places(c, e);
+}
+
+/* Takes at most `most` places, the emptiest first, that are at least `gap` from the carried and `apart` from
+ * each other. Returns how many. */
+static size_t give_birth(candidates *c, double gap, double apart, size_t most)
+{
+    size_t born = 0;
+    for (size_t k = c->carried; k < c->count && born < most; k++) {
+        uint32_t i = c->order[k];
+        if (c->rank[i] < gap) break;
+        if (c->taken[i] || has_near(c, i, apart, c->carried)) continue;
+        c->taken[i] = true;
+        born++;
+    }
+    return born;
+}
+
+/* Whether a neighbour of i was let go just now. */
+static bool has_lost(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++)
+        if (list[k] < c->carried && !c->taken[list[k]]) return true;
+    return false;
+}
+
+/* Lets go so many of the carried, the most crowded first; no two neighbours if `spread`. Returns how many. */
+static size_t let_go(candidates *c, bool spread, size_t most)
+{
+    size_t died = 0;
+    for (size_t k = 0; k < c->carried && died < most; k++) {
+        uint32_t i = c->order[k];
+        if (!c->taken[i] || (spread && has_lost(c, i))) continue;
+        c->taken[i] = false;
+        died++;
+    }
+    return died;
+}
+
+/* Of `among` in the order from `first` on, most urgent first, takes or lets go at most `most` that are far
+ * from each other. *there is the number of those that are taken. */
+static bool scatter(candidates *c, size_t first, size_t among, size_t most, bool lives, size_t *there,
+                    error *e)
+{
+    const char *what = "births and deaths";
+    const uint32_t *order = c->order + first;
+    vec3 *place = mem_array(among, sizeof *place, what, e);
+    double *spacing = mem_array(among, sizeof *spacing, what, e);
+    bool *chosen = mem_array(among, sizeof *chosen, what, e);
+    neighbours *near = neighbours_new(among, SIZE_MAX, e);
+    double apart = SCATTER * sqrt((double)c->params->count / (double)most);
+    bool ok = place && spacing && chosen && near;
+    for (size_t k = 0; ok && k < among; k++) {
+        place[k] = c->position[order[k]];
+        spacing[k] = c->spacing[order[k]];
+    }
+    ok = ok && neighbours_build(near, among, place, spacing, apart, c->pool, e);
+    for (size_t k = 0; ok && k < among && most > 0; k++) {
+        const uint32_t *list = neighbours_list(near, k);
+        bool free_to = c->taken[order[k]] != lives && !(lives && has_near(c, order[k], NEAR, c->carried));
+        for (uint32_t n = 0; free_to && n < near->list_count[k]; n++) free_to = !chosen[list[n]];
+        if (!free_to) continue;
+        chosen[k] = true;
+        c->taken[order[k]] = lives;
+        *there = lives ? *there + 1 : *there - 1;
+        most--;
+    }
+    free(place);
+    free(spacing);
+    free(chosen);
+    neighbours_free(near);
+    return ok;
+}
+
+/* `most` births: as they fit with room around them, or, if these are the last, all. */
+static bool bear(candidates *c, size_t most, bool last, size_t *there, error *e)
+{
+    size_t wanted = *there + most, places = c->count - c->carried;
+    size_t among = places < CANDIDATES * most ? places : CANDIDATES * most;
+    if (!scatter(c, c->carried, among, most, true, there, e)) return false;
+    for (int k = 0; last && k < BIRTH_DISTANCES && *there < wanted; k++)
+        *there += give_birth(c, 0, birth_distance[k], wanted - *there);
+    return true;
+}
+
+static bool thin_out(candidates *c, size_t most, bool last, size_t *there, error *e)
+{
+    size_t wanted = *there - most, among = c->carried < CANDIDATES * most ? c->carried : CANDIDATES * most;
+    rank_all(c, 0, c->carried);
+    if (!scatter(c, 0, among, most, false, there, e)) return false;
+    for (int spread = 1; last && spread >= 0; spread--) *there -= let_go(c, spread, *there - wanted);
+    return true;
+}
+
+static void swap_entries(candidates *c, size_t i, size_t j)
+{
+    const vec3 position = c->position[i], normal = c->normal[i];
+    const uint32_t parent = c->parent[i];
+    const bool taken = c->taken[i];
+    c->position[i] = c->position[j];
+    c->normal[i] = c->normal[j];
+    c->parent[i] = c->parent[j];
+    c->taken[i] = c->taken[j];
+    c->position[j] = position;
+    c->normal[j] = normal;
+    c->parent[j] = parent;
+    c->taken[j] = taken;
+}
+
+/* Places that are taken join the carried; the others stay places. */
+static void settle_born(candidates *c)
+{
+    for (size_t i = c->carried; i < c->count; i++)
+        if (c->taken[i]) swap_entries(c, i, c->carried++);
+    set_spacings(c, 0);
+}
+
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next lists tell of it. */
+static bool ease(candidates *c, error *e)
+{
+    size_t n = c->carried;
+    particles *p = particles_new(n, e);
+    relax *r = relax_new(n, &energy_cotangent, fast_kernel_for(c->params->isa), SIZE_MAX, c->pool, e);
+    relax_params params = {.field = c->f,
+                           .sigma = packing_support(c->h),
+                           .spacing = c->h,
+                           .omega = schedule_continued.omega,
+                           .fast_step = schedule_continued.longest_step,
+                           .gain = schedule_continued.gain[SCHEDULE_STAGES - 1]};
+    bool ok = p && r;
+    for (size_t i = 0; ok && i < n; i++) {
+        p->position[i] = c->position[i];
+        p->normal[i] = c->normal[i];
+        p->size[i] = c->spacing[i] / c->h;
+        p->lambda[i] = 0;
+    }
+    if (ok) particles_mark_boundary(p, c->f, c->h);
+    ok = ok && relax_build(r, p, params.sigma, schedule_continued.skin_wide * c->h, e);
+    for (int k = 0; ok && k < PORTION_SWEEPS && !threads_stopped(c->pool); k++) {
+        relax_sums sums;
+        relax_sweep(r, p, &params, &sums);
+    }
+    for (size_t i = 0; ok && i < n; i++) {
+        c->position[i] = p->position[i];
+        c->normal[i] = p->normal[i];
+    }
+    if (ok) set_spacings(c, 0);
+    particles_free(p);
+    relax_free(r);
+    return ok;
+}
+
+/* In how many portions the count is come to from those `there`. */
+static size_t count_portions(const candidates *c, size_t there)
+{
+    double count = (double)c->params->count, portions = ceil(fabs((double)there - count) * PORTION / count);
+    return c->params->eased ? (size_t)fmin(fmax(portions, 1), PORTIONS_MOST) : 1;
+}
+
+/* Fills the holes and comes to the exact count. */
+static bool populate(candidates *c, error *e)
+{
+    const size_t count = c->params->count;
+    if (!draw_places(c, e)) return false;
+    size_t there = c->carried + give_birth(c, HOLE, HOLE, count);
+    for (size_t left = count_portions(c, there); left > 0; left--) {
+        bool last = left == 1, missing = there < count;
+        size_t most = ((missing ? count - there : there - count) + left - 1) / left;
+        if (most > 0 && !(missing ? bear : thin_out)(c, most, last, &there, e)) return false;
+        if (last || there == count) break;
+        (missing ? settle_born : close_gaps)(c);
+        if (!ease(c, e) || !(missing ? centre_places(c, e) : build_lists(c, NEAR, e))) return false;
+    }
+    if (there == count) return true;
+    return error_set(e, ERROR_NO_SURFACE, "particle %zu of %zu does not reach the surface in %d draws",
+                     there + 1, count, DRAWS);
+}
+
+/* The carried point that is nearest to one; FRAME_TRANSFER_NONE: none is near. */
+static uint32_t nearest_carried(const candidates *c, size_t i)
+{
+    const uint32_t *list = neighbours_list(c->near, i);
+    uint32_t nearest = FRAME_TRANSFER_NONE;
+    double least = INFINITY;
+    for (uint32_t k = 0; k < c->near->list_count[i]; k++) {
+        double d = c->parent[list[k]] != FRAME_TRANSFER_NONE ? distance(c, i, list[k]) : INFINITY;
+        if (d > least || d == INFINITY || (d == least && list[k] > nearest)) continue;
+        least = d;
+        nearest = list[k];
+    }
+    return nearest;
+}
+
+/* Where one was in the frame before. Who is born would have been where the nearest point came from, or the
+ * whole. */
+static vec3 origin_of(const candidates *c, size_t i)
+{
+    uint32_t guide = c->parent[i] == FRAME_TRANSFER_NONE ? nearest_carried(c, i) : (uint32_t)i;
+    vec3 x = c->position[i];
+    if (guide == FRAME_TRANSFER_NONE) return vec3_sub(vec3_scale(x, 2), registration_apply(&c->motion, x));
+    vec3 origin = c->params->position[c->parent[guide]];
+    return guide == i ? origin : vec3_sub(x, vec3_sub(c->position[guide], origin));
+}
+
+/* Those that are taken, in the order in which they are to be kept. */
+static bool hand_over(candidates *c, frame_transfer *out, error *e)
+{
+    const char *what = "carried points";
+    close_gaps(c);
+    size_t n = c->count;
+    uint32_t *order = mem_array(n, sizeof *order, what, e);
+    bool ok = order && (out->position = mem_array(n, sizeof *out->position, what, e)) &&
+              (out->normal = mem_array(n, sizeof *out->normal, what, e)) &&
+              (out->landed = mem_array(n, sizeof *out->landed, what, e)) &&
+              (out->origin = mem_array(n, sizeof *out->origin, what, e)) &&
+              (out->parent = mem_array(n, sizeof *out->parent, what, e)) &&
+              morton_order(c->position, n, order, e) && build_lists(c, NEAR, e);
+    for (size_t k = 0; ok && k < n; k++) {
+        uint32_t i = order[k];
+        out->position[k] = c->position[i];
+        out->normal[k] = c->normal[i];
+        out->landed[k] = c->landed[i];
+        out->parent[k] = c->parent[i];
+        out->origin[k] = origin_of(c, i);
+        out->born += c->parent[i] == FRAME_TRANSFER_NONE;
+    }
+    free(order);
+    if (!ok) return false;
+    out->count = n;
+    out->motion = c->motion;
+    out->died = c->params->previous_count - (n - out->born);
+    return true;
+}
+
+bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
+                           threads *pool, frame_transfer *out, error *e)
+{
+    candidates c = {.f = f, .scan = scan, .params = params, .pool = pool};
+    c.h = packing_spacing(scan->area, (double)params->count);
+    c.box = bbox_grow(scan->box, FARTHEST * fmax(c.h, f->cell_size));
+    *out = (frame_transfer){0};
+    bool ok = candidates_make(&c, e) && carry_all(&c, e);
+    if (ok && (double)c.carried < SAME_SURFACE * (double)params->previous_count)
+        out->died = params->previous_count;
+    else
+        ok = ok && populate(&c, e) && hand_over(&c, out, e);
+    candidates_free(&c);
+    return ok;
+}

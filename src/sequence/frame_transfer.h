@@ -1,0 +1,56 @@
+/* frame_transfer: moves the points of one frame onto the surface of the next frame, so that each point stays where it
+ * was on the surface.
+ *
+ * First all points move with the surface as a whole (sequence/registration). Then each point moves along the gradient
+ * onto the surface. A point dies when it does not reach the surface, when it comes to a sheet that faces another way,
+ * or when it comes closer to another point than neighbours can be. Where no point is near a new one is born. Then
+ * points are born in the emptiest places, or removed where they are most crowded, until the count is met: many in
+ * portions, far from each other, with a few sweeps between the portions. When most points die the surface is another
+ * one: then nothing is transferred, and the caller samples it anew. Deterministic for any number of threads. World
+ * space and world units. */
+#ifndef HEXAD_SEQUENCE_FRAME_TRANSFER_H
+#define HEXAD_SEQUENCE_FRAME_TRANSFER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/isa.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "sequence/registration.h"
+#include "surface/sizing_field.h"
+#include "surface/surface.h"
+
+/* The parent of a point that was born. */
+#define FRAME_TRANSFER_NONE UINT32_MAX
+
+typedef struct frame_transfer_params {
+    size_t previous_count;      /* >= 1 */
+    const vec3 *position;       /* of the points of the frame before */
+    const vec3 *normal;         /* unit */
+    size_t count;               /* points there are to be */
+    const sizing_field *sizing; /* NULL: even */
+    bool eased;                 /* sweeps, of the kernel's energy, between portions of births and deaths */
+    isa isa;                    /* of these sweeps */
+    uint64_t seed;
+} frame_transfer_params;
+
+typedef struct frame_transfer {
+    size_t count; /* as was asked for; 0, and no arrays: the surface is another one, and all have died */
+    size_t died, born;
+    registration motion;
+    vec3 *position; /* on the surface, in the order of Morton's curve */
+    vec3 *normal;
+    vec3 *landed;     /* where it was carried to, before births and deaths moved it; of one born, no matter */
+    vec3 *origin;     /* where it was in the frame before; of one that was born, where it would have been */
+    uint32_t *parent; /* its index in the frame before, or FRAME_TRANSFER_NONE */
+} frame_transfer;
+
+/* Errors: limit_memory, no_surface (points cannot be placed), cancelled (the pool was told to stop). The
+ * caller frees, also after failure. */
+bool frame_transfer_points(const field *f, const surface *scan, const frame_transfer_params *params,
+                           threads *pool, frame_transfer *out, error *e);
+void frame_transfer_free(frame_transfer *c);
+
+#endif

@@ -1,0 +1,87 @@
+#include "surface/components.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "base/sets.h"
+#include "packing/neighbours.h"
+
+/* Cells that share a face have their middles this far apart, in cells; a little for rounding. */
+static const double TOUCHING = 1.0 + 1e-6;
+
+typedef struct middle_job {
+    const field *field;
+    vec3 *middle;
+} middle_job;
+
+static void middle_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const middle_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        field_cell cell;
+        job->field->ops->cell(job->field, k, &cell);
+        job->middle[k] = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+    }
+}
+
+/* Joins what is near; every cell's root is its part's first cell. */
+static size_t join(const neighbours *near, uint32_t *parent)
+{
+    size_t parts = near->count;
+    sets_reset(parent, near->count);
+    for (uint32_t k = 0; k < near->count; k++)
+        for (uint32_t i = 0; i < near->list_count[k]; i++)
+            parts -= sets_join(parent, k, neighbours_list(near, k)[i]);
+    return parts;
+}
+
+/* Sorts the cells by part, the parts by their first cells. */
+static bool sort_cells(uint32_t *parent, size_t cells, components *out, error *e)
+{
+    uint32_t *part = mem_array(cells, sizeof *part, "the surface's parts", e);
+    out->order = mem_array(cells, sizeof *out->order, "the surface's parts", e);
+    out->begin = mem_array(out->count + 1, sizeof *out->begin, "the surface's parts", e);
+    bool ok = part && out->order && out->begin;
+    uint32_t parts = 0;
+    for (uint32_t k = 0; ok && k < cells; k++) {
+        uint32_t root = sets_root(parent, k);
+        part[k] = root == k ? parts++ : part[root];
+        out->begin[part[k] + 1]++;
+    }
+    for (size_t c = 0; ok && c < parts; c++) out->begin[c + 1] += out->begin[c];
+    for (uint32_t k = 0; ok && k < cells; k++) out->order[out->begin[part[k]]++] = k;
+    for (size_t c = parts; ok && c > 0; c--)
+        out->begin[c] = out->begin[c - 1]; /* each had moved to its end */
+    if (ok) out->begin[0] = 0;
+    free(part);
+    return ok;
+}
+
+bool components_find(const field *f, threads *pool, components *out, error *e)
+{
+    const char *what = "the surface's parts";
+    size_t n = f->ops->cell_count(f);
+    middle_job job = {f, mem_array(n, sizeof *job.middle, what, e)};
+    uint32_t *parent = mem_array(n, sizeof *parent, what, e);
+    neighbours *near = neighbours_new(n, SIZE_MAX, e);
+    bool ok = job.middle && parent && near;
+    *out = (components){.count = 1};
+    if (ok) {
+        threads_run(pool, n, 1024, middle_chunk, &job);
+        ok = neighbours_build(near, n, job.middle, NULL, TOUCHING * f->cell_size, pool, e);
+    }
+    if (ok) out->count = n > 0 ? join(near, parent) : 1;
+    neighbours_free(near);
+    if (ok && out->count > 1) ok = sort_cells(parent, n, out, e);
+    free(parent);
+    free(job.middle);
+    return ok;
+}
+
+void components_free(components *c)
+{
+    free(c->order);
+    free(c->begin);
+    *c = (components){0};
+}

@@ -1,0 +1,22 @@
+/* components: the connected parts of a surface, by its cells: parts are told apart where no two of their
+ * cells share a face. */
+#ifndef HEXAD_SURFACE_COMPONENTS_H
+#define HEXAD_SURFACE_COMPONENTS_H
+
+#include <stdint.h>
+
+#include "base/error.h"
+#include "base/threads.h"
+#include "field/field.h"
+
+typedef struct components {
+    size_t count;    /* of the parts */
+    uint32_t *order; /* the cells, part after part, ascending within each; NULL: one part, as they are */
+    size_t *begin;   /* count + 1: where each part begins in the order */
+} components;
+
+/* Release also after failure. Errors: limit_memory. Deterministic. */
+bool components_find(const field *f, threads *pool, components *out, error *e);
+void components_free(components *c);
+
+#endif

@@ -1,0 +1,767 @@
+#include "surface/sizing_field.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+#include "base/isa.h"
+#include "base/memory.h"
+#include "packing/packing.h"
+#include "surface/project.h"
+
+/* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
+ * of the mean spacing, below which the request need not be told apart. */
+static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
+/* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
+ * speck of noise must not set the scale. */
+static const double FINE_QUANTILE = 0.99;
+/* A request that has no upper end, as on flat faces, has it here, in units of its least. */
+static const double WIDEST_REQUEST = 1e3;
+/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+static const int SAMPLE_STEPS = 5;
+static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
+/* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's
+ * size. */
+static const double WIDEST_EVEN = 10;
+/* The scale that meets the count, to this error of it: first of the nodes' sum, then of that over the
+ * cells. */
+static const double NODES_TOLERANCE = 1e-6, CELLS_TOLERANCE = 1e-4;
+static const int CELLS_STEPS = 4;
+static const int SCALE_STEPS = 60;
+/* The gradient's share across the surface, where the nodes say nothing, is damped by this share of the
+ * matrix. */
+static const double GRADIENT_DAMPING = 0.02;
+/* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
+static const double MODEL_LIMIT = 0.5;
+/* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a
+ * node where the Laplacian is 1 per squared cube; and when to leave it. */
+static const double BEND = 0.08, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
+static const int SMOOTH_PASSES = 400;
+static const size_t GRAIN = 256;
+
+#define AXIS_BITS 21
+#define NO_NODE UINT32_MAX
+/* Around the surface's box: cubes beside cubes, and beside points that stray by a few. */
+#define MARGIN_CUBES 16
+enum { SPOTS = 32 }; /* places that are looked up together */
+
+typedef struct node {
+    uint64_t key;
+    double area;
+    vec3 position; /* mean of the surface within the cube */
+    double
+        request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
+    double spacing; /* after scale, bounds and growth */
+    vec3 gradient;  /* of it */
+} node;
+
+/* The most that a cell takes while a field is made: its place and value, and a node of its own with all
+ * that goes with one. */
+static const double CELL_BYTES = 24 + 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
+
+struct sizing_field {
+    sizing_field_params params;
+    vec3 origin;
+    double edge;
+    size_t count;
+    node *node;
+    uint32_t *table; /* open addressing: node + 1, or 0 */
+    size_t table_size;
+    uint32_t *beside;      /* 27 a node: those around it, or NO_NODE */
+    double *points_before; /* cells + 1, as area_before */
+    sizing_field_facts facts;
+};
+
+static bool is_map(const sizing_field *g)
+{
+    return g->params.kind == SIZING_FIELD_SPACING || g->params.kind == SIZING_FIELD_DENSITY;
+}
+
+/* --- the request, cell by cell --- */
+
+typedef struct request_job {
+    const sizing_field *g;
+    const field *field;
+    const surface *scan;
+    vec3 *position;
+    double *value; /* curvature, or the map's; NaN: nothing known */
+} request_job;
+
+static void request_cell(const request_job *job, size_t k)
+{
+    const field *f = job->field;
+    field_cell cell;
+    surface_cell(job->scan, k, &cell);
+    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal;
+    const project_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size, SAMPLE_ACCEPT * f->cell_size,
+                                   SAMPLE_REJECT * f->cell_size};
+    job->position[k] = middle;
+    job->value[k] = NAN;
+    field_sample s;
+    if (!project_point(f, &limits, &x, &normal) ||
+        vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
+        return;
+    job->position[k] = x;
+    const sizing_field_params *p = &job->g->params;
+    if (is_map(job->g)) {
+        double v = p->map(p->map_context, x);
+        job->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
+        return;
+    }
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
+    double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
+    job->value[k] = p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+}
+
+static void request_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t k = begin; k < end; k++) request_cell(context, k);
+}
+
+static double cell_area(const surface *scan, size_t k)
+{
+    return scan->area_before[k + 1] - scan->area_before[k];
+}
+
+typedef struct weighted {
+    double value, area;
+} weighted;
+
+static int compare_weighted(const void *a, const void *b)
+{
+    double x = ((const weighted *)a)->value, y = ((const weighted *)b)->value;
+    return (x > y) - (x < y);
+}
+
+/* The value that a share of the area stays below. */
+static bool find_quantile(const surface *scan, const double *value, double share, double *out, error *e)
+{
+    weighted *w = mem_array(scan->cells, sizeof *w, "the grading", e);
+    if (!w) return false;
+    size_t n = 0;
+    double total = 0, below = 0;
+    for (size_t k = 0; k < scan->cells; k++) {
+        if (isnan(value[k])) continue;
+        w[n++] = (weighted){value[k], cell_area(scan, k)};
+        total += cell_area(scan, k);
+    }
+    qsort(w, n, sizeof *w, compare_weighted);
+    *out = 0;
+    for (size_t k = 0; k < n && below < share * total; k++) {
+        *out = w[k].value;
+        below += w[k].area;
+    }
+    free(w);
+    return true;
+}
+
+/* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
+static double value_to_spacing(const sizing_field_params *p, double v, double fine)
+{
+    switch (p->kind) {
+    case SIZING_FIELD_CHORD:
+        return sqrt(8 * p->chord_error / v);
+    case SIZING_FIELD_RATIO:
+        return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
+    case SIZING_FIELD_DENSITY:
+        return packing_spacing(1, v);
+    default:
+        return v;
+    }
+}
+
+static bool check_map(const sizing_field_params *p, double v, error *e)
+{
+    if (v > 0 || (v == 0 && p->kind == SIZING_FIELD_DENSITY)) return true;
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "the map of sampling.grid has the value %g at a place of the surface: %s", v,
+                     p->kind == SIZING_FIELD_SPACING ? "a spacing is above 0" : "a density is not below 0");
+}
+
+/* Turns values into spacings; what asks for none is held to a multiple of the least. */
+static bool values_to_spacings(const sizing_field *g, const surface *scan, double *value, error *e)
+{
+    const sizing_field_params *p = &g->params;
+    double fine = 1, least = INFINITY;
+    if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        if (isnan(value[k])) continue;
+        if (is_map(g) && !check_map(p, value[k], e)) return false;
+        value[k] = value_to_spacing(p, value[k], fine);
+        least = fmin(least, value[k]);
+    }
+    if (isinf(least)) {
+        if (is_map(g))
+            return error_set(
+                e, ERROR_INPUT_UNSUPPORTED,
+                "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
+                "surface is, and painted?");
+        least = 1; /* flat throughout */
+    }
+    for (size_t k = 0; k < scan->cells; k++)
+        if (!isnan(value[k])) value[k] = fmin(value[k], WIDEST_REQUEST * least);
+    return true;
+}
+
+/* --- nodes --- */
+
+static uint64_t key_of(const sizing_field *g, vec3 x)
+{
+    vec3 d = vec3_scale(vec3_sub(x, g->origin), 1 / g->edge);
+    return (uint64_t)d.x | (uint64_t)d.y << AXIS_BITS | (uint64_t)d.z << 2 * AXIS_BITS;
+}
+
+static size_t slot_of(const sizing_field *g, uint64_t key)
+{
+    size_t slot = (size_t)((key ^ key >> 29) * 0x9e3779b97f4a7c15u >> 32) & (g->table_size - 1);
+    while (g->table[slot] && g->node[g->table[slot] - 1].key != key) slot = (slot + 1) & (g->table_size - 1);
+    return slot;
+}
+
+static uint32_t node_at(const sizing_field *g, uint64_t key)
+{
+    return g->table[slot_of(g, key)] - 1; /* 0 - 1: NO_NODE */
+}
+
+/* The key of the cube that lies (i, j, k) cubes away; cubes have a margin, so that none is negative. */
+static uint64_t key_beside(uint64_t key, int i, int j, int k)
+{
+    return key + (uint64_t)i + ((uint64_t)j << AXIS_BITS) + ((uint64_t)k << 2 * AXIS_BITS);
+}
+
+/* Of the nodes around one, the k-th of 27. */
+static uint32_t node_beside(const sizing_field *g, const node *n, int k)
+{
+    return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
+}
+
+static bool make_nodes(sizing_field *g, const surface *scan, const vec3 *position, const double *spacing,
+                       error *e)
+{
+    g->table_size = 64;
+    while (g->table_size < 2 * scan->cells) g->table_size *= 2;
+    g->node = mem_array(scan->cells, sizeof *g->node, "the grading", e);
+    g->table = mem_array(g->table_size, sizeof *g->table, "the grading", e);
+    if (!g->node || !g->table) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        double area = cell_area(scan, k);
+        if (isnan(spacing[k]) || !(area > 0)) continue;
+        uint64_t key = key_of(g, position[k]);
+        size_t slot = slot_of(g, key);
+        if (!g->table[slot]) {
+            g->node[g->count].key = key;
+            g->table[slot] = (uint32_t)++g->count;
+        }
+        node *n = &g->node[g->table[slot] - 1];
+        n->area += area;
+        n->position = vec3_axpy(area, position[k], n->position);
+        n->request += area * log(spacing[k]);
+    }
+    for (size_t k = 0; k < g->count; k++) {
+        node *n = &g->node[k];
+        n->position = vec3_scale(n->position, 1 / n->area);
+        n->request = exp(n->request / n->area);
+    }
+    return g->count > 0 || error_set(e, ERROR_NO_SURFACE, "the grading finds no place on the surface");
+}
+
+/* What exists only while a field is made. */
+typedef struct making {
+    sizing_field *g;
+    threads *pool;
+    uint32_t *heap; /* nodes whose spacing may force others down, smallest first */
+    uint32_t *at;   /* node k's place in it is at[k] - 1; 0: not in it */
+    size_t heap_count;
+    double *from, *to; /* logarithms of spacings, before and after an average */
+    double *change;    /* of each node in the last average */
+} making;
+
+static void making_free(making *m)
+{
+    free(m->heap);
+    free(m->at);
+    free(m->from);
+    free(m->to);
+    free(m->change);
+}
+
+static void link_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const sizing_field *g = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (int i = 0; i < 27; i++) g->beside[27 * k + (size_t)i] = node_beside(g, &g->node[k], i);
+}
+
+static bool making_begin(making *m, sizing_field *g, threads *pool, error *e)
+{
+    const char *what = "the grading";
+    *m = (making){.g = g, .pool = pool};
+    g->beside = mem_array(27 * g->count, sizeof *g->beside, what, e);
+    m->heap = mem_array(g->count, sizeof *m->heap, what, e);
+    m->at = mem_array(g->count, sizeof *m->at, what, e);
+    m->from = mem_array(g->count, sizeof *m->from, what, e);
+    m->to = mem_array(g->count, sizeof *m->to, what, e);
+    m->change = mem_array(g->count, sizeof *m->change, what, e);
+    if (!g->beside || !m->heap || !m->at || !m->from || !m->to || !m->change) return false;
+    threads_run(pool, g->count, GRAIN, link_chunk, g);
+    return true;
+}
+
+/* --- bounds, growth and the count --- */
+
+static double heap_spacing(const making *m, size_t place)
+{
+    return m->g->node[m->heap[place]].spacing;
+}
+
+static void heap_put(making *m, size_t place, uint32_t k)
+{
+    assert(place < m->g->count && k < m->g->count);
+    m->heap[place] = k;
+    m->at[k] = (uint32_t)place + 1;
+}
+
+/* Adds a node, or moves it up after its spacing fell. */
+static void heap_add(making *m, uint32_t k)
+{
+    size_t place = m->at[k] ? m->at[k] - 1 : m->heap_count++;
+    for (; place > 0 && heap_spacing(m, (place - 1) / 2) > m->g->node[k].spacing; place = (place - 1) / 2)
+        heap_put(m, place, m->heap[(place - 1) / 2]);
+    heap_put(m, place, k);
+}
+
+static uint32_t heap_take(making *m)
+{
+    uint32_t first = m->heap[0], last = m->heap[--m->heap_count];
+    m->at[first] = 0;
+    size_t place = 0;
+    for (size_t child; (child = 2 * place + 1) < m->heap_count; place = child) {
+        if (child + 1 < m->heap_count && heap_spacing(m, child + 1) < heap_spacing(m, child)) child++;
+        if (heap_spacing(m, child) >= m->g->node[last].spacing) break;
+        heap_put(m, place, m->heap[child]);
+    }
+    if (m->heap_count > 0) heap_put(m, place, last);
+    return first;
+}
+
+/* Lowers what exceeds node k by more than `gradation` times the distance; whether there was any. With `look`
+ * nothing is changed. */
+static bool hold_down(making *m, uint32_t k, bool look)
+{
+    const node *n = &m->g->node[k];
+    for (int i = 0; i < 27; i++) {
+        uint32_t other = m->g->beside[27 * (size_t)k + (size_t)i];
+        if (other == NO_NODE) continue;
+        node *o = &m->g->node[other];
+        double most = n->spacing + m->g->params.gradation * vec3_norm(vec3_sub(o->position, n->position));
+        if (o->spacing <= most) continue;
+        if (look) return true;
+        o->spacing = most;
+        heap_add(m, other);
+    }
+    return false;
+}
+
+/* Lowers spacings until none exceeds its neighbour's by more than `gradation` times their distance. */
+static void limit_growth(making *m)
+{
+    if (isinf(m->g->params.gradation)) return;
+    for (uint32_t k = 0; k < m->g->count; k++)
+        if (hold_down(m, k, true)) heap_add(m, k);
+    while (m->heap_count > 0 && !threads_stopped(m->pool)) hold_down(m, heap_take(m), false);
+}
+
+/* The spacings under a scale, and how many points they ask for. `widest` stands for no bound. */
+static double points_under(making *m, double scale, double widest)
+{
+    sizing_field *g = m->g;
+    double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : widest;
+    for (size_t k = 0; k < g->count; k++)
+        g->node[k].spacing = fmin(fmax(scale * g->node[k].request, low), high);
+    limit_growth(m);
+    double points = 0;
+    for (size_t k = 0; k < g->count; k++) points += g->node[k].area / packing_cell_area(g->node[k].spacing);
+    return points;
+}
+
+static bool count_impossible(const sizing_field *g, const surface *scan, size_t count, error *e)
+{
+    const sizing_field_params *p = &g->params;
+    double most = packing_count(scan->area, p->min_spacing);
+    if (p->min_spacing > 0 && (double)count > 0.99 * most)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "%zu points do not fit: with /sampling/min_spacing %g there are at most %.0f on an area of "
+            "%g: ask for fewer, or lower it",
+            count, p->min_spacing, most, scan->area);
+    if (p->max_spacing > 0)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "%zu points are too few: with /sampling/max_spacing %g there are at least %.0f on an area of "
+            "%g: ask for more, or raise it",
+            count, p->max_spacing, packing_count(scan->area, p->max_spacing), scan->area);
+    return error_set(
+        e, ERROR_SPEC_INVALID,
+        "%zu points are too few for the grading, whose spacing may grow by %g per unit of distance: ask "
+        "for more, or raise /sampling/gradation",
+        count, p->gradation);
+}
+
+/* The scale under which the spacings ask for `want` points. Where nothing is bounded the points go as its
+ * inverse square, which bounds and growth only soften. A count is whole: half a point is near enough. */
+static bool find_scale(making *m, double want, double first, double widest)
+{
+    double scale = first, low = 0, high = INFINITY,
+           near = fmax(NODES_TOLERANCE * want, fmin(0.5, 1e-3 * want));
+    for (int k = 0; k < SCALE_STEPS && !threads_stopped(m->pool); k++) {
+        double points = points_under(m, scale, widest);
+        m->g->facts.scale = scale;
+        if (fabs(points - want) < near || high < low * (1 + NODES_TOLERANCE)) return true;
+        if (points > want)
+            low = scale;
+        else
+            high = scale;
+        bool bracketed = low > 0 && high < INFINITY;
+        double guess = scale * pow(points / want, bracketed ? 0.5 : 1);
+        if (bracketed && (!(guess > low && guess < high) || k % 4 == 3)) guess = sqrt(low * high);
+        scale = guess;
+    }
+    return false;
+}
+
+/* --- noise --- */
+
+/* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is
+ * bounded; this bounds the second: averages over the nodes around, as far as they are needed, until nowhere
+ * the Laplacian of the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
+static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *m = context;
+    const node *nodes = m->g->node;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
+        for (int i = 0; i < 27; i++) {
+            uint32_t other = m->g->beside[27 * k + (size_t)i];
+            if (other == NO_NODE) continue;
+            sum += nodes[other].area * m->from[other];
+            weights += nodes[other].area;
+        }
+        double rise = sum / weights - m->from[k], most = BEND * AVERAGE_RISE / (spacing * spacing);
+        m->change[k] = fabs(rise) - most;
+        m->to[k] = m->from[k] + (m->change[k] > 0 ? copysign(m->change[k], rise) : 0);
+    }
+}
+
+/* Smooths the logarithms in m->from. */
+static void smooth(making *m)
+{
+    double worst = INFINITY;
+    for (int pass = 0; pass < SMOOTH_PASSES && worst > SMOOTH_TOLERANCE && !threads_stopped(m->pool);
+         pass++) {
+        threads_run(m->pool, m->g->count, GRAIN, smooth_chunk, m);
+        worst = 0;
+        for (size_t k = 0; k < m->g->count; k++) worst = fmax(worst, m->change[k]);
+        double *swap = m->from;
+        m->from = m->to;
+        m->to = swap;
+    }
+}
+
+/* --- models --- */
+
+/* Solves the symmetric system m x = b by elimination; m is positive definite. */
+static vec3 solve3(sym3 m, vec3 b)
+{
+    double l21 = m.xy / m.xx, l31 = m.xz / m.xx;
+    double yy = m.yy - l21 * m.xy, yz = m.yz - l31 * m.xy, zz = m.zz - l31 * m.xz;
+    double by = b.y - l21 * b.x, bz = b.z - l31 * b.x, l32 = yz / yy;
+    vec3 x;
+    x.z = (bz - l32 * by) / (zz - l32 * yz);
+    x.y = (by - yz * x.z) / yy;
+    x.x = (b.x - m.xy * x.y - m.xz * x.z) / m.xx;
+    return x;
+}
+
+/* The gradient that fits the neighbours' spacings best. */
+static void model_node(const making *links, size_t index)
+{
+    const sizing_field *g = links->g;
+    node *n = &g->node[index];
+    sym3 m = {0};
+    vec3 b = {0, 0, 0};
+    for (int k = 0; k < 27; k++) {
+        uint32_t other = g->beside[27 * index + (size_t)k];
+        if (other == NO_NODE || other == index) continue;
+        vec3 d = vec3_sub(g->node[other].position, n->position);
+        double weight = g->node[other].area / vec3_norm2(d);
+        double rise = g->node[other].spacing - n->spacing;
+        m.xx += weight * d.x * d.x;
+        m.yy += weight * d.y * d.y;
+        m.zz += weight * d.z * d.z;
+        m.xy += weight * d.x * d.y;
+        m.xz += weight * d.x * d.z;
+        m.yz += weight * d.y * d.z;
+        b = vec3_axpy(weight * rise, d, b);
+    }
+    double damping = GRADIENT_DAMPING * (m.xx + m.yy + m.zz);
+    n->gradient = (vec3){0, 0, 0};
+    if (!(damping > 0)) return;
+    m.xx += damping;
+    m.yy += damping;
+    m.zz += damping;
+    n->gradient = solve3(m, b);
+    double slope = vec3_norm(n->gradient);
+    if (slope > g->params.gradation) n->gradient = vec3_scale(n->gradient, g->params.gradation / slope);
+}
+
+static void model_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t k = begin; k < end; k++) model_node(context, k);
+}
+
+/* The nearest node: for points that stray from the cubes that were sampled. */
+static const node *nearest_node(const sizing_field *g, vec3 x)
+{
+    const node *nearest = g->node;
+    double nearest2 = INFINITY;
+    for (size_t k = 0; k < g->count; k++) {
+        double distance2 = vec3_norm2(vec3_sub(g->node[k].position, x));
+        if (distance2 >= nearest2) continue;
+        nearest2 = distance2;
+        nearest = &g->node[k];
+    }
+    return nearest;
+}
+
+/* The eight cubes whose middles surround a place. */
+typedef struct spot {
+    bool inside;        /* of all cubes; the rest is set only then */
+    uint64_t low;       /* the key of the lowest */
+    double t[3];        /* how far the place is from its middle to that of the highest */
+    uint64_t own;       /* the key of the cube that the place is in, one of the eight */
+    int beside;         /* the lowest, among the cubes around that */
+    uint32_t node;      /* of its own cube, or NO_NODE */
+    uint32_t around[8]; /* the nodes of all, or NO_NODE */
+} spot;
+
+static void find_cubes(const sizing_field *g, vec3 x, spot *s)
+{
+    vec3 u = vec3_sub(vec3_scale(vec3_sub(x, g->origin), 1 / g->edge), vec3_make(0.5, 0.5, 0.5));
+    s->low = s->own = 0;
+    s->beside = 0;
+    s->inside = true;
+    for (int a = 2; a >= 0; a--) {
+        double v = vec3_get(u, a);
+        s->inside = s->inside && v >= 0 && v < (1 << AXIS_BITS) - 2;
+        if (!s->inside) return;
+        uint64_t low = (uint64_t)v;
+        s->t[a] = v - (double)low;
+        int high = s->t[a] >= 0.5; /* its own is the higher one */
+        s->low |= low << a * AXIS_BITS;
+        s->own |= (low + (uint64_t)high) << a * AXIS_BITS;
+        s->beside = 3 * s->beside + 1 - high;
+    }
+}
+
+/* The nodes of those cubes: when the place's own has one, that knows the others. */
+static void find_nodes(const sizing_field *g, spot *s)
+{
+    const uint32_t *row = g->beside + (s->node == NO_NODE ? 0 : 27 * (size_t)s->node + (size_t)s->beside);
+    for (int c = 0; c < 8; c++)
+        s->around[c] = s->node == NO_NODE ? node_at(g, key_beside(s->low, c & 1, c >> 1 & 1, c >> 2))
+                                          : row[(c & 1) + 3 * (c >> 1 & 1) + 9 * (c >> 2)];
+}
+
+/* What models ask for at a place. */
+typedef struct blend {
+    double spacing, weights;
+    vec3 gradient;
+} blend;
+
+ISA_INLINE void add_model(const node *n, double weight, vec3 x, bool steep, blend *b)
+{
+    double rise = vec3_dot(n->gradient, vec3_sub(x, n->position)), most = MODEL_LIMIT * n->spacing;
+    rise = rise > most ? most : rise;
+    b->spacing += weight * (n->spacing + (rise < -most ? -most : rise));
+    if (steep) b->gradient = vec3_axpy(weight, n->gradient, b->gradient);
+    b->weights += weight;
+}
+
+/* The models of the eight cubes. Any node stands in for one that is not there, with no weight: on a surface
+ * half of them are missing, and a branch would guess wrongly as often as not. */
+ISA_INLINE double blend_models(const sizing_field *g, vec3 x, const spot *s, vec3 *gradient)
+{
+    blend b = {0};
+    for (int c = 0; s->inside && c < 8; c++) {
+        double weight = (c & 1 ? s->t[0] : 1 - s->t[0]) * (c & 2 ? s->t[1] : 1 - s->t[1]) *
+                        (c & 4 ? s->t[2] : 1 - s->t[2]);
+        bool missing = s->around[c] == NO_NODE;
+        add_model(&g->node[missing ? 0 : s->around[c]], missing ? 0 : weight, x, gradient != NULL, &b);
+    }
+    if (!(b.weights > 0)) add_model(nearest_node(g, x), 1, x, true, &b);
+    if (gradient) *gradient = vec3_scale(b.gradient, 1 / b.weights);
+    double least = g->params.min_spacing, most = g->params.max_spacing, spacing = b.spacing / b.weights;
+    spacing = spacing < least ? least : spacing;
+    return most > 0 && spacing > most ? most : spacing;
+}
+
+/* Each step waits for memory: those of several places wait together. */
+static void find_spots(const sizing_field *g, size_t count, const vec3 *x, spot *s)
+{
+    for (size_t k = 0; k < count; k++) find_cubes(g, x[k], &s[k]);
+    for (size_t k = 0; k < count; k++)
+        if (s[k].inside) s[k].node = node_at(g, s[k].own);
+    for (size_t k = 0; k < count; k++)
+        if (s[k].inside) find_nodes(g, &s[k]);
+}
+
+double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient)
+{
+    spot s;
+    find_spots(g, 1, &x, &s);
+    return blend_models(g, x, &s, gradient);
+}
+
+void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out)
+{
+    spot s[SPOTS];
+    for (size_t first = 0; first < count; first += SPOTS) {
+        size_t spots = count - first < SPOTS ? count - first : SPOTS;
+        find_spots(g, spots, x + first, s);
+        for (size_t k = 0; k < spots; k++) out[first + k] = blend_models(g, x[first + k], &s[k], NULL);
+    }
+}
+
+/* The points that the models ask for, summed over the cells. */
+static double sum_points(sizing_field *g, const surface *scan, const vec3 *position)
+{
+    sizing_field_spacings(g, scan->cells, position, g->points_before + 1);
+    for (size_t k = 0; k < scan->cells; k++) {
+        double area = cell_area(scan, k), spacing = g->points_before[k + 1];
+        double points = area > 0 ? area / packing_cell_area(spacing) : 0;
+        g->points_before[k + 1] = g->points_before[k] + points;
+    }
+    return g->points_before[scan->cells];
+}
+
+/* After the growth: a crease has its say before it is averaged, and of noise the fine end remains. A painted
+ * map means what it says. */
+static void smooth_spacing(making *m)
+{
+    sizing_field *g = m->g;
+    if (is_map(g)) return;
+    for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
+    smooth(m);
+    for (size_t k = 0; k < g->count; k++) g->node[k].spacing = exp(m->from[k]);
+    limit_growth(m);
+}
+
+/* What the nodes are asked for is corrected until the cells ask for `count`. */
+static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
+                       threads *pool, error *e)
+{
+    double area = 0, asked = 0, even = packing_spacing(scan->area, (double)count);
+    double widest = fmax(bbox_longest(scan->box), WIDEST_EVEN * even);
+    for (size_t k = 0; k < g->count; k++) {
+        area += g->node[k].area;
+        asked += g->node[k].area / (g->node[k].request * g->node[k].request);
+    }
+    double want =
+        (double)count * area / scan->area; /* cells without a sample are taken to be like the rest */
+    making m;
+    g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
+    bool ok = making_begin(&m, g, pool, e) && g->points_before;
+    if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
+        ok = count_impossible(g, scan, count, e);
+    for (int k = 0; ok && k < CELLS_STEPS; k++) {
+        if (k > 0) find_scale(&m, want, g->facts.scale, widest); /* as possible as before, but for a little */
+        smooth_spacing(&m);
+        threads_run(pool, g->count, GRAIN, model_chunk, &m);
+        double ratio = sum_points(g, scan, position) / (double)count;
+        if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
+        want /= ratio;
+    }
+    making_free(&m);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return ok;
+}
+
+/* Every node has a cell at least. */
+static bool fits_memory(const sizing_field *g, size_t cells, error *e)
+{
+    double bytes = (double)cells * CELL_BYTES;
+    if (g->params.memory_limit == 0 || bytes <= (double)g->params.memory_limit) return true;
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "the grading of %zu cells of the surface needs about %.0f MB, the limit leaves %.0f MB: raise "
+        "limits.memory_mb",
+        cells, bytes / (1 << 20), (double)g->params.memory_limit / (1 << 20));
+}
+
+sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
+                               size_t count, threads *pool, error *e)
+{
+    sizing_field *g = mem_alloc(sizeof *g);
+    request_job job = {g, f, scan, NULL, NULL};
+    bool ok = false;
+    g->params = *params;
+    if (!fits_memory(g, scan->cells, e)) goto done;
+    job.position = mem_array(scan->cells, sizeof *job.position, "the grading", e);
+    job.value = mem_array(scan->cells, sizeof *job.value, "the grading", e);
+    if (!job.position || !job.value) goto done;
+    g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * packing_spacing(scan->area, (double)count));
+    g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
+    threads_run(pool, scan->cells, GRAIN, request_chunk, &job);
+    if (threads_stopped(pool)) {
+        error_set(e, ERROR_CANCELLED, "stopped");
+        goto done;
+    }
+    bbox box = bbox_empty();
+    for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, job.position[k]);
+    /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
+    g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
+    if (!values_to_spacings(g, scan, job.value, e) || !make_nodes(g, scan, job.position, job.value, e) ||
+        !meet_count(g, scan, job.position, count, pool, e))
+        goto done;
+    g->facts.least = INFINITY;
+    for (size_t k = 0; k < g->count; k++) {
+        g->facts.least = fmin(g->facts.least, g->node[k].spacing);
+        g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
+    }
+    ok = true;
+done:
+    free(job.position);
+    free(job.value);
+    if (ok) return g;
+    sizing_field_free(g);
+    return NULL;
+}
+
+void sizing_field_free(sizing_field *g)
+{
+    if (!g) return;
+    free(g->node);
+    free(g->table);
+    free(g->beside);
+    free(g->points_before);
+    free(g);
+}
+
+sizing_field_facts sizing_field_describe(const sizing_field *g)
+{
+    return g->facts;
+}
+
+const double *sizing_field_weight(const sizing_field *g, const surface *scan)
+{
+    return g ? g->points_before : scan->area_before;
+}
+
+vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r)
+{
+    const double *before = sizing_field_weight(g, scan);
+    return surface_point(scan, before, where * before[scan->cells], r);
+}

@@ -1,0 +1,70 @@
+/* sizing_field: the spacing that a job with a grading requests at each place of a surface, scaled so that a given count
+ * of points meets it.
+ *
+ * The request gives a spacing by curvature or by a painted map. The field keeps it between bounds, and lets it grow by
+ * at most `gradation` per unit of distance along the surface, so that neighbours differ little. A spacing by curvature
+ * may also bend only as much as a packing can follow: where it varies within the spacing itself, as at the noise of a
+ * scan, it is averaged. The request is multiplied by the one constant with which the ideal cells (packing_cell_area)
+ * fill the surface with exactly the count.
+ *
+ * The field is stored as nodes, one for each cube of space that the surface passes, with the spacing there and its
+ * gradient. It is blended between nodes, so that differences within a cell of the surface are averaged. World space
+ * and world units. Immutable once made, safe in any thread. */
+#ifndef HEXAD_SURFACE_SIZING_FIELD_H
+#define HEXAD_SURFACE_SIZING_FIELD_H
+
+#include "base/error.h"
+#include "base/rng.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "surface/surface.h"
+
+typedef enum sizing_field_kind {
+    SIZING_FIELD_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */
+    SIZING_FIELD_RATIO,   /* kappa^-exponent, within ratio : 1 */
+    SIZING_FIELD_SPACING, /* the value of a map */
+    SIZING_FIELD_DENSITY  /* points per unit area, the value of a map */
+} sizing_field_kind;
+
+typedef struct sizing_field_params {
+    sizing_field_kind kind;
+    double chord_error;
+    double ratio, exponent;
+    /* the map's value at x; NaN where it has none, and asks for no points then */
+    double (*map)(const void *context, vec3 x);
+    const void *map_context;
+    double min_spacing, max_spacing; /* 0: no bound */
+    double gradation;                /* > 0; INFINITY: no bound */
+    size_t memory_limit;             /* bytes that making it may take; 0: no bound */
+} sizing_field_params;
+
+typedef struct sizing_field sizing_field;
+
+/* For `count` points on the scanned surface. Errors: spec_invalid (the count cannot be had within the
+ * bounds), input_unsupported (a map's value is no spacing), limit_memory, cancelled. Deterministic for any
+ * number of threads. */
+sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
+                               size_t count, threads *pool, error *e);
+void sizing_field_free(sizing_field *g);
+
+/* The requested spacing at x, which is on the surface, and (unless NULL) its slope, as the nodes around have
+ * it. */
+double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient);
+
+/* The same of many places. */
+void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, double *out);
+
+/* What the request was multiplied by to meet the count, and the ends of the result. */
+typedef struct sizing_field_facts {
+    double scale, least, largest;
+} sizing_field_facts;
+sizing_field_facts sizing_field_describe(const sizing_field *g);
+
+/* The density of points summed over the cells, as area_before; NULL: the area. */
+const double *sizing_field_weight(const sizing_field *g, const surface *scan);
+
+/* A point near the surface, drawn by the density of points, `where` in [0, 1) in the order of the cells;
+ * NULL: by area. See surface_point. */
+vec3 sizing_field_draw(const sizing_field *g, const surface *scan, double where, rng *r);
+
+#endif

@@ -1,0 +1,49 @@
+/* surface: what the crossing cells tell about a surface before any particle is there: its area, its
+ * box, and points on it in proportion to area.
+ *
+ * Each cell is cut into six tetrahedra and these by the surface into triangles, whose corners are
+ * moved onto the surface. A triangle's area is corrected for the surface's curvature by how the normals at
+ * its corners turn, which leaves an error of fourth order in cell size over radius of curvature.
+ */
+#ifndef HEXAD_SURFACE_SURFACE_H
+#define HEXAD_SURFACE_SURFACE_H
+
+#include "base/error.h"
+#include "base/rng.h"
+#include "base/threads.h"
+#include "field/field.h"
+#include "surface/components.h"
+
+typedef struct surface {
+    const field *field; /* not owned */
+    double area;        /* world units squared */
+    bbox box;           /* of the surface */
+    size_t cells;
+    components parts;    /* cells are numbered part after part, so that strata of area keep to the parts */
+    double *area_before; /* cells + 1: area of the cells before each, the last is the whole */
+} surface;
+
+/* The k-th of the surface's cells. */
+void surface_cell(const surface *s, size_t k, field_cell *out);
+
+/* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any
+ * number of threads. */
+surface *surface_scan(const field *f, threads *pool, error *e);
+void surface_free(surface *s);
+
+/* A point of the surface's triangles: of the cell k with before[k] <= where < before[k + 1], in proportion to
+ * area within it. With area_before equal lengths of `where` give equal areas. The point lies near the
+ * surface, within the cell; project it. */
+vec3 surface_point(const surface *s, const double *before, double where, rng *r);
+
+/* Onto the surface by Newton's method along the axes that are not fixed (bit k), without regard to the
+ * domain. False, outputs untouched, when that does not end within `reach`. */
+bool surface_slide(const field *f, unsigned fixed, double reach, vec3 *x, vec3 *normal);
+
+/* The triangles of a cell, corners on the surface to a millionth of it; those of neighbouring cells have the
+ * same corners, bit by bit, where they meet. What lies outside of the domain is not cut off. Returns how
+ * many. */
+#define SURFACE_CELL_TRIANGLES 12 /* at most two in each of six tetrahedra */
+int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_TRIANGLES][3]);
+
+#endif

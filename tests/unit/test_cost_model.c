@@ -1,0 +1,120 @@
+/* pace: against jobs whose cost is known. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "base/rng.h"
+#include "run/cost_model.h"
+
+/* Seconds of a run: a part of its own, and a power of the count, more or less. */
+typedef struct cost {
+    double fixed, each, power, noise;
+} cost;
+
+static double cost_of(const cost *c, size_t count, rng *r)
+{
+    return c->fixed + c->each * pow((double)count, c->power) * (1 + c->noise * (2 * rng_uniform(r) - 1));
+}
+
+/* Time spent on runs, the last included, and the largest count that fitted. */
+static double spend(const cost *c, double budget, size_t most, rng *r, size_t *reached)
+{
+    cost_model p = cost_model_begin(most);
+    double spent = 0;
+    *reached = 0;
+    for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, budget - spent)) {
+        double run = cost_of(c, count, r);
+        if (*reached > 0) assert_true((double)count <= 6.001 * (double)*reached && count > *reached);
+        if (spent + run > budget) return budget;
+        spent += run;
+        *reached = count;
+        cost_model_note(&p, count, run, 0.1 * run);
+        assert_true(fabs(cost_model_rest(&p, 2 * count) - 0.2 * run) < 1e-9 * run);
+    }
+    return spent;
+}
+
+static void the_time_is_used(void **state)
+{
+    (void)state;
+    const cost costs[] = {{0, 1e-5, 1, 0}, {0, 2e-6, 1.2, 0}, {0.005, 1e-5, 1, 0}, {0.001, 3e-4, 0.9, 0}};
+    rng r = rng_seed(1, 1);
+    for (size_t k = 0; k < sizeof costs / sizeof costs[0]; k++)
+        for (double budget = 1; budget < 4000; budget *= 1.7) {
+            size_t reached;
+            double spent = spend(&costs[k], budget, SIZE_MAX, &r, &reached);
+            if (spent < 0.5 * budget || spent > budget) fail_msg("cost %zu: %g of %g s", k, spent, budget);
+            /* no count less than half of the best that a run of the whole time would have */
+            double best = pow((budget - costs[k].fixed) / costs[k].each, 1 / costs[k].power);
+            if ((double)reached < 0.35 * best)
+                fail_msg("cost %zu: %zu of %g in %g s", k, reached, best, budget);
+        }
+}
+
+/* A run that varies by a tenth either way fits all the same. */
+static void noise_is_allowed_for(void **state)
+{
+    (void)state;
+    const cost noisy = {0.01, 1e-5, 1.1, 0.1};
+    rng r = rng_seed(2, 1);
+    int late = 0;
+    double least = 1;
+    for (int k = 0; k < 300; k++) {
+        size_t reached;
+        double budget = 2 + 100 * rng_uniform(&r), spent = spend(&noisy, budget, SIZE_MAX, &r, &reached);
+        least = fmin(least, spent / budget);
+        late += spent >= budget;
+    }
+    print_message("# at least %.2f of the time, %d of 300 broken off\n", least, late);
+    assert_true(least >= 0.45 && late <= 6);
+}
+
+static void memory_bounds_the_count(void **state)
+{
+    (void)state;
+    const cost cheap = {0, 1e-7, 1, 0};
+    rng r = rng_seed(3, 1);
+    size_t reached;
+    double spent = spend(&cheap, 100, 5000, &r, &reached);
+    assert_int_equal(reached, 5000);
+    assert_true(spent < 1);
+}
+
+static void nothing_fits_into_no_time(void **state)
+{
+    (void)state;
+    cost_model p = cost_model_begin(SIZE_MAX);
+    cost_model_note(&p, COST_MODEL_FIRST, 1, 0.1);
+    assert_int_equal(cost_model_next(&p, 0), 0);
+    assert_int_equal(cost_model_next(&p, -1), 0);
+    assert_int_equal(cost_model_next(&p, 1), 0);
+    cost_model_note(&p, COST_MODEL_FIRST, 0, 0); /* faster than the clock ticks */
+    assert_true(cost_model_next(&p, 1) > COST_MODEL_FIRST);
+}
+
+/* A part that does not depend on the count, and one that goes with it. */
+static void a_run_is_foretold(void **state)
+{
+    (void)state;
+    cost_model p = cost_model_begin(SIZE_MAX);
+    cost_model_note(&p, 1000, 0.5, 0);
+    assert_float_equal(cost_model_run(&p, 4000), 2, 1e-6);
+    cost_model_note(&p, 4000, 0.8, 0);
+    assert_float_equal(cost_model_run(&p, 4000), 0.8, 1e-6);
+    assert_float_equal(cost_model_run(&p, 16000), 2, 1e-6);
+    cost_model_note(&p, 16000, 0.7, 0); /* less than fewer took: by the last alone */
+    assert_float_equal(cost_model_run(&p, 32000), 1.4, 1e-6);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_time_is_used),        cmocka_unit_test(noise_is_allowed_for),
+        cmocka_unit_test(memory_bounds_the_count), cmocka_unit_test(nothing_fits_into_no_time),
+        cmocka_unit_test(a_run_is_foretold),
+    };
+    return cmocka_run_group_tests_name("pace", tests, NULL, NULL);
+}

@@ -1,0 +1,232 @@
+/* The kernel in single precision against the one in double, whatever the instruction set. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "packing/fast_kernel.h"
+#include "packing/pair.h"
+#include "shapes.h"
+
+enum { MOST = 40, LANES = FAST_KERNEL_LANES };
+
+static const double sigma = 0.9, unit = 0x1p-24;
+
+/* Particles near the origin, each with neighbours of its own, as both kernels want them. */
+typedef struct fixture {
+    neighbours_place place[LANES * MOST];
+    uint32_t list[LANES][MOST];
+    fast_kernel_particles particles;
+    fast_kernel_params params;
+} fixture;
+
+static neighbours_place random_place(rng *r, vec3 half)
+{
+    vec3 x = random_between(r, vec3_scale(half, -1), half);
+    return (neighbours_place){(int32_t)(x.x / unit), (int32_t)(x.y / unit), (int32_t)(x.z / unit),
+                              (float)(0.7 + 0.6 * rng_uniform(r))};
+}
+
+/* Up to MOST neighbours each, in and out of reach. */
+static void random_fixture(fixture *f, rng *r)
+{
+    fast_kernel_particles *p = &f->particles;
+    memset(f, 0, sizeof *f);
+    f->params =
+        (fast_kernel_params){.unit = unit, .support = sigma, .omega = 1.2, .longest = 0.2, .farthest = 0.05};
+    for (uint32_t l = 0; l < LANES; l++) {
+        neighbours_place own = random_place(r, (vec3){0.05, 0.05, 0.01});
+        vec3 n = vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1}));
+        if (rng_uniform(r) < 0.5) n = vec3_scale(n, -1);
+        for (uint32_t k = 0; k < MOST; k++) {
+            f->list[l][k] = l * MOST + k * 7 % MOST; /* any order */
+            f->place[l * MOST + k] = random_place(r, (vec3){1, 1, 0.1});
+        }
+        p->list[l] = f->list[l];
+        p->count[l] = (uint32_t)(rng_uniform(r) * (MOST + 1));
+        p->x[l] = own.x;
+        p->y[l] = own.y;
+        p->z[l] = own.z;
+        p->size[l] = own.size;
+        p->allowed_step[l] = (float)(0.1 * rng_uniform(r));
+        p->position.x[l] = own.x * unit;
+        p->position.y[l] = own.y * unit;
+        p->position.z[l] = own.z * unit;
+        p->normal.x[l] = n.x;
+        p->normal.y[l] = n.y;
+        p->normal.z[l] = n.z;
+    }
+}
+
+static vec3 lane_of(const fast_kernel_vec3 *v, size_t lane)
+{
+    return (vec3){v->x[lane], v->y[lane], v->z[lane]};
+}
+
+static void sum_wide(const fixture *f, const fast_kernel_forces *frames, size_t l, pair_forces *out)
+{
+    const fast_kernel_particles *p = &f->particles;
+    double column[5][MOST];
+    for (size_t k = 0; k < MOST; k++) {
+        const neighbours_place *q = &f->place[f->list[l][k]];
+        double size = 0.5 * (1 + (double)q->size / (double)p->size[l]);
+        double entry[5] = {q->x * unit, q->y * unit, q->z * unit, k < p->count[l], size * size};
+        for (int c = 0; c < 5; c++) column[c][k] = entry[c];
+    }
+    const pair_list pairs = {.blocks = MOST / PAIR_LANES,
+                             .x = column[0],
+                             .y = column[1],
+                             .z = column[2],
+                             .weight = column[3],
+                             .size2 = column[4]};
+    vec3 axis1 = {frames->axis1[0][l], frames->axis1[1][l], frames->axis1[2][l]};
+    vec3 axis2 = {frames->axis2[0][l], frames->axis2[1][l], frames->axis2[2][l]};
+    pair_forces_at(&pairs, &energy_cotangent, lane_of(&p->position, l), axis1, axis2,
+                   sigma * (double)p->size[l], out);
+}
+
+/* The pair kernel's numbers, to what single precision has; its terms are of the size of the stiffest pair's.
+ * */
+static void sums_are_those_in_double(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 0);
+    for (int round = 0; round < 20; round++) {
+        fixture f;
+        fast_kernel_forces single;
+        random_fixture(&f, &r);
+        fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &single);
+        for (size_t l = 0; l < LANES; l++) {
+            pair_forces wide;
+            sum_wide(&f, &single, l, &wide);
+            double stiff = (wide.h11 + wide.h22) * unit * unit, slope = sqrt(stiff * wide.energy);
+            assert_close((double)single.energy[l], wide.energy,
+                         1e-5 * wide.energy + 1e-6 * f.particles.count[l]);
+            assert_close((double)single.d1[l], wide.d1 * unit, 1e-5 * slope + 1e-12);
+            assert_close((double)single.d2[l], wide.d2 * unit, 1e-5 * slope + 1e-12);
+            assert_close((double)single.h11[l], wide.h11 * unit * unit, 1e-5 * stiff);
+            assert_close((double)single.h12[l], wide.h12 * unit * unit, 1e-5 * stiff);
+            assert_close((double)single.h22[l], wide.h22 * unit * unit, 1e-5 * stiff);
+            if (isinf(wide.nearest2))
+                assert_true(isinf(single.nearest2[l]));
+            else
+                assert_close((double)single.nearest2[l], wide.nearest2 / unit / unit,
+                             1e-5 * wide.nearest2 / unit / unit);
+        }
+    }
+}
+
+static void frames_are_tangent(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 1);
+    fixture f;
+    fast_kernel_forces out;
+    random_fixture(&f, &r);
+    fast_kernel_for(isa_best())->forces(f.place, &f.particles, &f.params, &out);
+    for (size_t l = 0; l < LANES; l++) {
+        vec3 n = lane_of(&f.particles.normal, l);
+        vec3 u = {out.axis1[0][l], out.axis1[1][l], out.axis1[2][l]},
+             v = {out.axis2[0][l], out.axis2[1][l], out.axis2[2][l]};
+        assert_close(vec3_norm(vec3_sub(vec3_cross(u, v), n)), 0, 1e-6);
+        assert_close(vec3_dot(u, v), 0, 1e-6);
+        assert_close(vec3_norm(u), 1, 1e-6);
+    }
+}
+
+/* The way of a fast step over the plane z = 0.001, whose field has the gradient 2. */
+static void go(const fixture *f, const fast_kernel *k, fast_kernel_forces *forces, fast_kernel_way *way)
+{
+    memset(forces, 0, sizeof *forces);
+    memset(way, 0, sizeof *way);
+    k->forces(f->place, &f->particles, &f->params, forces);
+    k->step(&f->particles, forces, &f->params, way);
+    for (size_t l = 0; l < LANES; l++) {
+        way->value[l] = 2 * (way->to.z[l] - 0.001);
+        way->gradient.z[l] = 2;
+    }
+    k->land(&f->particles, &f->params, way);
+}
+
+static void a_fast_step_ends_on_the_surface_and_within_what_is_allowed(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    int ended_well = 0, refused = 0;
+    for (int round = 0; round < 50; round++) {
+        fixture f;
+        fast_kernel_forces forces;
+        fast_kernel_way way;
+        random_fixture(&f, &r);
+        if (round % 2 == 0) f.params.longest = 0.02;
+        go(&f, fast_kernel_for(isa_best()), &forces, &way);
+        for (size_t l = 0; l < LANES; l++) {
+            if (!way.ends_well[l]) {
+                refused++;
+                continue;
+            }
+            double length = vec3_norm(vec3_sub(lane_of(&way.to, l), lane_of(&f.particles.position, l)));
+            assert_close(way.to.z[l], 0.001, 1e-15);
+            assert_close(way.length[l], length, 1e-12);
+            assert_true(length <= (double)f.particles.allowed_step[l]);
+            assert_close(vec3_norm(vec3_sub(lane_of(&way.gradient, l), (vec3){0, 0, 1})), 0, 1e-12);
+            ended_well++;
+        }
+    }
+    assert_true(ended_well > 100);
+    assert_true(refused > 100);
+}
+
+/* On any instruction set, and in any lane among any others. */
+static void a_particle_always_gets_the_same_bits(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 3);
+    int compared = 0;
+    for (int round = 0; round < 100; round++) {
+        fixture f;
+        fast_kernel_forces portable, other;
+        fast_kernel_way way, other_way;
+        random_fixture(&f, &r);
+        go(&f, fast_kernel_for(ISA_PORTABLE), &portable, &way);
+        for (isa which = ISA_PORTABLE + 1; which < ISA_COUNT; which++) {
+            if (!isa_available(which)) continue;
+            go(&f, fast_kernel_for(which), &other, &other_way);
+            assert_memory_equal(&portable, &other, sizeof other);
+            assert_memory_equal(&way, &other_way, sizeof way);
+            compared++;
+        }
+        fast_kernel_particles *p = &f.particles;
+        p->list[5] = p->list[3]; /* lane 3 alone, in lane 5 */
+        p->x[5] = p->x[3];
+        p->y[5] = p->y[3];
+        p->z[5] = p->z[3];
+        p->size[5] = p->size[3];
+        p->normal.x[5] = p->normal.x[3];
+        p->normal.y[5] = p->normal.y[3];
+        p->normal.z[5] = p->normal.z[3];
+        p->count[5] = p->count[3];
+        for (size_t l = 0; l < LANES; l++)
+            if (l != 5) p->count[l] = 0;
+        fast_kernel_for(ISA_PORTABLE)->forces(f.place, p, &f.params, &other);
+        assert_memory_equal(&other.energy[5], &portable.energy[3], sizeof(float));
+        assert_memory_equal(&other.d1[5], &portable.d1[3], sizeof(float));
+        assert_memory_equal(&other.h22[5], &portable.h22[3], sizeof(float));
+    }
+    print_message("# %d comparisons of instruction sets on this machine\n", compared);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(sums_are_those_in_double),
+        cmocka_unit_test(frames_are_tangent),
+        cmocka_unit_test(a_fast_step_ends_on_the_surface_and_within_what_is_allowed),
+        cmocka_unit_test(a_particle_always_gets_the_same_bits),
+    };
+    return cmocka_run_group_tests_name("kernel", tests, NULL, NULL);
+}

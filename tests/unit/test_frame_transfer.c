@@ -1,0 +1,341 @@
+/* Points of one torus carried onto another: who stays, who goes, who comes. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "base/memory.h"
+#include "close.h"
+#include "packing/packing.h"
+#include "packing/quality.h"
+#include "sampler/levels.h"
+#include "sampler/sampler.h"
+#include "sequence/frame_transfer.h"
+#include "shapes.h"
+
+enum { POINTS = 2000 };
+
+static const analytic_params before = {.shape = ANALYTIC_TORUS,
+                                       .center = {0.5, 0, -1},
+                                       .axis = {1, 2, 2},
+                                       .major_radius = 1,
+                                       .minor_radius = 0.4};
+
+typedef struct stage {
+    analytic *field;
+    surface *scan;
+    threads *pool;
+} stage;
+
+static stage set_stage(const analytic_params *shape, int workers)
+{
+    error e = {0};
+    stage s = {.field = analytic_new(shape, NULL, &e), .pool = threads_new(workers, NULL, &e)};
+    if (s.field && s.pool) s.scan = surface_scan(&s.field->base, s.pool, &e);
+    if (!s.scan) fail_msg("%s", e.message);
+    return s;
+}
+
+static void strike(stage *s)
+{
+    surface_free(s->scan);
+    threads_free(s->pool);
+    analytic_free(s->field);
+}
+
+/* A packing at rest, from a start or as it comes. */
+static sampler *pack(const stage *s, size_t count, const frame_transfer *start)
+{
+    error e = {0};
+    const sampler_params params = {.count = count,
+                                   .start = start ? SAMPLER_START_GIVEN : SAMPLER_START_SURFACE,
+                                   .given = start ? start->position : NULL,
+                                   .given_normal = start ? start->normal : NULL,
+                                   .coarse_to_fine = true,
+                                   .isa = ISA_PORTABLE,
+                                   .list_limit = SIZE_MAX,
+                                   .max_sweeps = 5000,
+                                   .step_tolerance = 0.003,
+                                   .energy_tolerance = 0.05};
+    sampler *made = sampler_new(&s->field->base, s->scan, &params, s->pool, &e);
+    while (made && !sampler_ended(made))
+        if (!sampler_step(made, &e)) break;
+    if (!made || !sampler_ended(made) || !sampler_finalize(made, &e)) fail_msg("%s", e.message);
+    return made;
+}
+
+/* The points of a torus, made once. */
+static sampler *first;
+
+static int make_first(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    first = pack(&s, POINTS, NULL); /* its points outlive the surface */
+    strike(&s);
+    return 0;
+}
+
+static int free_first(void **state)
+{
+    (void)state;
+    sampler_free(first);
+    return 0;
+}
+
+static frame_transfer carry_by(const stage *s, size_t count, bool eased)
+{
+    const sampler_points *p = sampler_result_points(first);
+    const frame_transfer_params params = {p->count, p->position, p->normal,    count,
+                                          NULL,     eased,       ISA_PORTABLE, 1};
+    frame_transfer c;
+    error e = {0};
+    if (!frame_transfer_points(&s->field->base, s->scan, &params, s->pool, &c, &e)) fail_msg("%s", e.message);
+    assert_int_equal(c.count, count);
+    assert_int_equal(c.count - c.born, p->count - c.died);
+    return c;
+}
+
+static frame_transfer carry(const stage *s, size_t count)
+{
+    return carry_by(s, count, true);
+}
+
+/* The distance to the nearest other, over the spacing; of place i. */
+static double clearance(const frame_transfer *c, double spacing, size_t i)
+{
+    double least = INFINITY;
+    for (size_t k = 0; k < c->count; k++)
+        if (k != i) least = fmin(least, vec3_norm(vec3_sub(c->position[k], c->position[i])));
+    return least / spacing;
+}
+
+static void test_all_go_with_a_torus_that_moves_turns_and_grows(void **state)
+{
+    (void)state;
+    analytic_params after = before;
+    const registration true_motion = {before.center, {0.1, 0.05, -0.1}, {0.05, -0.1, 0.05}, log(1.05)};
+    after.center = registration_apply(&true_motion, before.center);
+    after.axis = registration_turn(&true_motion, vec3_unit(before.axis));
+    after.major_radius *= 1.05;
+    after.minor_radius *= 1.05;
+    stage s = set_stage(&after, 1);
+    const sampler_points *p = sampler_result_points(first);
+    double h = packing_spacing(s.scan->area, POINTS);
+    frame_transfer c = carry(&s, POINTS);
+    assert_int_equal(c.born, 0);
+    bool seen[POINTS] = {false};
+    for (size_t i = 0; i < c.count; i++) {
+        assert_true(c.parent[i] < POINTS && !seen[c.parent[i]]);
+        seen[c.parent[i]] = true;
+        assert_memory_equal(&c.origin[i], &p->position[c.parent[i]], sizeof(vec3));
+        /* the turn about the torus' own axis cannot be seen; the rest is a motion that the test knows */
+        vec3 there = registration_apply(&true_motion, c.origin[i]), axis = after.axis;
+        double height = vec3_dot(vec3_sub(c.position[i], after.center), axis);
+        assert_close(height, vec3_dot(vec3_sub(there, after.center), axis), 0.01 * h);
+    }
+    sampler *rest = pack(&s, POINTS, &c);
+    const sampler_points *q = sampler_result_points(rest);
+    assert_int_equal(sampler_result(rest), SAMPLER_CONVERGED);
+    for (size_t i = 0; i < q->count; i++) /* the order is kept, and they were at rest before */
+        assert_true(vec3_norm(vec3_sub(q->position[i], c.position[i])) < 0.05 * h);
+    sampler_free(rest);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+static void test_a_turn_about_the_own_axis_is_not_made_up(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    frame_transfer c = carry(&s, POINTS);
+    assert_int_equal(c.born, 0);
+    double h = packing_spacing(s.scan->area, POINTS);
+    for (size_t i = 0; i < c.count; i++)
+        assert_true(vec3_norm(vec3_sub(c.position[i], c.origin[i])) < 1e-3 * h);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+static void test_births_are_far_from_others_and_from_each_other(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    frame_transfer c = carry_by(&s, POINTS + 60, false);
+    double h = packing_spacing(s.scan->area, POINTS + 60);
+    assert_int_equal(c.born, 60);
+    for (size_t i = 0; i < c.count; i++)
+        if (c.parent[i] == FRAME_TRANSFER_NONE) assert_true(clearance(&c, h, i) > 0.45);
+    for (size_t i = 0; i < c.count; i++)
+        for (size_t k = 0; k < i && c.parent[i] == FRAME_TRANSFER_NONE; k++)
+            if (c.parent[k] == FRAME_TRANSFER_NONE)
+                assert_true(vec3_norm(vec3_sub(c.position[i], c.position[k])) > 1.3 * h);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+static void test_deaths_are_spread(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    frame_transfer c = carry_by(&s, POINTS - 60, false);
+    const sampler_points *p = sampler_result_points(first);
+    double h = packing_spacing(s.scan->area, POINTS);
+    bool stays[POINTS] = {false};
+    assert_int_equal(c.born, 0);
+    assert_int_equal(c.died, 60);
+    for (size_t i = 0; i < c.count; i++) stays[c.parent[i]] = true;
+    for (size_t i = 0; i < POINTS; i++)
+        for (size_t k = 0; k < i && !stays[i]; k++)
+            if (!stays[k]) assert_true(vec3_norm(vec3_sub(p->position[i], p->position[k])) > 1.2 * h);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+/* The share of points with six neighbours when the packing is at rest. */
+static double order_of(const stage *s, size_t count, const frame_transfer *start)
+{
+    error e = {0};
+    sampler *rest = pack(s, count, start);
+    const sampler_points *p = sampler_result_points(rest);
+    const quality_input in = {.count = count,
+                              .position = p->position,
+                              .normal = p->normal,
+                              .spacing = p->spacing,
+                              .h = packing_spacing(s->scan->area, count)};
+    quality q;
+    if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
+    sampler_free(rest);
+    return q.hex_fraction;
+}
+
+static void test_portions_keep_more_of_the_packing(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    const size_t counts[] = {POINTS + 60, POINTS - 60};
+    for (int k = 0; k < 2; k++) {
+        frame_transfer at_once = carry_by(&s, counts[k], false), eased = carry_by(&s, counts[k], true);
+        assert_int_equal(eased.born, k == 0 ? 60 : 0);
+        assert_int_equal(eased.died, k == 0 ? 0 : 60);
+        double order = order_of(&s, counts[k], &eased), rough = order_of(&s, counts[k], &at_once);
+        print_message("# hex_fraction with %zu of %d: %.3f in portions, %.3f at once\n", counts[k], POINTS,
+                      order, rough);
+        assert_true(order > rough + 0.02);
+        frame_transfer_free(&at_once);
+        frame_transfer_free(&eased);
+    }
+    strike(&s);
+}
+
+/* Drift is counted from where a point was carried to, not from where births moved it. */
+static void test_where_a_point_landed_is_kept(void **state)
+{
+    (void)state;
+    stage s = set_stage(&before, 1);
+    const sampler_points *p = sampler_result_points(first);
+    double h = packing_spacing(s.scan->area, POINTS), moved = 0;
+    frame_transfer c = carry(&s, POINTS + 60);
+    for (size_t i = 0; i < c.count; i++) {
+        if (c.parent[i] == FRAME_TRANSFER_NONE) continue;
+        assert_true(vec3_norm(vec3_sub(c.landed[i], p->position[c.parent[i]])) < 1e-3 * h);
+        moved = fmax(moved, vec3_norm(vec3_sub(c.landed[i], c.position[i])));
+    }
+    assert_true(moved > 0.1 * h);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+static void test_where_the_surface_is_new_points_are_born(void **state)
+{
+    (void)state;
+    analytic_params after = before;
+    after.minor_radius = 0.5;
+    stage s = set_stage(&after, 1);
+    size_t count = (size_t)lround(POINTS * 0.5 / 0.4); /* as dense as before */
+    frame_transfer c = carry(&s, count);
+    double h = packing_spacing(s.scan->area, count);
+    for (size_t i = 0; i < c.count; i++) assert_true(clearance(&c, h, i) > 0.3);
+    sampler *rest = pack(&s, count, &c);
+    const sampler_points *q = sampler_result_points(rest);
+    assert_int_equal(q->lost, 0);
+    assert_true(q->max_residual < 1e-6);
+    sampler_free(rest);
+    frame_transfer_free(&c);
+    strike(&s);
+}
+
+static void test_another_surface_is_not_carried_onto(void **state)
+{
+    (void)state;
+    analytic_params after = before;
+    after.center = (vec3){9, 9, 9}; /* a field of distances leads there from anywhere */
+    after.minor_radius = 0.05;      /* but the points do not lie on it by any motion */
+    stage s = set_stage(&after, 1);
+    const sampler_points *p = sampler_result_points(first);
+    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
+                                          NULL,     true,        ISA_PORTABLE, 1};
+    frame_transfer c;
+    assert_true(frame_transfer_points(&s.field->base, s.scan, &params, s.pool, &c, NULL));
+    assert_int_equal(c.count, 0);
+    assert_int_equal(c.died, POINTS);
+    assert_null(c.position);
+    strike(&s);
+}
+
+static void test_a_stop_is_told(void **state)
+{
+    (void)state;
+    volatile sig_atomic_t stop = 0;
+    stage s = set_stage(&before, 1);
+    error e = {0};
+    threads *pool = threads_new(2, &stop, &e);
+    const sampler_points *p = sampler_result_points(first);
+    const frame_transfer_params params = {p->count, p->position, p->normal,    POINTS,
+                                          NULL,     true,        ISA_PORTABLE, 1};
+    frame_transfer c;
+    stop = 1;
+    assert_false(frame_transfer_points(&s.field->base, s.scan, &params, pool, &c, &e));
+    assert_int_equal(e.code, ERROR_CANCELLED);
+    frame_transfer_free(&c);
+    threads_free(pool);
+    strike(&s);
+}
+
+static void test_any_number_of_threads_gives_the_same(void **state)
+{
+    (void)state;
+    analytic_params after = before;
+    after.minor_radius = 0.44;
+    after.center.x += 0.1;
+    stage one = set_stage(&after, 1), many = set_stage(&after, 3);
+    frame_transfer a = carry(&one, POINTS + 100), b = carry(&many, POINTS + 100);
+    assert_memory_equal(a.position, b.position, a.count * sizeof *a.position);
+    assert_memory_equal(a.origin, b.origin, a.count * sizeof *a.origin);
+    assert_memory_equal(a.parent, b.parent, a.count * sizeof *a.parent);
+    frame_transfer_free(&a);
+    frame_transfer_free(&b);
+    strike(&one);
+    strike(&many);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_all_go_with_a_torus_that_moves_turns_and_grows),
+        cmocka_unit_test(test_a_turn_about_the_own_axis_is_not_made_up),
+        cmocka_unit_test(test_births_are_far_from_others_and_from_each_other),
+        cmocka_unit_test(test_deaths_are_spread),
+        cmocka_unit_test(test_portions_keep_more_of_the_packing),
+        cmocka_unit_test(test_where_a_point_landed_is_kept),
+        cmocka_unit_test(test_where_the_surface_is_new_points_are_born),
+        cmocka_unit_test(test_another_surface_is_not_carried_onto),
+        cmocka_unit_test(test_a_stop_is_told),
+        cmocka_unit_test(test_any_number_of_threads_gives_the_same),
+    };
+    return cmocka_run_group_tests(tests, make_first, free_first);
+}

@@ -1,0 +1,110 @@
+/* Independent sets: every point is in one set, and never with a neighbour. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "packing/independent_sets.h"
+#include "shapes.h"
+
+enum { COUNT = 20000 };
+
+typedef struct fixture {
+    threads *pool;
+    neighbours *near;
+} fixture;
+
+/* Points on a bumpy sheet, crowded in places, of sizes up to `widest` to 1. */
+static void set_up(fixture *f, int thread_count, double widest)
+{
+    static vec3 x[COUNT];
+    static double size[COUNT];
+    error e = {0};
+    rng r = rng_seed(test_seed(), 7);
+    for (int i = 0; i < COUNT; i++) {
+        x[i] = random_between(&r, (vec3){0, 0, 0}, (vec3){1, 1, 0.01});
+        if (i % 10 == 0) x[i] = vec3_scale(x[i], 0.2);
+        size[i] = 1 + (widest - 1) * x[i].x;
+    }
+    f->pool = threads_new(thread_count, NULL, &e);
+    f->near = neighbours_new(COUNT, SIZE_MAX, &e);
+    assert_true(neighbours_build(f->near, COUNT, x, size, 0.015, f->pool, &e));
+    independent_sets_form(f->near, f->pool);
+}
+
+static void tear_down(fixture *f)
+{
+    neighbours_free(f->near);
+    threads_free(f->pool);
+}
+
+static bool are_neighbours(const neighbours *n, uint32_t i, uint32_t j)
+{
+    for (uint32_t k = 0; k < n->list_count[i]; k++)
+        if (neighbours_list(n, i)[k] == j) return true;
+    return false;
+}
+
+static void check(double widest)
+{
+    fixture f;
+    set_up(&f, 2, widest);
+    int *seen = calloc(COUNT, sizeof *seen);
+    size_t sets = 0;
+    for (int c = 0; c < f.near->colours; c++)
+        for (size_t block = f.near->colour_begin[c]; block < f.near->colour_begin[c + 1];
+             block += INDEPENDENT_SET_BLOCKS) {
+            size_t after = block + INDEPENDENT_SET_BLOCKS;
+            if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
+            uint32_t at, end, points[INDEPENDENT_SET_MOST];
+            neighbours_points(f.near, block, after, &at, &end);
+            while (at < end) {
+                uint32_t count = independent_sets_next(f.near, at, points);
+                assert_in_range(count, 1, INDEPENDENT_SET_MOST);
+                for (uint32_t a = 0; a < count; a++) {
+                    seen[points[a]]++;
+                    assert_int_equal(independent_sets_point(f.near, at + a), points[a]);
+                    for (uint32_t b = 0; b < a; b++)
+                        assert_false(are_neighbours(f.near, points[a], points[b]));
+                }
+                at += count;
+                sets++;
+            }
+            assert_int_equal(at, end);
+        }
+    for (int i = 0; i < COUNT; i++) assert_int_equal(seen[i], 1);
+    print_message("# sizes up to %g: %.1f points a set\n", widest, (double)COUNT / (double)sets);
+    free(seen);
+    tear_down(&f);
+}
+
+static void nobody_is_with_a_neighbour(void **state)
+{
+    (void)state;
+    check(1);
+    check(5);
+}
+
+static void threads_do_not_show(void **state)
+{
+    (void)state;
+    fixture one, many;
+    set_up(&one, 1, 2);
+    set_up(&many, 4, 2);
+    assert_memory_equal(one.near->bin_item, many.near->bin_item, COUNT * sizeof *one.near->bin_item);
+    tear_down(&one);
+    tear_down(&many);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(nobody_is_with_a_neighbour),
+        cmocka_unit_test(threads_do_not_show),
+    };
+    return cmocka_run_group_tests_name("independent_sets", tests, NULL, NULL);
+}

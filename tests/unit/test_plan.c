@@ -1,0 +1,77 @@
+/* plan: how many points a target comes to, and what memory they take. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "packing/packing.h"
+#include "run/plan.h"
+
+static const double AREA = 12.5;
+
+static size_t count_of(const spec *s)
+{
+    size_t count = 0;
+    error e = {0};
+    assert_true(plan_count(s, AREA, &count, &e));
+    return count;
+}
+
+static void targets_come_to_a_count(void **state)
+{
+    (void)state;
+    assert_int_equal(count_of(&(spec){.count = 1000}), 1000);
+    assert_int_equal(count_of(&(spec){.density = 80}), 1000);
+    spec spacing = {.spacing = packing_spacing(AREA, 1000)};
+    assert_int_equal(count_of(&spacing), 1000);
+    spec support = {.has_control = true};
+    support.control.min_count = 4;
+    support.control.max_sigma = 1.0001 * packing_support(packing_spacing(AREA, 1000));
+    assert_int_equal(count_of(&support), 1000); /* the least count that keeps the bound */
+    support.control.min_count = 2000;
+    assert_int_equal(count_of(&support), 2000);
+}
+
+static void a_count_out_of_range_names_its_target(void **state)
+{
+    (void)state;
+    size_t count = 7;
+    error e = {0};
+    assert_false(plan_count(&(spec){.spacing = 1e-6}, AREA, &count, &e));
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    assert_non_null(strstr(e.message, "/sampling/spacing"));
+    assert_false(plan_count(&(spec){.density = 1e-3}, AREA, &count, &e));
+    assert_non_null(strstr(e.message, "/sampling/density"));
+    assert_int_equal(count, 7);
+}
+
+static void memory_is_that_of_particles_beside_source_and_pictures(void **state)
+{
+    (void)state;
+    error e = {0};
+    const spec plain = {0}, swarm = {.method = SPEC_METHOD_WITKIN_HECKBERT}, mesh = {.has_mesh = true};
+    const spec pictures = {.has_preview = true, .preview_width = 512, .preview_height = 512};
+    double each = plan_bytes_per_particle(&plain, false);
+    assert_true(plan_bytes_per_particle(&swarm, false) > each);
+    assert_true(plan_bytes_per_particle(&mesh, false) > each);
+    assert_true(plan_bytes_per_particle(&plain, true) > each);
+    assert_true(plan_particle_memory(&plain, 1000, 300) == 700);
+    assert_true(plan_particle_memory(&pictures, 0, 0) < 0);
+    assert_true(plan_check_memory(&plain, false, 100, 100 * each, &e));
+    assert_false(plan_check_memory(&plain, false, 101, 100 * each, &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(targets_come_to_a_count),
+        cmocka_unit_test(a_count_out_of_range_names_its_target),
+        cmocka_unit_test(memory_is_that_of_particles_beside_source_and_pictures),
+    };
+    return cmocka_run_group_tests_name("plan", tests, NULL, NULL);
+}

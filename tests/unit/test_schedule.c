@@ -1,0 +1,169 @@
+/* schedule: what the tables say, at the places of a solve where one rule hands over to another. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "sampler/schedule.h"
+
+enum { LAST = SCHEDULE_STAGES - 1 };
+
+static schedule_position finest(int sweeps, size_t count)
+{
+    return (schedule_position){.level = 2, .levels = 3, .stage = LAST, .sweeps = sweeps, .count = count};
+}
+
+/* Sweeps become fewer as particles become more, within their bounds. */
+static void levels_have_sweeps_by_their_count(void **state)
+{
+    (void)state;
+    int before = (int)schedule_multilevel.sweeps_most;
+    for (size_t count = 100; count < 100000000; count *= 3) {
+        schedule_position at = finest(0, count);
+        int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
+        assert_in_range(sweeps, (int)schedule_multilevel.sweeps_least, before);
+        at.level = 1;
+        assert_true(schedule_level_sweeps(&schedule_multilevel, &at) <= sweeps);
+        before = sweeps;
+    }
+    assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
+}
+
+/* A level is shaken, settled, and calmed down; the others have one over-relaxation throughout. */
+static void over_relaxation_follows_the_sweeps(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 10000);
+    int sweeps = schedule_level_sweeps(s, &at);
+    assert_true(schedule_omega(s, &at) == s->omega_shake);
+    at.is_sized = true;
+    assert_true(schedule_omega(s, &at) == s->omega_shake_sized);
+    at.sweeps = sweeps;
+    assert_true(schedule_omega(s, &at) == s->omega);
+    at.sweeps = 100 * sweeps;
+    assert_true(schedule_omega(s, &at) == s->omega_least);
+    at = (schedule_position){.levels = 3, .sweeps = 1, .count = 100}; /* an early stage */
+    assert_true(schedule_omega(s, &at) == s->omega);
+    for (int k = 0; k < 1000; k += 100) {
+        at = finest(k, 10000);
+        assert_true(schedule_omega(&schedule_paper, &at) == schedule_paper.omega);
+        assert_true(schedule_omega(&schedule_continued, &at) == schedule_continued.omega);
+    }
+}
+
+static void steps_are_free_until_a_level_is_shaken(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(0, 10000);
+    assert_true(schedule_longest_step(s, &at) == INFINITY);
+    at.sweeps = schedule_level_sweeps(s, &at);
+    assert_true(schedule_longest_step(s, &at) == s->longest_step);
+    at.sweeps *= 2;
+    assert_true(schedule_longest_step(s, &at) == s->longest_step / 4);
+    at = (schedule_position){.levels = 3, .sweeps = s->shake_sweeps, .count = 100};
+    assert_true(schedule_longest_step(s, &at) == s->longest_step);
+    assert_true(schedule_longest_step(&schedule_continued, &at) == schedule_continued.longest_step);
+}
+
+static bool rests(const schedule *s, schedule_position at, double rms_step, double lambda)
+{
+    const schedule_evidence seen = {rms_step, lambda, true, 0.003};
+    return schedule_is_at_rest(s, &at, &seen);
+}
+
+static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
+{
+    (void)state;
+    schedule_position at = finest(0, 10000);
+    int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
+    assert_false(rests(&schedule_multilevel, finest(sweeps - 1, 10000), 0, 16));
+    assert_true(rests(&schedule_multilevel, finest(sweeps, 10000), 0.002, 0));
+    assert_false(rests(&schedule_multilevel, finest(sweeps, 10000), 0.004, 16));
+    at.level = 1; /* that is refined again needs no small steps */
+    at.sweeps = sweeps;
+    assert_true(rests(&schedule_multilevel, at, 1, 0));
+    assert_true(rests(&schedule_continued, finest(1, 10000), 0.002, 0));
+    at = (schedule_position){.levels = 3, .sweeps = 1, .count = 100};
+    assert_true(rests(&schedule_multilevel, at, 0.02, 0));
+    assert_false(rests(&schedule_multilevel, at, 0.04, 0));
+    at.sweeps = schedule_multilevel.stage_sweeps_most;
+    assert_true(rests(&schedule_multilevel, at, 0.04, 0));
+}
+
+static void the_paper_goes_by_lambda(void **state)
+{
+    (void)state;
+    schedule_position at = {.levels = 1, .sweeps = 50, .count = 1000};
+    assert_true(rests(&schedule_paper, at, 1, 14.5));
+    assert_false(rests(&schedule_paper, at, 0, 13.5));
+    at.stage = LAST; /* where steps count as well */
+    assert_false(rests(&schedule_paper, at, 1, 14.5));
+    assert_true(rests(&schedule_paper, at, 0.002, 14.5));
+    const schedule_evidence gradient = {0.002, 0, false, 0.003};
+    assert_true(schedule_is_at_rest(&schedule_paper, &at, &gradient));
+}
+
+static void patience_ends_once_and_again(void **state)
+{
+    (void)state;
+    int times = 0;
+    for (int sweeps = 1; sweeps <= schedule_paper.patience[0] + 2 * schedule_paper.patience_more; sweeps++) {
+        schedule_position at = {.levels = 1, .sweeps = sweeps, .count = 1000};
+        times += schedule_is_impatient(&schedule_paper, &at);
+    }
+    assert_int_equal(times, 3);
+}
+
+/* Progress never leaves 0 to 1, and grows with the stages. */
+static void progress_is_a_share(void **state)
+{
+    (void)state;
+    const schedule *all[] = {&schedule_paper, &schedule_multilevel, &schedule_continued};
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++) {
+        double before = 0;
+        for (int stage = 0; stage < SCHEDULE_STAGES; stage++)
+            for (int sweeps = 0; sweeps < 400; sweeps += 50) {
+                schedule_position at = {.levels = 1, .stage = stage, .sweeps = sweeps, .count = 1000};
+                const schedule_evidence seen = {0.1, -3 + sweeps / 20.0, true, 0.003};
+                double share = schedule_level_progress(all[k], &at, &seen);
+                assert_true(share >= before && share <= 1);
+                before = share;
+            }
+        assert_true(before == 1);
+    }
+}
+
+static void lists_wait_for_many_or_for_long(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    schedule_position at = finest(10, 10000), coarse = at;
+    coarse.level = 1;
+    assert_false(schedule_wants_lists(s, &at, 0, 1000));
+    assert_false(schedule_wants_lists(s, &at, 100, 1));
+    assert_true(schedule_wants_lists(s, &at, 101, 1));
+    assert_false(schedule_wants_lists(s, &coarse, 400, 1));
+    assert_true(schedule_wants_lists(s, &coarse, 401, 1));
+    assert_true(schedule_wants_lists(s, &at, 1, s->cramped_wait));
+    assert_true(schedule_skin(s, 0) == s->skin_narrow && schedule_skin(s, 1) == s->skin_wide);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(levels_have_sweeps_by_their_count),
+        cmocka_unit_test(over_relaxation_follows_the_sweeps),
+        cmocka_unit_test(steps_are_free_until_a_level_is_shaken),
+        cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
+        cmocka_unit_test(the_paper_goes_by_lambda),
+        cmocka_unit_test(patience_ends_once_and_again),
+        cmocka_unit_test(progress_is_a_share),
+        cmocka_unit_test(lists_wait_for_many_or_for_long),
+    };
+    return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
+}

@@ -1,0 +1,94 @@
+/* watch: an end for jobs that do not look, lines for those that do not speak. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "run/watchdog.h"
+
+enum { LEFT = 42 };
+
+static volatile sig_atomic_t told_to_stop;
+
+static void stop(int number)
+{
+    told_to_stop = number;
+}
+
+static void leave(void *context)
+{
+    _exit(*(const int *)context);
+}
+
+/* A process whose job hangs for ever ends all the same once it is told to. */
+static void test_a_job_that_hangs_is_left(void **state)
+{
+    (void)state;
+    int ready[2];
+    assert_int_equal(pipe(ready), 0);
+    pid_t child = fork();
+    if (child == 0) {
+        int code = LEFT;
+        const watchdog_params params = {NULL, &told_to_stop, leave, &code};
+        signal(SIGTERM, stop);
+        if (!watchdog_start(&params, NULL) || write(ready[1], "", 1) != 1) _exit(1);
+        for (;;) pause();
+    }
+    char byte;
+    assert_int_equal(read(ready[0], &byte, 1), 1);
+    kill(child, SIGTERM);
+    int status;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == LEFT);
+    close(ready[0]);
+    close(ready[1]);
+}
+
+static void never(void *context)
+{
+    (void)context;
+    abort();
+}
+
+/* Lines come from a phase that says nothing, as long as the watch goes on. */
+static void test_a_silent_job_has_progress(void **state)
+{
+    (void)state;
+    static const volatile sig_atomic_t no;
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    progress p;
+    progress_begin(&p, ends[1], false);
+    const watchdog_params params = {&p, &no, never, NULL};
+    watchdog *w = watchdog_start(&params, NULL);
+    assert_non_null(w);
+    progress_enter(&p, PROGRESS_LOAD);
+    progress_enter(&p, PROGRESS_WRITE);
+    FILE *lines = fdopen(ends[0], "r");
+    char line[512];
+    for (int k = 0; k < 4; k++) {
+        assert_non_null(fgets(line, sizeof line, lines));
+        assert_non_null(strstr(line, k == 0 ? "\"phase\":\"load\"" : "\"phase\":\"write\""));
+    }
+    watchdog_end(w);
+    watchdog_end(NULL);
+    progress_end(&p);
+    fclose(lines);
+    close(ends[1]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_job_that_hangs_is_left),
+        cmocka_unit_test(test_a_silent_job_has_progress),
+    };
+    return cmocka_run_group_tests_name("watch", tests, NULL, NULL);
+}
