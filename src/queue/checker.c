@@ -13,14 +13,16 @@
 #include "queue/database.h"
 #include "queue/health.h"
 
-/* A check that could not be made is tried again after that long. */
+/* A check that could not be made is tried again after that long; sooner when all changes wait for it. */
 #define RETRY_MS 60000
+#define RETRY_IN_DOUBT_MS 5000
 /* The queue is idle when nothing was stored for that long, or for a tenth of the interval where that is less. */
 #define IDLE_MS 10000
 
 struct checker {
     queue *q;
     int64_t interval_ms; /* 0: never */
+    bool told;           /* that it could not be made */
     pthread_t thread;
 };
 
@@ -43,8 +45,9 @@ static bool check(checker *c, bool full)
     }
     if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first stands for all */
     health_end_check(h, name, ok, ok && *findings ? findings : NULL);
-    if (!ok && e.code != ERROR_CANCELLED)
-        log_write(LOG_LEVEL_WARNING, "the database is not checked: %s", e.message);
+    if (!ok && !c->told && e.code != ERROR_CANCELLED)
+        log_write(LOG_LEVEL_WARNING, "the database cannot be checked, which is tried again: %s", e.message);
+    c->told = !ok;
     if (ok) log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
     free(findings);
     free(path);
@@ -73,17 +76,24 @@ static bool wait_for_turn(checker *c, int64_t due_ms)
     return true;
 }
 
+static int64_t next_ms(checker *c, bool ok)
+{
+    queue_health known;
+    queue_get_health(c->q, &known);
+    if (ok && !c->interval_ms) return INT64_MAX;
+    return later(clock_monotonic_ms(), ok ? c->interval_ms : known.damaged ? RETRY_IN_DOUBT_MS : RETRY_MS);
+}
+
 static void *run(void *argument)
 {
     checker *c = argument;
     pthread_setname_np(pthread_self(), "checker");
-    bool full = false, ok;
+    bool full = false;
     int64_t due_ms;
     do {
-        ok = check(c, full);
+        bool ok = check(c, full);
         full |= ok;
-        due_ms = ok ? c->interval_ms ? later(clock_monotonic_ms(), c->interval_ms) : INT64_MAX
-                    : clock_monotonic_ms() + RETRY_MS;
+        due_ms = next_ms(c, ok);
     } while (wait_for_turn(c, due_ms));
     return NULL;
 }

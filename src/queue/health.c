@@ -54,8 +54,12 @@ static void set_damage(health *h, const char *found_by, const char *what, bool d
     h->doubt = h->wanted = doubt;
     atomic_store(&h->damaged, true);
     pthread_cond_broadcast(&h->woken);
-    log_write(LOG_LEVEL_ERROR, "the database is damaged, nothing is written any more found_by=%s: %s: %s", found_by,
-              k->damage, HEALTH_WAY_OUT);
+    if (doubt)
+        log_write(LOG_LEVEL_ERROR, "the database cannot be read, nothing is written until a check has read all of it: %s",
+                  k->damage);
+    else
+        log_write(LOG_LEVEL_ERROR, "the database is damaged, nothing is written any more found_by=%s: %s: %s", found_by,
+                  k->damage, HEALTH_WAY_OUT);
 }
 
 void health_note_damage(health *h, const char *found_by, const char *what, bool doubt)
@@ -69,8 +73,14 @@ bool health_allows_changes(health *h, error *e)
 {
     if (!atomic_load(&h->damaged)) return true;
     pthread_mutex_lock(&h->mutex);
-    error_set(e, ERROR_DATABASE_DAMAGED, "the queue's database is damaged (%s), nothing is changed any more: %s",
-              h->known.damage, HEALTH_WAY_OUT);
+    if (h->doubt)
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the queue's database cannot be read (%s), nothing is changed until a check has read all of it; when it"
+                  " lasts, see to the disk, and then: %s",
+                  h->known.damage, HEALTH_WAY_OUT);
+    else
+        error_set(e, ERROR_DATABASE_DAMAGED, "the queue's database is damaged (%s), nothing is changed any more: %s",
+                  h->known.damage, HEALTH_WAY_OUT);
     pthread_mutex_unlock(&h->mutex);
     return false;
 }

@@ -266,13 +266,13 @@ static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES (
 bool schema_code_is_damage(int code)
 {
     int primary = code & 0xFF;
-    return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_CORRUPTFS ||
-           code == SQLITE_IOERR_DATA;
+    return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_DATA ||
+           code == SQLITE_IOERR_SHORT_READ; /* a file that was cut off */
 }
 
 bool schema_code_is_doubt(int code)
 {
-    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_SHORT_READ;
+    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* the second of EIO */
 }
 
 static bool fail(sqlite3 *database, error *e)

@@ -174,6 +174,56 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     assert_string_equal(known.found_by, "quick_check");
 }
 
+/* The default VFS, in which as many reads of a database as this fail. */
+static atomic_int faults;
+static int (*real_open)(sqlite3_vfs *vfs, const char *name, sqlite3_file *file, int flags, int *out);
+static const sqlite3_io_methods *real_methods;
+
+static int read_or_fail(sqlite3_file *file, void *to, int count, sqlite3_int64 from)
+{
+    if (atomic_load(&faults) > 0 && atomic_fetch_sub(&faults, 1) > 0) return SQLITE_IOERR_READ;
+    return real_methods->xRead(file, to, count, from);
+}
+
+static int open_with_faults(sqlite3_vfs *vfs, const char *name, sqlite3_file *file, int flags, int *out)
+{
+    static sqlite3_io_methods methods;
+    int code = real_open(vfs, name, file, flags, out);
+    if (code != SQLITE_OK || !(flags & SQLITE_OPEN_MAIN_DB)) return code;
+    if (!real_methods) methods = *(real_methods = file->pMethods);
+    methods.xRead = read_or_fail;
+    file->pMethods = &methods;
+    return code;
+}
+
+/* A read that fails may be the disk's fault of a moment: nothing is changed until a check has read all. */
+static void test_a_fault_of_reading_ends_with_a_check(void **state)
+{
+    place *p = *state;
+    static char id[JOBS][ULID_SIZE];
+    error e = {0};
+    queue_receipt receipt;
+    queue_health known;
+    sqlite3_vfs *vfs = sqlite3_vfs_find(NULL);
+    real_open = vfs->xOpen;
+    vfs->xOpen = open_with_faults;
+    fill(p, id);
+    atomic_store(&faults, 1);
+    assert_false(can_read_all(p, id, &e));
+    assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
+    assert_false(queue_put(p->q, &plain, &receipt, &e));
+    checker *c = checker_start(p->q, 0, &e);
+    wait_for_check(p, &known);
+    assert_false(known.damaged);
+    assert_true(queue_put(p->q, &plain, &receipt, &e));
+    atomic_store(&faults, 1);
+    assert_false(can_read_all(p, id, &e));
+    for (int64_t end = clock_monotonic_ms() + 120000; health_of(p).damaged; usleep(1000))
+        assert_true(clock_monotonic_ms() < end); /* the checker looks at once */
+    checker_stop(c);
+    vfs->xOpen = real_open;
+}
+
 typedef struct writer {
     place *p;
     atomic_bool enough;
@@ -294,6 +344,7 @@ int main(void)
         HEALTH_CASE(test_a_sound_database_is_sound),
         HEALTH_CASE(test_a_statement_that_meets_damage_ends_all_changes),
         HEALTH_CASE(test_the_checker_finds_what_no_statement_met),
+        HEALTH_CASE(test_a_fault_of_reading_ends_with_a_check),
         HEALTH_CASE(test_a_copy_is_whole_while_threads_write),
         HEALTH_CASE(test_what_is_wrong_with_a_copy_is_listed),
         HEALTH_CASE(test_what_a_killed_process_left_of_copies_is_removed),
