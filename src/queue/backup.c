@@ -200,12 +200,15 @@ int backup_open(queue *q, int64_t *bytes, error *e)
     return fd;
 }
 
-/* The source is opened so that closing it leaves its log where it is. */
+/* The source is opened so that closing it leaves its log as it is, and no log where there was none. */
 static bool copy_idle(const char *from, sqlite3 *target, const char *path, error *e)
 {
+    char *log = mem_printf("%s-wal", from);
+    bool has_log = access(log, F_OK) == 0;
+    free(log);
     sqlite3 *source = open_own(from, 0, "PRAGMA locking_mode = EXCLUSIVE;", e);
     if (!source) return false;
-    sqlite3_db_config(source, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, NULL);
+    sqlite3_db_config(source, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, has_log, NULL);
     sqlite3_backup *copying = sqlite3_backup_init(target, "main", source, "main");
     int code = copying ? sqlite3_backup_step(copying, -1) : sqlite3_extended_errcode(target);
     if (copying) sqlite3_backup_finish(copying);

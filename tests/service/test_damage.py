@@ -263,8 +263,7 @@ def test_a_backup_of_a_service_that_stands_still(place, filled, tmp_path):
     assert set(filled[1]) <= jobs_in(backup)
     assert backup.stat().st_mode & 0o777 == 0o600
     assert not left_beside(backup)
-    after = {p.name: p.read_bytes() for p in service.state.glob("queue.db*") if p.stat().st_size}
-    assert after == before
+    assert {p.name: p.read_bytes() for p in service.state.glob("queue.db*")} == before
 
 
 def test_a_backup_of_a_service_that_was_killed(service, tmp_path):
