@@ -169,7 +169,8 @@ waits_for_a_late_root() {
 
 group_of_service() { echo "/sys/fs/cgroup$(systemctl show -P ControlGroup hexad.service)"; }
 
-# A worker that needs more than the service may have. The kernel ends it, and only it.
+# A worker that needs more than the service may have. The kernel ends it, and only it; by default systemd would see that and
+# stop the service, with a drain.
 outlives_a_worker_out_of_memory() {
     printf '[Service]\nMemoryMax=300M\nMemorySwapMax=0\n' | drop_in hexad.service memory
     printf 'host_memory_mb = 40000\nworkers = 2\nthreads = 2\n' >>"$settings"
@@ -179,8 +180,9 @@ outlives_a_worker_out_of_memory() {
         hungry=$(echo "{\"version\": 1, \"surface\": $sphere, \"sampling\": {\"count\": 30000000},
             \"limits\": {\"memory_mb\": 16000, \"max_attempts\": 1}}" | hexadctl submit -) &&
         until_true state_is "$hungry" failed && hexadctl show "$hungry" &&
-        grep -q '^oom_kill [1-9]' "$(group_of_service)/memory.events" && [ "$(main_pid)" = "$daemon" ] &&
-        says NRestarts 0 && state_is "$calm" running && hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
+        grep -q '^oom_kill [1-9]' "$(group_of_service)/memory.events" &&
+        until_true logged "killed by the OOM killer" && says ActiveState active && [ "$(main_pid)" = "$daemon" ] &&
+        says NRestarts 0 && succeeds "$(echo "$sphere" | sed 's/1}}$/3}}/')" && state_is "$calm" running && hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
 }
 
 # By the example, and with no network for the service all the same.
