@@ -248,5 +248,7 @@ def test_a_stream_ends_whose_events_fill_a_batch(service):
          " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n WHERE id = ?1", (job,)),
         ("INSERT INTO event (at_ms, job, type, state, outcome)"
          " SELECT 0, seq, 'state', 'succeeded', 'converged' FROM job WHERE id = ?1", (job,)))
-    told = list(Stream(service, f"/v1/jobs/{job}/events"))
-    assert len(told) == 64 and told[-1][2]["state"] == "succeeded"
+    stream = Stream(service, f"/v1/jobs/{job}/events")
+    told = [event for _, event in zip(range(64), stream)]
+    assert told[-1][2]["state"] == "succeeded"
+    assert stream.reply.readline() == b""  # the end, not a comment that says that nothing is new

@@ -1,0 +1,86 @@
+"""The soak test: a minute of it, without timing; that it can be broken off; and that its judges see what they are for."""
+import json
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "bench"))
+
+import verdicts  # noqa: E402
+
+MINUTES = "1"
+
+
+def words(source, build, where, *more):
+    return [sys.executable, "-B", source / "bench" / "soak.py", "--built", build, "--page", where / "soak.md", "--figures",
+            where / "soak.json", "--minutes", MINUTES, *more]
+
+
+def test_a_minute_of_load_leaves_nothing_behind(source, build, tmp_path):
+    done = subprocess.run(words(source, build, tmp_path, "--untimed"), capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+    told = json.loads((tmp_path / "soak.json").read_text())
+    assert told["whole"] and len(told["parts"]) == 10 and not told["faults"]
+    assert all(v["met"] is not False for v in told["verdicts"])
+    judged = [v["text"].split(",")[0] for v in told["verdicts"] if v["met"]]
+    assert {"Open descriptors at the end", "Threads at the end", "Growth of the daemon's own memory after the first tenth"} <= {
+        *judged}
+    assert told["parts"][-1]["held"] >= round(10000 / 60) and sum(p["jobs"] for p in told["parts"]) > 200
+    page = (tmp_path / "soak.md").read_text()
+    assert len(re.findall(r"^\| .* \| (?:met|not in this run) \|$", page, re.MULTILINE)) == len(told["verdicts"])
+    assert not re.search(r"\b(nan|inf)\b", page) and str(tmp_path) not in page
+
+
+def test_a_run_that_is_broken_off_prints_what_it_has(source, build, tmp_path):
+    with subprocess.Popen(words(source, build, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout.readline().startswith("tenth 1: ")
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate()
+    assert run.returncode == 2 and "broken off" in out and "| jobs ended | " in out, out + err
+    assert json.loads((tmp_path / "soak.json").read_text())["whole"] is False
+    assert not (tmp_path / "soak.md").exists()
+
+
+def parts(jobs=1440, waiting=1000):
+    """Of a run of an hour in which nothing grows but the queue."""
+    part = {"jobs": jobs, "followers": 600, "cpu_s": 14.0, "cpu_ms_a_job": 9.7, "yardstick_ms": 4.0, "cost": 2.4, "rss_mb": 30.0,
+            "anonymous_mb": 20.0, "descriptors": 20, "threads": 41, "database_mb": 8.0}
+    part |= {f"{what}_{which}_ms": ms for what in ("submit", "status", "list") for which, ms in (("p50", 1.0), ("p99", 8.0))}
+    return [{**part, "held": waiting * (i + 1), "stored": (waiting + jobs) * (i + 1), "events": 9000 * (i + 1)}
+            for i in range(10)]
+
+
+def missed(run, answers=None, faults=(), timed=True):
+    return [v.text for v in verdicts.judge(run, answers or {200: 5}, list(faults), timed, 10000) if v.met is False]
+
+
+def with_growth(key, per_job):
+    run = parts()
+    for part in run:
+        part[key] = type(part[key])(part[key] + per_job * part["stored"])
+    return run
+
+
+@pytest.mark.parametrize("key, per_job, text", [
+    ("descriptors", 1 / 100, "Open descriptors"), ("threads", 1 / 100, "Threads"),
+    ("anonymous_mb", 1024 / 2**20, "Growth of the daemon's own memory"),
+    ("cost", 2.4 / 20000, "Processor time"), ("list_p50_ms", 1 / 2000, "Time of an answer to list, median"),
+    ("status_p99_ms", 8 / 1000, "Time of an answer to status, 99th"), ("submit_p99_ms", 8 / 1000, "Time of an answer to submit, 99th")])
+def test_the_judges_see_what_grows_with_the_jobs(key, per_job, text):
+    found = missed(with_growth(key, per_job))
+    assert found and all(f.startswith(text) for f in found)
+
+
+def test_the_judges_see_failures():
+    assert missed(parts()) == []
+    assert missed(parts(), {200: 5, 503: 1})[0].startswith("Answers")
+    assert missed(parts(), faults=["lost"])[0].startswith("Jobs with another end")
+    short = parts()
+    short[-1]["held"] = 9000
+    assert missed(short)[0].startswith("Jobs in the queue")
+    assert missed(with_growth("cost", 1), timed=False) == []
+    assert missed(parts()[:2], {500: 1})[0].startswith("Answers")
