@@ -1,11 +1,11 @@
 /* local: the engine that runs an attempt as a process of this machine.
  *
- * The worker runs in a process group of its own, is killed when the daemon dies, holds no
- * descriptor of the daemon, leaves no core file, gains no privileges, writes no file longer than it
- * may, is ended before the daemon when memory runs out, and has an address space of its memory limit
- * plus a headroom (not under AddressSanitizer, whose shadow would not fit). What else it may not do it sees to itself, as it is told to
- * (base/sandbox). Its spec comes on standard input, progress lines leave on descriptor 3; of
- * standard error the last LOCAL_LOG_BYTES are kept.
+ * The worker runs in a process group of its own, is killed when the daemon dies, holds no descriptor of the
+ * daemon, leaves no core file, gains no privileges, writes no file longer than it may, is ended before the
+ * daemon when memory runs out, and has an address space of its memory limit plus a headroom (not under
+ * AddressSanitizer, whose shadow would not fit). What else it may not do it sees to itself, as it is told to
+ * (base/sandbox). Its spec comes on standard input, progress lines leave on descriptor 3; of standard error
+ * the last LOCAL_LOG_BYTES are kept.
  * Only async-signal-safe calls stand between fork and exec, so the daemon may have threads;
  * attempts must be started from a thread that lives as long as they do.
  */

@@ -168,14 +168,15 @@ waits_for_a_late_root() {
     until_true restarts_reach 3 && took=$(($(seconds) - begin)) || return 1
     echo "three restarts took $took s"
     [ "$took" -ge 14 ] && logged "input root /srv/late cannot be opened" && mkdir /srv/late &&
-        mount -t tmpfs -o mode=755 late /srv/late && cp /srv/input/mesh.off /srv/late && until_true says ActiveState active &&
+        mount -t tmpfs -o mode=755 late /srv/late && cp /srv/input/mesh.off /srv/late &&
+        until_true says ActiveState active &&
         succeeds '{"mesh": {"path": "/srv/late/mesh.off", "resolution": 24}}'
 }
 
 group_of_service() { echo "/sys/fs/cgroup$(systemctl show -P ControlGroup hexad.service)"; }
 
-# A worker that needs more than the service may have. The kernel ends it, and only it; by default systemd would see that and
-# stop the service, with a drain.
+# A worker that needs more than the service may have. The kernel ends it, and only it; by default systemd would see that
+# and stop the service, with a drain.
 outlives_a_worker_out_of_memory() {
     printf '[Service]\nMemoryMax=300M\nMemorySwapMax=0\n' | drop_in hexad.service memory
     printf 'host_memory_mb = 40000\nworkers = 2\nthreads = 2\n' >>"$settings"
@@ -187,7 +188,8 @@ outlives_a_worker_out_of_memory() {
         until_true state_is "$hungry" failed && hexadctl show "$hungry" &&
         grep -q '^oom_kill [1-9]' "$(group_of_service)/memory.events" &&
         until_true logged "killed by the OOM killer" && says ActiveState active && [ "$(main_pid)" = "$daemon" ] &&
-        says NRestarts 0 && succeeds "$(echo "$sphere" | sed 's/1}}$/3}}/')" && state_is "$calm" running && hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
+        says NRestarts 0 && succeeds "$(echo "$sphere" | sed 's/1}}$/3}}/')" && state_is "$calm" running &&
+        hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
 }
 
 # By the example, and with no network for the service all the same.
