@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "executor/inventory.h"
 #include "executor/result.h"
 
 /* Jobs, or tasks, that are read at once. */
@@ -70,14 +71,11 @@ static bool look_at_jobs(audit *a, error *e)
 
 static bool look_at_directory(audit *a, const char *name, error *e)
 {
-    char id[ULID_SIZE] = "";
-    queue_task *tasks = NULL;
-    size_t count = 0;
-    size_t length = strcspn(name, ".");
-    if (length == ULID_SIZE - 1) memcpy(id, name, length);
-    if (ulid_is_valid(id) && !queue_list_tasks(a->q, id, -1, 1, &tasks, &count, e)) return false;
-    queue_tasks_free(tasks, count);
-    if (count) return true;
+    queue_directory d;
+    if (inventory_read_name(name, &d)) {
+        if (!queue_find_directories(a->q, &d, 1, e)) return false;
+        if (d.known || d.to_be_removed) return true;
+    }
     fprintf(a->out, "results/%s: the queue knows no such job\n", name);
     a->findings++;
     return true;

@@ -63,6 +63,11 @@ static bool read_name(const char *name, int part, queue_directory *d)
     return true;
 }
 
+bool inventory_read_name(const char *name, queue_directory *directory)
+{
+    return read_name(name, RESULTS, directory);
+}
+
 typedef struct named {
     char *name;
     queue_directory directory;

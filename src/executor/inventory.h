@@ -18,4 +18,7 @@
  * way of a job is an error. */
 bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e);
 
+/* Whether a name is that of a result's directory: whose. */
+bool inventory_read_name(const char *name, queue_directory *directory);
+
 #endif

@@ -11,7 +11,7 @@ void backup_send(const http_context *c, const http_request *request, reply *r)
         reply_set_unavailable(r, "a backup is being made already, and there is one at a time");
         return;
     }
-    int fd = backup_open(c->q, &bytes, &e);
+    int fd = backup_open(c->q, executor_get_space(c->x).floor_bytes, &bytes, &e);
     atomic_store(&c->counters->copying, false);
     if (fd < 0 && e.code == ERROR_CANCELLED)
         reply_set_unavailable(r, e.message);

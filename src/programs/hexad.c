@@ -127,7 +127,7 @@ static void fini_queue(service *s)
 
 static bool init_checker(service *s, error *e)
 {
-    s->checker = checker_start(s->q, s->settings.check_interval_s, e);
+    s->checker = checker_start(s->q, s->settings.check_interval_s, s->settings.free_space_mb << 20, e);
     return s->checker != NULL;
 }
 

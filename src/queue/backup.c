@@ -22,8 +22,6 @@
 #define PAUSE_FACTOR 3
 /* Flushed so often that the kernel never makes a writer wait for the disk, who holds the queue. */
 #define FLUSH_STEPS 32
-/* Of what is left on the file system after a copy, at least so much. */
-#define ROOM_LEFT_BYTES (64 << 20)
 /* Memory for the pages of a copy that is checked. */
 #define CHECK_CACHE "-16000"
 /* Of SQLite's machine, between two looks whether a check is to be broken off. */
@@ -85,7 +83,7 @@ static bool drop_log(const char *path, error *e)
     return file != NULL;
 }
 
-static bool check_room(const char *path, int64_t bytes, error *e)
+static bool check_room(const char *path, int64_t bytes, int64_t free_bytes, error *e)
 {
     struct statvfs info;
     char *directory = mem_strdup(path);
@@ -93,11 +91,11 @@ static bool check_room(const char *path, int64_t bytes, error *e)
     if (slash) slash[slash == directory] = '\0';
     bool ok = statvfs(slash ? directory : ".", &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     int64_t room = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
-    if (ok && room < bytes + ROOM_LEFT_BYTES)
+    if (ok && room < bytes + free_bytes)
         ok = error_set(e, ERROR_STORAGE_FULL,
-                       "%s: a copy of the database takes %lld MiB and %d MiB more have to stay free, and %lld MiB are: make"
-                       " room",
-                       path, (long long)(bytes >> 20), ROOM_LEFT_BYTES >> 20, (long long)(room >> 20));
+                       "%s: a copy of the database takes %lld MiB, %lld MiB have to stay free besides, and %lld MiB are free:"
+                       " make room",
+                       path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20), (long long)(room >> 20));
     free(directory);
     return ok;
 }
@@ -163,9 +161,9 @@ static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, err
     return fail(path, code, e);
 }
 
-bool backup_make(queue *q, const char *path, error *e)
+bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e)
 {
-    if (!check_room(path, database_bytes(database_directory(q)), e)) return false;
+    if (!check_room(path, database_bytes(database_directory(q)), free_bytes, e)) return false;
     error why = {0};
     sqlite3 *target = open_target(path, &why);
     int fd = target ? open(path, O_WRONLY | O_CLOEXEC) : -1;
@@ -183,11 +181,11 @@ bool backup_make(queue *q, const char *path, error *e)
     return health_allows_changes(database_health(q), e);
 }
 
-int backup_open(queue *q, int64_t *bytes, error *e)
+int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e)
 {
     struct stat info;
     char *path = database_copy_path(q);
-    bool ok = backup_make(q, path, e);
+    bool ok = backup_make(q, path, free_bytes, e);
     int fd = ok ? open(path, O_RDONLY | O_CLOEXEC) : -1;
     if (ok && (fd < 0 || fstat(fd, &info) != 0)) {
         error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
@@ -222,7 +220,7 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
     struct stat info;
     bool ok = stat(from, &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
     if (ok && !info.st_size) ok = error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
-    ok = ok && check_room(path, database_bytes(state_dir), e);
+    ok = ok && check_room(path, database_bytes(state_dir), 0, e);
     error why = {0};
     sqlite3 *target = ok ? open_target(path, &why) : NULL;
     bool copied = target && copy_idle(from, target, path, &why);

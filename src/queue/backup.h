@@ -15,11 +15,12 @@
 
 /* Copies the database of an open queue into a file that is empty or not there; what was acknowledged before the call is in
  * it. The queue is used meanwhile: it is held for a fraction of a millisecond at a time. Neither flushed to disk nor checked.
- * Damage that SQLite notices is noted in the queue's health. An error (storage_full) when there is no room for it. */
-bool backup_make(queue *q, const char *path, error *e);
+ * Damage that SQLite notices is noted in the queue's health. An error (storage_full) when less than `free_bytes` would be
+ * left on the disk. */
+bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e);
 
 /* Such a copy in the state directory, as a descriptor at its beginning; the file has no name any more. */
-int backup_open(queue *q, int64_t *bytes, error *e);
+int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e);
 
 /* The same of a directory that no daemon uses, whose lock the caller holds (queue/lock.h); changes nothing there. */
 bool backup_make_idle(const char *state_dir, const char *path, error *e);

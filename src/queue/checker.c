@@ -22,6 +22,7 @@
 struct checker {
     queue *q;
     int64_t interval_ms; /* 0: never */
+    int64_t free_bytes;
     bool told;           /* that it could not be made */
     pthread_t thread;
 };
@@ -35,7 +36,7 @@ static bool check(checker *c, bool full)
     error e = {0};
     health_begin_check(h);
     char *path = database_copy_path(c->q);
-    bool ok = backup_make(c->q, path, &e);
+    bool ok = backup_make(c->q, path, c->free_bytes, &e);
     if (ok) {
         ok = backup_check(path, full, health_stop_flag(h), &findings, &e);
         unlink(path);
@@ -98,10 +99,10 @@ static void *run(void *argument)
     return NULL;
 }
 
-checker *checker_start(queue *q, double interval_s, error *e)
+checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e)
 {
     checker *c = mem_alloc(sizeof *c);
-    *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000)};
+    *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes};
     int why = pthread_create(&c->thread, NULL, run, c);
     if (why == 0) return c;
     error_set(e, ERROR_INTERNAL, "no thread for checks of the database: %s", strerror(why));

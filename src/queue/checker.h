@@ -7,13 +7,16 @@
 #ifndef HEXAD_QUEUE_CHECKER_H
 #define HEXAD_QUEUE_CHECKER_H
 
+#include <stdint.h>
+
 #include "base/error.h"
 #include "queue/queue.h"
 
 typedef struct checker checker;
 
-/* interval_s 0: no check but the first, and those after faults. The queue must outlive the checker. */
-checker *checker_start(queue *q, double interval_s, error *e);
+/* interval_s 0: no check but the first, and those after faults. A copy leaves so many bytes of the disk free, or is not
+ * made. The queue must outlive the checker. */
+checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e);
 void checker_stop(checker *c); /* accepts NULL; a check under way is broken off between two steps of its copy */
 
 #endif

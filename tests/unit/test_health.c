@@ -156,7 +156,7 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     queue_health known;
     error e = {0};
     fill(p, id);
-    checker *c = checker_start(p->q, 0, &e);
+    checker *c = checker_start(p->q, 0, 0, &e);
     assert_non_null(c);
     wait_for_check(p, &known);
     checker_stop(c);
@@ -167,7 +167,7 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     char *path = database_of(p);
     overwrite(path, pages_of(path) / 2, 1, 0x5A);
     free(path);
-    c = checker_start(p->q, 0, &e);
+    c = checker_start(p->q, 0, 0, &e);
     wait_for_check(p, &known);
     checker_stop(c);
     assert_true(known.damaged);
@@ -212,7 +212,7 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     assert_false(can_read_all(p, id, &e));
     assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
     assert_false(queue_put(p->q, &plain, &receipt, &e));
-    checker *c = checker_start(p->q, 0, &e);
+    checker *c = checker_start(p->q, 0, 0, &e);
     wait_for_check(p, &known);
     assert_false(known.damaged);
     assert_true(queue_put(p->q, &plain, &receipt, &e));
@@ -274,7 +274,7 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
     for (int round = 0; round < 5; round++) {
         char before[ULID_SIZE], *findings = NULL;
         put(p, "before", 0, before);
-        if (!backup_make(p->q, path, &e)) fail_msg("%s", e.message);
+        if (!backup_make(p->q, path, 0, &e)) fail_msg("%s", e.message);
         assert_true(backup_check(path, true, NULL, &findings, &e));
         assert_string_equal(findings, "");
         free(findings);
@@ -296,7 +296,7 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
     error e = {0};
     char *findings = NULL, *path = mem_printf("%s/copy.db", p->base);
     fill(p, id);
-    assert_true(backup_make(p->q, path, &e));
+    assert_true(backup_make(p->q, path, 0, &e));
     sqlite3 *file;
     assert_int_equal(sqlite3_open(path, &file), SQLITE_OK);
     assert_int_equal(sqlite3_exec(file,
