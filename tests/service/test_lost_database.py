@@ -326,6 +326,7 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
     service.end()
     with sqlite3.connect(service.state / "queue.db") as database:
         database.executescript("DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"
+                               "DROP TABLE copy; ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE removed_events;"
                                "PRAGMA user_version = 4;")
     database.close()
     before = tree(service.state / "results")
