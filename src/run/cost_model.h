@@ -2,7 +2,10 @@
  * runs with fewer points.
  *
  *     cost_model p = cost_model_begin(most);
- *     for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, left_s)) { ...; cost_model_note(&p, ...); }
+ *     for (size_t count = COST_MODEL_FIRST; count > 0; count = cost_model_next(&p, left_s)) {
+ *         ...;
+ *         cost_model_note(&p, ...);
+ *     }
  *
  * The time of a run is taken to go as a power of its count, which the last two runs give; a run is never of
  * much more points than the one before it, so that what it takes is known well. Pure arithmetic; no clock is

@@ -62,7 +62,7 @@ void relax_free(relax *r);
 bool relax_build(relax *r, particles *p, double sigma, double skin, error *e);
 
 /* Takes note of where particles have been put since the build, and of their sizes; they are as many. False
- * where the lists do not cover a support of `sigma` there, or were never built, so that they are to be built anew. Once after a
+ * where the lists do not cover a support of `sigma` there, or were never built: they are to be built anew. Once after a
  * build, and no sweeps after it: energies are all that the lists serve for then. */
 bool relax_refresh(relax *r, const particles *p, double sigma);
 

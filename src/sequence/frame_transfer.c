@@ -438,7 +438,8 @@ static void settle_born(candidates *c)
     set_spacings(c, 0);
 }
 
-/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next lists tell of it. */
+/* A few sweeps for the carried, like those that follow (schedule_continued). After a stop none: the next lists tell of
+ * it. */
 static bool ease(candidates *c, error *e)
 {
     size_t n = c->carried;

@@ -5,7 +5,8 @@
 
 #include "base/memory.h"
 
-/* So many points are looked at, evenly among all: they determine the seven unknowns to a hundredth of their distances. */
+/* So many points are looked at, evenly among all: they determine the seven unknowns to a hundredth of their
+ * distances. */
 static const size_t SAMPLES = 10000;
 /* Fewer points with a distance cannot determine seven unknowns. */
 static const size_t SAMPLES_LEAST = 20;
