@@ -3,7 +3,7 @@
  * Distances are exact, to the nearest point of the triangles of a solid, and the sign is the winding
  * number's, so that cavities, overlaps and the orientation of the file come out right. The union of the
  * solids is the least of their distances. OpenVDB's meshToVolume was measured and left aside: see
- * ARCHITECTURE.md.
+ * doc/volumes.md.
  */
 #ifndef HEXAD_VOLUME_LEVELSET_H
 #define HEXAD_VOLUME_LEVELSET_H
