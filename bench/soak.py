@@ -7,7 +7,8 @@
 Prints a line for each tenth, then all of them and the verdicts; writes the figures as JSON and, after a whole run, the
 page. --more: jobs that are in the queue at the end and wait; by default as many of 10 000 as the minutes are of an hour.
 --rate: jobs a second that run. --untimed: neither processor time nor latencies are judged. SIGINT or SIGTERM ends the run at
-once; what is whole of it is still judged and printed. Ends with 1 when a verdict is missed, with 2 when it was broken off.
+once; what is whole of it is still judged and printed. Ends with 1 when a verdict is missed, else with 2 when it was
+broken off.
 """
 import argparse
 import collections
@@ -212,6 +213,7 @@ class Soak:
         self.recent = collections.deque(maxlen=500)  # ids that are looked at
         self.whole = {}  # kind: hash of the points of a job of it
         self.position = None
+        self.load_s = 0.0  # of this part: what has been submitted, at the pace that was asked for; the pace of the other clients
         self.service, self.stop = None, threading.Event()
 
     def begin(self):
@@ -346,7 +348,9 @@ class Soak:
         client, rng = Client(self.service, self.tally), random.Random(self.options.seed)
         queries = ("limit=50", "limit=50&state=blocked", "limit=20&label=array", "limit=20&state=failed")
         number = 0
-        while not self.stop.wait(1 / LOOKS_A_SECOND):
+        while not self.stop.wait(0.02):
+            if number >= self.load_s * LOOKS_A_SECOND:
+                continue
             number += 1
             client.ask("GET", f"/v1/jobs/{rng.choice(self.recent)}", expected=(200, 404), note="status")
             if number % LOOKS_A_SECOND in range(0, LOOKS_A_SECOND, LOOKS_A_SECOND // LISTS_A_SECOND):
@@ -357,21 +361,19 @@ class Soak:
         client.close()
 
     def follow(self):
-        """Followers come at even times, stay for a while, and go; one in five goes on where another stopped."""
-        rng, open_ones = random.Random(self.options.seed), selectors.DefaultSelector()
-        pace, due, last = 60 / self.options.followers, time.monotonic(), None
+        """Followers come, stay for a while, and go; some go on where another stopped."""
+        rng, open_ones, last = random.Random(self.options.seed), selectors.DefaultSelector(), None
         stay = min(20, 6 * self.options.minutes)
         while not self.stop.is_set():
             now = time.monotonic()
-            if now >= due:
-                due += pace
+            if self.tally.followers < self.load_s * self.options.followers / 60:
                 self.tally.followers += 1
                 path = rng.choice(("/v1/events", "/v1/events", "/v1/events?label=array", "/v1/events?label=nothing",
                                    f"/v1/jobs/{self.gate}/events"))
                 resumes = last if path == "/v1/events" and rng.random() < 0.4 else None
                 one = Follower(self.service, path, now + rng.uniform(0.25, 1) * stay, self.tally, resumes)
                 open_ones.register(one.socket, selectors.EVENT_READ, one)
-            for key, _ in open_ones.select(min(0.1, max(0, due - time.monotonic()))):
+            for key, _ in open_ones.select(0.05):
                 if not key.data.read():
                     key.data.leaves = 0
             for key in [k for k in open_ones.get_map().values() if k.data.leaves < time.monotonic()]:
@@ -431,6 +433,7 @@ class Soak:
                 if delay > 0:
                     time.sleep(delay)  # the pace of the load
                 self.submit_next(number)
+                self.load_s = (number + 1) / self.options.rate
                 while self.held - first_held < waiting * (number + 1) // count:
                     self.submit_waiting()
             if BEHIND <= number < BEHIND + len(self.jobs):
@@ -440,6 +443,7 @@ class Soak:
         count = round(60 * self.options.minutes * self.options.rate / PARTS)
         self.jobs, self.yardsticks, self.tally.followers = [], [yardstick_ms()], 0
         self.tally.take_times()
+        self.load_s = 0.0
         self.stop.clear()
         before, began = self.cpu_seconds(), time.monotonic()
         clients = [threading.Thread(target=self.watched, args=[work]) for work in (self.look, self.follow, self.measure_machine)]
@@ -510,9 +514,9 @@ class Soak:
             for part in range(PARTS):
                 self.run_part(self.options.more * (part + 1) // PARTS - self.options.more * part // PARTS)
             self.check_all()
-        except Exception:
+        except Exception as e:  # noqa: BLE001: what was measured before is still judged and printed
             if not self.options.broken:  # a signal of a terminal ends the daemon, too
-                raise
+                self.tally.fault(f"the run could not go on: {e!r}")
             return False
         finally:
             self.end()
@@ -552,16 +556,18 @@ def main():
     with tempfile.TemporaryDirectory(dir=options.place) as where:
         soak = Soak(options, pathlib.Path(where))
         whole = soak.run()
-    judged = verdicts.judge(soak.parts, soak.tally.answers, soak.tally.faults, not options.untimed, options.more)
+    judged = verdicts.judge(soak.parts, soak.tally.answers, soak.tally.faults, not options.untimed,
+                            options.more if whole else None)
     options.figures.write_text(json.dumps(
         {"about": told, "whole": whole, "parts": soak.parts, "answers": soak.tally.answers, "faults": soak.tally.faults,
          "verdicts": [v._asdict() for v in judged]}, indent=1) + "\n")
     print("\n" + (verdicts.table_of_parts(soak.parts) if soak.parts else "") + "\n" + verdicts.table_of_verdicts(judged))
+    missed = any(v.met is False for v in judged)
     if not whole:
         print("broken off: no page was written")
-        return 2
+        return 1 if missed else 2
     options.page.write_text(verdicts.page(told, soak.parts, judged))
-    return 1 if any(v.met is False for v in judged) else 0
+    return 1 if missed else 0
 
 
 if __name__ == "__main__":

@@ -43,7 +43,8 @@ def growth(text, first, last, base, of_job, judged=True):
 
 
 def judge(parts, answers, faults, timed, more):
-    """All verdicts of a run. `answers`: number of answers by status; `faults`: what was wrong, in words."""
+    """All verdicts of a run. `answers`: number of answers by status; `faults`: what was wrong, in words;
+    `more`: the jobs that wait in the queue when it is whole, None: it was broken off."""
     enough = len(parts) >= FEWEST_PARTS
     server_errors = sum(n for status, n in answers.items() if int(status) >= 500)
     verdicts = [
@@ -69,8 +70,8 @@ def judge(parts, answers, faults, timed, more):
             verdicts.append(Verdict(f"Time of an answer to {what}, {name}, by that of the second tenth",
                                     f"at most {LATENCY_MOST[which]:g}", f"{ratio:.2f}",
                                     ratio <= LATENCY_MOST[which] if timed else None))
-    verdicts.append(Verdict("Jobs in the queue that wait, at the end", f"{more}", f"{last['held']}",
-                            last["held"] >= more))
+    if more is not None:
+        verdicts.append(Verdict("Jobs in the queue that wait, at the end", f"{more}", f"{last['held']}", last["held"] >= more))
     return verdicts
 
 

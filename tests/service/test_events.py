@@ -4,7 +4,7 @@ import sqlite3
 import pytest
 
 from service import Stream, gated_worker, sphere, wait_until
-from test_access import new_token, with_token
+from test_access import closed_service, new_token, with_token  # noqa: F401
 from test_rest import expect_problem
 
 HISTORY = 5000  # events
@@ -125,13 +125,9 @@ def test_a_poller_goes_on_from_the_position(service):
     assert service.get(f"/v1/events?after={position}").json == {"events": [], "next": None, "position": position}
 
 
-def test_filters(new_service):
-    service = new_service("--workers", 1)
-    at = service.options.index("--tcp_without_tokens")
-    del service.options[at:at + 2]
-    service.state.mkdir(mode=0o700)
-    alice, bob, root = new_token(service, "alice"), new_token(service, "bob"), new_token(service, "r", "--scopes", "admin")
-    service.start()
+def test_filters(closed_service):
+    service, root = closed_service, closed_service.token
+    alice, bob = new_token(service, "alice"), new_token(service, "bob")
 
     def submit(token, *labels):
         return with_token(service, token, "POST", "/v1/jobs", sphere(queue={"labels": list(labels)})).json["id"]

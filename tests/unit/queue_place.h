@@ -281,4 +281,15 @@ static inline sqlite3 *open_raw(place *p)
 
 #define CASE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
+/* Changes the database behind the queue's back, which is closed for that. */
+static inline void alter_database(place *p, const char *sql)
+{
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    assert_int_equal(sqlite3_exec(database, sql, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+}
+
 #endif

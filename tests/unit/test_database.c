@@ -299,15 +299,10 @@ static void test_removed_events_are_found_in_version_4(void **state)
         assert_true(store_directory_create(p->base, NULL));
         reopen(p);
         for (int k = 0; k < 3; k++) put(p, NULL, 0, id);
-        queue_close(p->q);
-        p->q = NULL;
-        sqlite3 *database = open_raw(p);
         char *as_it_was = mem_printf("DELETE FROM event WHERE %s; " BEFORE_5 "PRAGMA user_version = 4;",
                                      cases[i].which);
-        assert_int_equal(sqlite3_exec(database, as_it_was, NULL, NULL, NULL), SQLITE_OK);
+        alter_database(p, as_it_was);
         free(as_it_was);
-        sqlite3_close(database);
-        reopen(p);
         assert_int_equal(look_at_events(p).removed_up_to, cases[i].up_to);
     }
 }

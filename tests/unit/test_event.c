@@ -91,15 +91,8 @@ static void test_a_page_of_events_is_bounded(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "busy", 0, id);
-    queue_close(p->q);
-    p->q = NULL;
-    sqlite3 *database = open_raw(p);
-    static const char many[] =
-        "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 20000)"
-        " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n";
-    assert_int_equal(sqlite3_exec(database, many, NULL, NULL, NULL), SQLITE_OK);
-    sqlite3_close(database);
-    reopen(p);
+    alter_database(p, "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 20000)"
+                      " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n");
     queue_event_filter filter = {.label = "none", .limit = 10};
     queue_event_page page = {.more = true};
     int pages = 0;
