@@ -88,12 +88,17 @@ void loop_quiesce(loop *l)
     wake(l);
 }
 
+void loop_end(loop *l)
+{
+    if (!l || atomic_exchange(&l->stopping, true)) return;
+    wake(l);
+    pthread_join(l->thread, NULL);
+}
+
 void loop_stop(loop *l)
 {
     if (!l) return;
-    atomic_store(&l->stopping, true);
-    wake(l);
-    pthread_join(l->thread, NULL);
+    loop_end(l);
     MHD_stop_daemon(l->daemon);
     if (l->listening >= 0) close(l->listening);
     close(l->signal);

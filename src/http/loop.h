@@ -28,7 +28,11 @@ void loop_resume(loop *l, struct MHD_Connection *connection);
 /* Takes no more connections; those there are are still served. */
 void loop_quiesce(loop *l);
 
-/* Ends the thread and stops the daemon. No connection is suspended any more. Accepts NULL. */
+/* Ends the thread, so that no handler runs any more; connections that are suspended can still be resumed. Accepts
+ * NULL. */
+void loop_end(loop *l);
+
+/* Ends the thread and stops the daemon. Every suspended connection was resumed. Accepts NULL. */
 void loop_stop(loop *l);
 
 #endif

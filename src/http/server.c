@@ -683,7 +683,8 @@ void server_stop(server *s)
     if (s->loop) loop_quiesce(s->loop);
     lounge_dismiss(s->context->lounge);
     wait_for_replies(s);
-    crew_stop(s->crew); /* nothing is suspended any more */
+    loop_end(s->loop);  /* clients that go on asking give the crew no more work */
+    crew_stop(s->crew); /* and resumes the connections of what it had */
     loop_stop(s->loop);
     peers_stop(s->peers);
     pthread_cond_destroy(&s->changed);

@@ -6,10 +6,11 @@ import selectors
 import signal
 import socket
 import subprocess
+import threading
 
 import pytest
 
-from service import OPEN_TCP, PATIENCE_S, wait_until
+from service import OPEN_TCP, PATIENCE_S, UnixConnection, wait_until
 from test_access import new_token
 
 MOST = 1100
@@ -268,3 +269,29 @@ def settings_fault(service, *options):
                           timeout=PATIENCE_S)
     assert done.returncode == 2
     return done.stderr
+
+
+def test_a_stop_while_clients_ask_ends_well(new_service, tmp_path):
+    """Requests that a thread of the pool answers suspend their connections: none may be suspended when the server stops."""
+    def ask(service, over):
+        while not over.is_set() and service.process.poll() is None:
+            try:
+                connection = UnixConnection(str(tmp_path / "socket"))
+                while not over.is_set():
+                    connection.request("POST", f"/v1/jobs/{'0' * 26}/cancel", b"", {"Content-Type": "application/json"})
+                    connection.getresponse().read()
+            except (OSError, http.client.HTTPException):
+                continue
+
+    for _ in range(8):
+        service = new_service("--listen", f"unix:{tmp_path / 'socket'}").start()
+        over = threading.Event()
+        clients = [threading.Thread(target=ask, args=(service, over)) for _ in range(16)]
+        try:
+            for client in clients:
+                client.start()
+            assert service.end() == 0
+        finally:
+            over.set()
+            for client in clients:
+                client.join()
