@@ -28,9 +28,11 @@ static int fail(const error *e)
 
 /* ---- the daemon that runs */
 
-/* As its port_file says, else its settings, else where its socket is; to be freed. */
+/* As the environment says, else its port_file, else its settings, else where its socket is; to be freed. */
 static char *find_server(const config *c)
 {
+    const char *named = getenv("HEXAD_SERVER");
+    if (named && *named) return mem_strdup(named);
     size_t length = 0;
     char *served = *c->port_file ? store_file_read(c->port_file, ADDRESS_LIMIT, &length, NULL) : NULL;
     char *address = served ? mem_strndup(served, strcspn(served, "\n")) : mem_strdup(c->listen);

@@ -1,0 +1,303 @@
+"""What doc/operations.md says can be typed in, typed in: its blocks of shell, in order, on hosts that are directories.
+
+A host has the paths of the page below a directory of its own. `systemctl` and `journalctl` are scripts that start and end
+the real hexad as the unit would, on a Unix socket; all else are the programs of the page.
+"""
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import textwrap
+
+import pytest
+
+from service import PATIENCE_S, UnixConnection, sphere, wait_until
+
+PATHS = ("/var/lib", "/var/backups", "/run/hexad", "/run/systemd", "/etc/hexad.conf")
+
+SYSTEMCTL = """#!/bin/sh
+# starts hexad as the unit does, by the last ExecStart= of its drop-ins, and waits until it serves
+case "$1" in
+start)
+    echo "$*" | grep -q hexad.service || exit 0
+    line=$(cat "$HOST"/run/systemd/system/hexad.service.d/*.conf 2>/dev/null | grep -a '^ExecStart=.' | tail -n 1)
+    [ "$line" ] || line="ExecStart=hexad --config $HOST/etc/hexad.conf"
+    rm -f "$HOST/port"
+    mkdir -p "$HOST/run/hexad"
+    STATE_DIRECTORY="$HOST/var/lib/hexad" RUNTIME_DIRECTORY="$HOST/run/hexad" setsid ${line#ExecStart=} --port_file "$HOST/port" \\
+        </dev/null >>"$HOST/journal" 2>&1 &
+    pid=$!
+    echo $pid >"$HOST/pid"
+    until [ -e "$HOST/port" ]; do kill -0 $pid 2>/dev/null || exit 1; sleep 0.05; done ;;
+stop)
+    pid=$(cat "$HOST/pid" 2>/dev/null) || exit 0
+    kill "$pid" 2>/dev/null
+    while kill -0 "$pid" 2>/dev/null; do sleep 0.05; done
+    rm -f "$HOST/pid" ;;
+daemon-reload) ;;
+*) exit 64 ;;
+esac
+"""
+
+
+class Host:
+    def __init__(self, build, root):
+        self.root = root
+        for path in ("var/lib", "run/systemd/system", "etc", "bin"):
+            (root / path).mkdir(parents=True)
+        (root / "etc/hexad.conf").write_text("workers = 2\ndrain_s = 0\ngrace_s = 0\n")
+        for program in ("hexad", "hexadctl", "hexad-worker"):
+            (root / "bin" / program).symlink_to(build / program)
+        for name, text in (("systemctl", SYSTEMCTL), ("journalctl", '#!/bin/sh\ncat "$HOST/journal"\n')):
+            (root / "bin" / name).write_text(text)
+            (root / "bin" / name).chmod(0o755)
+        self.state = root / "var/lib/hexad"
+        self.socket = root / "run/hexad/hexad.sock"
+
+    def run(self, *blocks):
+        """Types blocks into one shell, and gives what it shows."""
+        script = "".join(blocks)
+        for path in PATHS:
+            script = script.replace(path, f"{self.root}{path}")
+        environment = {**os.environ, "HOST": str(self.root), "HEXAD_SERVER": f"unix:{self.socket}",
+                       "PATH": f"{self.root}/bin:{os.environ['PATH']}"}
+        with open(self.root / "shown", "w+") as shown:  # no pipe: hexad itself would keep it open
+            done = subprocess.run(["bash", "-eu", "-o", "pipefail", "-c", script], cwd=self.root, env=environment,
+                                  stdin=subprocess.DEVNULL, stdout=shown, stderr=subprocess.STDOUT,
+                                  timeout=PATIENCE_S)
+            shown.seek(0)
+            text = shown.read()
+        assert done.returncode == 0, f"{script}\n{text}\n{self.log()}"
+        return text
+
+    def log(self):
+        journal = self.root / "journal"
+        return journal.read_text() if journal.exists() else ""
+
+    def restart(self, settings="", expect=True):
+        """With settings of a test's own."""
+        self.run("systemctl stop hexad.socket hexad.service\n")
+        (self.root / "etc/hexad.conf").write_text("workers = 2\ndrain_s = 0\ngrace_s = 0\n" + settings)
+        self.run("systemctl start hexad.socket hexad.service" + ("\n" if expect else " && exit 1 || true\n"))
+
+    def ask(self, method, path, document=None):
+        connection = UnixConnection(str(self.socket))
+        try:
+            connection.request(method, path, json.dumps(document) if document else None,
+                               {"Content-Type": "application/json"})
+            reply = connection.getresponse()
+            text = reply.read()
+            return reply.status, json.loads(text) if text else None
+        finally:
+            connection.close()
+
+    def submit(self, state="succeeded", **parts):
+        status, job = self.ask("POST", "/v1/jobs", sphere(**parts))
+        assert status == 201, job
+        wait_until(lambda: self.state_of(job["id"]) == state, f"{job['id']} to be {state}")
+        return job["id"]
+
+    def state_of(self, job):
+        status, document = self.ask("GET", f"/v1/jobs/{job}")
+        return document["state"] if status == 200 else None
+
+    def has_result(self, job):
+        return self.ask("GET", f"/v1/jobs/{job}/results")[0] == 200
+
+    def readiness(self):
+        return self.ask("GET", "/readyz")[1]["checks"]
+
+    def clean_up(self):
+        if (self.root / "pid").exists():
+            try:
+                os.kill(int((self.root / "pid").read_text()), signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+
+
+@pytest.fixture
+def page(source):
+    return (source / "doc/operations.md").read_text()
+
+
+def sections(page):
+    """(title, [(mark, commands)]) in the order of the page; a block in a list is indented."""
+    found = []
+    for part in re.split(r"^##+ ", page, flags=re.M):
+        title, _, text = part.partition("\n")
+        blocks = [(mark, textwrap.dedent(indent + commands)) for indent, mark, commands in
+                  re.findall(r"^( *)```sh *([\w-]*)\n(.*?)^ *```$", text, re.M | re.S)]
+        found.append((title, blocks))
+    return found
+
+
+@pytest.fixture
+def new_host(build, tmp_path):
+    made = []
+
+    def make():
+        made.append(Host(build, tmp_path / f"host{len(made)}"))
+        return made[-1]
+
+    yield make
+    for host in made:
+        host.clean_up()
+
+
+def overwrite(database, seed):
+    """All pages but the first, which a start would refuse; that is tried elsewhere."""
+    rest = database.stat().st_size - 4096
+    with open(database, "r+b") as file:
+        file.seek(4096)
+        file.write(random.Random(seed).randbytes(rest))
+
+
+class Story:
+    """What happens to the hosts before a section is needed, and what has to be true after it."""
+
+    def __init__(self, new_host):
+        self.new_host, self.host = new_host, new_host()
+        self.host.state.mkdir(mode=0o700)
+        self.host.run("systemctl start hexad.socket hexad.service\n")
+        self.kept = [self.host.submit(count=200 + i) for i in range(3)]
+
+    def expect_kept(self, host=None):
+        host = host or self.host
+        for job in self.kept:
+            assert host.state_of(job) == "succeeded" and host.has_result(job), job
+
+    # -- before and after sections, by their titles
+
+    def after_is_it_well(self, shown):
+        assert '"status":"ok"' in shown and "listening on" in shown and "sound" in shown
+
+    def before_backup(self):
+        self.deleted = self.host.submit(count=299)
+
+    def after_backup(self, shown):
+        backups = self.host.root / "var/backups/hexad"
+        assert {p.name for p in backups.iterdir()} >= {"queue.db", "instance", "results", "inputs"}
+        self.late = self.host.submit(count=300)
+        assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
+
+    def after_restore(self, shown):
+        self.expect_kept()
+        assert self.host.state_of(self.late) is None
+        assert (self.host.state / "lost+found/results" / self.late / "report.json").exists()
+        assert self.host.state_of(self.deleted) == "succeeded" and not self.host.has_result(self.deleted)
+        shown = self.host.run("export STATE_DIRECTORY=/var/lib/hexad\nsystemctl stop hexad.socket hexad.service\n",
+                              "hexad --check || true\nsystemctl start hexad.socket hexad.service\n")
+        assert self.deleted in shown and not any(job in shown for job in self.kept)
+        assert self.host.ask("DELETE", f"/v1/jobs/{self.deleted}")[0] == 204
+
+    def before_upgrade(self):
+        self.kept.append(self.host.submit(count=301))
+
+    def after_upgrade(self, shown):
+        self.expect_kept()
+        assert "draining" in shown and self.host.readiness()["jobs"] == "ok"
+
+    def after_another_host(self, shown):
+        self.expect_kept()
+        self.host.run("export STATE_DIRECTORY=/var/lib/hexad\nhexad --backup /var/backups/hexad/queue.db\n",
+                      'cp -au "$STATE_DIRECTORY"/results /var/backups/hexad/\n')
+
+    def after_the_old_host_is_gone(self, shown):
+        self.expect_kept()
+
+    def before_a_lost_database(self):
+        self.host.run("systemctl stop hexad.socket hexad.service\n")
+        for file in self.host.state.glob("queue.db*"):
+            file.unlink()
+        self.host.restart(expect=False)
+        assert "queue.db is lost or empty" in self.host.log()
+
+    def after_a_lost_database(self, shown):
+        self.expect_kept()
+        self.host.restart()
+        self.expect_kept()
+        assert not list((self.host.root / "run/systemd/system/hexad.service.d").iterdir())
+
+    def before_a_full_disk(self):
+        self.failed = self.host.submit("failed", surface={"analytic": {"shape": "sphere", "center": [9, 9, 9], "radius": 1}},
+                                       region={"min": [0, 0, 0], "max": [1, 1, 1]})
+        (self.host.state / "lost+found").mkdir(exist_ok=True)
+        self.host.restart("free_space_mb = 1000000000\n")
+        assert self.host.readiness()["storage"] == "full"
+
+    def after_a_full_disk(self, shown):
+        assert self.host.state_of(self.failed) is None and not (self.host.state / "lost+found").exists()
+        gone = [job for job in self.kept if self.host.state_of(job) is None]
+        assert gone == self.kept[:1]
+        self.kept.remove(gone[0])
+        self.host.restart()
+        assert self.host.readiness()["storage"] == "ok"
+        self.host.run("export STATE_DIRECTORY=/var/lib/hexad\nhexad --backup /var/backups/hexad/queue.db\n")
+
+    def before_a_damaged_database(self):
+        self.host.restart()
+        wait_until(lambda: self.host.readiness()["database"] == "ok", "the quick check")
+        self.host.run("systemctl stop hexad.socket hexad.service\n")
+        overwrite(self.host.state / "queue.db", 7)
+
+    def after_a_damaged_database(self, shown):
+        assert "database damaged" in shown
+        self.expect_kept()
+        wait_until(lambda: self.host.readiness()["database"] == "ok", "the quick check")
+
+    def change_host(self, mark):
+        """Another machine, to which backups were brought; the old one does not run any more."""
+        fresh = self.new_host()
+        self.host.run("systemctl stop hexad.socket hexad.service\n")
+        shutil.copytree(self.host.root / "var/backups", fresh.root / "var/backups")
+        if mark == "bare-host":
+            assert not fresh.state.exists()
+        self.host = fresh
+
+
+def test_the_whole_page(page, new_host):
+    (_, [(_, prelude)]), *rest = sections(page)
+    story, done = Story(new_host), 0
+    for title, blocks in rest:
+        name = re.sub(r"\W+", "_", title.lower()).strip("_")
+        getattr(story, f"before_{name}", lambda: None)()
+        shown = ""
+        for mark, block in blocks:
+            assert mark in ("", "new-host", "bare-host")
+            if mark:
+                story.change_host(mark)
+            shown += story.host.run(prelude, block)
+            done += 1
+        getattr(story, f"after_{name}")(shown)
+    assert done >= 15
+    story.host.run("systemctl stop hexad.socket hexad.service\n")
+
+
+def test_every_section_has_an_end(page):
+    """No section of the page goes unlooked at."""
+    titles = [re.sub(r"\W+", "_", title.lower()).strip("_") for title, _ in sections(page)[1:]]
+    assert {f"after_{name}" for name in titles} == {n for n in vars(Story) if n.startswith("after_")}
+
+
+def test_the_drop_in_is_one(page, build, source, tmp_path):
+    """systemd takes the drop-in that the page writes."""
+    analyze = shutil.which("systemd-analyze")
+    if not analyze:
+        pytest.skip("no systemd-analyze")
+    written = re.search(r"printf '([^']*)'", page).group(1).replace("%s", str(build / "hexad")).replace("\\n", "\n")
+    unit = tmp_path / "hexad.service"
+    unit.write_text(f"[Service]\nType=notify\nExecStart={build}/hexad --config /etc/hexad.conf\n")
+    (tmp_path / "hexad.service.d").mkdir()
+    (tmp_path / "hexad.service.d/adopt.conf").write_text(written)
+    done = subprocess.run([analyze, "verify", unit], capture_output=True, text=True, timeout=PATIENCE_S,
+                          env={**os.environ, "SYSTEMD_UNIT_PATH": f"{tmp_path}:"})
+    assert "hexad.service" not in done.stderr, done.stderr
+
+
+def test_links_lead_somewhere(page):
+    anchors = {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title, _ in sections(page)[1:]}
+    links = re.findall(r"\]\(#([^)]+)\)", page)
+    assert links and set(links) <= anchors
