@@ -105,9 +105,8 @@ load average {load:.1f} at its start; {minutes:g} minutes of load. A daemon on i
 which
 is small enough to be full after the first tenth) is given {rate:g} jobs a second: small ones, sequences of three frames, ones
 with a damaged input, ones with too little memory, ones that are cancelled, ones that had been run before, and jobs that wait for
-ever. Every fourth that ended is fetched and compared, every fourth deleted. Beside them two clients look at jobs and list them, \
-and
-{followers:g} followers a minute come, stay for seconds, and go.
+ever. Every fourth that ended is fetched and compared, every fourth deleted. Beside them a client looks at ten jobs a second and lists
+some, and {followers:g} followers a minute come, stay for seconds, and go.
 
 - `CPU` is the daemon's own processor time, without its workers'. The yardstick is the processor time of a fixed piece of work that
   the client does all the while; the cost of a job is CPU by jobs by yardstick, so that what neighbours do to the processor counts
