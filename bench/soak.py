@@ -288,6 +288,12 @@ class Soak:
             self.client.ask("POST", "/v1/jobs", {"version": 1, "surface": {}}, (422,))
         else:
             self.jobs.append((kind, self.submit(kind)))
+            if kind == "cancelled":  # at once: two of them would keep both workers from those that are waited for
+                self.cancel_running(self.jobs[-1][1])
+
+    def cancel_running(self, job):
+        self.wait_for(job, lambda d: d["state"] in ("running", *FINAL))
+        self.client.ask("POST", f"/v1/jobs/{job}/cancel", expected=(200, 202))
 
     def wait_for(self, job, done):
         def look():
@@ -300,9 +306,8 @@ class Soak:
         """What is done with a job that was submitted a while ago."""
         kind, job = self.jobs[index]
         if kind == "cancelled":
-            self.wait_for(job, lambda d: d["state"] in ("running", *FINAL))
-            self.client.ask("POST", f"/v1/jobs/{job}/cancel", expected=(200, 202))
-        elif index % 4 == 0:
+            return
+        if index % 4 == 0:
             if self.wait_for(job, lambda d: d["state"] in FINAL)["state"] == "succeeded":
                 self.fetch(kind, job)
         elif index % 4 == 1:
