@@ -1,29 +1,40 @@
-"""make crashtest: what is killed, broken and cut off, and whether anything was lost; writes doc/reliability.md."""
+"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/reliability.md."""
 import argparse
 import json
+import math
 import pathlib
 import platform
 import sys
 import time
 
 import calls
+import damage
 import faults
 import kills
 import mutations
 import page
 import power
+import reboots
+import restores
+import space
+import volume
 from farm import Violation
+
+# of all kills
+SHARES = {"kills": 0.45, "reboots": 0.335, "space": 0.09, "restores": 0.075, "damage": 0.05}
+SUPERVISED = {"faults", "power", "mutations"}
 
 
 def parse(words):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=pathlib.Path, required=True, help="directory of the built programs")
     parser.add_argument("--work", type=pathlib.Path, required=True, help="directory for state and figures")
-    parser.add_argument("--cycles", type=int, default=1000, help="kills")
+    parser.add_argument("--kills", type=int, default=3000, help=f"in all, shared out among parts: {SHARES}")
     parser.add_argument("--losses", type=int, default=400, help="power losses")
     parser.add_argument("--every", type=int, default=1, help="only one in so many faults")
     parser.add_argument("--seed", default="1")
-    parser.add_argument("--parts", default="kills,faults,power,mutations", help="which, perhaps none; figures of others are kept")
+    parser.add_argument("--parts", default=",".join([*SHARES, "faults", "power", "mutations"]),
+                        help="which, perhaps none; figures of others are kept")
     parser.add_argument("--page", type=pathlib.Path, help="where to write the page, from all parts' last figures")
     return parser.parse_args(words)
 
@@ -32,20 +43,36 @@ def say(text):
     print(text, flush=True)
 
 
+def choose(parts):
+    """Those that are possible here."""
+    chosen = list(filter(None, parts.split(",")))
+    missing = calls.why_not()
+    if missing and SUPERVISED & set(chosen):
+        sys.exit(f"crashtest: {missing}; --parts {','.join(SHARES)} works without")
+    unmounted = volume.why_not()
+    if unmounted and "space" in chosen:
+        say(f"no part space: {unmounted}")
+        chosen.remove("space")
+    return chosen
+
+
 def main(words):
     options = parse(words)
-    missing = calls.why_not()
-    if missing and options.parts != "kills":
-        sys.exit(f"crashtest: {missing}; --parts kills works without")
+    chosen = choose(options.parts)
     build, work, seed = options.build.resolve(), options.work.resolve(), options.seed
     work.mkdir(parents=True, exist_ok=True)
+    times = {name: math.ceil(share * options.kills) for name, share in SHARES.items()}
     parts = {
-        "kills": lambda: kills.run(build, work / "kills", options.cycles, seed, say),
+        "kills": lambda: kills.run(build, work / "kills", times["kills"], seed, say),
+        "reboots": lambda: reboots.run(build, work / "reboots", times["reboots"], seed, say),
+        "space": lambda: space.run(build, work / "space", times["space"], seed, say),
+        "restores": lambda: restores.run(build, work / "restores", times["restores"], seed, say),
+        "damage": lambda: damage.run(build, work / "damage", times["damage"], seed, say),
         "faults": lambda: faults.run(build, work / "faults", seed, say, options.every),
         "power": lambda: power.run(build, work / "power", options.losses, seed, say),
         "mutations": lambda: {"caught": mutations.run(build, work / "mutations", seed, say)},
     }
-    for name in filter(None, options.parts.split(",")):
+    for name in chosen:
         began = time.monotonic()
         try:
             figures = parts[name]()

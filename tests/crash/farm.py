@@ -70,7 +70,11 @@ class Daemon(Service):
         return [str(w) for w in (self.build / "hexad", "--port_file", self.port_file, "--state_dir", self.state,
                                  *self.options)]
 
-    def spawn(self, judge=None):
+    def backup(self, path):
+        """Has a copy of the database made, whether it runs or not; the completed process."""
+        return subprocess.run([*self.words(), "--backup", path], capture_output=True, text=True, timeout=PATIENCE_S)
+
+    def spawn(self, judge=None, *more):
         """Starts it and does not wait; under supervision (calls.py) when there is a judge."""
         self.port_file.unlink(missing_ok=True)
         with open(self.log, "ab") as log:
@@ -78,7 +82,7 @@ class Daemon(Service):
                 self.supervisor = Supervisor(self.state, judge, self.words(), stderr=log, stdin=subprocess.DEVNULL)
                 self.process = self.supervisor.process
             else:
-                self.process = subprocess.Popen(self.words(), stderr=log, stdin=subprocess.DEVNULL)
+                self.process = subprocess.Popen([*self.words(), *more], stderr=log, stdin=subprocess.DEVNULL)
         return self
 
     def await_served(self):
@@ -86,8 +90,8 @@ class Daemon(Service):
         wait_until(lambda: self.port_file.exists() or self.dead(), "the daemon")
         return not self.dead()
 
-    def start(self):
-        self.spawn()
+    def start(self, *more):
+        self.spawn(None, *more)
         if not self.await_served():
             raise Violation(f"the daemon does not start (exit status {self.process.returncode}):"
                             f" {self.log.read_text()[-2000:]}")
@@ -168,6 +172,7 @@ class Book:
         self.doubtful, self.deleted = set(), set()  # deletions that were asked for, and those that were answered
         self.unanswered = []  # to be sent again under their keys
         self.replies = {}
+        self.restored = False  # whether an older database was put back, so that results may lie in lost+found
         self.untidy = False  # whether attempts may have left more than their logs: an fsync failed that would tell
         self.files = 0  # fetched and compared
         self.journal = journal and open(journal, "a", encoding="ascii")
@@ -360,7 +365,7 @@ class Book:
             wait_until(lambda: not differ(), "the removal of what was deleted", 30)
         except AssertionError:
             raise Violation(f"results without a job, or jobs without a result: {differ()}") from None
-        if (daemon.state / "lost+found").exists() and not self.untidy:
+        if (daemon.state / "lost+found").exists() and not self.untidy and not self.restored:
             raise Violation(f"put aside: {[str(p) for p in (daemon.state / 'lost+found').rglob('*')][:9]}")
         for attempt in (daemon.state / "attempts").iterdir():
             left = {path.name for path in attempt.iterdir()} - {"worker.log"}
@@ -371,8 +376,9 @@ class Book:
 class Load:
     """Clients that submit, look, fetch and cancel from their own threads until they are stopped."""
 
-    def __init__(self, daemon, book, seed, footage=None, submitters=2):
-        self.daemon, self.book, self.footage = daemon, book, footage
+    def __init__(self, daemon, book, seed, footage=None, submitters=2, outputs=None):
+        """`outputs` is a directory for copies of results, which some jobs then ask for."""
+        self.daemon, self.book, self.footage, self.outputs = daemon, book, footage, outputs
         self.over, self.failures = threading.Event(), []
         self.threads = [threading.Thread(target=self.guard, args=(self.submit, f"{seed}.{k}"), daemon=True)
                         for k in range(submitters)]
@@ -409,6 +415,8 @@ class Load:
         if rng.random() < 0.2:
             document["solver"]["seed"] = 1  # its result may be there already
         document["limits"] = {"max_attempts": 1 if rng.random() < 0.25 else MANY}
+        if self.outputs and rng.random() < 0.3:
+            document["output"]["directory"] = f"{self.outputs}/{name}"
         return document
 
     def cancel(self, job):
@@ -440,6 +448,8 @@ class Load:
         if reply is not None and reply.status == 204:
             with self.book.mutex:
                 self.book.deleted.add(job)
+        elif reply is not None and reply.status not in (404, 409) and not self.book.forgiving:
+            raise Violation(f"a deletion is answered with {reply.status} {reply.body!r}")
 
     def stop(self):
         self.over.set()

@@ -5,6 +5,7 @@ import shutil
 import signal
 import time
 
+import copies
 from farm import Book, Daemon, Load, Violation, make_footage, wait_until
 
 GOOD = (0, 10)  # exit statuses of a worker that has a result
@@ -51,17 +52,24 @@ def act(daemon, target, rng, book):
     daemon.kill()
 
 
+def check_dead(daemon, figures):
+    """What a daemon that has ended somehow leaves."""
+    daemon.await_nobody()
+    daemon.check_database()
+    copies.check_whole(daemon.base / "outputs")
+    figures["temporary files left by kills"] += len(copies.find_temporaries(daemon.base / "outputs"))
+
+
 def cycle(daemon, book, seed, footage, figures):
     rng = random.Random(seed)
     target = rng.choices(list(TARGETS), TARGETS.values())[0]
     if daemon.dead():
         daemon.start()
-    load = Load(daemon, book, seed, footage)
+    load = Load(daemon, book, seed, footage, outputs=daemon.base / "outputs")
     act(daemon, target, rng, book)
     load.stop()
     if daemon.dead():
-        daemon.await_nobody()
-        daemon.check_database()
+        check_dead(daemon, figures)
     figures["cycles"][target] = figures["cycles"].get(target, 0) + 1
 
 
@@ -82,7 +90,7 @@ def finish(daemon, book, figures):
     for job, document in book.listed(daemon).items():
         figures["served from the cache"] += document["cached_from"] is not None
         attempts = daemon.ask("GET", f"/v1/jobs/{job}/attempts").json["attempts"]
-        good = [a.get("frame") for a in attempts if a.get("exit_status") in GOOD]
+        good = [a.get("frame") for a in attempts if a.get("exit_status") in GOOD and "storage_full" not in a["reason"]]
         if len(good) != len(set(good)):
             raise Violation(f"of the job {job} two attempts were taken for good: {attempts}")
         figures["sequences"] += "frame" in attempts[0] if attempts else 0
@@ -92,6 +100,7 @@ def finish(daemon, book, figures):
     daemon.end_by_drain()
     daemon.await_nobody()
     daemon.check_database()
+    figures["copies in output.directory"] += copies.check_at_rest(daemon.base / "outputs", book)
     for job, (state, _) in book.ended.items():
         figures["ended"][state] = figures["ended"].get(state, 0) + 1
     for status, times in book.replies.items():
@@ -102,7 +111,8 @@ def finish(daemon, book, figures):
 
 def new_figures():
     return {"cycles": {}, "submissions": {}, "ended": {}, "deleted": 0, "sequences": 0, "served from the cache": 0, "attempts": 0,
-            "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0}
+            "most attempts of a job": 0, "results found at a start": 0, "files fetched": 0,
+            "copies in output.directory": 0, "temporary files left by kills": 0}
 
 
 def run(build, where, cycles, seed, say, new_daemon=Daemon):
@@ -111,7 +121,8 @@ def run(build, where, cycles, seed, say, new_daemon=Daemon):
     while done < cycles:
         base = where / f"round.{done}"
         shutil.rmtree(base, ignore_errors=True)
-        daemon = new_daemon(build, base, "--workers", 2, "--input_roots", footage)
+        (base / "outputs").mkdir(parents=True)
+        daemon = new_daemon(build, base, "--workers", 2, "--input_roots", footage, "--output_roots", base / "outputs")
         book = Book(base / "accepted")
         try:
             for _ in range(min(CYCLES_A_ROUND, cycles - done)):

@@ -1,14 +1,20 @@
 """Faults of the service that the crash tests must see: each is made on purpose, and the test is to fail of it."""
 
 import shutil
+import subprocess
 import sys
 
+import damage
 import faults
 import kills
 import power
+import reboots
+import restores
+import space
+import volume
 from farm import Daemon, Violation
 
-LOSSES, KILLS = 40, 60  # a mutation that outlives so many has not been caught
+LOSSES, KILLS, HARMS = 40, 60, 30  # a mutation that outlives so many has not been caught
 WAL_WRITES_A_LIE = 40
 
 # A worker that does not end with the daemon that started it, and has long to run when that ends.
@@ -35,6 +41,81 @@ if os.path.exists(path):
         file.write(bytes([last[0] ^ 1]))
 sys.exit(done)
 """
+
+
+# A daemon that removes every result which its database does not know before it starts, as hexad 0.1 did.
+SWEEPING = """
+import pathlib, shutil, sqlite3
+state = pathlib.Path(sys.argv[sys.argv.index("--state_dir") + 1])
+if (state / "queue.db").exists():
+    database = sqlite3.connect(state / "queue.db")
+    known = {row[0] for row in database.execute("SELECT id FROM job")}
+    database.close()
+    for path in (state / "results").glob("*"):
+        if path.name[:26] not in known:
+            shutil.rmtree(path)
+"""
+
+# A daemon that takes a damaged database away by itself and begins another one.
+FORGETTING = """
+import pathlib, sqlite3
+state = pathlib.Path(sys.argv[sys.argv.index("--state_dir") + 1])
+try:
+    database = sqlite3.connect(state / "queue.db")
+    sound = database.execute("PRAGMA quick_check").fetchall() == [("ok",)]
+    database.close()
+except sqlite3.Error:
+    sound = False
+if not sound:
+    for path in state.glob("queue.db*"):
+        path.unlink()
+    sys.argv.append("--adopt")
+"""
+
+# A daemon that takes every boot for the same.
+TIMELESS = """
+import pathlib, sqlite3
+state = pathlib.Path(sys.argv[sys.argv.index("--state_dir") + 1])
+boot = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+if (state / "queue.db").exists():
+    database = sqlite3.connect(state / "queue.db")
+    with database:
+        database.execute("UPDATE instance SET boot_id = ?", (boot,))
+    database.close()
+"""
+
+
+class WrappedDaemon(Daemon):
+    """Python code is run before each start."""
+
+    code = ""
+
+    def words(self):
+        program, *rest = super().words()
+        wrapped = f"import os, sys\n{self.code}\nos.execv({program!r}, [{program!r}, *sys.argv[1:]])"
+        return [sys.executable, "-IS", "-c", wrapped, *rest]
+
+    def backup(self, path):
+        return subprocess.run([*super().words(), "--backup", path], capture_output=True, text=True)
+
+
+def wrapped(text):
+    class Wrapped(WrappedDaemon):
+        code = text
+    return Wrapped
+
+
+class CopyingDaemon(Daemon):
+    """Its backup is a copy of the file, without what stands in the log only."""
+
+    def backup(self, path):
+        return subprocess.run(["cp", self.state / "queue.db", path], capture_output=True, text=True)
+
+
+def floorless(build, base):
+    daemon = space.new_daemon(build, base)
+    daemon.options[daemon.options.index("--free_space_mb") + 1] = "0"
+    return daemon
 
 
 class Lie:
@@ -106,13 +187,24 @@ def table(build, seed):
          killed(lambda where: with_worker(where, FLIPPING, real))),
         ("a result is not renamed into place", "faults",
          lambda where, say: faults.try_one(build, where, LostRename(), True, tolerant=False)),
+        ("a start deletes results that the database does not know", "restores",
+         lambda where, say: restores.run(build, where, HARMS, seed, say, wrapped(SWEEPING))),
+        ("a backup is a copy of the database without its log", "restores",
+         lambda where, say: restores.run(build, where, HARMS, seed, say, CopyingDaemon)),
+        ("a damaged database is taken away and another one begun", "damage",
+         lambda where, say: damage.run(build, where, HARMS, seed, say, wrapped(FORGETTING))),
+        ("every boot is taken for the same", "reboots",
+         lambda where, say: reboots.run(build, where, HARMS, seed, say, wrapped(TIMELESS))),
+        *([] if volume.why_not() else [
+            ("the free space is not looked at", "space",
+             lambda where, say: space.run(build, where, HARMS, seed, say, floorless))]),
     ]
 
 
 def run(build, where, seed, say, some=None):
-    """What each was caught by. Raises Violation when one was not."""
-    caught = []
-    for what, part, act in table(build, seed)[:some]:
+    """What each was caught by. Raises Violation when one was not. `some` are places in the table; None: all."""
+    caught, rows = [], table(build, seed)
+    for what, part, act in rows if some is None else [rows[k] for k in some]:
         shutil.rmtree(where / "mutation", ignore_errors=True)
         try:
             act(where / "mutation", lambda text: None)

@@ -15,10 +15,15 @@ and held against that:
 - what a client was told of a job's end stays so;
 - `results/` holds exactly the results of the jobs that succeeded, `attempts/` no more than logs (but for a power loss
   after a failed fsync, which may bring back what was removed);
+- a result is deleted when somebody asked for that, and never else: one that the database does not know stands in
+  `lost+found/`, byte for byte;
+- `/readyz` says `storage_full` and `database_damaged` when that is so, and only then;
+- a copy in an `output.directory` that has a report is whole, and no temporary file stays there;
 - no process of the service outlives the daemon; the daemon itself neither dies of a fault nor refuses to start after it;
 - `PRAGMA integrity_check` and `foreign_key_check` find nothing, in a copy made before SQLite repairs anything.
 
-None of this was violated in the runs below: the command fails at the first violation, and writes no page.
+None of this was violated in the runs below, in which the daemon or its workers were killed {kills} times: the command fails
+at the first violation, and writes no page.
 """
 
 
@@ -47,7 +52,69 @@ def write_kills(f):
               *([f"ended {state}", ended[state]] for state in sorted(ended)), ["deleted", f["deleted"]]), "",
         f"The jobs took {f['attempts']} attempts, one of them {f['most attempts of a job']}."
         f" {f['results found at a start']} times the kill fell between the rename of a result and the transaction that"
-        f" ends its job. {f['files fetched']} files were fetched and compared.", ""]
+        f" ends its job. {f['files fetched']} files were fetched and compared. {f['copies in output.directory']} results were"
+        f" copied to an `output.directory`; kills left {f['temporary files left by kills']} temporary files there, which the"
+        " next starts removed.", ""]
+
+
+def write_reboots(f):
+    deaths = f["deaths"]
+    return [
+        "## Deaths of the daemon and of the host", "",
+        f"{sum(deaths.values())} deaths during attempts of jobs that may have one attempt or three:"
+        f" {deaths['daemon']} of the daemon by kill -9, and {deaths['host']} in which, besides, the next start finds that the"
+        f" host was started meanwhile (another boot id). {about(f)} No such attempt counts: each says what ended it, and the"
+        f" jobs succeed, one of them after {f['most interruptions of a job that succeeded']} interruptions. Where"
+        " `max_interruptions` sets a bound, they fail with `interrupted` at the first beyond it.", "",
+        *rows(["", "jobs"], *([f"ended {state}", number] for state, number in sorted(f["jobs"].items()))), ""]
+
+
+def write_space(f):
+    filled, emptied = f["filled"], f["emptied"]
+    return [
+        "## Disks that fill and empty", "",
+        "The state directory and the directory of the copies lie on small disks of their own, which are filled to a random"
+        " rest, often to nothing or a few pages, and emptied, under the load and between the kills. No job fails of it,"
+        f" whatever it may be tried. {about(f)}", "",
+        *rows(["", "state directory", "`output.directory`"], ["filled", filled["state"], filled["output"]],
+              ["emptied", emptied["state"], emptied["output"]]), "",
+        *rows(["", "times"], ["killed", f["kills"]], ["drained", f["drains"]],
+              ["started on a full disk", f["started on a full disk"]],
+              ["`/readyz` said `storage_full`, and it was so", f["readyz said that the disk is full"]],
+              ["`/readyz` said ok, and there was room", f["readyz said that it has room"]],
+              ["deleted on a full disk", f["deleted on a full disk"]],
+              ["cancelled on a full disk", f["cancelled on a full disk"]]), "",
+        f"At the end {sum(f['ended'].values())} jobs had ended, {f['ended'].get('succeeded', 0)} of them with their results,"
+        f" in {f['attempts']} attempts, one of them {f['most attempts of a job']}.", ""]
+
+
+def write_restores(f):
+    return [
+        "## Backups put back, databases lost", "",
+        f"{f['backups']} backups were made with `hexad --backup` under the load, each whole and with every job that was"
+        f" accepted before. {about(f)} After a kill ({f['kills']}) or a drain ({f['drains']}) one of the last three is put back, or the database is removed."
+        " What the daemon refuses then it refuses in one line, and changes nothing.", "",
+        *rows(["", "times"], ["backups put back", f["backups put back"]],
+              ["jobs that they knew", f["jobs that a backup knows"]],
+              ["of these, ended from a result that was delivered later", f["jobs ended from a result that was delivered later"]],
+              ["jobs that they did not know", f["jobs that it does not know"]],
+              ["results put into `lost+found/`", f["results kept in lost+found"]],
+              ["databases removed, refused and adopted", f["databases adopted"]],
+              ["jobs adopted from their results", f["jobs adopted"]]), ""]
+
+
+def write_damage(f):
+    columns = ["refused to start", "served and said so", "harmless"]
+    lines = [[kind, *(row.get(c) or "" for c in columns)] for kind, row in sorted(f["damage"].items())]
+    return [
+        "## Damage in the database", "",
+        f"After a kill ({f['kills']}) or a drain ({f['drains']}) under the load the database is damaged at a random place; then"
+        f" the daemon starts. {about(f)} Refused to start: in one line that names the database and the backup. Served and said so: `/readyz` says"
+        " `database_damaged`, submissions are refused with that, and no wrong result was served before. Harmless: SQLite's"
+        " `integrity_check` finds nothing in a copy either, all jobs that it knows are served, and results of others stand"
+        " in `lost+found/`. In all three nothing was removed from `results/`, and the backup that was made before brought"
+        " back all that it knew.", "",
+        *rows(["damage", *columns], *lines), ""]
 
 
 def write_faults(f):
@@ -90,9 +157,17 @@ def write_mutations(f):
         *rows(["broken", "caught by"], *([what, part] for what, part, _ in f["caught"])), ""]
 
 
+def count_kills(figures):
+    """In all parts that are there."""
+    counts = {"kills": lambda f: sum(f["cycles"].values()), "reboots": lambda f: sum(f["deaths"].values())}
+    return sum(counts.get(name, lambda f: f["kills"])(figures[name])
+               for name in ("kills", "reboots", "space", "restores", "damage") if name in figures)
+
+
 def write(figures):
-    parts = {"kills": write_kills, "faults": write_faults, "power": write_power, "mutations": write_mutations}
-    lines = [HEAD]
+    parts = {"kills": write_kills, "reboots": write_reboots, "space": write_space, "restores": write_restores,
+             "damage": write_damage, "faults": write_faults, "power": write_power, "mutations": write_mutations}
+    lines = [HEAD.format(kills=count_kills(figures))]
     for name, write_part in parts.items():
         if name in figures:
             lines += write_part(figures[name])

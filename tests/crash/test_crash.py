@@ -12,12 +12,17 @@ import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import calls  # noqa: E402
+import damage  # noqa: E402
 import disk  # noqa: E402
 import farm  # noqa: E402
 import faults  # noqa: E402
 import kills  # noqa: E402
 import mutations  # noqa: E402
 import power  # noqa: E402
+import reboots  # noqa: E402
+import restores  # noqa: E402
+import space  # noqa: E402
+import volume  # noqa: E402
 
 SEED = os.environ.get("HEXAD_CRASH_SEED", "check")  # of a run that is to be seen again
 
@@ -34,6 +39,32 @@ def test_kills(build, tmp_path, diagnose):
     assert sum(figures["cycles"].values()) == 20 and figures["ended"]["succeeded"]
 
 
+def test_deaths_of_daemon_and_host(build, tmp_path, diagnose, monkeypatch):
+    monkeypatch.setattr(reboots, "DEATHS_A_ROUND", 5)
+    monkeypatch.setattr(reboots, "BOUNDS", (0, 2))
+    figures = reboots.run(build, tmp_path, 10, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["jobs"]["succeeded"] and figures["jobs"]["failed"] and figures["interruptions"]
+
+
+def test_full_disks(build, tmp_path, diagnose):
+    missing = volume.why_not()
+    if missing:
+        pytest.skip(missing)
+    figures = space.run(build, tmp_path, 6, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["filled"]["state"] and figures["ended"]["succeeded"]
+    assert figures["readyz said that the disk is full"] and figures["readyz said that it has room"]
+
+
+def test_backups_put_back(build, tmp_path, diagnose):
+    figures = restores.run(build, tmp_path, 6, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert figures["backups"] >= 6 and figures["backups put back"] and figures["ended"]["succeeded"]
+
+
+def test_damage(build, tmp_path, diagnose):
+    figures = damage.run(build, tmp_path, 4, SEED, lambda text: diagnose(f"seed {SEED}: {text}"))
+    assert sum(sum(row.values()) for row in figures["damage"].values()) == figures["backups"]
+
+
 def test_faults(supervision, build, tmp_path, diagnose):
     figures = faults.run(build, tmp_path, SEED, diagnose, every=25)
     assert figures["faults"] > 10 and any("went on" in row for row in figures["table"].values())
@@ -46,7 +77,7 @@ def test_power_losses(supervision, build, tmp_path, diagnose):
 
 def test_mutations_are_seen(supervision, build, tmp_path, diagnose):
     """Those that take a moment; all of them are `make crashtest`'s."""
-    assert len(mutations.run(build, tmp_path, SEED, diagnose, some=2)) == 2
+    assert len(mutations.run(build, tmp_path, SEED, diagnose, some=(0, 1, 9))) == 3
 
 
 def test_a_claim_that_could_not_be_stored(supervision, build, tmp_path):
