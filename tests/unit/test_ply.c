@@ -270,7 +270,7 @@ static void test_full_disk(void **state)
     FILE *file = fopen("/dev/full", "wb");
     if (file) {
         assert_false(write_alone(file, &s.points, PLY_ASCII, PLY_FLOAT, &e));
-        assert_int_equal(e.code, ERROR_INTERNAL);
+        assert_int_equal(e.code, ERROR_STORAGE_FULL);
         fclose(file);
     }
     point_set_free(&s);
