@@ -384,7 +384,7 @@ static void test_exr(void **state)
     assert_false(verify_exr(t.path, other, &e));
     if (access("/dev/full", W_OK) == 0) {
         assert_false(write_exr("/dev/full", m, &e));
-        assert_int_equal(e.code, ERROR_INTERNAL);
+        assert_int_equal(e.code, ERROR_STORAGE_FULL);
         assert_non_null(strstr(e.message, "No space left"));
     }
     unlink(t.path);
