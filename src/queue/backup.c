@@ -12,6 +12,7 @@
 
 #include "base/memory.h"
 #include "queue/database.h"
+#include "queue/header.h"
 #include "queue/health.h"
 #include "queue/schema.h"
 
@@ -214,24 +215,31 @@ static bool copy_idle(const char *from, sqlite3 *target, const char *path, error
     return code == SQLITE_DONE || fail(path, code, e);
 }
 
+/* Whether there is something to be copied, and room for it. */
+static bool look_at_source(const char *state_dir, const char *from, const char *path, error *e)
+{
+    struct stat info;
+    if (stat(from, &info) != 0) return error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
+    if (!info.st_size) return error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
+    return (header_check(from, e) || error_prefix(e, "%s", from)) && check_room(path, database_bytes(state_dir), 0, e);
+}
+
 bool backup_make_idle(const char *state_dir, const char *path, error *e)
 {
     char *from = mem_printf("%s/queue.db", state_dir);
-    struct stat info;
-    bool ok = stat(from, &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
-    if (ok && !info.st_size) ok = error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
-    ok = ok && check_room(path, database_bytes(state_dir), 0, e);
     error why = {0};
+    bool ok = look_at_source(state_dir, from, path, e);
     sqlite3 *target = ok ? open_target(path, &why) : NULL;
-    bool copied = target && copy_idle(from, target, path, &why);
-    sqlite3_close(target);
-    copied = copied && drop_log(path, &why);
-    if (!copied && target) unlink(path);
-    if (ok && why.code == ERROR_DATABASE_DAMAGED)
+    if (ok) {
+        ok = target && copy_idle(from, target, path, &why);
+        sqlite3_close(target);
+        ok = ok && drop_log(path, &why);
+        if (!ok && target) unlink(path);
+    }
+    if (why.code == ERROR_DATABASE_DAMAGED)
         error_set(e, why.code, "%s: the database is damaged (%s): %s", from, why.message, HEALTH_WAY_OUT);
-    else if (ok && !copied && e)
+    else if (why.code != ERROR_NONE && e)
         *e = why;
-    ok = copied;
     free(from);
     return ok;
 }

@@ -393,6 +393,17 @@ def test_damage_is_found_on_demand(place, runs):
     assert database.read_bytes() == content
 
 
+@pytest.mark.parametrize("bytes_left", [-100, PAGE, 10, 0])
+def test_a_truncated_database_is_found_on_demand(place, tmp_path, bytes_left):
+    service = place()
+    database = service.state / "queue.db"
+    os.truncate(database, bytes_left if bytes_left >= 0 else database.stat().st_size + bytes_left)
+    done = tool(service, "--check")
+    assert done.returncode == 1 and "database damaged" in done.stdout, done.stdout + done.stderr
+    assert tool(service, "--backup", tmp_path / "backup.db").returncode == 1
+    assert not (tmp_path / "backup.db").exists()
+
+
 def test_results_that_are_missing_or_unknown(service):
     jobs = [service.submit(sphere(count=200 + i)) for i in range(4)]
     for job in jobs:
