@@ -562,7 +562,7 @@ def main():
         soak = Soak(options, pathlib.Path(where))
         whole = soak.run()
     judged = verdicts.judge(soak.parts, soak.tally.answers, soak.tally.faults, not options.untimed,
-                            options.more if whole else None)
+                            options.more if whole else None, b"__asan_init" in (options.built / "hexad").read_bytes())
     options.figures.write_text(json.dumps(
         {"about": told, "whole": whole, "parts": soak.parts, "answers": soak.tally.answers, "faults": soak.tally.faults,
          "verdicts": [v._asdict() for v in judged]}, indent=1) + "\n")

@@ -42,9 +42,10 @@ def growth(text, first, last, base, of_job, judged=True):
     return Verdict(f"{text}, with {came} more jobs, MiB", f"at most {most:.1f}", f"{grown:.1f}", grown <= most if judged else None)
 
 
-def judge(parts, answers, faults, timed, more):
+def judge(parts, answers, faults, timed, more, sanitized=False):
     """All verdicts of a run. `answers`: number of answers by status; `faults`: what was wrong, in words;
-    `more`: the jobs that wait in the queue when it is whole, None: it was broken off."""
+    `more`: the jobs that wait in the queue when it is whole, None: it was broken off. Of a `sanitized` daemon memory is not
+    judged: it keeps what was freed."""
     enough = len(parts) >= FEWEST_PARTS
     server_errors = sum(n for status, n in answers.items() if int(status) >= 500)
     verdicts = [
@@ -57,10 +58,11 @@ def judge(parts, answers, faults, timed, more):
     for key, text in (("descriptors", "Open descriptors"), ("threads", "Threads")):
         verdicts.append(Verdict(f"{text} at the end, as after the first tenth", str(first[key]), str(last[key]),
                                 last[key] == first[key]))
-    verdicts.append(growth("Growth of the daemon's own memory after the first tenth", first, last, MEMORY_BASE, MEMORY_OF_JOB))
+    verdicts.append(growth("Growth of the daemon's own memory after the first tenth", first, last, MEMORY_BASE, MEMORY_OF_JOB,
+                           not sanitized))
     middle = parts[len(parts) // 2 - 1]
     verdicts.append(growth("Growth of the daemon's own memory in the second half", middle, last, HALF_BASE, HALF_OF_JOB,
-                           last["stored"] - middle["stored"] >= HALF_JOBS))
+                           not sanitized and last["stored"] - middle["stored"] >= HALF_JOBS))
     cost = last["cost"] / parts[1]["cost"]
     verdicts.append(Verdict("Processor time of the daemon for a job, in yardsticks, by that of the second tenth",
                             f"at most {COST_MOST}", f"{cost:.2f}", cost <= COST_MOST if timed else None))
