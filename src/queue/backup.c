@@ -162,18 +162,25 @@ static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, err
     return fail(path, code, e);
 }
 
+static bool make_copy(queue *q, const char *path, error *e)
+{
+    sqlite3 *target = open_target(path, e);
+    int fd = target ? open(path, O_WRONLY | O_CLOEXEC) : -1;
+    bool ok = target && copy_online(q, target, path, fd, e);
+    sqlite3_close(target);
+    if (fd >= 0) close(fd);
+    ok = ok && drop_log(path, e);
+    if (!ok && target) unlink(path);
+    return ok;
+}
+
 bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e)
 {
     if (!check_room(path, database_bytes(database_directory(q)), free_bytes, e)) return false;
     error why = {0};
-    sqlite3 *target = open_target(path, &why);
-    int fd = target ? open(path, O_WRONLY | O_CLOEXEC) : -1;
-    bool ok = target && copy_online(q, target, path, fd, &why);
-    sqlite3_close(target);
-    if (fd >= 0) close(fd);
-    ok = ok && drop_log(path, &why);
-    if (ok) return true;
-    if (target) unlink(path);
+    if (make_copy(q, path, &why)) return true;
+    /* a copy that cannot be read back looks damaged, too: only what two copies show is damage of the database */
+    if (why.code == ERROR_DATABASE_DAMAGED && make_copy(q, path, &why)) return true;
     if (why.code != ERROR_DATABASE_DAMAGED) {
         if (e) *e = why;
         return false;

@@ -27,7 +27,21 @@ struct checker {
     pthread_t thread;
 };
 
-/* Whether it could be made. */
+/* Copies the database and checks the copy. Whether that could be done; then *findings are to be freed. */
+static bool check_copy(checker *c, bool full, char **findings, error *e)
+{
+    char *path = database_copy_path(c->q);
+    bool ok = backup_make(c->q, path, c->free_bytes, e);
+    if (ok) {
+        ok = backup_check(path, full, health_stop_flag(database_health(c->q)), findings, e);
+        unlink(path);
+    }
+    free(path);
+    return ok;
+}
+
+/* Whether it could be made. Only what two copies show is damage of the database: SQLite takes a schema that it cannot
+ * read for malformed, and the disk of the copy may be at fault. */
 static bool check(checker *c, bool full)
 {
     const char *name = full ? "integrity_check" : "quick_check";
@@ -35,12 +49,13 @@ static bool check(checker *c, bool full)
     char *findings = NULL;
     error e = {0};
     health_begin_check(h);
-    char *path = database_copy_path(c->q);
-    bool ok = backup_make(c->q, path, c->free_bytes, &e);
-    if (ok) {
-        ok = backup_check(path, full, health_stop_flag(h), &findings, &e);
-        unlink(path);
-    } else if (e.code == ERROR_DATABASE_DAMAGED) {
+    bool ok = check_copy(c, full, &findings, &e);
+    if (ok && *findings) {
+        free(findings);
+        findings = NULL;
+        ok = check_copy(c, full, &findings, &e);
+    }
+    if (!ok && e.code == ERROR_DATABASE_DAMAGED) {
         findings = mem_strdup("it cannot be copied"); /* which the health knows, and more exactly */
         ok = true;
     }
@@ -51,7 +66,6 @@ static bool check(checker *c, bool full)
     c->told = !ok;
     if (ok) log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
     free(findings);
-    free(path);
     return ok;
 }
 

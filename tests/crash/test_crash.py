@@ -173,6 +173,33 @@ def test_a_kill_in_the_middle_of_a_copy(supervision, build, tmp_path):
     database.close()
 
 
+def test_a_copy_that_cannot_be_read_is_no_damage(supervision, build, tmp_path):
+    """To SQLite a schema that it cannot read is malformed. The database is not for that."""
+    opened, failed = [], []
+
+    def judge(call):
+        if call.paths[0] != "copies/0.db":
+            return None
+        if call.name in calls.OPENS:
+            opened.append(call.flags())
+        elif call.name == "pread64" and call.arguments[3] and len(opened) == 3:  # made, made one file, checked
+            failed.append(call.arguments[3])
+            return "error", errno.EIO
+        return None
+    daemon, book = farm.Daemon(build, tmp_path), farm.Book()
+    daemon.state.mkdir()
+    daemon.spawn(judge)
+    with daemon.supervisor:
+        assert daemon.await_served()
+        farm.wait_until(lambda: "database checked" in daemon.log.read_text(), "the quick check")
+        ready = daemon.ask("GET", "/readyz")
+        assert failed and ready.status == 200, ready.body
+        book.submit(daemon, farm.spec("first"))
+        book.settle(daemon)
+        daemon.end_by_drain()
+    assert "damaged" not in daemon.log.read_text() and not daemon.supervisor.failure
+
+
 def test_a_removal_is_on_disk_before_the_queue_ends_the_attempt(supervision, build, tmp_path):
     """Else a power loss brings back what nobody looks for any more."""
     daemon, book, record = farm.Daemon(build, tmp_path), farm.Book(), power.Record(SEED)
