@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,11 +17,13 @@
 #include "queue/health.h"
 #include "queue/schema.h"
 
-/* Copied while the queue is held: a quarter of a mebibyte. */
+/* Copied while the queue is held: a quarter of a mebibyte; twice as much each time that more was added meanwhile. */
 #define PAGES_A_STEP 64
-/* Then the others have at least that long, and thrice as long as it was held. */
-#define PAUSE_LEAST_NS 500000
+#define PAGES_MOST (1 << 20)
+/* Then the others have thrice as long as it was held, within these bounds. */
 #define PAUSE_FACTOR 3
+#define PAUSE_LEAST_NS 500000
+#define PAUSE_MOST_NS 50000000
 /* Flushed so often that the kernel never makes a writer wait for the disk, who holds the queue. */
 #define FLUSH_STEPS 32
 /* Memory for the pages of a copy that is checked. */
@@ -110,22 +113,28 @@ static int64_t now_ns(void)
 
 static void pause_for(int64_t held_ns)
 {
-    int64_t ns = PAUSE_FACTOR * held_ns > PAUSE_LEAST_NS ? PAUSE_FACTOR * held_ns : PAUSE_LEAST_NS;
+    int64_t ns = PAUSE_FACTOR * held_ns;
+    if (ns < PAUSE_LEAST_NS) ns = PAUSE_LEAST_NS;
+    if (ns > PAUSE_MOST_NS) ns = PAUSE_MOST_NS;
     nanosleep(&(struct timespec){.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000}, NULL);
 }
 
 /* Step by step, with the queue let go between two. What is changed meanwhile SQLite changes in the copy, too, since it
- * comes over the same connection. The code of the last step. */
+ * comes over the same connection. Steps grow while less is copied than added, so that a copy ends however much is
+ * written. The code of the last step. */
 static int copy_steps(database *d, sqlite3_backup *copying, int fd)
 {
-    int code = SQLITE_OK;
+    int code = SQLITE_OK, pages = PAGES_A_STEP, left = INT_MAX;
     const atomic_bool *stop = health_stop_flag(database_health(d));
     for (int step = 1; code == SQLITE_OK && !atomic_load(stop); step++) {
         database_lock(d);
         int64_t began = now_ns();
-        code = sqlite3_backup_step(copying, PAGES_A_STEP);
+        code = sqlite3_backup_step(copying, pages);
         int64_t held = now_ns() - began;
+        int left_before = left;
+        left = sqlite3_backup_remaining(copying);
         database_unlock(d);
+        if (left >= left_before && pages < PAGES_MOST) pages *= 2;
         if (code == SQLITE_OK) pause_for(held);
         if (step % FLUSH_STEPS == 0) fdatasync(fd); /* one that fails costs patience only: it is not needed for safety */
     }

@@ -37,6 +37,7 @@ struct queue {
     atomic_uint copies; /* that were begun; for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
 
+    pthread_mutex_t line;  /* held only by who is next for the other */
     pthread_mutex_t mutex; /* of the connection and what follows */
     sqlite3 *connection;
     struct {
@@ -57,9 +58,12 @@ struct queue {
     uint64_t happened;
 };
 
+/* A mutex may go to the thread that has just let it go: changes one after another would keep all others waiting. */
 void database_lock(database *d)
 {
+    pthread_mutex_lock(&d->line);
     pthread_mutex_lock(&d->mutex);
+    pthread_mutex_unlock(&d->line);
 }
 
 void database_unlock(database *d)
@@ -361,6 +365,7 @@ static void make_locks(queue *q)
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_mutex_init(&q->line, NULL);
     pthread_mutex_init(&q->mutex, NULL);
     pthread_mutex_init(&q->gate, NULL);
     pthread_cond_init(&q->turn, NULL);
@@ -441,6 +446,7 @@ void queue_close(queue *q)
     sqlite3_close(q->connection);
     if (q->lock_fd >= 0) close(q->lock_fd);
     health_free(q->health);
+    pthread_mutex_destroy(&q->line);
     pthread_mutex_destroy(&q->mutex);
     pthread_mutex_destroy(&q->gate);
     pthread_cond_destroy(&q->turn);

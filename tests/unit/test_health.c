@@ -224,25 +224,29 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     vfs->xOpen = real_open;
 }
 
+/* These threads store more between two steps of a copy than a step copies at first; together they stop at 600 MB. */
+#define WRITERS 4
+#define LONG_SPEC_BYTES 100000
+#define MOST_WRITES 1500
+
 typedef struct writer {
     place *p;
     atomic_bool enough;
-    int count;
-    char last[ULID_SIZE];
+    atomic_int count;
 } writer;
 
 static void *write_on(void *argument)
 {
     writer *w = argument;
-    char spec[3000];
-    memset(spec, 'y', sizeof spec - 1);
-    spec[sizeof spec - 1] = '\0';
+    char last[ULID_SIZE], *spec = mem_alloc(LONG_SPEC_BYTES + 1);
+    memset(spec, 'y', LONG_SPEC_BYTES);
     queue_submission s = plain;
     s.spec = spec;
-    while (!atomic_load(&w->enough)) {
-        submit_for(w->p, &s, w->last);
-        w->count++;
+    while (!atomic_load(&w->enough) && atomic_load(&w->count) < MOST_WRITES) {
+        submit_for(w->p, &s, last);
+        atomic_fetch_add(&w->count, 1);
     }
+    free(spec);
     return NULL;
 }
 
@@ -261,29 +265,41 @@ static int64_t count_jobs(const char *path, const char *id)
     return count;
 }
 
+static void start_writers(place *p, writer w[WRITERS], pthread_t thread[WRITERS])
+{
+    for (int i = 0; i < WRITERS; i++) {
+        w[i] = (writer){.p = p};
+        assert_int_equal(pthread_create(&thread[i], NULL, write_on, &w[i]), 0);
+    }
+}
+
+static void stop_writers(writer w[WRITERS], pthread_t thread[WRITERS])
+{
+    for (int i = 0; i < WRITERS; i++) atomic_store(&w[i].enough, true);
+    for (int i = 0; i < WRITERS; i++) assert_int_equal(pthread_join(thread[i], NULL), 0);
+}
+
 static void test_a_copy_is_whole_while_threads_write(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
     error e = {0};
     fill(p, id);
-    writer w[4] = {{.p = p}, {.p = p}, {.p = p}, {.p = p}};
-    pthread_t thread[4];
-    for (int i = 0; i < 4; i++) assert_int_equal(pthread_create(&thread[i], NULL, write_on, &w[i]), 0);
     char *path = mem_printf("%s/copy.db", p->base);
-    for (int round = 0; round < 5; round++) {
+    for (int round = 0; round < 3; round++) {
+        writer w[WRITERS];
+        pthread_t thread[WRITERS];
         char before[ULID_SIZE], *findings = NULL;
         put(p, "before", 0, before);
+        start_writers(p, w, thread);
         if (!backup_make(p->q, path, 0, &e)) fail_msg("%s", e.message);
+        for (int i = 0; i < WRITERS; i++) assert_true(atomic_load(&w[i].count) < MOST_WRITES); /* it did not wait for their end */
+        stop_writers(w, thread);
         assert_true(backup_check(path, true, NULL, &findings, &e));
         assert_string_equal(findings, "");
         free(findings);
         assert_true(count_jobs(path, before) >= JOBS + round + 1);
         assert_int_equal(unlink(path), 0);
-    }
-    for (int i = 0; i < 4; i++) {
-        atomic_store(&w[i].enough, true);
-        assert_int_equal(pthread_join(thread[i], NULL), 0);
     }
     free(path);
     assert_false(health_of(p).damaged);
