@@ -47,8 +47,9 @@ typedef struct service {
 /* Of the token "hexad_" with 64 times "a", which may read. */
 static const char tokens[] =
     "beba3c4fe559 reader read beba3c4fe5599ef435e171c5b1364fbc2b9608ce7e160fbc480ca37c259233ca 1\n";
-static const char report[] = "{\"outcome\":\"converged\",\"count\":4,\"outputs\":[{\"name\":\"points.ply\",\"bytes\":10,"
-                             "\"sha256\":\"84d89877f0d4041efb6bf91a16f0248f2fd573e6af05c19f96bedb9f882f7882\"}]}";
+static const char report[] =
+    "{\"outcome\":\"converged\",\"count\":4,\"outputs\":[{\"name\":\"points.ply\",\"bytes\":10,"
+    "\"sha256\":\"84d89877f0d4041efb6bf91a16f0248f2fd573e6af05c19f96bedb9f882f7882\"}]}";
 static const char spec[] = "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}},"
                            "\"sampling\":{\"count\":4}}";
 
@@ -64,7 +65,8 @@ static void put_job(service *s, char id[ULID_SIZE])
 {
     error e = {0};
     queue_receipt receipt;
-    queue_submission submission = {.name = "a", .labels = "[\"x\"]", .spec = spec, .priority = 1, .max_attempts = 1};
+    queue_submission submission = {
+        .name = "a", .labels = "[\"x\"]", .spec = spec, .priority = 1, .max_attempts = 1};
     expect(queue_put(s->q, &submission, &receipt, &e) && receipt.verdict == QUEUE_CREATED);
     strcpy(id, receipt.id);
 }
@@ -116,7 +118,8 @@ static void take_the_slot(service *s)
     char *worker = mem_printf("%s/worker", s->base);
     expect(chmod(worker, 0700) == 0);
     put_job(s, id);
-    executor_settings settings = {.state_dir = s->base, .worker = worker, .workers = 1, .threads = 1, .memory_mb = 64};
+    executor_settings settings = {
+        .state_dir = s->base, .worker = worker, .workers = 1, .threads = 1, .memory_mb = 64};
     expect((s->x = executor_start(&settings, s->q, &e)));
     while (!is_there(s, id, QUEUE_RUNNING)) usleep(1000);
     free(worker);
@@ -158,14 +161,25 @@ static void start(service *s)
     expect((s->roots = store_roots_open(roots, 1, &e)));
     take_the_slot(s);
     expect((s->lounge = lounge_open(&e)));
-    s->context = (http_context){.q = s->q, .x = s->x, .roots = s->roots, .inputs = s->inputs, .state_dir = s->base,
-                                .max_attempts = 1, .started_ms = clock_wall_ms(), .counters = &s->counters,
-                                .wait_s = PATIENCE_MS / 2e3, .outputs = &s->outputs, .lounge = s->lounge};
+    s->context = (http_context){.q = s->q,
+                                .x = s->x,
+                                .roots = s->roots,
+                                .inputs = s->inputs,
+                                .state_dir = s->base,
+                                .max_attempts = 1,
+                                .started_ms = clock_wall_ms(),
+                                .counters = &s->counters,
+                                .wait_s = PATIENCE_MS / 2e3,
+                                .outputs = &s->outputs,
+                                .lounge = s->lounge};
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(where, s->socket.address, &origin, 1, &e)));
     server_settings limits = {
         .peers = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
-        .body_limit_bytes = 4096, .header_limit_bytes = 8192, .proxies = &s->proxies, .pages = s->pages};
+        .body_limit_bytes = 4096,
+        .header_limit_bytes = 8192,
+        .proxies = &s->proxies,
+        .pages = s->pages};
     expect((s->http = server_start(&limits, &s->socket, s->access, &s->context, &e)));
     free(where);
     free(file);

@@ -19,7 +19,8 @@ static void write_again(const ply_file *f)
     expect(stream);
     expect(ply_verify(stream, &f->points, f->format, f->precision, alone, &e));
     expect(ply_read(stream, &again, &e));
-    expect(again.points.count == f->points.count && again.format == f->format && again.precision == f->precision);
+    expect(again.points.count == f->points.count && again.format == f->format &&
+           again.precision == f->precision);
     ply_file_free(&again);
     fclose(stream);
     free(text);

@@ -15,14 +15,15 @@
 #ifdef __cplusplus
 extern "C"
 #endif
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+    int
+    LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* An assertion that is there in every build. */
-#define expect(what) \
-    do { \
-        if (what) break; \
+#define expect(what)                                                         \
+    do {                                                                     \
+        if (what) break;                                                     \
         fprintf(stderr, "%s:%d: expected: %s\n", __FILE__, __LINE__, #what); \
-        abort(); \
+        abort();                                                             \
     } while (0)
 
 #endif

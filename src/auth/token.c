@@ -184,7 +184,8 @@ static bool set_permissions(int fd, const char *path, gid_t given, error *e)
     gid_t group = geteuid() == 0 ? find_group(path, given) : 0;
     mode_t mode = group ? 0640 : 0600;
     return (fchmod(fd, 0600) == 0 && (!group || fchown(fd, 0, group) == 0) && fchmod(fd, mode) == 0) ||
-           error_set(e, ERROR_INTERNAL, "%s cannot be given mode %04o: %s", path, (unsigned)mode, strerror(errno));
+           error_set(e, ERROR_INTERNAL, "%s cannot be given mode %04o: %s", path, (unsigned)mode,
+                     strerror(errno));
 }
 
 bool token_set_write(const char *path, const token_set *set, gid_t group, error *e)

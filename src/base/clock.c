@@ -28,8 +28,7 @@ char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE])
     time_t seconds = (time_t)((wall_ms - ms) / 1000);
     struct tm utc;
     char text[24];
-    if (!gmtime_r(&seconds, &utc) || !strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &utc))
-        text[0] = '\0';
+    if (!gmtime_r(&seconds, &utc) || !strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &utc)) text[0] = '\0';
     snprintf(buffer, CLOCK_TEXT_SIZE, "%s.%03dZ", text, (int)ms);
     return buffer;
 }

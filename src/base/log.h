@@ -13,12 +13,7 @@
 #include <stdarg.h>
 #include <stdbool.h>
 
-typedef enum log_level {
-    LOG_LEVEL_ERROR,
-    LOG_LEVEL_WARNING,
-    LOG_LEVEL_INFO,
-    LOG_LEVEL_DEBUG
-} log_level;
+typedef enum log_level { LOG_LEVEL_ERROR, LOG_LEVEL_WARNING, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG } log_level;
 
 /* Records above the level are dropped; info at the start. */
 void log_set_level(log_level level);

@@ -72,7 +72,8 @@ static void *zeroed(char *p, size_t bytes)
 void *mem_array(size_t count, size_t size, const char *what, error *e)
 {
     size_t bytes;
-    if (!__builtin_mul_overflow(count, size, &bytes) && bytes <= PTRDIFF_MAX - 128) { /* no object is larger */
+    if (!__builtin_mul_overflow(count, size, &bytes) &&
+        bytes <= PTRDIFF_MAX - 128) { /* no object is larger */
         bytes = (bytes + 64) & ~(size_t)63;
         char *p = aligned_alloc(64, bytes);
         if (p) return zeroed(p, bytes);

@@ -87,9 +87,7 @@ static ruleset handled_by(int version)
 
 static size_t ruleset_size(int version)
 {
-    return version >= 6   ? sizeof(ruleset)
-           : version >= 4 ? offsetof(ruleset, scope)
-                          : offsetof(ruleset, net);
+    return version >= 6 ? sizeof(ruleset) : version >= 4 ? offsetof(ruleset, scope) : offsetof(ruleset, net);
 }
 
 /* Grants rights below a path. A place that is not there needs no rule, unless it must be there. */
@@ -169,6 +167,7 @@ static bool enter_landlock(int version, const sandbox_places *places, error *e)
 
 /* What a worker and the process that reads meshes call: glibc, the loader, OpenVDB, assimp, and what glibc
  * falls back to. Pointers cannot be looked at: where a path leads is Landlock's to say. */
+// clang-format off
 static const int calls[] = {
     /* memory */
     SCMP_SYS(brk), SCMP_SYS(mmap), SCMP_SYS(mmap2), SCMP_SYS(munmap), SCMP_SYS(mremap), SCMP_SYS(mprotect),
@@ -202,6 +201,7 @@ static const int calls[] = {
     SCMP_SYS(prctl), SCMP_SYS(personality), SCMP_SYS(getdents), SCMP_SYS(tkill),
 #endif
 };
+// clang-format on
 
 /* Calls whose numbers say what they do. clone makes threads, and what posix_spawn needs, but no name space
  * and no copy of the process; glibc asks for clone3 first, whose flags lie behind a pointer, and takes no

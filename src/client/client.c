@@ -31,7 +31,8 @@ client *client_open(const char *server, const char *token, error *e)
 {
     const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
     if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, "https://", 8) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "server %s: not unix:/path, http://HOST:PORT or https://HOST:PORT", server);
+        error_set(e, ERROR_SPEC_INVALID, "server %s: not unix:/path, http://HOST:PORT or https://HOST:PORT",
+                  server);
         return NULL;
     }
     client *c = mem_alloc(sizeof *c);
@@ -51,8 +52,7 @@ client *client_open(const char *server, const char *token, error *e)
     }
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
     curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c->curl, CURLOPT_NOPROXY,
-                     "*"); /* the service is near; a proxy is for the world */
+    curl_easy_setopt(c->curl, CURLOPT_NOPROXY, "*"); /* the service is near; a proxy is for the world */
     curl_easy_setopt(c->curl, CURLOPT_CONNECTTIMEOUT, CONNECT_TIMEOUT_S);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
     curl_easy_setopt(c->curl, CURLOPT_LOW_SPEED_TIME, STALL_TIMEOUT_S);

@@ -53,8 +53,8 @@ static int code_of_end(json_at job)
 static bool has_ended(json_at job)
 {
     const char *state = json_string(json_member(&job, "state"), "");
-    return strcmp(state, "succeeded") == 0 || strcmp(state, "failed") == 0 || strcmp(state, "cancelled") == 0 ||
-           strcmp(state, "timed_out") == 0;
+    return strcmp(state, "succeeded") == 0 || strcmp(state, "failed") == 0 ||
+           strcmp(state, "cancelled") == 0 || strcmp(state, "timed_out") == 0;
 }
 
 /* Asks and prints: the document with --json, else by `print`. */
@@ -178,9 +178,8 @@ int command_submit(client *c, const char *argument, const command_options *optio
     error e = {0};
     size_t length = 0;
     client_reply reply = {0};
-    char *body = strcmp(argument, "-") == 0
-                     ? read_input(&length, &e)
-                     : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
+    char *body = strcmp(argument, "-") == 0 ? read_input(&length, &e)
+                                            : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
     if (!body) {
         say_complaint(e.message);
         return COMMAND_USAGE;
@@ -242,8 +241,8 @@ int command_list(client *c, const char *argument, const command_options *options
         say_document(reply.document);
     } else {
         json_at root = json_root(reply.document), jobs = json_member(&root, "jobs");
-        printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY",
-               "CREATED", "NAME");
+        printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY", "CREATED",
+               "NAME");
         for (size_t i = 0; i < json_size(jobs); i++) print_row(json_element(&jobs, i));
         if (json_type_of(json_member(&root, "next")) == JSON_STRING)
             fputs("hexadctl: there are more; see --limit\n", stderr);
@@ -282,11 +281,9 @@ static int fetch_file(client *c, const char *directory, json_at item, error *e)
         error_set(e, ERROR_INTERNAL, "%s: the server answered %ld", name, status);
         goto done;
     }
-    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e))
-        goto done;
+    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
     if (strcmp(hex, wanted) != 0) {
-        error_set(e, ERROR_INPUT_DAMAGED, "%s: what arrived has another hash than what was sent",
-                  name);
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: what arrived has another hash than what was sent", name);
         goto done;
     }
     if (store_file_commit(&file, e)) code = COMMAND_OK;
@@ -298,8 +295,7 @@ done:
     return code;
 }
 
-static int fetch_all(client *c, const char *directory, json_at results,
-                     const command_options *options)
+static int fetch_all(client *c, const char *directory, json_at results, const command_options *options)
 {
     error e = {0};
     if (!store_directory_create(directory, &e)) return say_complaint(e.message);
@@ -332,8 +328,8 @@ int command_fetch(client *c, const char *argument, const command_options *option
         code = say_refused(&reply);
     } else {
         json_at root = json_root(reply.document);
-        code = fetch_all(c, options->output ? options->output : argument,
-                         json_member(&root, "results"), options);
+        code = fetch_all(c, options->output ? options->output : argument, json_member(&root, "results"),
+                         options);
         if (code == COMMAND_OK && options->json) say_document(reply.document);
     }
     client_reply_clear(&reply);

@@ -20,12 +20,12 @@ enum {
 
 typedef struct command_options {
     bool json, wait;
-    const char *state;  /* of list; NULL: all */
-    const char *limit;  /* of list; NULL: the server's default */
+    const char *state;    /* of list; NULL: all */
+    const char *limit;    /* of list; NULL: the server's default */
     const char *priority; /* of priority; NULL: none was given */
-    const char *output; /* of fetch; NULL: a directory named by the job's id */
-    const char *file;   /* of token: the daemon's token_file */
-    gid_t file_group;   /* of token: who may read that, when it is the system service's; else TOKEN_NO_GROUP */
+    const char *output;   /* of fetch; NULL: a directory named by the job's id */
+    const char *file;     /* of token: the daemon's token_file */
+    gid_t file_group; /* of token: who may read that, when it is the system service's; else TOKEN_NO_GROUP */
     const char *scopes; /* of token add; NULL: all but admin */
 } command_options;
 
@@ -34,7 +34,8 @@ typedef int command(client *c, const char *argument, const command_options *opti
 
 command command_submit, command_list, command_show, command_wait, command_cancel, command_fetch;
 
-command command_pause, command_resume, command_retry, command_delete, command_priority, command_watch, command_log;
+command command_pause, command_resume, command_retry, command_delete, command_priority, command_watch,
+    command_log;
 command command_workers, command_drain, command_undrain;
 
 /* These work on the file and ask no server. */

@@ -29,7 +29,8 @@ static int lock_file(const command_options *options, error *e)
     const char *path = options->file, *slash = strrchr(path, '/');
     char *directory = slash ? mem_strndup(path, slash > path ? (size_t)(slash - path) : 1) : mem_strdup(".");
     if (options->file_group != TOKEN_NO_GROUP && geteuid() == 0 && mkdir(directory, 0755) == 0)
-        chmod(directory, 0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
+        chmod(directory,
+              0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
         error_set(e, ERROR_SPEC_INVALID, "%s: %s", directory, strerror(errno));

@@ -93,8 +93,7 @@ static bool set_value(config *c, const config_row *row, const char *value, error
     case CONFIG_SANDBOX:
         return sandbox_mode_from_name(value, at) || bad(e, row, value, "required, available or off");
     case CONFIG_LEVEL:
-        return log_level_from_name(value, at) ||
-               bad(e, row, value, "error, warning, info or debug");
+        return log_level_from_name(value, at) || bad(e, row, value, "error, warning, info or debug");
     }
     return false;
 }
@@ -114,8 +113,7 @@ static const config_row *find_row(const char *key, size_t length)
 static bool set_from(source *s, const config_row *row, const char *value)
 {
     bool *seen = &s->seen[row - config_table];
-    if (*seen && !is_list(row))
-        return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
+    if (*seen && !is_list(row)) return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));
     *seen = true;
     return set_value(s->c, row, value, s->e);
@@ -131,8 +129,8 @@ static char *read_line(char *buffer, int size, void *context)
     s->line++;
     size_t length = strlen(line);
     if (length + 1 == (size_t)size && line[length - 1] != '\n') {
-        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path,
-                  s->line, size - 2);
+        error_set(s->e, ERROR_SPEC_INVALID, "%s:%d: the line is longer than %d bytes", s->path, s->line,
+                  size - 2);
         return NULL;
     }
     return line;
@@ -157,11 +155,9 @@ static bool read_file(config *c, const char *path, error *e)
 {
     error mine = {0};
     source s = {.c = c, .path = path, .e = &mine, .file = fopen(path, "re")};
-    if (!s.file)
-        return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (!s.file) return error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     int line = ini_parse_stream(read_line, &s, take_pair, &s);
-    if (ferror(s.file))
-        error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
+    if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
         error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
@@ -190,12 +186,9 @@ static bool is_action(const char *text, config_action *action)
     static const struct {
         const char *text;
         config_action action;
-    } actions[] = {{"--help", CONFIG_HELP},
-                   {"-h", CONFIG_HELP},
-                   {"--version", CONFIG_VERSION},
-                   {"--adopt", CONFIG_ADOPT},
-                   {"--print-config", CONFIG_SAMPLE},
-                   {"--check", CONFIG_CHECK}};
+    } actions[] = {{"--help", CONFIG_HELP},           {"-h", CONFIG_HELP},
+                   {"--version", CONFIG_VERSION},     {"--adopt", CONFIG_ADOPT},
+                   {"--print-config", CONFIG_SAMPLE}, {"--check", CONFIG_CHECK}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++) {
         if (strcmp(text, actions[i].text) == 0) {
             *action = actions[i].action;
@@ -228,8 +221,8 @@ static bool read_options(int argc, char *const *argv, bool files, source *s, con
         }
         const config_row *row = find_row(key, length);
         if (!row)
-            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help",
-                             (int)length, key);
+            return error_set(s->e, ERROR_SPEC_INVALID, "there is no option --%.*s; see --help", (int)length,
+                             key);
         if (!set_from(s, row, value)) return error_prefix(s->e, "command line");
     }
     return true;
@@ -244,8 +237,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     bool ok = true;
     for (size_t i = 0; ok && i < config_table_size; i++)
         ok = set_value(&read, &config_table[i], config_table[i].otherwise, &mine);
-    ok = ok && read_options(argc, argv, true, &s, &what) &&
-         read_options(argc, argv, false, &s, &what);
+    ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
     if (!ok) {
         config_clear(&read);
         if (e) *e = mine;
@@ -331,9 +323,8 @@ bool config_find_worker(config *c, error *e)
         }
     }
     if (access(c->worker, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING,
-                     "the worker program %s cannot be run: %s (setting worker)", c->worker,
-                     strerror(errno));
+    return error_set(e, ERROR_INPUT_MISSING, "the worker program %s cannot be run: %s (setting worker)",
+                     c->worker, strerror(errno));
 }
 
 /* Prints prose in lines of at most 78 characters behind a prefix. */
@@ -363,31 +354,30 @@ static void print_facts(FILE *file, const char *prefix, const config_row *row)
 
 void config_print_help(FILE *file)
 {
-    fputs(
-        "usage: hexad [--config FILE] [--KEY VALUE]...\n"
-        "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
-        "\n"
-        "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-        "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once. SIGHUP reads\n"
-        "the settings again.\n"
-        "\n"
-        "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
-        "  --adopt          takes the database in state_dir, whosever it is, or a new one where it is\n"
-        "                   lost, and reads results that it does not know back into it; for one start\n"
-        "  --backup FILE    copies the queue's database to FILE, which it replaces, and checks the copy;\n"
-        "                   whether hexad runs or not. One that runs is asked at $HEXAD_SERVER, else\n"
-        "                   where the settings say; over TCP with the token $HEXAD_TOKEN, of scope admin\n"
-        "  --check          checks the database for damage and, when hexad does not run, the results of\n"
-        "                   all jobs; changes nothing, and prints a line for each thing that is wrong\n"
-        "  --print-config   a sample of that file\n"
-        "  --help           this text\n"
-        "  --version        the version\n"
-        "\n"
-        "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
-        "as it was. Of --check: 0 all is sound, 1 trouble was found, or it could not be looked for.\n"
-        "\n"
-        "Settings, as options and as keys of the file; options win:\n",
-        file);
+    fputs("usage: hexad [--config FILE] [--KEY VALUE]...\n"
+          "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
+          "\n"
+          "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
+          "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once. SIGHUP reads\n"
+          "the settings again.\n"
+          "\n"
+          "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
+          "  --adopt          takes the database in state_dir, whosever it is, or a new one where it is\n"
+          "                   lost, and reads results that it does not know back into it; for one start\n"
+          "  --backup FILE    copies the queue's database to FILE, which it replaces, and checks the copy;\n"
+          "                   whether hexad runs or not. One that runs is asked at $HEXAD_SERVER, else\n"
+          "                   where the settings say; over TCP with the token $HEXAD_TOKEN, of scope admin\n"
+          "  --check          checks the database for damage and, when hexad does not run, the results of\n"
+          "                   all jobs; changes nothing, and prints a line for each thing that is wrong\n"
+          "  --print-config   a sample of that file\n"
+          "  --help           this text\n"
+          "  --version        the version\n"
+          "\n"
+          "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
+          "as it was. Of --check: 0 all is sound, 1 trouble was found, or it could not be looked for.\n"
+          "\n"
+          "Settings, as options and as keys of the file; options win:\n",
+          file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fprintf(file, "\n  --%s\n", row->key);

@@ -34,21 +34,21 @@ typedef struct config {
     char *tcp_without_tokens;
     config_list page_origins, trusted_proxies;
     config_list input_roots, output_roots, path_mappings;
-    char *output_mode;  /* octal digits */
-    char *output_group; /* "": stays */
+    char *output_mode;                        /* octal digits */
+    char *output_group;                       /* "": stays */
     int64_t workers, threads, host_memory_mb; /* 0: by what the host has */
     int64_t memory_mb, max_attempts, max_interruptions;
-    int64_t cache; /* 0: no */
+    int64_t cache;   /* 0: no */
     int64_t file_mb; /* 0: no limit */
     sandbox_mode sandbox;
     int64_t user_queued, user_running; /* 0: any number */
     double retry_s, retry_most_s;
     int64_t storage_retries;
     int64_t free_space_mb, reserve_mb; /* 0: none */
-    double check_interval_s; /* 0: never */
-    double retention_s; /* 0: for ever */
-    double timeout_s, stall_s; /* 0: none */
-    int64_t estimates; /* 0: none */
+    double check_interval_s;           /* 0: never */
+    double retention_s;                /* 0: for ever */
+    double timeout_s, stall_s;         /* 0: none */
+    int64_t estimates;                 /* 0: none */
     double estimate_timeout_s;
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;

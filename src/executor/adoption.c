@@ -125,8 +125,8 @@ static bool belongs(const queue_directory *first, const queue_directory *d)
     return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);
 }
 
-bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count, size_t *adopted,
-                  error *e)
+bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
+                  size_t *adopted, error *e)
 {
     restored jobs[AT_ONCE] = {0};
     size_t used = 0, next = 0;

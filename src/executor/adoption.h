@@ -13,7 +13,7 @@
 
 /* Puts the jobs of these results into the queue. The list is sorted by id, and within one by frame; those that are
  * known or to be removed are passed by, as are those that cannot be read. *adopted: how many jobs. */
-bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count, size_t *adopted,
-                  error *e);
+bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
+                  size_t *adopted, error *e);
 
 #endif

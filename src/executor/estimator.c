@@ -95,8 +95,8 @@ static char *read_document(const char *directory)
 static estimator_verdict decide(const engine_ending *ending, const char *directory, char **document, error *e)
 {
     if (ending->exit_status == 0 && (*document = read_document(directory))) return ESTIMATOR_MADE;
-    if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) && e->code != ERROR_INTERNAL &&
-        e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
+    if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
+        e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
     error_set(e, ERROR_INTERNAL, "the worker that was to find out ended without a word");
     return ESTIMATOR_NONE;

@@ -69,7 +69,7 @@ typedef struct slot {
     int64_t ran_ms; /* once it has ended */
     settlement_stop stop;
     bool asked, forced;
-    int64_t force_ms; /* when to end what was asked to end */
+    int64_t force_ms;         /* when to end what was asked to end */
     publication *publication; /* NULL: none is on its way */
     char *copied;             /* the temporary file of one that was */
     char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
@@ -99,8 +99,8 @@ struct executor {
     atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
-    pthread_mutex_t order; /* over a claim until it has its slot, and over commands */
-    pthread_mutex_t mutex; /* of the slots; never held over the queue's work */
+    pthread_mutex_t order;     /* over a claim until it has its slot, and over commands */
+    pthread_mutex_t mutex;     /* of the slots; never held over the queue's work */
     executor_settings changed; /* guarded; what executor_change brought, for the supervisor to take */
     bool has_changed;
     size_t slot_count;
@@ -318,16 +318,15 @@ static void slot_start(executor *x, slot *s)
     sent_free_roots(roots, root_count);
     if (s->attempt) {
         x->start_wait_ms = 0;
-        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
-                  task->attempt, x->engine->identify(s->attempt));
+        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id,
+                  task->number, task->attempt, x->engine->identify(s->attempt));
         return;
     }
     log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
               task->attempt, e.message);
     settlement_decide_unstarted(&e, &s->verdict);
     /* whatever keeps this one from starting would keep the next one, too */
-    x->start_wait_ms =
-        x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
+    x->start_wait_ms = x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
     x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     slot_skip(x, s);
 }
@@ -472,8 +471,10 @@ static void slot_serve(executor *x, slot *s)
     }
     if (s->decided || !s->attempt) {
         if (clock_monotonic_ms() < s->retry_ms) return;
-        if (s->decided) slot_settle(x, s);
-        else slot_decide(x, s);
+        if (s->decided)
+            slot_settle(x, s);
+        else
+            slot_decide(x, s);
         return;
     }
     const char *progress;
@@ -634,7 +635,8 @@ static bool recover(const executor *x, error *e)
     host_boot_id(boot_id);
     if (!queue_get_instance(x->q, &last, &found, e)) return false;
     bool restarted = *last.boot_id && *boot_id && strcmp(last.boot_id, boot_id) != 0;
-    return settlement_recover(&x->place, restarted, e) && inventory_take(x->q, x->state_dir, x->settings.adopt, e) &&
+    return settlement_recover(&x->place, restarted, e) &&
+           inventory_take(x->q, x->state_dir, x->settings.adopt, e) &&
            instance_join(x->q, x->state_dir, boot_id, e);
 }
 

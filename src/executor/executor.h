@@ -28,24 +28,24 @@ typedef struct executor_settings {
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
-    store_inputs *inputs;   /* files that clients sent; outlives the executor; NULL: none */
-    double inputs_keep_s;   /* after their last use; 0: for ever */
-    int workers;               /* attempts at once; 0: one per thread */
-    int threads;               /* of all attempts; 0: the processors there are */
-    int64_t host_memory_mb;    /* of all attempts; 0: nine tenths of what there is */
-    int64_t memory_mb;         /* of a job that names no limit, > 0 */
-    bool cache;                /* results are given to jobs that ask for the same */
-    int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
-    sandbox_mode sandbox;      /* that workers enter */
-    int most_of_owner;         /* attempts of one owner at once; 0: any number */
-    double timeout_s, stall_s; /* of a job that names no limit; 0: none */
-    store_outputs outputs;     /* where copies of results may go; copied, but for the roots' texts */
-    double grace_s;            /* between SIGTERM and SIGKILL */
+    store_inputs *inputs;         /* files that clients sent; outlives the executor; NULL: none */
+    double inputs_keep_s;         /* after their last use; 0: for ever */
+    int workers;                  /* attempts at once; 0: one per thread */
+    int threads;                  /* of all attempts; 0: the processors there are */
+    int64_t host_memory_mb;       /* of all attempts; 0: nine tenths of what there is */
+    int64_t memory_mb;            /* of a job that names no limit, > 0 */
+    bool cache;                   /* results are given to jobs that ask for the same */
+    int64_t file_mb;              /* the longest file that a worker may write; 0: no limit */
+    sandbox_mode sandbox;         /* that workers enter */
+    int most_of_owner;            /* attempts of one owner at once; 0: any number */
+    double timeout_s, stall_s;    /* of a job that names no limit; 0: none */
+    store_outputs outputs;        /* where copies of results may go; copied, but for the roots' texts */
+    double grace_s;               /* between SIGTERM and SIGKILL */
     double retry_s, retry_most_s; /* how long a crashed task waits the first time, and at most */
-    int64_t free_space_mb;        /* of the state directory's disks: with less no attempt is started; 0: any */
-    int storage_retries;          /* how often a task is tried again because a disk was full or failed */
-    int max_interruptions;     /* of a task by the end of the daemon or the host; 0: any number */
-    bool adopt;                /* results that the queue does not know are read back into it */
+    int64_t free_space_mb; /* of the state directory's disks: with less no attempt is started; 0: any */
+    int storage_retries;   /* how often a task is tried again because a disk was full or failed */
+    int max_interruptions; /* of a task by the end of the daemon or the host; 0: any number */
+    bool adopt;            /* results that the queue does not know are read back into it */
 } executor_settings;
 
 /* Settles what a crash left, holds results/ and attempts/ against the queue (executor/inventory), gives both the same

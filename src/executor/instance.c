@@ -28,8 +28,10 @@ static bool read_file(const char *state_dir, char id[ULID_SIZE], error *e)
         if (ok) memcpy(id, text, ULID_SIZE);
     }
     if (!ok && strange)
-        error_set(e, ERROR_SPEC_INVALID,
-                  "%s does not hold the id of an instance: restore it from a backup, or start once with --adopt", path);
+        error_set(
+            e, ERROR_SPEC_INVALID,
+            "%s does not hold the id of an instance: restore it from a backup, or start once with --adopt",
+            path);
     else if (!ok && e)
         *e = why;
     free(text);
@@ -75,18 +77,22 @@ static bool check(queue *q, const char *state_dir, const char *own, error *e)
     if (!found)
         return !holds_results(state_dir) ||
                error_set(e, ERROR_INTERNAL,
-                         "%s/" QUEUE_FILE_NAME " belongs to no instance yet, but %s/results holds results; perhaps"
+                         "%s/" QUEUE_FILE_NAME
+                         " belongs to no instance yet, but %s/results holds results; perhaps"
                          " --adopt was cut short: " WAYS_OUT,
                          state_dir, state_dir);
     if (!*own || strcmp(own, its.id) == 0) return true;
     if (!*its.id)
-        return error_set(e, ERROR_INTERNAL,
-                         "%s/" QUEUE_FILE_NAME " is from an older hexad and does not say whose it is, and the state directory"
-                         " belongs to instance %s: restore a backup of this instance, or start once with --adopt if it is"
-                         " the right one",
-                         state_dir, own);
+        return error_set(
+            e, ERROR_INTERNAL,
+            "%s/" QUEUE_FILE_NAME
+            " is from an older hexad and does not say whose it is, and the state directory"
+            " belongs to instance %s: restore a backup of this instance, or start once with --adopt if it is"
+            " the right one",
+            state_dir, own);
     return error_set(e, ERROR_INTERNAL,
-                     "%s/" QUEUE_FILE_NAME " belongs to instance %s and the state directory to instance %s: restore the"
+                     "%s/" QUEUE_FILE_NAME
+                     " belongs to instance %s and the state directory to instance %s: restore the"
                      " one that belongs here, or start once with --adopt to take this one",
                      state_dir, its.id, own);
 }
@@ -113,7 +119,8 @@ queue *instance_open_queue(const char *state_dir, bool adopt, error *e)
     }
     if (q && lost && *own && !adopt)
         log_write(LOG_LEVEL_WARNING,
-                  "%s/" QUEUE_FILE_NAME " was lost or empty and a new queue begins: jobs that waited are not in it. There"
+                  "%s/" QUEUE_FILE_NAME
+                  " was lost or empty and a new queue begins: jobs that waited are not in it. There"
                   " are no results",
                   state_dir);
     return q;

@@ -40,7 +40,8 @@ static bool read_number(const char **text, int *number)
     errno = 0;
     long value = strtol(*text + 1, &end, 10);
     int length = snprintf(written, sizeof written, ".%ld", value);
-    if (errno || value > INT_MAX || end - *text != length || strncmp(*text, written, (size_t)length) != 0) return false;
+    if (errno || value > INT_MAX || end - *text != length || strncmp(*text, written, (size_t)length) != 0)
+        return false;
     *number = (int)value;
     *text = end;
     return true;
@@ -121,8 +122,10 @@ static bool list(const char *state_dir, int part, listing *l, error *e)
     l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
     DIR *stream = opendir(path);
     for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0) append(l, entry->d_name, part, &room);
-    bool ok = (stream && !errno) || error_set(e, ERROR_INTERNAL, "%s cannot be listed: %s", path, strerror(errno));
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            append(l, entry->d_name, part, &room);
+    bool ok =
+        (stream && !errno) || error_set(e, ERROR_INTERNAL, "%s cannot be listed: %s", path, strerror(errno));
     if (stream) closedir(stream);
     free(path);
     sort(l);
@@ -137,8 +140,8 @@ typedef enum verdict {
 } verdict;
 
 /* The result of a task that waits: ends it if it is whole, else it is in the way. */
-static bool end_from_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended,
-                            error *e)
+static bool end_from_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v,
+                            size_t *ended, error *e)
 {
     struct stat info;
     result r = {0};
@@ -158,7 +161,8 @@ static bool end_from_result(queue *q, const char *state_dir, const queue_directo
 
 /* Of a result. One that stands beside a task that failed is from a retry that the queue has forgotten; ended jobs
  * stay what they are, and the result would be in the way of the next retry. */
-static bool judge_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended, error *e)
+static bool judge_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended,
+                         error *e)
 {
     *v = d->to_be_removed || (d->known && (d->state == QUEUE_SUCCEEDED || d->state == QUEUE_RUNNING))
              ? STAYS
@@ -184,8 +188,9 @@ static void move(const char *state_dir, int part, const listing *l, size_t i, ta
 {
     error why = {0};
     if (l->linked)
-        error_set(&why, ERROR_INTERNAL, "%s/%s is a symbolic link, and nothing is taken out of other directories",
-                  state_dir, parts[part]);
+        error_set(&why, ERROR_INTERNAL,
+                  "%s/%s is a symbolic link, and nothing is taken out of other directories", state_dir,
+                  parts[part]);
     else if (lost_move(state_dir, parts[part], l->name[i], &why))
         t->moved++;
     if (why.code == ERROR_NONE) return;
@@ -198,13 +203,15 @@ static bool settle_part(queue *q, const char *state_dir, int part, const listing
     for (size_t i = 0; i < l->count; i++) {
         verdict v = BELONGS_TO_NOBODY;
         if (i < l->named && part == ATTEMPTS) v = judge_attempt(&l->directory[i]);
-        if (i < l->named && part == RESULTS && !judge_result(q, state_dir, &l->directory[i], &v, &t->ended, e))
+        if (i < l->named && part == RESULTS &&
+            !judge_result(q, state_dir, &l->directory[i], &v, &t->ended, e))
             return false;
         if (v == STAYS) continue;
         size_t left = t->left;
         move(state_dir, part, l, i, t);
         if (v == IS_IN_THE_WAY && t->left > left)
-            return error_set(e, ERROR_INTERNAL, "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
+            return error_set(e, ERROR_INTERNAL,
+                             "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
                              state_dir, parts[part], l->name[i], t->why.message);
     }
     return t->moved == before || lost_flush(state_dir, parts[part], e);
@@ -213,16 +220,19 @@ static bool settle_part(queue *q, const char *state_dir, int part, const listing
 static void tell(const char *state_dir, const tally *t, size_t adopted)
 {
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
-    if (t->ended) log_write(LOG_LEVEL_WARNING, "jobs and frames that waited are ended by their results count=%zu", t->ended);
+    if (t->ended)
+        log_write(LOG_LEVEL_WARNING, "jobs and frames that waited are ended by their results count=%zu",
+                  t->ended);
     if (t->moved)
         log_write(LOG_LEVEL_WARNING,
                   "results and attempts that belong to no job in the queue were moved to %s/" LOST_DIRECTORY
                   " count=%zu: look at them, then remove them",
                   state_dir, t->moved);
     if (t->left)
-        log_write(LOG_LEVEL_WARNING,
-                  "results and attempts that belong to no job in the queue stay where they are in %s count=%zu: %s",
-                  state_dir, t->left, t->why.message);
+        log_write(
+            LOG_LEVEL_WARNING,
+            "results and attempts that belong to no job in the queue stay where they are in %s count=%zu: %s",
+            state_dir, t->left, t->why.message);
 }
 
 bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e)
@@ -237,7 +247,8 @@ bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e)
         ok = adoption_run(q, state_dir, results->directory, results->named, &adopted, e) &&
              queue_find_directories(q, results->directory, results->named, e);
     ok = ok && queue_find_directories(q, attempts->directory, attempts->named, e) &&
-         settle_part(q, state_dir, RESULTS, results, &t, e) && settle_part(q, state_dir, ATTEMPTS, attempts, &t, e);
+         settle_part(q, state_dir, RESULTS, results, &t, e) &&
+         settle_part(q, state_dir, ATTEMPTS, attempts, &t, e);
     tell(state_dir, &t, adopted);
     listing_clear(results);
     listing_clear(attempts);

@@ -31,8 +31,8 @@ static bool remove_one(const leftovers *l, const queue_copy *c, bool first)
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "a copy that was cut off may have left %s in %s, which is tried again: %s", c->name, c->directory,
-              e.message);
+              "a copy that was cut off may have left %s in %s, which is tried again: %s", c->name,
+              c->directory, e.message);
     return false;
 }
 

@@ -26,7 +26,7 @@
 
 struct engine_attempt {
     pid_t pid;
-    char name[24]; /* pid as text */
+    char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
     char *log; /* 2 * LOCAL_LOG_BYTES; the last half is what is kept */
@@ -133,9 +133,9 @@ static _Noreturn void run_child(const launch *l)
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
         prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && lower_limit(RLIMIT_CORE, 0) &&
         lower_limit(RLIMIT_AS, l->address_space) && lower_limit(RLIMIT_FSIZE, l->file_size) &&
-        lower_limit(RLIMIT_NOFILE, l->open_files) &&
-        dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
-        dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
+        lower_limit(RLIMIT_NOFILE, l->open_files) && dup2(l->spec_fd, STDIN_FILENO) >= 0 &&
+        dup2(l->null_fd, STDOUT_FILENO) >= 0 && dup2(l->log_fd, STDERR_FILENO) >= 0 &&
+        dup2(l->progress_fd, PROGRESS_FD) >= 0) {
         /* an older kernel has no such flag; every descriptor of ours is close-on-exec anyway */
         close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
         execv(l->arguments[0], l->arguments);
@@ -196,8 +196,7 @@ static rlim_t address_space_of(int64_t memory_mb)
     return RLIM_INFINITY;
 #else
     long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    rlim_t headroom_mb =
-        LOCAL_HEADROOM_MB + LOCAL_HEADROOM_PER_CORE_MB * (rlim_t)(cores > 0 ? cores : 1);
+    rlim_t headroom_mb = LOCAL_HEADROOM_MB + LOCAL_HEADROOM_PER_CORE_MB * (rlim_t)(cores > 0 ? cores : 1);
     return ((rlim_t)memory_mb + headroom_mb) * 1024 * 1024;
 #endif
 }
@@ -260,8 +259,7 @@ static engine_attempt *start(const engine_request *request, error *e)
         snprintf(a->name, sizeof a->name, "%d", (int)a->pid);
         return a;
     }
-    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker,
-              strerror(why));
+    error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
     close_fd(&a->log_fd);
     close_fd(&a->progress_fd);
     free(a->directory);

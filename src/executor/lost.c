@@ -40,7 +40,8 @@ bool lost_move(const char *state_dir, const char *part, const char *name, error 
 
 bool lost_flush(const char *state_dir, const char *part, error *e)
 {
-    char *from = mem_printf("%s/%s", state_dir, part), *to = mem_printf("%s/" LOST_DIRECTORY "/%s", state_dir, part);
+    char *from = mem_printf("%s/%s", state_dir, part),
+         *to = mem_printf("%s/" LOST_DIRECTORY "/%s", state_dir, part);
     bool ok = store_directory_sync(to, e) && store_directory_sync(from, e);
     free(from);
     free(to);

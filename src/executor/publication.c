@@ -37,7 +37,8 @@ char *publication_path(const char *spec, int frame)
 
 char *publication_temporary(const char *directory)
 {
-    const char *slash = strrchr(directory, '/'); /* what follows names job, frame and attempt, as nothing else does */
+    const char *slash =
+        strrchr(directory, '/'); /* what follows names job, frame and attempt, as nothing else does */
     return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
 }
 
@@ -49,7 +50,8 @@ static bool copy(publication *p)
     for (size_t i = 0; i < r.output_count; i++) names[i] = r.output[i].name;
     names[r.output_count] = RESULT_REPORT_NAME;
     bool ok = queue_note_copy(p->q, p->path, p->temporary, &p->fault) &&
-              store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, p->temporary, &p->fault);
+              store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, p->temporary,
+                                &p->fault);
     free(names);
     result_clear(&r);
     return ok;
@@ -66,8 +68,8 @@ static void *run(void *argument)
     return NULL;
 }
 
-publication *publication_start(queue *q, const store_outputs *outputs, const char *directory, const char *path,
-                               int end_fd)
+publication *publication_start(queue *q, const store_outputs *outputs, const char *directory,
+                               const char *path, int end_fd)
 {
     publication *p = mem_alloc(sizeof *p);
     p->q = q;

@@ -22,8 +22,8 @@ char *publication_temporary(const char *directory);
 
 /* Begins to copy the result in `directory`. The descriptor is written to (eventfd) at the end. The queue and what
  * `outputs` points to outlive the publication; texts are copied. */
-publication *publication_start(queue *q, const store_outputs *outputs, const char *directory, const char *path,
-                               int end_fd);
+publication *publication_start(queue *q, const store_outputs *outputs, const char *directory,
+                               const char *path, int end_fd);
 
 bool publication_has_ended(publication *p);
 

@@ -79,8 +79,8 @@ static bool read_output(const char *directory, json_at at, result_output *output
     const char *file = json_string(name, "");
     const char *hash = json_string(sha256, "");
     double size = json_number(bytes, -1);
-    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] ||
-        !(size >= 0) || size > 0x1p53 || size != floor(size))
+    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] || !(size >= 0) ||
+        size > 0x1p53 || size != floor(size))
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "report.json lists an output without name, bytes and sha256");
     int64_t there = 0;
@@ -117,8 +117,7 @@ static bool read_report(const char *directory, const json *report, result *r, er
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no list of outputs");
     r->output = mem_alloc(listed * sizeof *r->output);
     for (; r->output_count < listed; r->output_count++)
-        if (!read_output(directory, json_element(&outputs, r->output_count),
-                         &r->output[r->output_count], e))
+        if (!read_output(directory, json_element(&outputs, r->output_count), &r->output[r->output_count], e))
             return false;
     return true;
 }

@@ -32,9 +32,9 @@ struct retention {
     pthread_cond_t woken;
     pthread_mutex_t removing; /* held over the removal of directories */
     bool wake, stop;
-    bool left;         /* something that is noted was not removed */
-    int64_t again_ms;  /* the thread's own: when that is tried next, wall clock */
-    bool trouble;      /* the thread's own: it was said that it cannot be removed */
+    bool left;        /* something that is noted was not removed */
+    int64_t again_ms; /* the thread's own: when that is tried next, wall clock */
+    bool trouble;     /* the thread's own: it was said that it cannot be removed */
 };
 
 /* Removes the directories of a task that was forgotten, for certain: the names are off the disk before the note of it
@@ -55,7 +55,8 @@ static bool remove_task(retention *r, const queue_removal *task, error *e)
 /* What was removed before a crash may not be flushed, and is not found any more. */
 static bool flush_places(retention *r, error *e)
 {
-    char *results = mem_printf("%s/results", r->state_dir), *attempts = mem_printf("%s/attempts", r->state_dir);
+    char *results = mem_printf("%s/results", r->state_dir),
+         *attempts = mem_printf("%s/attempts", r->state_dir);
     bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
     free(results);
     free(attempts);

@@ -97,10 +97,8 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL,
-                  "the worker ended with exit status %d and said no reason%s%.200s",
-                  ending->exit_status, *ending->last_words ? "; its last line: " : "",
-                  ending->last_words);
+        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and said no reason%s%.200s",
+                  ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
     if (error_is_of_storage(said.code))
         set_storage(s, &said);
     else
@@ -154,8 +152,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         return;
     case SETTLEMENT_STALLED:
         describe(ending, "stalled: ", s);
-        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s",
-                  limit_s);
+        error_set(&e, ERROR_STALLED, "the worker reported no progress for its stall_s of %g s", limit_s);
         set_end(s, QUEUE_FAILED, &e);
         return;
     case SETTLEMENT_DRAINED:
@@ -326,8 +323,8 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         return false; /* the disk's fault, not the job's: to be tried again */
     }
     if ((!s->deliver && !s->keep) || !current) settlement_remove_leftovers(directory);
-    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts, s->wait ? next_try_ms(place, c, s->storage) : 0,
-                                         &end, &accepted, e)
+    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts,
+                                         s->wait ? next_try_ms(place, c, s->storage) : 0, &end, &accepted, e)
                          : queue_finish(place->q, &fence, &end, &accepted, e);
     if (ok && !accepted && s->requeue) {
         /* cancelled between the decision and now: the cancellation was promised */
@@ -350,19 +347,22 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
 
 /* Only what an attempt did itself counts against its job. A job that ends the daemon or the host each time is held by
  * a bound of its own. */
-static void decide_interrupted(const settlement_place *place, const queue_claimed *c, bool restarted, settlement *s)
+static void decide_interrupted(const settlement_place *place, const queue_claimed *c, bool restarted,
+                               settlement *s)
 {
     error e = {0};
     int times = c->task.interrupted + 1;
-    snprintf(s->reason, sizeof s->reason, "the %s during the attempt", restarted ? "host restarted" : "daemon ended");
+    snprintf(s->reason, sizeof s->reason, "the %s during the attempt",
+             restarted ? "host restarted" : "daemon ended");
     if (place->max_interruptions <= 0 || times <= place->max_interruptions) {
         s->requeue = s->interrupted = true;
         return;
     }
-    error_set(&e, ERROR_INTERRUPTED,
-              "the daemon or its host ended %d times while the job ran, and max_interruptions allows %d: find out why,"
-              " then retry the job",
-              times, place->max_interruptions);
+    error_set(
+        &e, ERROR_INTERRUPTED,
+        "the daemon or its host ended %d times while the job ran, and max_interruptions allows %d: find out why,"
+        " then retry the job",
+        times, place->max_interruptions);
     set_end(s, QUEUE_FAILED, &e);
 }
 
@@ -373,8 +373,9 @@ static bool put_aside(const settlement_place *place, const queue_claimed *c, con
     const char *name = strrchr(results, '/') + 1;
     if (!lost_move(place->state_dir, "results", name, e) || !lost_flush(place->state_dir, "results", e))
         return error_prefix(e, "what stands in the place of the result of job %s, and is none", c->job.id);
-    log_write(LOG_LEVEL_WARNING, "job=%s: what stood in the place of its result and was none is now %s/results/%s",
-              c->job.id, LOST_DIRECTORY, name);
+    log_write(LOG_LEVEL_WARNING,
+              "job=%s: what stood in the place of its result and was none is now %s/results/%s", c->job.id,
+              LOST_DIRECTORY, name);
     return true;
 }
 

@@ -36,7 +36,7 @@ typedef struct settlement {
     queue_outcome outcome;
     error_code code; /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
-    char reason[160]; /* for the attempt's record */
+    char reason[160];                     /* for the attempt's record */
     const char *copied;                   /* as queue_ending's */
     const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
     const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
@@ -81,7 +81,7 @@ typedef struct settlement_place {
     const char *state_dir;
     const char *host; /* for the attempts' records */
     settlement_backoff backoff;
-    int storage_retries; /* how often a task is tried again because a disk was full or failed */
+    int storage_retries;   /* how often a task is tried again because a disk was full or failed */
     int max_interruptions; /* of a task; 0: any number */
 } settlement_place;
 

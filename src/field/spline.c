@@ -29,7 +29,7 @@ typedef struct support {
 #pragma GCC push_options
 #pragma GCC target("avx2")
 #define VERSION(name) name##_avx2
-#define VERSION_WIDEN(n)                                                                                     \
+#define VERSION_WIDEN(n) \
     ((lanes)_mm256_cvtps_pd((__m128)(n))) /* the compiler makes five instructions of it */
 #include "field/spline_cell.h"
 #undef VERSION

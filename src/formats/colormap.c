@@ -35,8 +35,7 @@ void colormap_viridis(double t, double srgb[3])
 
 void colormap_color(double t, double srgb[3])
 {
-    static const double start =
-        0.08; /* the shaded side of the first colour can still be told from black */
+    static const double start = 0.08; /* the shaded side of the first colour can still be told from black */
     colormap_viridis(start + (1 - start) * fmin(fmax(t, 0), 1), srgb);
 }
 
@@ -52,15 +51,14 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-bool colormap_scale_of(const double *values, size_t count, bool root, double least,
-                       colormap_scale *out, error *e)
+bool colormap_scale_of(const double *values, size_t count, bool root, double least, colormap_scale *out,
+                       error *e)
 {
     size_t samples = count < PERCENTILE_SAMPLES ? count : PERCENTILE_SAMPLES;
     double *sorted = mem_array(samples, sizeof *sorted, "the colour scale", e);
     if (!sorted) return false;
     for (size_t i = 0; i < samples; i++)
-        sorted[i] =
-            values[samples == count ? i : (size_t)((double)i / (double)samples * (double)count)];
+        sorted[i] = values[samples == count ? i : (size_t)((double)i / (double)samples * (double)count)];
     qsort(sorted, samples, sizeof *sorted, compare);
     double low = samples ? sorted[(size_t)(low_share * (double)(samples - 1))] : 0;
     double high = samples ? sorted[(size_t)ceil(high_share * (double)(samples - 1))] : 1;

@@ -30,8 +30,8 @@ typedef struct colormap_scale {
  * percentile, so that a few outliers do not take all the colours; but at least `least` wide (> 0,
  * in the values' unit) and a twentieth of its middle, so that noise is not painted as structure.
  * False: no memory. */
-bool colormap_scale_of(const double *values, size_t count, bool root, double least,
-                       colormap_scale *out, error *e);
+bool colormap_scale_of(const double *values, size_t count, bool root, double least, colormap_scale *out,
+                       error *e);
 
 double colormap_scale_place(const colormap_scale *s, double value); /* t, clamped to [0, 1] */
 double colormap_scale_value(const colormap_scale *s, double t);

@@ -33,8 +33,8 @@ void legend_number(double value, char *out, int size)
     snprintf(out, (size_t)size, "%.3g", value == 0 ? 0 : value);
 }
 
-void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale,
-                 const char *title, const char *note)
+void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale, const char *title,
+                 const char *note)
 {
     if (!legend_height(width, height)) return;
     canvas c = {rgb, width, height, font_scale(width, height)};

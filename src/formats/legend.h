@@ -13,8 +13,8 @@ int legend_height(int width, int height);
 /* Draws the bar, `title` at its left and `note` at its right end above it, and the values at its
  * ends and middle below it. Letters a to z, digits and "+-.,/()=" are drawn, others left blank.
  * `rgb` has 3 bytes a pixel, sRGB. */
-void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale,
-                 const char *title, const char *note);
+void legend_draw(unsigned char *rgb, int width, int height, const colormap_scale *scale, const char *title,
+                 const char *note);
 
 /* A number of the legend as it is drawn: three significant digits. */
 void legend_number(double value, char *out, int size);

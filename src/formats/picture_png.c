@@ -21,7 +21,8 @@ static void on_error(png_structp png, png_const_charp words)
 static void on_write(png_structp png, png_bytep bytes, size_t count)
 {
     if (fwrite(bytes, 1, count, png_get_io_ptr(png)) == count) return;
-    error_set(png_get_error_ptr(png), error_code_of_errno(errno), "PNG file: it cannot be written: %s", strerror(errno));
+    error_set(png_get_error_ptr(png), error_code_of_errno(errno), "PNG file: it cannot be written: %s",
+              strerror(errno));
     png_longjmp(png, 1);
 }
 
@@ -63,7 +64,8 @@ bool picture_png_write(FILE *file, const canvas *m, error *e)
         if (fflush(file) == 0)
             done = true;
         else
-            error_set(&local, error_code_of_errno(errno), "PNG file: it cannot be written: %s", strerror(errno));
+            error_set(&local, error_code_of_errno(errno), "PNG file: it cannot be written: %s",
+                      strerror(errno));
     }
     png_destroy_write_struct(&png, &info);
     if (!done && e) *e = local;

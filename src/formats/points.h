@@ -12,8 +12,8 @@
 typedef struct points {
     size_t count;
     const vec3 *position;
-    const vec3 *normal;          /* unit, out of the solid */
-    const double *kappa;         /* sqrt(kappa1^2 + kappa2^2), 1/world unit */
+    const vec3 *normal;  /* unit, out of the solid */
+    const double *kappa; /* sqrt(kappa1^2 + kappa2^2), 1/world unit */
     const double *kappa1;
     const double *kappa2;
     const double *alpha;         /* repulsion amplitude of (13); 1 where there is no grading */

@@ -146,7 +146,8 @@ static int64_t on_write(exr_const_context_t context, void *place, const void *by
         ssize_t n = pwrite(s->fd, (const char *)bytes + done, count - done, (off_t)(offset + done));
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) {
-            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be written: %s", strerror(errno));
+            error_set(&s->e, error_code_of_errno(errno), "EXR file: it cannot be written: %s",
+                      strerror(errno));
             return -1;
         }
         done += (uint64_t)n;

@@ -18,9 +18,9 @@ static inline bbox bbox_empty(void)
 /* Without fmin, which is a call: all points of a surface come this way. */
 static inline bbox bbox_include(bbox b, vec3 p)
 {
-    return (bbox){{p.x < b.min.x ? p.x : b.min.x, p.y < b.min.y ? p.y : b.min.y, p.z < b.min.z ? p.z : b.min.z},
-                  {p.x > b.max.x ? p.x : b.max.x, p.y > b.max.y ? p.y : b.max.y,
-                   p.z > b.max.z ? p.z : b.max.z}};
+    return (bbox){
+        {p.x < b.min.x ? p.x : b.min.x, p.y < b.min.y ? p.y : b.min.y, p.z < b.min.z ? p.z : b.min.z},
+        {p.x > b.max.x ? p.x : b.max.x, p.y > b.max.y ? p.y : b.max.y, p.z > b.max.z ? p.z : b.max.z}};
 }
 
 /* The least box around both. */

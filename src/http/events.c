@@ -73,7 +73,8 @@ static void write_event(follower *f, FILE *out, const queue_event *event)
 /* Where something is missing: of events behind `after`, and of what a client had heard of that asked for that number. */
 static void put_missing(json *object, const queue_event_page *page, int64_t after)
 {
-    if (page->removed_up_to > after && after >= 0) json_put_integer(object, "removed_up_to", page->removed_up_to);
+    if (page->removed_up_to > after && after >= 0)
+        json_put_integer(object, "removed_up_to", page->removed_up_to);
     if (after > page->newest) json_put_bool(object, "reset", true);
 }
 
@@ -312,7 +313,8 @@ static bool may_select(const http_context *c, const http_request *request, const
 {
     queue_job job = {0};
     if (s->owner && !access_is_owner(request->caller, s->owner)) {
-        reply_set_problem(r, "forbidden", NULL, "events of jobs of %s are told to that user and to admins only", s->owner);
+        reply_set_problem(r, "forbidden", NULL,
+                          "events of jobs of %s are told to that user and to admins only", s->owner);
         return false;
     }
     if (!s->id) return true;

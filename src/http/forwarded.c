@@ -59,7 +59,8 @@ static address read_node(const char *text)
     char host[ADDRESS_TEXT_SIZE];
     address a = {0};
     bool in_brackets = *text == '[';
-    const char *start = text + in_brackets, *end = in_brackets ? strchr(start, ']') : start + strcspn(start, ":");
+    const char *start = text + in_brackets,
+               *end = in_brackets ? strchr(start, ']') : start + strcspn(start, ":");
     if (!end || (size_t)(end - start) >= sizeof host || !is_port(end + in_brackets)) return a;
     snprintf(host, sizeof host, "%.*s", (int)(end - start), start);
     if ((strchr(host, ':') != NULL) == in_brackets) address_parse(host, &a);

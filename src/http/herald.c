@@ -35,7 +35,8 @@ typedef struct news {
 
 void herald_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
 {
-    uint64_t hash = 14695981039346656037u; /* FNV-1a: two users with one topic wake each other for nothing, no more */
+    uint64_t hash =
+        14695981039346656037u; /* FNV-1a: two users with one topic wake each other for nothing, no more */
     for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
     snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
 }

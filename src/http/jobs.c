@@ -254,7 +254,8 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
     const char *asked = paths_asked(o->paths, pointer);
     error told = *why;
     if (asked)
-        error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message, asked);
+        error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message,
+                  asked);
     json *errors = json_new_array();
     append_fault(errors, pointer, told.message);
     reply_set_error(r, &told, errors);
@@ -416,8 +417,9 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         reply_add_header(r, "Retry-After", "5");
         break;
     case QUEUE_NO_ROOM:
-        reply_set_storage_full(r, "the disk of the service is full: no job is accepted until there is room (setting"
-                                  " reserve_mb)");
+        reply_set_storage_full(
+            r, "the disk of the service is full: no job is accepted until there is room (setting"
+               " reserve_mb)");
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
         refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
@@ -627,7 +629,8 @@ static bool show_kept(const http_context *c, const http_request *request, reply 
 {
     shelf_document kept;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
-    if (request->header[HTTP_PREFER] || !shelf_find(c->shelf, c->q, request->parameter[0], request->caller, &kept))
+    if (request->header[HTTP_PREFER] ||
+        !shelf_find(c->shelf, c->q, request->parameter[0], request->caller, &kept))
         return false;
     if (known && condition_names(known, kept.tag, true)) {
         reply_set_empty(r, 304);

@@ -12,8 +12,8 @@
 #include "http/route.h"
 #include "spec/schema.h"
 
-#define STREAM_PROSE                                                                                         \
-    "Server-Sent Events. `id` is the event's number, `event` its type, `data` an Event. A stream of all jobs begins with "  \
+#define STREAM_PROSE                                                                                                         \
+    "Server-Sent Events. `id` is the event's number, `event` its type, `data` an Event. A stream of all jobs begins with "   \
     "an event `position`, whose `id` and `data.seq` say behind which number it goes on; another one follows where a filter " \
     "has left out many, or where events are missing: `removed_up_to` and `reset` in its data mean what they do in an "       \
     "EventPage. One job's stream has events `progress` between the others, without an `id`, and ends with the job."
@@ -148,8 +148,8 @@ static void put_responses(json *operation, const route *r)
     json *responses = json_put_object(operation, "responses");
     while (next_word(&answers, word, sizeof word)) put_answer(responses, word);
     while (next_word(&problems, word, sizeof word)) put_problem(responses, word);
-    static const char *const everywhere[] = {"request_invalid", "origin_forbidden", "misdirected_request",
-                                             "too_many_requests", "internal", "unavailable"};
+    static const char *const everywhere[] = {"request_invalid",   "origin_forbidden", "misdirected_request",
+                                             "too_many_requests", "internal",         "unavailable"};
     for (size_t i = 0; i < sizeof everywhere / sizeof *everywhere; i++) put_problem(responses, everywhere[i]);
     if (strcmp(r->method, "GET") != 0) put_problem(responses, "storage_full");
     if (!r->scope) return;

@@ -1,7 +1,7 @@
 /* What answers look like, and examples of requests: JSON with ' in the place of ". */
 #include "http/openapi.h"
 
-#define OBJECT(required, properties)                                                                         \
+#define OBJECT(required, properties) \
     "{'type':'object','additionalProperties':false,'required':[" required "],'properties':{" properties "}}"
 #define TIME "{'type':['string','null'],'format':'date-time'}"
 #define TEXT_OR_NULL "{'type':['string','null']}"
@@ -12,15 +12,15 @@
 #define OUTCOME "{'enum':['converged','not_converged',null]}"
 #define HASH "{'type':'string','pattern':'^[0-9a-f]{64}$'}"
 
-#define PATHS                                                                                                \
-    LIST(OBJECT("'pointer','asked','opened'",                                                                \
+#define PATHS                                 \
+    LIST(OBJECT("'pointer','asked','opened'", \
                 "'pointer':{'type':'string'},'asked':{'type':'string'},'opened':{'type':'string'}"))
 
-#define JOB_REQUIRED                                                                                         \
-    "'id','name','owner','revision','state','paused','outcome','priority','labels','created','started','"    \
-    "finished',"                                                                                             \
-    "'array','tasks','attempt','max_attempts','threads','memory_mb','retention_s','traceparent','cached_"    \
-    "from',"                                                                                                 \
+#define JOB_REQUIRED                                                                                      \
+    "'id','name','owner','revision','state','paused','outcome','priority','labels','created','started','" \
+    "finished',"                                                                                          \
+    "'array','tasks','attempt','max_attempts','threads','memory_mb','retention_s','traceparent','cached_" \
+    "from',"                                                                                              \
     "'progress','error','links'"
 #define JOB_PROPERTIES                                                                                       \
     "'id':{'type':'string','pattern':'^[0-9a-z]{26}$'},"                                                     \
@@ -86,11 +86,13 @@ const openapi_schema openapi_schemas[] = {
     {"TaskCounts", OBJECT("'all','waiting','running','succeeded','failed','cancelled','timed_out'",
                           "'all':" COUNT ",'waiting':" COUNT ",'running':" COUNT ",'succeeded':" COUNT
                           ",'failed':" COUNT ",'cancelled':" COUNT ",'timed_out':" COUNT)},
-    {"Task", OBJECT("'number','state','outcome','attempt','spent','interrupted','not_before','started','finished','error'",
-                    "'number':" COUNT ",'frame':{'type':'integer'},'state':" REF(
-                        "State") ",'outcome':" OUTCOME ",'attempt':" COUNT ",'spent':" COUNT
-                                 ",'interrupted':" COUNT ",'not_before':" TIME ",'started':" TIME ",'finished':" TIME
-                                 ",'error':{'oneOf':[{'type':'null'}," REF("Error") "]}")},
+    {"Task",
+     OBJECT(
+         "'number','state','outcome','attempt','spent','interrupted','not_before','started','finished','error'",
+         "'number':" COUNT ",'frame':{'type':'integer'},'state':" REF(
+             "State") ",'outcome':" OUTCOME ",'attempt':" COUNT ",'spent':" COUNT ",'interrupted':" COUNT
+                      ",'not_before':" TIME ",'started':" TIME ",'finished':" TIME
+                      ",'error':{'oneOf':[{'type':'null'}," REF("Error") "]}")},
     {"TaskPage",
      OBJECT("'tasks','next'", "'tasks':" LIST(REF("Task")) ",'next':{'type':['integer','null']}")},
     {"Event",
@@ -98,14 +100,16 @@ const openapi_schema openapi_schemas[] = {
             "'seq':" COUNT ",'at':" TIME ",'job':{'type':'string'},'type':{'type':'string'},'state':" REF(
                 "State") ",'outcome':" OUTCOME ",'frame':{'type':'integer'},'attempt':" COUNT)},
     {"EventPage",
-     OBJECT("'events','next','position'",
-            "'events':" LIST(REF("Event")) ",'next':{'type':['integer','null'],'description':'There may be more behind"
-            " it: ask again with it as `after`. A filter may leave a page empty although there is more.'},"
-            "'position':{'type':'integer','minimum':0,'description':'Where to go on later: `after` of the next request.'},"
-            "'removed_up_to':{'type':'integer','description':'Events behind `after` up to this number were removed with"
-            " their jobs; some may be missing here.'},"
-            "'reset':{'const':true,'description':'`after` was not reached yet: the database is older than what it was read"
-            " from (a restored backup). Go on from `position`, and look at the jobs anew.'}")},
+     OBJECT(
+         "'events','next','position'",
+         "'events':" LIST(REF(
+             "Event")) ",'next':{'type':['integer','null'],'description':'There may be more behind"
+                       " it: ask again with it as `after`. A filter may leave a page empty although there is more.'},"
+                       "'position':{'type':'integer','minimum':0,'description':'Where to go on later: `after` of the next request.'},"
+                       "'removed_up_to':{'type':'integer','description':'Events behind `after` up to this number were removed with"
+                       " their jobs; some may be missing here.'},"
+                       "'reset':{'const':true,'description':'`after` was not reached yet: the database is older than what it was read"
+                       " from (a restored backup). Go on from `position`, and look at the jobs anew.'}")},
     {"Workers",
      OBJECT(
          "'load','workers'",
@@ -121,23 +125,30 @@ const openapi_schema openapi_schemas[] = {
                                                                     ",'threads':" COUNT
                                                                     ",'memory_mb':" COUNT)))},
     {"JobSummary", OBJECT(JOB_REQUIRED, JOB_PROPERTIES)},
-    {"Job", OBJECT(JOB_REQUIRED ",'spec','paths','attempts'", JOB_PROPERTIES ",'spec':{'oneOf':[{'type':'null'}," REF(
-                                                          "JobSpec") "]},'paths':" PATHS ",'attempts':" LIST(REF("Attempt")))},
+    {"Job", OBJECT(JOB_REQUIRED ",'spec','paths','attempts'", JOB_PROPERTIES
+                   ",'spec':{'oneOf':[{'type':'null'}," REF("JobSpec") "]},'paths':" PATHS
+                                                                       ",'attempts':" LIST(REF("Attempt")))},
     {"JobPage", OBJECT("'jobs','next'", "'jobs':" LIST(REF("JobSummary")) ",'next':" TEXT_OR_NULL)},
     {"Validation",
-     OBJECT("'spec','paths','estimate','estimate_missing'",
-            "'spec':" REF("JobSpec") ",'paths':" PATHS ",'estimate':{'oneOf':[{'type':'null'}," REF("Estimate") "]},"
-            "'estimate_missing':{'type':['string','null'],'description':'Why there is none.'}")},
+     OBJECT(
+         "'spec','paths','estimate','estimate_missing'",
+         "'spec':" REF("JobSpec") ",'paths':" PATHS ",'estimate':{'oneOf':[{'type':'null'}," REF(
+             "Estimate") "]},"
+                         "'estimate_missing':{'type':['string','null'],'description':'Why there is none.'}")},
     {"Estimate",
-     OBJECT("'count','area','bounding_box','memory_bytes','seconds','seconds_missing','threads'",
-            "'count':{'type':['integer','null'],'description':'Points; null when a time is the target.'},"
-            "'area':{'type':'number'},"
-            "'bounding_box':" OBJECT("'min','max'", "'min':" POINT ",'max':" POINT) ","
-            "'memory_bytes':" COUNT ","
-            "'seconds':{'type':['number','null'],'description':'That so many processors of this machine take, without"
-            " what writing the results does; null when it cannot be told.'},"
-            "'seconds_missing':{'type':['string','null'],'description':'Why there are none.'},"
-            "'threads':" COUNT)},
+     OBJECT(
+         "'count','area','bounding_box','memory_bytes','seconds','seconds_missing','threads'",
+         "'count':{'type':['integer','null'],'description':'Points; null when a time is the target.'},"
+         "'area':{'type':'number'},"
+         "'bounding_box':" OBJECT(
+             "'min','max'",
+             "'min':" POINT
+             ",'max':" POINT) ","
+                              "'memory_bytes':" COUNT ","
+                              "'seconds':{'type':['number','null'],'description':'That so many processors of this machine take, without"
+                              " what writing the results does; null when it cannot be told.'},"
+                              "'seconds_missing':{'type':['string','null'],'description':'Why there are none.'},"
+                              "'threads':" COUNT)},
     {"Results", OBJECT("'results'", "'results':" LIST(OBJECT(
                                         "'name','bytes','sha256','content_type','href'",
                                         "'name':{'type':'string'},'bytes':" COUNT ",'sha256':" HASH
@@ -148,8 +159,9 @@ const openapi_schema openapi_schemas[] = {
             ",'path':{'type':'string','description':'What a spec calls it; an ending may follow.'}")},
     {"Health", OBJECT("'status'", "'status':{'enum':['ok','draining']}")},
     {"Readiness", OBJECT("'status','checks'", "'status':{'const':'ok'},'checks':" REF("Checks"))},
-    {"Checks", "{'type':'object','description':'Each condition of readiness, in a word; ok where all is well.',"
-               "'additionalProperties':{'type':'string'}}"},
+    {"Checks",
+     "{'type':'object','description':'Each condition of readiness, in a word; ok where all is well.',"
+     "'additionalProperties':{'type':'string'}}"},
     {"Drain", OBJECT("'status','running'", "'status':{'enum':['ok','draining']},'running':" COUNT)},
     {"Version", OBJECT("'name','version','api'",
                        "'name':{'type':'string'},'version':{'type':'string'},'api':{'const':'v1'}")},

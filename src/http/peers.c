@@ -47,8 +47,8 @@ struct peer {
     owner *client, *user; /* user NULL: not known */
     bool admin;
     peer_standing standing;
-    bool placed;  /* counted, among its owner's and all */
-    bool leaving; /* its descriptor was shut down: the serving thread sees the end and cleans up */
+    bool placed;      /* counted, among its owner's and all */
+    bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
     int64_t since_ms; /* the client's time runs since; NEVER: it does not */
     peer *previous, *next;
     queue_of_peers *waits_in; /* NULL: may not be ended */
@@ -64,9 +64,9 @@ struct peers {
     pthread_cond_t changed; /* monotonic clock */
     peer *first;
     owner *chain[CHAINS];
-    unsigned admins, others;  /* that have a place */
-    queue_of_peers idle;      /* that have a place, are no user's, and ask for nothing */
-    queue_of_peers homeless;  /* that have no place, and whose request did not come yet */
+    unsigned admins, others; /* that have a place */
+    queue_of_peers idle;     /* that have a place, are no user's, and ask for nothing */
+    queue_of_peers homeless; /* that have no place, and whose request did not come yet */
     bool stopping;
 };
 
@@ -234,8 +234,8 @@ peer *peers_add(peers *p, int fd)
     owner_key client = key_of_client(new, &new->from), user = key_of_user(new->access.user);
     pthread_mutex_lock(&p->mutex);
     new->client = name_owner(p, &client);
-    if (new->access.local && new->access.scopes) new->user = name_owner(p, &user);
-    new->admin = new->user && new->access.scopes & SCOPE_ADMIN;
+    if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
+    new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
     new->standing = place(p, new);
     rest(p, new);
     if (p->homeless.count > most_homeless(&p->settings)) end(p, p->homeless.first);

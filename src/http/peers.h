@@ -59,7 +59,7 @@ void peers_end_request(peers *p, peer *which);
 void peers_begin_time(peers *p, peer *which);
 void peers_end_time(peers *p, peer *which);
 
-const access_peer *peers_access(const peer *which);  /* lives as long as the peer */
-const address *peers_address(const peer *which);     /* of version 0 on a Unix socket; as peers_access */
+const access_peer *peers_access(const peer *which); /* lives as long as the peer */
+const address *peers_address(const peer *which);    /* of version 0 on a Unix socket; as peers_access */
 
 #endif

@@ -13,8 +13,8 @@
 #include "http/status.h"
 #include "http/tasks.h"
 
-#define EXAMPLE                                                                                              \
-    "{'version':1,'name':'ball','surface':{'analytic':{'shape':'sphere','center':[0,0,0],'radius':1}},"      \
+#define EXAMPLE                                                                                         \
+    "{'version':1,'name':'ball','surface':{'analytic':{'shape':'sphere','center':[0,0,0],'radius':1}}," \
     "'sampling':{'count':1000},'queue':{'priority':5,'labels':['example']}}"
 #define BODY_PROBLEMS "json_invalid body_too_large media_type_unsupported spec_invalid path_forbidden "
 
@@ -25,7 +25,8 @@ static const route routes[] = {
     {"GET", "/v1/jobs", jobs_list, SCOPE_READ, false, NULL, "listJobs", "List jobs, the newest first",
      "state owner label limit cursor", "", NULL, NULL, "200:JobPage", ""},
     {"POST", "/v1/jobs:validate", jobs_validate, SCOPE_READ, true, NULL, "validateJob",
-     "Check a spec without submitting it, and tell what it would take", "", "", "JobSpec", EXAMPLE, "200:Validation",
+     "Check a spec without submitting it, and tell what it would take", "", "", "JobSpec", EXAMPLE,
+     "200:Validation",
      BODY_PROBLEMS "input_damaged grid_missing grid_ambiguous isovalue_required no_surface"},
     {"GET", "/v1/jobs/{id}", jobs_show, SCOPE_READ, false, NULL, "getJob", "Look at a job", "",
      "If-None-Match Prefer", NULL, NULL, "200:Job 304:-", "not_found"},

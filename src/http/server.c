@@ -284,19 +284,21 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     const pages *allowed = x->s->settings.pages;
     if (from->local || !from->scopes || (f->authorization && x->known)) return false;
     if (f->hosts > 1 || (f->hosts && !pages_is_host(allowed, f->host))) {
-        reply_set_problem(r, "misdirected_request", NULL,
-                          "the host %.200s is not this service's: ask for the address that it listens on, or name"
-                          " an origin with that host in the setting page_origins",
-                          f->host);
+        reply_set_problem(
+            r, "misdirected_request", NULL,
+            "the host %.200s is not this service's: ask for the address that it listens on, or name"
+            " an origin with that host in the setting page_origins",
+            f->host);
         return true;
     }
     const char *site = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, "Sec-Fetch-Site");
     bool foreign = f->origins ? f->origins > 1 || !pages_is_welcome(allowed, f->origin)
                               : site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0;
     if (!foreign) return false;
-    reply_set_problem(r, "origin_forbidden", NULL,
-                      "pages of %.200s may not ask this service: the setting page_origins names those that may",
-                      f->origins ? f->origin : "another site");
+    reply_set_problem(
+        r, "origin_forbidden", NULL,
+        "pages of %.200s may not ask this service: the setting page_origins names those that may",
+        f->origins ? f->origin : "another site");
     return true;
 }
 
@@ -308,9 +310,10 @@ static bool answer_preflight(const exchange *x, const char *method, reply *r)
         return false;
     reply_set_empty(r, MHD_HTTP_NO_CONTENT);
     reply_add_header(r, "Access-Control-Allow-Methods", "GET, HEAD, POST, PUT, PATCH, DELETE");
-    reply_add_header(r, "Access-Control-Allow-Headers",
-                     "Accept, Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, If-Range,"
-                     " Last-Event-ID, Prefer, Range, traceparent");
+    reply_add_header(
+        r, "Access-Control-Allow-Headers",
+        "Accept, Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, If-Range,"
+        " Last-Event-ID, Prefer, Range, traceparent");
     reply_add_header(r, "Access-Control-Max-Age", "600");
     return true;
 }
@@ -629,8 +632,8 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
         {MHD_OPTION_NOTIFY_CONNECTION, (intptr_t)note_connection, s},
         {MHD_OPTION_END, 0, NULL},
     };
-    return MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL, answer, s,
-                            MHD_OPTION_ARRAY, options, MHD_OPTION_END);
+    return MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG, 0, NULL, NULL,
+                            answer, s, MHD_OPTION_ARRAY, options, MHD_OPTION_END);
 }
 
 server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,

@@ -20,7 +20,7 @@ typedef struct server server;
 typedef struct server_settings {
     peers_settings peers;
     size_t body_limit_bytes, header_limit_bytes;
-    unsigned estimates; /* requests that may wait for workers at once */
+    unsigned estimates;            /* requests that may wait for workers at once */
     const address_ranges *proxies; /* whose Forwarded is believed; these outlive the server */
     const pages *pages;
 } server_settings;

@@ -52,10 +52,11 @@ static void look_at_storage(const http_context *c, finding *f)
     if (space.free_bytes >= space.floor_bytes) return;
     f->state = "full";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail,
-             "storage_full: %lld MiB are free on the disk of state_dir, and %lld MiB are wanted before a job is"
-             " started (setting free_space_mb)",
-             (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
+    snprintf(
+        f->detail, sizeof f->detail,
+        "storage_full: %lld MiB are free on the disk of state_dir, and %lld MiB are wanted before a job is"
+        " started (setting free_space_mb)",
+        (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
 }
 
 static const struct condition {
@@ -137,7 +138,8 @@ static void put_database(const http_context *c, FILE *out)
 static void put_storage(const http_context *c, FILE *out)
 {
     executor_space space = executor_get_space(c->x);
-    put_figure(out, "hexad_storage_free_bytes", "gauge", "Free on the disk of the state directory that has least.");
+    put_figure(out, "hexad_storage_free_bytes", "gauge",
+               "Free on the disk of the state directory that has least.");
     fprintf(out, "hexad_storage_free_bytes %lld\n", (long long)space.free_bytes);
     put_figure(out, "hexad_storage_floor_bytes", "gauge", "With less free there no job is started.");
     fprintf(out, "hexad_storage_floor_bytes %lld\n", (long long)space.floor_bytes);

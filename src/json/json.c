@@ -14,8 +14,7 @@
 
 #include "base/memory.h"
 
-static const double exact_integer_limit =
-    9007199254740992.0; /* 2^53: every integer up to here is a double */
+static const double exact_integer_limit = 9007199254740992.0; /* 2^53: every integer up to here is a double */
 
 /* ---- reading ---- */
 
@@ -68,8 +67,8 @@ static int peek(const parser *p)
 
 static void skip_space(parser *p)
 {
-    while (p->at < p->length && (p->text[p->at] == ' ' || p->text[p->at] == '\t' ||
-                                 p->text[p->at] == '\n' || p->text[p->at] == '\r'))
+    while (p->at < p->length && (p->text[p->at] == ' ' || p->text[p->at] == '\t' || p->text[p->at] == '\n' ||
+                                 p->text[p->at] == '\r'))
         p->at++;
 }
 
@@ -418,9 +417,8 @@ json_at json_member(const json_at *object, const char *key)
 
 json_at json_element(const json_at *array, size_t index)
 {
-    const cJSON *node = array->node && index < json_size(*array)
-                            ? cJSON_GetArrayItem(array->node, (int)index)
-                            : NULL;
+    const cJSON *node =
+        array->node && index < json_size(*array) ? cJSON_GetArrayItem(array->node, (int)index) : NULL;
     return (json_at){node, array, node ? node->string : NULL, index};
 }
 
@@ -448,8 +446,7 @@ json_type json_type_of(json_at at)
 
 size_t json_size(json_at at)
 {
-    return cJSON_IsArray(at.node) || cJSON_IsObject(at.node) ? (size_t)cJSON_GetArraySize(at.node)
-                                                             : 0;
+    return cJSON_IsArray(at.node) || cJSON_IsObject(at.node) ? (size_t)cJSON_GetArraySize(at.node) : 0;
 }
 
 double json_number(json_at at, double otherwise)

@@ -69,7 +69,7 @@ void json_put(json *object, const char *key, json *child);
 void json_put_null(json *object, const char *key);
 void json_put_bool(json *object, const char *key, bool value);
 void json_put_number(json *object, const char *key, double value);
-void json_put_integer(json *object, const char *key, int64_t value); /* exact to 2^53 */
+void json_put_integer(json *object, const char *key, int64_t value);    /* exact to 2^53 */
 void json_put_string(json *object, const char *key, const char *value); /* NULL puts null */
 /* JSON that was printed or parsed here before, to be printed as it stands; nothing is found in it. */
 void json_put_text(json *object, const char *key, const char *text);

@@ -189,34 +189,34 @@ ISA_INLINE void land(const fast_kernel_particles *own, const fast_kernel_params 
     }
 }
 
-#define VERSION(isa, target)                                                                                 \
-    target static void forces_##isa(const neighbours_place *place, const fast_kernel_particles *particles,   \
-                                    const fast_kernel_params *params, fast_kernel_forces *out)               \
-    {                                                                                                        \
-        const float reach = (float)(M_PI * params->unit / params->support);                                  \
-        scales s;                                                                                            \
-        fast_kernel_forces sums;                                                                             \
-        uint32_t longest = 0;                                                                                \
-        set_up(particles, reach, &s, &sums);                                                                 \
-        for (int l = 0; l < LANES; l++)                                                                      \
-            longest = particles->count[l] > longest ? particles->count[l] : longest;                         \
-        for (uint32_t k = 0; k < longest; k++) {                                                             \
-            row b;                                                                                           \
-            load_##isa(place, particles->list, k, &b);                                                       \
-            add_row(&b, k, particles, &s, reach, &sums);                                                     \
-        }                                                                                                    \
-        *out = sums;                                                                                         \
-    }                                                                                                        \
-    target static void step_##isa(const fast_kernel_particles *particles, const fast_kernel_forces *forces,  \
-                                  const fast_kernel_params *params, fast_kernel_way *out)                    \
-    {                                                                                                        \
-        step(particles, forces, params, out);                                                                \
-    }                                                                                                        \
-    target static void land_##isa(const fast_kernel_particles *particles, const fast_kernel_params *params,  \
-                                  fast_kernel_way *way)                                                      \
-    {                                                                                                        \
-        land(particles, params, way);                                                                        \
-    }                                                                                                        \
+#define VERSION(isa, target)                                                                                \
+    target static void forces_##isa(const neighbours_place *place, const fast_kernel_particles *particles,  \
+                                    const fast_kernel_params *params, fast_kernel_forces *out)              \
+    {                                                                                                       \
+        const float reach = (float)(M_PI * params->unit / params->support);                                 \
+        scales s;                                                                                           \
+        fast_kernel_forces sums;                                                                            \
+        uint32_t longest = 0;                                                                               \
+        set_up(particles, reach, &s, &sums);                                                                \
+        for (int l = 0; l < LANES; l++)                                                                     \
+            longest = particles->count[l] > longest ? particles->count[l] : longest;                        \
+        for (uint32_t k = 0; k < longest; k++) {                                                            \
+            row b;                                                                                          \
+            load_##isa(place, particles->list, k, &b);                                                      \
+            add_row(&b, k, particles, &s, reach, &sums);                                                    \
+        }                                                                                                   \
+        *out = sums;                                                                                        \
+    }                                                                                                       \
+    target static void step_##isa(const fast_kernel_particles *particles, const fast_kernel_forces *forces, \
+                                  const fast_kernel_params *params, fast_kernel_way *out)                   \
+    {                                                                                                       \
+        step(particles, forces, params, out);                                                               \
+    }                                                                                                       \
+    target static void land_##isa(const fast_kernel_particles *particles, const fast_kernel_params *params, \
+                                  fast_kernel_way *way)                                                     \
+    {                                                                                                       \
+        land(particles, params, way);                                                                       \
+    }                                                                                                       \
     static const fast_kernel version_##isa = {forces_##isa, step_##isa, land_##isa};
 VERSION(portable, )
 VERSION(avx2, ISA_TARGET_AVX2)

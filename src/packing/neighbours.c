@@ -340,21 +340,21 @@ ISA_TARGET_AVX512 static inline size_t pack_avx512(const uint32_t hit[LANES], co
 #endif
 
 /* Which of the candidates are neighbours of point i; returns how many. */
-#define VERSION(name, target, pack)                                                                          \
-    target static size_t name(const list_search *s, uint32_t i, float cutoff2, uint32_t *found)              \
-    {                                                                                                        \
-        const neighbours_place own = s->n->place[i];                                                         \
-        size_t count = 0;                                                                                    \
-        for (size_t b = 0; b < s->count; b += LANES) {                                                       \
-            uint32_t hit[LANES];                                                                             \
-            for (int l = 0; l < LANES; l++) {                                                                \
-                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),                    \
-                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);           \
-                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i);          \
-            }                                                                                                \
-            count = pack(hit, s->item + b, count, found);                                                    \
-        }                                                                                                    \
-        return count;                                                                                        \
+#define VERSION(name, target, pack)                                                                 \
+    target static size_t name(const list_search *s, uint32_t i, float cutoff2, uint32_t *found)     \
+    {                                                                                               \
+        const neighbours_place own = s->n->place[i];                                                \
+        size_t count = 0;                                                                           \
+        for (size_t b = 0; b < s->count; b += LANES) {                                              \
+            uint32_t hit[LANES];                                                                    \
+            for (int l = 0; l < LANES; l++) {                                                       \
+                float x = (float)(s->x[b + l] - own.x), y = (float)(s->y[b + l] - own.y),           \
+                      z = (float)(s->z[b + l] - own.z), mean = 0.5f * (s->size[b + l] + own.size);  \
+                hit[l] = (x * x + y * y + z * z < cutoff2 * (mean * mean)) & (s->item[b + l] != i); \
+            }                                                                                       \
+            count = pack(hit, s->item + b, count, found);                                           \
+        }                                                                                           \
+        return count;                                                                               \
     }
 VERSION(find_portable, , pack)
 VERSION(find_avx2, ISA_TARGET_AVX2, pack)

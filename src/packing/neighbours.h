@@ -51,21 +51,21 @@ typedef struct neighbours {
     uint32_t *bin_begin; /* the bin's points in `bin_item`: from here */
     uint32_t *bin_end;   /* to here */
     uint32_t *bin_item; /* points by bin, ascending, bins by block; or as independent_sets_form leaves them */
-    uint32_t *bin_cell;  /* where it is: its entry in `cell` */
-    bool *bin_split;     /* bins of the level below lie in it */
+    uint32_t *bin_cell; /* where it is: its entry in `cell` */
+    bool *bin_split;    /* bins of the level below lie in it */
     vec3 origin;
     double unit, per_unit;   /* of places, world; its inverse */
     neighbours_place *place; /* of each point, at the build or since neighbours_move */
 
     size_t block_capacity, blocks;
-    uint32_t *table;       /* open addressing: block + 1, or 0 */
-    size_t table_size;     /* a power of two */
-    uint64_t *block_key;   /* where it is */
-    uint32_t *cell;        /* of each block its bins + 1, or 0, in rows along x */
-    uint32_t *block_rank;  /* place of a block in the order below */
-    uint32_t *block_begin; /* blocks + 1: the block's bins in `block_bin` */
-    uint32_t *block_bin;   /* bins with points by block, ascending within a block */
-    int colours;                     /* in use, 8 a level */
+    uint32_t *table;                               /* open addressing: block + 1, or 0 */
+    size_t table_size;                             /* a power of two */
+    uint64_t *block_key;                           /* where it is */
+    uint32_t *cell;                                /* of each block its bins + 1, or 0, in rows along x */
+    uint32_t *block_rank;                          /* place of a block in the order below */
+    uint32_t *block_begin;                         /* blocks + 1: the block's bins in `block_bin` */
+    uint32_t *block_bin;                           /* bins with points by block, ascending within a block */
+    int colours;                                   /* in use, 8 a level */
     uint32_t colour_begin[NEIGHBOURS_COLOURS + 1]; /* the colour's blocks */
 
     size_t list_limit;    /* bytes that the lists may take */

@@ -77,7 +77,7 @@ ISA_CLONES static double cotangent_energy(const pair_list *list, vec3 x, double 
 }
 
 ISA_CLONES static void cotangent_forces(const pair_list *list, vec3 x, vec3 axis1, vec3 axis2, double sigma,
-                                      pair_forces *out)
+                                        pair_forces *out)
 {
     const double k = M_PI_2 / sigma;
     double energy[PAIR_LANES] = {0}, d1[PAIR_LANES] = {0}, d2[PAIR_LANES] = {0}, h11[PAIR_LANES] = {0},

@@ -22,8 +22,8 @@
  * place but the particle's. Aligned to 64 bytes. */
 typedef struct pair_list {
     size_t blocks;
-    double *x, *y, *z;    /* positions, world space */
-    double *weight;       /* what the pair's energy is multiplied by, beside size2 */
+    double *x, *y, *z; /* positions, world space */
+    double *weight;    /* what the pair's energy is multiplied by, beside size2 */
     double *size2; /* squared size of the pair over the particle's own; its support is sigma times the size */
     double *nx, *ny, *nz; /* unit normals; only pair_weigh reads them and the next */
     double *amplitude;    /* of (13), (alpha_i + alpha_j) / 2 */

@@ -218,8 +218,7 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
     }
     if (argc - optind != 1 || !a->output)
         return error_set(e, ERROR_SPEC_INVALID,
-                         "%s takes one SPEC.json (or -) and --output DIR: see hexad-worker --help",
-                         argv[0]);
+                         "%s takes one SPEC.json (or -) and --output DIR: see hexad-worker --help", argv[0]);
     a->spec_path = argv[optind];
     return true;
 }

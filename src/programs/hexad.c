@@ -89,7 +89,7 @@ static bool init_signals(service *s, error *e)
     sigaddset(&wanted, SIGINT);
     sigaddset(&wanted, SIGHUP);
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
+    signal(SIGXFSZ, SIG_IGN);              /* a file that may not grow is an error like a full disk */
     sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
     s->signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
     return s->signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));
@@ -139,7 +139,8 @@ static void fini_checker(service *s)
 static bool init_inputs(service *s, error *e)
 {
     s->inputs_dir = mem_printf("%s/inputs", s->state_dir);
-    s->inputs = store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
+    s->inputs =
+        store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
     if (!s->inputs) free(s->inputs_dir);
     return s->inputs != NULL;
 }
@@ -175,8 +176,8 @@ static bool init_socket(service *s, error *e)
     if (fd >= 0) {
         bool adopted = listen_adopt(fd, &s->socket, e);
         if (adopted && *c->listen)
-            log_write(LOG_LEVEL_WARNING, "listen = %s is not served: %s was handed over by a socket unit", c->listen,
-                      s->socket.address);
+            log_write(LOG_LEVEL_WARNING, "listen = %s is not served: %s was handed over by a socket unit",
+                      c->listen, s->socket.address);
         return adopted;
     }
     const char *runtime = getenv("RUNTIME_DIRECTORY"); /* of systemd */
@@ -202,15 +203,17 @@ static bool check_reach(const service *s, error *e)
         return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only words for it are " OPEN_TCP);
     if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
     if (s->socket.reach == LISTEN_NETWORK)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
-                         " token add (setting token_file), or listen on unix:/path",
-                         where);
-    return open || error_set(e, ERROR_SPEC_INVALID,
-                             "listen %s: every user of this machine reaches that, and there are no tokens: make some"
-                             " with hexadctl token add (setting token_file), listen on unix:/path, or set"
-                             " tcp_without_tokens = " OPEN_TCP,
-                             where);
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
+            " token add (setting token_file), or listen on unix:/path",
+            where);
+    return open ||
+           error_set(e, ERROR_SPEC_INVALID,
+                     "listen %s: every user of this machine reaches that, and there are no tokens: make some"
+                     " with hexadctl token add (setting token_file), listen on unix:/path, or set"
+                     " tcp_without_tokens = " OPEN_TCP,
+                     where);
 }
 
 static access_names names_of(const config_list *list)
@@ -221,7 +224,8 @@ static access_names names_of(const config_list *list)
 /* As set, else in the directory that the unit names for settings, else in the state directory. To be freed. */
 static char *token_file_of(const service *s)
 {
-    const char *directory = getenv("CONFIGURATION_DIRECTORY"); /* of the unit; a drop-in may have added others */
+    const char *directory =
+        getenv("CONFIGURATION_DIRECTORY"); /* of the unit; a drop-in may have added others */
     if (*s->settings.token_file) return mem_strdup(s->settings.token_file);
     if (!directory || !*directory) return mem_printf("%s/tokens", s->state_dir);
     return mem_printf("%.*s/tokens", (int)strcspn(directory, ":"), directory);
@@ -256,8 +260,8 @@ static bool init_outputs(service *s, error *e)
     char *end;
     unsigned long mode = strtoul(c->output_mode, &end, 8);
     if (end == c->output_mode || *end || (mode & ~0777ul) || (mode & 0600) != 0600)
-        return error_set(e, ERROR_SPEC_INVALID, "output_mode %s: must be octal and give the owner read and write",
-                         c->output_mode);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "output_mode %s: must be octal and give the owner read and write", c->output_mode);
     const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
     if (*c->output_group && !group)
         return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
@@ -364,7 +368,8 @@ static void fini_herald(service *s)
 static bool init_webhooks(service *s, error *e)
 {
     const config *c = &s->settings;
-    s->webhook_hosts = webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
+    s->webhook_hosts =
+        webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
     if (!s->webhook_hosts) return false;
     courier_settings settings = {
         .hosts = s->webhook_hosts,
@@ -391,7 +396,8 @@ static void fini_webhooks(service *s)
 static bool init_network(service *s, error *e)
 {
     const config *c = &s->settings;
-    if (!address_ranges_read((const char *const *)c->trusted_proxies.item, c->trusted_proxies.count, &s->proxies, e)) {
+    if (!address_ranges_read((const char *const *)c->trusted_proxies.item, c->trusted_proxies.count,
+                             &s->proxies, e)) {
         address_ranges_clear(&s->proxies);
         return error_prefix(e, "trusted_proxies");
     }
@@ -425,7 +431,8 @@ static bool init_http(service *s, error *e)
     };
     executor_settings workers = executor_settings_of(s);
     estimator *m = NULL;
-    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e))) return false;
+    if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e)))
+        return false;
     s->context = (http_context){
         .q = s->q,
         .x = s->x,
@@ -480,14 +487,22 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
-    {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
-    {"mappings", init_mappings, fini_mappings}, {"socket", init_socket, fini_socket},
-    {"access", init_access, fini_access},       {"executor", init_executor, fini_executor},
-    {"lounge", init_lounge, fini_lounge},       {"herald", init_herald, fini_herald},
-    {"webhooks", init_webhooks, fini_webhooks}, {"network", init_network, fini_network},
-    {"http", init_http, fini_http},             {"checker", init_checker, fini_checker},
+    {"signals", init_signals, fini_signals},
+    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},
+    {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},
+    {"outputs", init_outputs, fini_outputs},
+    {"mappings", init_mappings, fini_mappings},
+    {"socket", init_socket, fini_socket},
+    {"access", init_access, fini_access},
+    {"executor", init_executor, fini_executor},
+    {"lounge", init_lounge, fini_lounge},
+    {"herald", init_herald, fini_herald},
+    {"webhooks", init_webhooks, fini_webhooks},
+    {"network", init_network, fini_network},
+    {"http", init_http, fini_http},
+    {"checker", init_checker, fini_checker},
     {"port_file", init_port_file, fini_port_file},
 };
 

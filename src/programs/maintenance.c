@@ -69,7 +69,8 @@ static bool read_problem(FILE *stream, long status, error *e)
     json *document = json_parse(text, length, NULL);
     json_at root = json_root(document);
     error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
-              "the daemon gives no backup (%ld): %s", status, json_string(json_member(&root, "detail"), "no reason"));
+              "the daemon gives no backup (%ld): %s", status,
+              json_string(json_member(&root, "detail"), "no reason"));
     json_free(document);
     free(text);
     return false;
@@ -81,7 +82,8 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
     client *daemon = open_client(c, e);
     bool ok = daemon && client_download(daemon, "/v1/backup", stream, &status, e);
     client_close(daemon);
-    if (ok && fflush(stream) != 0) ok = error_set(e, ERROR_INTERNAL, "the copy cannot be written: %s", strerror(errno));
+    if (ok && fflush(stream) != 0)
+        ok = error_set(e, ERROR_INTERNAL, "the copy cannot be written: %s", strerror(errno));
     return ok && (status == 200 || read_problem(stream, status, e));
 }
 
@@ -121,12 +123,13 @@ int maintenance_back_up(const config *settings)
     struct stat info;
     int lock = -1;
     if (stat(settings->backup, &info) == 0 && !S_ISREG(info.st_mode)) {
-        error_set(&e, ERROR_INTERNAL, "%s is no file but a directory or a device: name a file", settings->backup);
+        error_set(&e, ERROR_INTERNAL, "%s is no file but a directory or a device: name a file",
+                  settings->backup);
         return fail(&e);
     }
     store_file_clear(settings->backup); /* of one that was killed */
-    bool ok = store_file_begin(settings->backup, &file, &e) && copy(settings, file.stream, file.temporary, &lock, &e) &&
-              check_whole(file.temporary, &e);
+    bool ok = store_file_begin(settings->backup, &file, &e) &&
+              copy(settings, file.stream, file.temporary, &lock, &e) && check_whole(file.temporary, &e);
     give_up(lock);
     if (ok)
         ok = store_file_commit(&file, &e);
@@ -201,7 +204,8 @@ int maintenance_check(const config *settings)
     bool ok = backup_make_directory(settings->state_dir, &e) && store_file_begin(path, &file, &e) &&
               copy(settings, file.stream, file.temporary, &lock, &e);
     if (ok) {
-        ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) && (lock >= 0 || ask_health(settings, &t, &e));
+        ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) &&
+             (lock >= 0 || ask_health(settings, &t, &e));
     } else if (e.code == ERROR_DATABASE_DAMAGED) {
         print_findings(e.message, &t);
         ok = true;

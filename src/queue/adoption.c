@@ -16,8 +16,8 @@ typedef struct finding {
 } finding;
 
 /* The task with its result, if it waits: its number and whether its time has yet to come. */
-static bool find_waiting(database *d, const finding *f, const book *b, int *number, bool *delayed, bool *found,
-                         error *e)
+static bool find_waiting(database *d, const finding *f, const book *b, int *number, bool *delayed,
+                         bool *found, error *e)
 {
     bool ok = false;
     sqlite3_stmt *s =
@@ -102,19 +102,20 @@ static bool adopt_one(database *d, const queue_adoption *a, int64_t now, error *
         not_converged += a->tasks[i].outcome == QUEUE_NOT_CONVERGED;
     }
     queue_outcome outcome = not_converged ? QUEUE_NOT_CONVERGED : QUEUE_CONVERGED;
-    if (!RUN(d, e,
-             "INSERT INTO job (id, owner, state, outcome, priority, threads, memory_mb, max_attempts, is_array,"
-             " tasks, ready, succeeded, not_converged, created_ms, finished_ms, name, labels)"
-             " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13)",
-             text(a->id), text(queue_outcome_name(outcome)), integer(a->priority), integer(a->threads),
-             integer(a->memory_mb), integer(a->max_attempts), integer(array), integer((int64_t)a->task_count),
-             integer(not_converged), integer(ulid_time_ms(a->id)), integer(finished), text(a->name),
-             text(a->labels)))
+    if (!RUN(
+            d, e,
+            "INSERT INTO job (id, owner, state, outcome, priority, threads, memory_mb, max_attempts, is_array,"
+            " tasks, ready, succeeded, not_converged, created_ms, finished_ms, name, labels)"
+            " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13)",
+            text(a->id), text(queue_outcome_name(outcome)), integer(a->priority), integer(a->threads),
+            integer(a->memory_mb), integer(a->max_attempts), integer(array), integer((int64_t)a->task_count),
+            integer(not_converged), integer(ulid_time_ms(a->id)), integer(finished), text(a->name),
+            text(a->labels)))
         return false;
     int64_t seq = database_last_row(d);
     return RUN(d, e, "INSERT INTO spec (job, spec) VALUES (?1, ?2)", integer(seq), text(a->spec)) &&
-           RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)", integer(seq),
-               text(a->labels)) &&
+           RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
+               integer(seq), text(a->labels)) &&
            insert_tasks(d, a, seq, e) &&
            book_note(d, seq, QUEUE_EVENT_STATE, QUEUE_SUCCEEDED, outcome, QUEUE_NO_FRAME, 0, now, e);
 }

@@ -75,14 +75,16 @@ static sqlite3 *open_own(const char *path, int flags, const char *first, error *
 static sqlite3 *open_target(const char *path, error *e)
 {
     return open_own(path, SQLITE_OPEN_CREATE,
-                    "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;", e);
+                    "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;",
+                    e);
 }
 
 /* The copy says of itself that it has a write-ahead log; it is to be read without one. */
 static bool drop_log(const char *path, error *e)
 {
-    sqlite3 *file = open_own(path, 0,
-                             "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = OFF; PRAGMA journal_mode = DELETE;", e);
+    sqlite3 *file = open_own(
+        path, 0, "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = OFF; PRAGMA journal_mode = DELETE;",
+        e);
     sqlite3_close(file);
     return file != NULL;
 }
@@ -93,13 +95,15 @@ static bool check_room(const char *path, int64_t bytes, int64_t free_bytes, erro
     char *directory = mem_strdup(path);
     char *slash = strrchr(directory, '/');
     if (slash) slash[slash == directory] = '\0';
-    bool ok = statvfs(slash ? directory : ".", &info) == 0 || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    bool ok = statvfs(slash ? directory : ".", &info) == 0 ||
+              error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     int64_t room = ok ? (int64_t)info.f_bavail * (int64_t)info.f_frsize : 0;
     if (ok && room < bytes + free_bytes)
-        ok = error_set(e, ERROR_STORAGE_FULL,
-                       "%s: a copy of the database takes %lld MiB, %lld MiB have to stay free besides, and %lld MiB are free:"
-                       " make room",
-                       path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20), (long long)(room >> 20));
+        ok = error_set(
+            e, ERROR_STORAGE_FULL,
+            "%s: a copy of the database takes %lld MiB, %lld MiB have to stay free besides, and %lld MiB are free:"
+            " make room",
+            path, (long long)(bytes >> 20) + 1, (long long)(free_bytes >> 20), (long long)(room >> 20));
     free(directory);
     return ok;
 }
@@ -136,7 +140,8 @@ static int copy_steps(database *d, sqlite3_backup *copying, int fd)
         database_unlock(d);
         if (left >= left_before && pages < PAGES_MOST) pages *= 2;
         if (code == SQLITE_OK) pause_for(held);
-        if (step % FLUSH_STEPS == 0) fdatasync(fd); /* one that fails costs patience only: it is not needed for safety */
+        if (step % FLUSH_STEPS == 0)
+            fdatasync(fd); /* one that fails costs patience only: it is not needed for safety */
     }
     return code;
 }
@@ -167,7 +172,8 @@ static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, err
     database_unlock(q);
     if (code == SQLITE_DONE) return true;
     if (code == SQLITE_OK) return error_set(e, ERROR_CANCELLED, "the service ends");
-    if (schema_code_is_doubt(code)) health_note_damage(database_health(q), "copy", sqlite3_errstr(code), true);
+    if (schema_code_is_doubt(code))
+        health_note_damage(database_health(q), "copy", sqlite3_errstr(code), true);
     return fail(path, code, e);
 }
 
@@ -237,7 +243,8 @@ static bool look_at_source(const char *state_dir, const char *from, const char *
     struct stat info;
     if (stat(from, &info) != 0) return error_set(e, ERROR_INTERNAL, "%s: %s", from, strerror(errno));
     if (!info.st_size) return error_set(e, ERROR_DATABASE_DAMAGED, "%s is empty: %s", from, HEALTH_WAY_OUT);
-    return (header_check(from, e) || error_prefix(e, "%s", from)) && check_room(path, database_bytes(state_dir), 0, e);
+    return (header_check(from, e) || error_prefix(e, "%s", from)) &&
+           check_room(path, database_bytes(state_dir), 0, e);
 }
 
 bool backup_make_idle(const char *state_dir, const char *path, error *e)
@@ -298,11 +305,13 @@ static int run_all_checks(sqlite3 *file, bool full, FILE *findings, error *e)
     int count = 0;
     int code = run_check(file, full ? "PRAGMA integrity_check" : "PRAGMA quick_check", findings);
     if (code == SQLITE_DONE && full)
-        code = run_check(file,
-                         "SELECT 'a row of ' || \"table\" || ' refers to one of ' || parent || ' that is not there'"
-                         " FROM pragma_foreign_key_check LIMIT 100",
-                         findings);
-    if (code == SQLITE_DONE && full && !schema_compare(file, findings, &count, e)) code = sqlite3_extended_errcode(file);
+        code = run_check(
+            file,
+            "SELECT 'a row of ' || \"table\" || ' refers to one of ' || parent || ' that is not there'"
+            " FROM pragma_foreign_key_check LIMIT 100",
+            findings);
+    if (code == SQLITE_DONE && full && !schema_compare(file, findings, &count, e))
+        code = sqlite3_extended_errcode(file);
     return code;
 }
 
@@ -320,8 +329,10 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
     int code = sqlite3_open_v2(path, &file, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL);
     if (file) sqlite3_extended_result_codes(file, 1);
     if (code == SQLITE_OK)
-        code = sqlite3_exec(file, "PRAGMA locking_mode = EXCLUSIVE; PRAGMA cache_size = " CHECK_CACHE, NULL, NULL, NULL);
-    if (code == SQLITE_OK && stop) sqlite3_progress_handler(file, CHECK_TURNS, is_stopping, (void *)(uintptr_t)stop);
+        code = sqlite3_exec(file, "PRAGMA locking_mode = EXCLUSIVE; PRAGMA cache_size = " CHECK_CACHE, NULL,
+                            NULL, NULL);
+    if (code == SQLITE_OK && stop)
+        sqlite3_progress_handler(file, CHECK_TURNS, is_stopping, (void *)(uintptr_t)stop);
     if (code == SQLITE_OK) code = run_all_checks(file, full, stream, e);
     if (!file) code = SQLITE_NOMEM;
     /* statements of SQLite's own that make no sense to it: of tables that are not whole */

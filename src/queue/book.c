@@ -6,9 +6,9 @@
 
 #include "base/memory.h"
 
-#define BOOK_COLUMNS                                                                                         \
-    "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running,"      \
-    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "           \
+#define BOOK_COLUMNS                                                                                    \
+    "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
+    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
     "retention_s, is_ordered"
 
 static void read_book(sqlite3_stmt *s, book *b)

@@ -23,7 +23,7 @@ struct checker {
     queue *q;
     int64_t interval_ms; /* 0: never */
     int64_t free_bytes;
-    bool told;           /* that it could not be made */
+    bool told; /* that it could not be made */
     pthread_t thread;
 };
 
@@ -64,7 +64,8 @@ static bool check(checker *c, bool full)
     if (!ok && !c->told && e.code != ERROR_CANCELLED)
         log_write(LOG_LEVEL_WARNING, "the database cannot be checked, which is tried again: %s", e.message);
     c->told = !ok;
-    if (ok) log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
+    if (ok)
+        log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
     free(findings);
     return ok;
 }
@@ -80,7 +81,8 @@ static bool wait_for_turn(checker *c, int64_t due_ms)
     health *h = database_health(c->q);
     bool doubt = false;
     if (!health_wait(h, due_ms, &doubt)) return false;
-    int64_t idle_ms = c->interval_ms / 10 < IDLE_MS ? c->interval_ms / 10 : IDLE_MS, last_ms = later(due_ms, c->interval_ms);
+    int64_t idle_ms = c->interval_ms / 10 < IDLE_MS ? c->interval_ms / 10 : IDLE_MS,
+            last_ms = later(due_ms, c->interval_ms);
     uint64_t seen = database_change_count(c->q);
     while (!doubt && clock_monotonic_ms() < last_ms) {
         if (!health_wait(h, clock_monotonic_ms() + idle_ms, &doubt)) return false;

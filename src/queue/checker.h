@@ -17,6 +17,7 @@ typedef struct checker checker;
 /* interval_s 0: no check but the first, and those after faults. A copy leaves so many bytes of the disk free, or is not
  * made. The queue must outlive the checker. */
 checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e);
-void checker_stop(checker *c); /* accepts NULL; a check under way is broken off between two steps of its copy */
+void checker_stop(
+    checker *c); /* accepts NULL; a check under way is broken off between two steps of its copy */
 
 #endif

@@ -55,10 +55,11 @@ static bool retry(database *d, book *b, bool *changed, error *e)
     if (!count_needs(d, b, &pending, &lost, e)) return false;
     if (lost) return true;
     *changed = true;
-    if (!RUN(d, e,
-             "UPDATE task SET state = 'queued', spent = 0, interrupted = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
-             " error_message = NULL, finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
-             integer(b->seq)))
+    if (!RUN(
+            d, e,
+            "UPDATE task SET state = 'queued', spent = 0, interrupted = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
+            " error_message = NULL, finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
+            integer(b->seq)))
         return false;
     b->ready = b->failed + b->cancelled_tasks + b->timed_out;
     b->failed = b->cancelled_tasks = b->timed_out = 0;

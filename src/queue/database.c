@@ -34,7 +34,7 @@ struct queue {
     int lock_fd; /* holds the lock on the state directory; -1: of a copy, which has none */
     char *state_dir;
     health *health;
-    atomic_uint copies; /* that were begun; for their names */
+    atomic_uint copies;                /* that were begun; for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
 
     pthread_mutex_t line;  /* held only by who is next for the other */
@@ -46,7 +46,7 @@ struct queue {
     } statement[STATEMENTS];
     overtaken overtaken;
     atomic_uint_fast64_t stamp[STAMPS]; /* of jobs; raised under the mutex, read without */
-    char *trouble; /* what kept the last change from being stored; NULL: nothing did */
+    char *trouble;                      /* what kept the last change from being stored; NULL: nothing did */
 
     pthread_mutex_t gate; /* of the changes that wait; never held together with the other */
     pthread_cond_t turn;
@@ -132,9 +132,11 @@ static bool fail(database *d, error *e)
     int code = sqlite3_extended_errcode(d->connection);
     const char *why = sqlite3_errmsg(d->connection);
     if (!schema_code_is_damage(code) && !schema_code_is_doubt(code))
-        return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s", why);
+        return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
+                         why);
     health_note_damage(d->health, "statement", why, schema_code_is_doubt(code));
-    return health_allows_changes(d->health, e) && error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
+    return health_allows_changes(d->health, e) &&
+           error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
 }
 
 static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
@@ -385,8 +387,8 @@ static queue *open_file(const char *state_dir, int lock_fd, const char *path, er
     q->state_dir = mem_strdup(state_dir);
     q->health = health_new();
     bool ok = true;
-    if (sqlite3_open_v2(path, &q->connection, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) !=
-        SQLITE_OK)
+    if (sqlite3_open_v2(path, &q->connection,
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
         ok = q->connection ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
     if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->connection, e);
@@ -430,7 +432,8 @@ bool database_has_room(database *d)
 {
     int64_t wanted = atomic_load(&d->reserve_bytes);
     struct statvfs disk;
-    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0 || !disk.f_blocks) return true; /* the transaction will tell */
+    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0 || !disk.f_blocks)
+        return true; /* the transaction will tell */
     return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
 }
 

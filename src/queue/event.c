@@ -30,10 +30,10 @@ static queue_event_type type_from_name(const char *name)
 
 /* CROSS JOIN keeps the order: by the number of the event. The last column says whether the event passes the filter; those
  * that do not are read as well, so that it is known how far a page has looked. */
-#define EVENTS                                                                                               \
-    "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"                  \
-    " (?2 IS NULL OR owner = ?2) AND"                                                                        \
-    " (?3 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label.label = ?3 AND label.job = event.job))"         \
+#define EVENTS                                                                                       \
+    "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"          \
+    " (?2 IS NULL OR owner = ?2) AND"                                                                \
+    " (?3 IS NULL OR EXISTS (SELECT 1 FROM label WHERE label.label = ?3 AND label.job = event.job))" \
     " FROM event CROSS JOIN job ON job.seq = event.job WHERE event.seq > ?1"
 #define OLDEST " ORDER BY event.seq"
 enum { PASSES = 9 };

@@ -21,8 +21,8 @@ static bool has_log(const char *path)
     uint8_t begin[4] = {0};
     char *log = mem_printf("%s-wal", path);
     int fd = open(log, O_RDONLY | O_CLOEXEC);
-    bool found = fd >= 0 && pread(fd, begin, sizeof begin, 0) == sizeof begin && begin[0] == 0x37 && begin[1] == 0x7f &&
-                 begin[2] == 0x06 && (begin[3] | 1) == 0x83;
+    bool found = fd >= 0 && pread(fd, begin, sizeof begin, 0) == sizeof begin && begin[0] == 0x37 &&
+                 begin[1] == 0x7f && begin[2] == 0x06 && (begin[3] | 1) == 0x83;
     if (fd >= 0) close(fd);
     free(log);
     return found;
@@ -38,10 +38,12 @@ static bool check(const uint8_t header[HEADER_BYTES], int64_t bytes, error *e)
     int64_t size = header[PAGE_SIZE_AT] << 8 | header[PAGE_SIZE_AT + 1], count = 0;
     if (size == 1) size = 65536;
     for (int i = 0; i < 4; i++) count = count << 8 | header[PAGE_COUNT_AT + i];
-    if (memcmp(header, magic, MAGIC_BYTES) != 0) return damaged(e, "the file does not begin as a database does");
+    if (memcmp(header, magic, MAGIC_BYTES) != 0)
+        return damaged(e, "the file does not begin as a database does");
     if (size < 512 || (size & (size - 1))) return damaged(e, "its header has no size of a page");
     if (bytes >= size * count && bytes % size == 0) return true;
-    char *what = mem_printf("the file has %lld bytes and has to have %lld", (long long)bytes, (long long)(size * count));
+    char *what = mem_printf("the file has %lld bytes and has to have %lld", (long long)bytes,
+                            (long long)(size * count));
     damaged(e, what);
     free(what);
     return false;
@@ -52,7 +54,8 @@ bool header_check(const char *path, error *e)
     struct stat info;
     uint8_t header[HEADER_BYTES];
     int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return errno == ENOENT || error_set(e, ERROR_INTERNAL, "it cannot be opened: %s", strerror(errno));
+    if (fd < 0)
+        return errno == ENOENT || error_set(e, ERROR_INTERNAL, "it cannot be opened: %s", strerror(errno));
     ssize_t got = fstat(fd, &info) == 0 ? pread(fd, header, sizeof header, 0) : -1;
     bool ok;
     if (got < 0)

@@ -55,11 +55,12 @@ static void set_damage(health *h, const char *found_by, const char *what, bool d
     atomic_store(&h->damaged, true);
     pthread_cond_broadcast(&h->woken);
     if (doubt)
-        log_write(LOG_LEVEL_ERROR, "the database cannot be read, nothing is written until a check has read all of it: %s",
+        log_write(LOG_LEVEL_ERROR,
+                  "the database cannot be read, nothing is written until a check has read all of it: %s",
                   k->damage);
     else
-        log_write(LOG_LEVEL_ERROR, "the database is damaged, nothing is written any more found_by=%s: %s: %s", found_by,
-                  k->damage, HEALTH_WAY_OUT);
+        log_write(LOG_LEVEL_ERROR, "the database is damaged, nothing is written any more found_by=%s: %s: %s",
+                  found_by, k->damage, HEALTH_WAY_OUT);
 }
 
 void health_note_damage(health *h, const char *found_by, const char *what, bool doubt)
@@ -74,13 +75,15 @@ bool health_allows_changes(health *h, error *e)
     if (!atomic_load(&h->damaged)) return true;
     pthread_mutex_lock(&h->mutex);
     if (h->doubt)
-        error_set(e, ERROR_DATABASE_DAMAGED,
-                  "the queue's database cannot be read (%s), nothing is changed until a check has read all of it; when it"
-                  " lasts, see to the disk, and then: %s",
-                  h->known.damage, HEALTH_WAY_OUT);
+        error_set(
+            e, ERROR_DATABASE_DAMAGED,
+            "the queue's database cannot be read (%s), nothing is changed until a check has read all of it; when it"
+            " lasts, see to the disk, and then: %s",
+            h->known.damage, HEALTH_WAY_OUT);
     else
-        error_set(e, ERROR_DATABASE_DAMAGED, "the queue's database is damaged (%s), nothing is changed any more: %s",
-                  h->known.damage, HEALTH_WAY_OUT);
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the queue's database is damaged (%s), nothing is changed any more: %s", h->known.damage,
+                  HEALTH_WAY_OUT);
     pthread_mutex_unlock(&h->mutex);
     return false;
 }
@@ -121,7 +124,8 @@ void health_get(health *h, queue_health *known)
 
 bool health_wait(health *h, int64_t until_ms, bool *doubt)
 {
-    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000), .tv_nsec = (long)(until_ms % 1000) * 1000000};
+    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000),
+                             .tv_nsec = (long)(until_ms % 1000) * 1000000};
     int status = 0;
     pthread_mutex_lock(&h->mutex);
     while (!h->wanted && !atomic_load(&h->stopping) && status == 0)

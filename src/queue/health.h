@@ -14,8 +14,8 @@
 #include "queue/queue.h"
 
 /* What an operator is told to do about damage. */
-#define HEALTH_WAY_OUT                                                                                       \
-    "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt"  \
+#define HEALTH_WAY_OUT                                                                                      \
+    "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt" \
     " without one; doc/operations.md says how"
 
 typedef struct health health;

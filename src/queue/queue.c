@@ -38,9 +38,7 @@ bool queue_state_is_final(queue_state state)
 
 const char *queue_outcome_name(queue_outcome outcome)
 {
-    return outcome == QUEUE_CONVERGED       ? "converged"
-           : outcome == QUEUE_NOT_CONVERGED ? "not_converged"
-                                            : NULL;
+    return outcome == QUEUE_CONVERGED ? "converged" : outcome == QUEUE_NOT_CONVERGED ? "not_converged" : NULL;
 }
 
 void queue_job_clear(queue_job *job)
@@ -102,8 +100,9 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     queue_job read = {0};
     bool ok = false, got = false;
     database_lock(q);
-    sqlite3_stmt *s = ASK(
-        q, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
+    sqlite3_stmt *s =
+        ASK(q, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
+            text(id));
     while (database_next(q, s, &ok, e)) {
         got = true;
         record_read_job(s, 0, &read);
@@ -125,9 +124,9 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
 
 #define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
-#define LABELLED                                                                                             \
-    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < "  \
-                          "?1"
+#define LABELLED                                                                                            \
+    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < " \
+    "?1"
 #define NEWEST " ORDER BY seq DESC LIMIT ?2"
 #define NEWEST_LABELLED " ORDER BY label.job DESC LIMIT ?2"
 
@@ -172,10 +171,11 @@ bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
 {
     bool ok = false, read = false;
     database_lock(q);
-    sqlite3_stmt *s = ASK(q, e,
-                          "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
-                          " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
-                          text(name));
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
+            " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
+            text(name));
     while (database_next(q, s, &ok, e)) read = sqlite3_column_int(s, 0);
     database_unlock(q);
     if (ok) *wanted = read;
@@ -250,8 +250,7 @@ static int column_or(sqlite3_stmt *s, int column, int otherwise)
     return sqlite3_column_type(s, column) == SQLITE_NULL ? otherwise : sqlite3_column_int(s, column);
 }
 
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count,
-                         error *e)
+bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e)
 {
     queue_attempt *read = NULL;
     size_t used = 0, room = 0;

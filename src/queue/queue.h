@@ -276,8 +276,7 @@ typedef struct queue_attempt {
 } queue_attempt;
 
 /* By task and number. An id that is not there has none. */
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count,
-                         error *e);
+bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e);
 void queue_attempts_free(queue_attempt *attempts, size_t count);
 
 /* ---- running */
@@ -405,8 +404,8 @@ typedef struct queue_event_page {
     queue_event *events; /* oldest first, to be freed */
     size_t count;
     int64_t position; /* every event up to this number was looked at; where the next page begins */
-    bool more;        /* there may be more behind it now: the page is full, or a bounded number was looked at */
-    int64_t newest;   /* number of any event so far; a page asked for behind it is empty and stands there */
+    bool more;      /* there may be more behind it now: the page is full, or a bounded number was looked at */
+    int64_t newest; /* number of any event so far; a page asked for behind it is empty and stands there */
     /* Events up to this number were removed with their jobs, not necessarily all; 0: none, or the page is of one job,
      * whose events go together. */
     int64_t removed_up_to;

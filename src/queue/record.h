@@ -8,17 +8,17 @@
 #include "queue/database.h"
 #include "queue/queue.h"
 
-#define JOB_COLUMNS                                                                                          \
-    "job.seq, job.id, job.revision, job.name, job.owner, job.labels, job.trace, job.state, job.outcome,"     \
-    " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"          \
-    " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads,"  \
-    " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"      \
+#define JOB_COLUMNS                                                                                         \
+    "job.seq, job.id, job.revision, job.name, job.owner, job.labels, job.trace, job.state, job.outcome,"    \
+    " job.is_paused, job.is_array, job.tasks, job.ready + job.delayed, job.running, job.succeeded,"         \
+    " job.failed, job.cancelled, job.timed_out, job.attempts, job.priority, job.max_attempts, job.threads," \
+    " job.memory_mb, job.created_ms, job.started_ms, job.finished_ms, job.retention_s, job.error_code,"     \
     " job.error_message, job.cached_from"
 #define JOB_COLUMN_COUNT 30
 
-#define TASK_COLUMNS                                                                                         \
-    "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms,"       \
-    " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms,"                   \
+#define TASK_COLUMNS                                                                                   \
+    "task.number, task.frame, task.state, task.outcome, task.attempt, task.spent, task.not_before_ms," \
+    " task.started_ms, task.finished_ms, task.error_code, task.error_message, task.ran_ms,"            \
     " task.storage_faults, task.interrupted"
 
 #define TASK_COLUMN_COUNT 14

@@ -24,8 +24,9 @@ bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, que
 {
     static const char all[] =
         "SELECT number, id, frame, attempts FROM removal WHERE number > ?1 ORDER BY number LIMIT ?2";
-    static const char of_job[] = "SELECT number, id, frame, attempts FROM removal WHERE number > ?1 AND id = ?3"
-                                 " ORDER BY number LIMIT ?2";
+    static const char of_job[] =
+        "SELECT number, id, frame, attempts FROM removal WHERE number > ?1 AND id = ?3"
+        " ORDER BY number LIMIT ?2";
     queue_removal *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;

@@ -60,8 +60,8 @@ void reserve_lend(const char *state_dir)
                   lstat(n.log, &log) != 0 && errno == ENOENT && stat(n.database, &database) == 0 &&
                   database.st_size > 0;
     if (wanted && (!empty_log(n.reserve) || link(n.reserve, n.log) != 0))
-        log_write(LOG_LEVEL_WARNING, "the disk space that is set aside for the queue is not used: %s: %s", n.reserve,
-                  strerror(errno));
+        log_write(LOG_LEVEL_WARNING, "the disk space that is set aside for the queue is not used: %s: %s",
+                  n.reserve, strerror(errno));
     names_free(&n);
 }
 
@@ -99,10 +99,11 @@ bool reserve_keep(const char *state_dir, int64_t bytes)
         int fd = open(n.log, O_WRONLY | O_NOFOLLOW | O_CLOEXEC);
         ok = fd >= 0 && name_log(&n) && allocate(fd, USUAL_BYTES + bytes);
         if (!ok)
-            log_write(LOG_LEVEL_WARNING,
-                      "no disk space is set aside for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
-                      " be cancelled or deleted",
-                      n.log, strerror(errno));
+            log_write(
+                LOG_LEVEL_WARNING,
+                "no disk space is set aside for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
+                " be cancelled or deleted",
+                n.log, strerror(errno));
         if (fd >= 0) close(fd);
     }
     names_free(&n);

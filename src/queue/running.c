@@ -352,8 +352,8 @@ static bool settle(database *d, change *asked)
     s->accepted = true;
     return end_attempt(d, s, &b, frame, now, e) &&
            (s->back ? put_back(d, s, &b, now, e) : end_task(d, s, &b, frame, now, e)) &&
-           (!s->ending->copied || copy_forget(d, s->ending->copied, e)) && end_followers(d, s, &b, frame, now, e) &&
-           book_save(d, &before, &b, now, e);
+           (!s->ending->copied || copy_forget(d, s->ending->copied, e)) &&
+           end_followers(d, s, &b, frame, now, e) && book_save(d, &before, &b, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

@@ -9,41 +9,41 @@
 #define TEXT(x) TEXT_OF(x)
 
 /* Which jobs read which of the files that clients sent. */
-#define INPUTS                                                                                               \
-    "CREATE TABLE input ("                                                                                   \
-    "  name TEXT NOT NULL,"                                                                                  \
-    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"                                         \
-    "  PRIMARY KEY (name, job)"                                                                              \
-    ") STRICT, WITHOUT ROWID;"                                                                               \
+#define INPUTS                                                       \
+    "CREATE TABLE input ("                                           \
+    "  name TEXT NOT NULL,"                                          \
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE," \
+    "  PRIMARY KEY (name, job)"                                      \
+    ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);"
 
 /* Up to which number events were removed with their jobs, in one row. */
-#define REMOVED_EVENTS                                                                                       \
-    "CREATE TABLE removed_events ("                                                                          \
-    "  one INTEGER PRIMARY KEY CHECK (one = 1),"                                                             \
-    "  up_to INTEGER NOT NULL"                                                                               \
+#define REMOVED_EVENTS                           \
+    "CREATE TABLE removed_events ("              \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1)," \
+    "  up_to INTEGER NOT NULL"                   \
     ") STRICT;"
 
 /* Temporary files of copies of results into directories of others, written down before they are made. */
-#define COPIES                                                                                               \
-    "CREATE TABLE copy ("                                                                                    \
-    "  name TEXT PRIMARY KEY,"                                                                               \
-    "  directory TEXT NOT NULL"                                                                              \
+#define COPIES                  \
+    "CREATE TABLE copy ("       \
+    "  name TEXT PRIMARY KEY,"  \
+    "  directory TEXT NOT NULL" \
     ") STRICT, WITHOUT ROWID;"
 
 /* Whose database this is (one row), and of which tasks that were forgotten the directories are to be removed: those
  * of their results, and of their attempts up to that number. */
-#define INSTANCE                                                                                             \
-    "CREATE TABLE instance ("                                                                                \
-    "  id TEXT NOT NULL,"                                                                                    \
-    "  boot_id TEXT NOT NULL"                                                                                \
-    ") STRICT;"                                                                                              \
-    "CREATE TABLE removal ("                                                                                 \
-    "  number INTEGER PRIMARY KEY,"                                                                          \
-    "  id TEXT NOT NULL,"                                                                                    \
-    "  frame INTEGER,"                                                                                       \
-    "  attempts INTEGER NOT NULL"                                                                            \
-    ") STRICT;"                                                                                              \
+#define INSTANCE                    \
+    "CREATE TABLE instance ("       \
+    "  id TEXT NOT NULL,"           \
+    "  boot_id TEXT NOT NULL"       \
+    ") STRICT;"                     \
+    "CREATE TABLE removal ("        \
+    "  number INTEGER PRIMARY KEY," \
+    "  id TEXT NOT NULL,"           \
+    "  frame INTEGER,"              \
+    "  attempts INTEGER NOT NULL"   \
+    ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
 /* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
@@ -166,8 +166,7 @@ static const char tables[] =
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
 
-    INPUTS COPIES INSTANCE
-    "CREATE TABLE event ("
+    INPUTS COPIES INSTANCE "CREATE TABLE event ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  at_ms INTEGER NOT NULL,"
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
@@ -177,8 +176,7 @@ static const char tables[] =
     "  frame INTEGER,"
     "  attempt INTEGER"
     ") STRICT;"
-    "CREATE INDEX event_by_job ON event (job, seq);"
-    REMOVED_EVENTS
+    "CREATE INDEX event_by_job ON event (job, seq);" REMOVED_EVENTS
     "INSERT INTO removed_events VALUES (1, 0);"
 
     "CREATE TABLE cache ("
@@ -246,8 +244,7 @@ static const char add_times_and_inputs[] =
 
 /* From version 4, which did not say whether events were removed. Numbers are given without gaps: the last one that is
  * missing was removed. */
-static const char add_removed_events[] =
-    REMOVED_EVENTS
+static const char add_removed_events[] = REMOVED_EVENTS
     "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
     "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
     "    (SELECT 1 FROM event WHERE seq = first.seq - 1) ORDER BY seq DESC LIMIT 1), 0) END"
@@ -260,7 +257,8 @@ static const char add_storage[] =
 
 /* From version 4, in which deaths of the daemon counted as attempts, and a start removed every directory without a job.
  * The database is some instance's, which has not told its name yet. */
-static const char add_instance[] = INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
+static const char add_instance[] =
+    INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
 static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
 
 bool schema_code_is_damage(int code)
@@ -291,9 +289,8 @@ static bool run(sqlite3 *database, const char *sql, error *e)
 static bool read_version(sqlite3 *database, int *version, error *e)
 {
     sqlite3_stmt *statement = NULL;
-    bool ok =
-        sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
-        sqlite3_step(statement) == SQLITE_ROW;
+    bool ok = sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
+              sqlite3_step(statement) == SQLITE_ROW;
     if (ok)
         *version = sqlite3_column_int(statement, 0);
     else
@@ -319,8 +316,9 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok) return true;
     /* statements of the program that make no sense to SQLite: the tables are not those of the version */
     if (sqlite3_errcode(database) == SQLITE_ERROR)
-        error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (its tables are not those of version %d: %s): %s",
-                  version, sqlite3_errmsg(database), HEALTH_WAY_OUT);
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the database is damaged (its tables are not those of version %d: %s): %s", version,
+                  sqlite3_errmsg(database), HEALTH_WAY_OUT);
     else if (e)
         *e = why;
     run(database, "ROLLBACK", NULL);
@@ -349,8 +347,8 @@ static const char *column(sqlite3_stmt *s, int at)
 static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *table, FILE *findings, int *count)
 {
     sqlite3_stmt *want = NULL, *have = NULL;
-    bool ok = sqlite3_prepare_v2(wanted, "SELECT name, type, \"notnull\", pk FROM pragma_table_xinfo(?1)", -1, &want,
-                                 NULL) == SQLITE_OK &&
+    bool ok = sqlite3_prepare_v2(wanted, "SELECT name, type, \"notnull\", pk FROM pragma_table_xinfo(?1)", -1,
+                                 &want, NULL) == SQLITE_OK &&
               sqlite3_prepare_v2(database,
                                  "SELECT 1 FROM pragma_table_xinfo(?1) WHERE name = ?2 AND type = ?3"
                                  " AND \"notnull\" = ?4 AND pk = ?5",
@@ -375,11 +373,12 @@ static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *tabl
 static bool compare_all(sqlite3 *wanted, sqlite3 *database, FILE *findings, int *count)
 {
     sqlite3_stmt *want = NULL, *have = NULL;
-    bool ok = sqlite3_prepare_v2(wanted,
-                                 "SELECT type, name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'",
-                                 -1, &want, NULL) == SQLITE_OK &&
-              sqlite3_prepare_v2(database, "SELECT sql FROM sqlite_schema WHERE type = ?1 AND name = ?2", -1, &have,
-                                 NULL) == SQLITE_OK;
+    bool ok =
+        sqlite3_prepare_v2(
+            wanted, "SELECT type, name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'",
+            -1, &want, NULL) == SQLITE_OK &&
+        sqlite3_prepare_v2(database, "SELECT sql FROM sqlite_schema WHERE type = ?1 AND name = ?2", -1, &have,
+                           NULL) == SQLITE_OK;
     while (ok && sqlite3_step(want) == SQLITE_ROW) {
         const char *type = column(want, 0), *name = column(want, 1);
         sqlite3_bind_text(have, 1, type, -1, SQLITE_STATIC);
@@ -387,8 +386,10 @@ static bool compare_all(sqlite3 *wanted, sqlite3 *database, FILE *findings, int 
         int found = sqlite3_step(have);
         bool is_table = strcmp(type, "table") == 0;
         ok = found == SQLITE_ROW || found == SQLITE_DONE;
-        if (found == SQLITE_DONE || (found == SQLITE_ROW && !is_table && !is_same_text(column(want, 2), column(have, 0)))) {
-            fprintf(findings, "the %s %s is %s\n", type, name, found == SQLITE_ROW ? "another one" : "missing");
+        if (found == SQLITE_DONE ||
+            (found == SQLITE_ROW && !is_table && !is_same_text(column(want, 2), column(have, 0)))) {
+            fprintf(findings, "the %s %s is %s\n", type, name,
+                    found == SQLITE_ROW ? "another one" : "missing");
             ++*count;
         }
         sqlite3_reset(have);
@@ -403,8 +404,10 @@ bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e)
 {
     sqlite3 *wanted = NULL;
     *count = 0;
-    bool ok = sqlite3_open(":memory:", &wanted) == SQLITE_OK && sqlite3_exec(wanted, tables, NULL, NULL, NULL) == SQLITE_OK;
-    if (!ok) error_set(e, ERROR_INTERNAL, "the queue's tables: %s", wanted ? sqlite3_errmsg(wanted) : "no memory");
+    bool ok = sqlite3_open(":memory:", &wanted) == SQLITE_OK &&
+              sqlite3_exec(wanted, tables, NULL, NULL, NULL) == SQLITE_OK;
+    if (!ok)
+        error_set(e, ERROR_INTERNAL, "the queue's tables: %s", wanted ? sqlite3_errmsg(wanted) : "no memory");
     if (ok) ok = compare_all(wanted, database, findings, count) || fail(database, e);
     sqlite3_close(wanted);
     return ok;
@@ -435,10 +438,9 @@ bool schema_prepare(sqlite3 *database, error *e)
         !read_version(database, &version, e))
         return false;
     if (version > SCHEMA_VERSION)
-        return error_set(
-            e, ERROR_INTERNAL,
-            "the queue's database has version %d and this hexad knows %d: a newer hexad"
-            " made it, run that one or take another state_dir",
-            version, SCHEMA_VERSION);
+        return error_set(e, ERROR_INTERNAL,
+                         "the queue's database has version %d and this hexad knows %d: a newer hexad"
+                         " made it, run that one or take another state_dir",
+                         version, SCHEMA_VERSION);
     return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
 }

@@ -19,7 +19,7 @@
 
 /* Of a job: a task of it may be started, as far as the job goes. Of one in order a task that runs, or waits
  * before it is tried again, keeps those behind it waiting. */
-#define SCHEMA_CLAIMABLE                                                                                     \
+#define SCHEMA_CLAIMABLE \
     "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
 
 /* Makes or carries over the tables, and holds them against what they have to be. What cannot be read, or is not as it

@@ -102,8 +102,8 @@ static bool insert_job(database *d, const submitting *s, book *b, int64_t now, e
             text(in->key ? in->body_hash : NULL), integer(b->ordered));
     b->seq = database_last_row(d);
     return ok &&
-           RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(b->seq), text(in->spec),
-               text(in->paths)) &&
+           RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(b->seq),
+               text(in->spec), text(in->paths)) &&
            (strcmp(in->labels, "[]") == 0 ||
             RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
                 integer(b->seq), text(in->labels)));

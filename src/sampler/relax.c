@@ -56,8 +56,8 @@ struct relax {
     const energy_function *energy;
     const fast_kernel *fast; /* NULL: every particle goes the general way */
     neighbours *near;
-    bool *flat;   /* all of a particle's neighbours face its way, clearly */
-    float *moved; /* length of a particle's way since the lists were built */
+    bool *flat;        /* all of a particle's neighbours face its way, clearly */
+    float *moved;      /* length of a particle's way since the lists were built */
     block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */

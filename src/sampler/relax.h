@@ -36,7 +36,7 @@ typedef struct relax_params {
     double omega;   /* over-relaxation of the step: 1 is the paper's */
     double
         fast_step; /* longest step of the fast kernel, over h size: it is taken without a trial of the energy */
-    double gain;    /* least relative decrease of a particle's energy that counts */
+    double gain;   /* least relative decrease of a particle's energy that counts */
 } relax_params;
 
 typedef struct relax_sums {

@@ -9,11 +9,11 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                               \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience = {80, 150, 400}, .patience_more = 50, .coarsest_gain = 1e-5,      \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4,  \
-    .sweeps_most = 120, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01,                     \
-    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                     \
+#define COMMON                                                                                              \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience = {80, 150, 400}, .patience_more = 50, .coarsest_gain = 1e-5,     \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4, \
+    .sweeps_most = 120, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01,                    \
+    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                    \
     .creased_share = 0.5
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */

@@ -13,7 +13,7 @@
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
-enum { SHOWN_MAX = 64 };         /* bytes of a given text that a message repeats */
+enum { SHOWN_MAX = 64 }; /* bytes of a given text that a message repeats */
 
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
 static const double UPRIGHT_LEAST = 1e-6;
@@ -26,7 +26,7 @@ typedef struct reading {
     spec_faults faults;
     size_t total;           /* faults found, kept or not */
     char method[SHOWN_MAX]; /* the name of s->method, when it was asked for */
-    bool shape_known; /* s->analytic.shape holds what was given */
+    bool shape_known;       /* s->analytic.shape holds what was given */
 } reading;
 
 static void read_group(reading *r, const json_at *at, const char *group, json *normal);
@@ -494,8 +494,7 @@ static const char *default_of(const reading *r, const spec_row *row)
     if (row->offset == offsetof(spec, gradation) && !r->s->has_curvature && !r->s->has_grid) return NULL;
     if (row->offset == offsetof(spec, surface.mesh.resolution) && r->surface->mesh.voxel_size > 0)
         return NULL;
-    if (row->offset == offsetof(spec, preview_color))
-        return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
+    if (row->offset == offsetof(spec, preview_color)) return r->s->has_alpha ? "\"alpha\"" : "\"curvature\"";
     return row->otherwise;
 }
 

@@ -36,9 +36,9 @@ typedef enum spec_reconstruction {
 } spec_reconstruction;
 
 typedef struct spec_vdb {
-    char *path;         /* as given; "" is refused */
-    char *grid;         /* NULL: the only scalar grid of the file */
-    bool has_isovalue;  /* level sets default to 0, fog volumes require it */
+    char *path;        /* as given; "" is refused */
+    char *grid;        /* NULL: the only scalar grid of the file */
+    bool has_isovalue; /* level sets default to 0, fog volumes require it */
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_vdb;
@@ -194,7 +194,7 @@ typedef struct spec {
     spec_box region;
 
     /* the target: one is given, the others are 0 */
-    int64_t count; /* sampling.count, 4 .. 1e8 */
+    int64_t count;  /* sampling.count, 4 .. 1e8 */
     double spacing; /* mean distance between neighbours */
     double density; /* points per unit of area */
     bool has_control;
@@ -206,14 +206,15 @@ typedef struct spec {
     spec_curvature curvature;
     bool has_grid;
     spec_grid grid;
-    double min_spacing, max_spacing, gradation; /* of curvature and grid; 0: none, gradation: given or its default */
+    double min_spacing, max_spacing,
+        gradation; /* of curvature and grid; 0: none, gradation: given or its default */
 
     spec_method method; /* default: paper with alpha, else sized */
     spec_energy energy;
     spec_minimiser minimiser;
-    double step;  /* of the gradient minimiser, times sigma^2 */
+    double step;                          /* of the gradient minimiser, times sigma^2 */
     spec_witkin_heckbert witkin_heckbert; /* of that method only */
-    double sigma; /* solver.sigma: initial support; 0: chosen from count and area */
+    double sigma;                         /* solver.sigma: initial support; 0: chosen from count and area */
     spec_init init;
     uint64_t seed;
     int threads; /* 0: the worker's share */
@@ -223,7 +224,7 @@ typedef struct spec {
 
     spec_ply_format ply_format;
     spec_precision ply_precision;
-    bool has_preview; /* true by default */
+    bool has_preview;                  /* true by default */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
     bool has_camera;                   /* else one that sees all of it */
@@ -246,7 +247,7 @@ typedef struct spec {
     char *frames; /* as given, NULL: the job is no sequence; their numbers: */
     int *frame;
     size_t frame_count;
-    bool coherent; /* each frame begins with the points of the one before */
+    bool coherent;       /* each frame begins with the points of the one before */
     int64_t retention_s; /* 0: the service's */
     char *webhook;       /* NULL: none */
 

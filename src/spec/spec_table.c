@@ -13,9 +13,9 @@
 #define AT(member) .offset = offsetof(spec, member), .has = SPEC_NOWHERE
 #define AT_HAS(member, flag) .offset = offsetof(spec, member), .has = offsetof(spec, flag)
 #define UNSTORED .offset = SPEC_NOWHERE, .has = SPEC_NOWHERE
-#define GROUP(where, flags_, words_)                                                               \
-    {                                                                                              \
-        .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_      \
+#define GROUP(where, flags_, words_)                                                          \
+    {                                                                                         \
+        .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_ \
     }
 #define SHAPE(s) (1u << SPEC_SHAPE_##s)
 #define METHOD(m) (1u << SPEC_METHOD_##m)
@@ -1021,8 +1021,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 4096,
      AT(directory),
-     .prose = "Where the service puts a copy of the results: an absolute path below one of its output roots, made when"
-              " missing; files of the same names are replaced. Of a sequence #### or %04d is the frame's number."},
+     .prose =
+         "Where the service puts a copy of the results: an absolute path below one of its output roots, made when"
+         " missing; files of the same names are replaced. Of a sequence #### or %04d is the frame's number."},
 
     GROUP("/limits", 0, "What the job may use; 0: the default of whoever runs it."),
     {.pointer = "/limits/memory_mb",
@@ -1040,8 +1041,9 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(timeout_s),
      .unit = "s",
-     .prose = "Time that the job, or a frame of it, may run, all attempts together; those that the service gave back"
-              " do not count."},
+     .prose =
+         "Time that the job, or a frame of it, may run, all attempts together; those that the service gave back"
+         " do not count."},
     {.pointer = "/limits/stall_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1080,20 +1082,23 @@ const spec_row spec_rows[] = {
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(depends_on, depends_on_count),
-     .prose = "Identifiers of jobs that must have succeeded before; when one of them does not, this one fails."},
+     .prose =
+         "Identifiers of jobs that must have succeeded before; when one of them does not, this one fails."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(frames),
-     .prose = "One task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first #### or %04d in each path of an input"
-              " is the frame's number."},
+     .prose =
+         "One task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first #### or %04d in each path of an input"
+         " is the frame's number."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
-     .prose = "Points that stay put: each frame begins with the points of the one before, carried along by the motion"
-              " of the surface, and each point keeps its id. With frames, and the method sized."},
+     .prose =
+         "Points that stay put: each frame begins with the points of the one before, carried along by the motion"
+         " of the surface, and each point keeps its id. With frames, and the method sized."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1107,8 +1112,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 2000,
      AT(webhook),
-     .prose = "An address of http or https that is told when the job has ended, of a host that the service calls;"
-              " not again once it has said 2xx. It may be told twice, of a job that is retried once for each end."},
+     .prose =
+         "An address of http or https that is told when the job has ended, of a host that the service calls;"
+         " not again once it has said 2xx. It may be told twice, of a job that is retried once for each end."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;
@@ -1127,8 +1133,7 @@ bool spec_row_is_member(const spec_row *row, const char *group)
 const spec_row *spec_row_find(const char *group, const char *key)
 {
     for (size_t i = 0; i < spec_row_count; i++)
-        if (spec_row_is_member(&spec_rows[i], group) &&
-            strcmp(spec_row_key(&spec_rows[i]), key) == 0)
+        if (spec_row_is_member(&spec_rows[i], group) && strcmp(spec_row_key(&spec_rows[i]), key) == 0)
             return &spec_rows[i];
     return NULL;
 }
@@ -1166,22 +1171,19 @@ static void print_values(FILE *file, const spec_row *row)
     if (row->words) {
         fprintf(file, ":");
         char word[64];
-        for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++)
-            fprintf(file, " \"%s\"", word);
+        for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++) fprintf(file, " \"%s\"", word);
     } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_BOOL &&
                row->type != SPEC_TYPE_SURFACE) {
         const char *of = row->type == SPEC_TYPE_STRING     ? " characters"
                          : row->type == SPEC_TYPE_LABELS   ? " labels"
                          : row->type == SPEC_TYPE_SURFACES ? " surfaces"
                                                            : "";
-        fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from",
-                row->low, row->high, of);
+        fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from", row->low,
+                row->high, of);
     }
-    if (row->unit)
-        fprintf(file, ", %s%s", row->unit, strcmp(row->unit, "world") == 0 ? " units" : "");
+    if (row->unit) fprintf(file, ", %s%s", row->unit, strcmp(row->unit, "world") == 0 ? " units" : "");
     if (row->otherwise) fprintf(file, ", default %s", row->otherwise);
-    if (row->flags & SPEC_REQUIRED)
-        fprintf(file, row->shapes ? ", required for its shape" : ", required");
+    if (row->flags & SPEC_REQUIRED) fprintf(file, row->shapes ? ", required for its shape" : ", required");
     fprintf(file, ")");
 }
 

@@ -59,13 +59,13 @@ typedef struct spec_row {
     unsigned flags;
     spec_choice choice;
     unsigned methods; /* bit per spec_method that has the member; 0: all */
-    unsigned shapes; /* bit per spec_shape that has the member; 0: no question of shape */
+    unsigned shapes;  /* bit per spec_shape that has the member; 0: no question of shape */
     double low, high;
-    const char *otherwise;   /* the default as JSON; NULL: none */
-    const char *words;       /* "a|b" */
+    const char *otherwise; /* the default as JSON; NULL: none */
+    const char *words;     /* "a|b" */
     size_t offset,
         has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
-    const char *unit;        /* NULL: none */
+    const char *unit; /* NULL: none */
     const char *prose;
 } spec_row;
 

@@ -199,10 +199,11 @@ bool store_file_check_private(int fd, const char *path, error *e)
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
     return !(info.st_mode & 0777 & ~allowed) ||
-           error_set(e, ERROR_SPEC_INVALID,
-                     "%s can be reached by others (mode %04o): chmod 600 it, or 640 if it belongs to root and to the"
-                     " group of the service",
-                     path, (unsigned)info.st_mode & 07777);
+           error_set(
+               e, ERROR_SPEC_INVALID,
+               "%s can be reached by others (mode %04o): chmod 600 it, or 640 if it belongs to root and to the"
+               " group of the service",
+               path, (unsigned)info.st_mode & 07777);
 }
 
 void store_hash(const void *bytes, size_t count, char hex[STORE_HASH_SIZE])
@@ -230,7 +231,8 @@ bool store_file_hash(int fd, char hex[STORE_HASH_SIZE], uint64_t *bytes, error *
     int why = errno;
     free(block);
     if (got < 0)
-        return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s", strerror(why));
+        return error_set(e, error_code_of_errno(why), "a file cannot be read for its hash: %s",
+                         strerror(why));
     print_digest(&context, hex);
     *bytes = total;
     return true;
@@ -256,7 +258,8 @@ bool store_directory_create(const char *path, error *e)
 bool store_rename(const char *from, const char *to, error *e)
 {
     if (rename(from, to) != 0)
-        return error_set(e, error_code_of_errno(errno), "%s cannot be renamed to %s: %s", from, to, strerror(errno));
+        return error_set(e, error_code_of_errno(errno), "%s cannot be renamed to %s: %s", from, to,
+                         strerror(errno));
     return parent_sync(to, e) && parent_sync(from, e);
 }
 
@@ -274,8 +277,7 @@ static bool remove_contents(int directory)
     while (ok && (entry = readdir(listing))) {
         if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0) continue;
         if (unlinkat(directory, entry->d_name, 0) == 0 || errno == ENOENT) continue;
-        int inner =
-            openat(directory, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        int inner = openat(directory, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
         ok = inner >= 0 && remove_contents(inner) &&
              (unlinkat(directory, entry->d_name, AT_REMOVEDIR) == 0 || errno == ENOENT);
     }

@@ -115,8 +115,9 @@ int64_t store_inputs_use(store_inputs *s, const char *hex)
     return bytes;
 }
 
-bool store_inputs_collect(store_inputs *s, int64_t before_ms, bool (*is_wanted)(void *context, const char *name),
-                          void *context, size_t *gone, error *e)
+bool store_inputs_collect(store_inputs *s, int64_t before_ms,
+                          bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
+                          error *e)
 {
     DIR *directory = opendir(s->directory);
     *gone = 0;

@@ -36,8 +36,9 @@ int64_t store_inputs_find(store_inputs *s, const char *hex);
 int64_t store_inputs_use(store_inputs *s, const char *hex);
 /* Removes files that were last used before the time (wall clock) and that nobody wants any more; *gone is how many.
  * `is_wanted` must not call back. */
-bool store_inputs_collect(store_inputs *s, int64_t before_ms, bool (*is_wanted)(void *context, const char *name),
-                          void *context, size_t *gone, error *e);
+bool store_inputs_collect(store_inputs *s, int64_t before_ms,
+                          bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
+                          error *e);
 /* *found false: there is none. A job that names it will not find it. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
 

@@ -48,7 +48,8 @@ bool store_output_check(const store_outputs *outputs, const char *path, error *e
 
 static bool fail(error *e, const char *what, const char *path)
 {
-    return error_set(e, errno == ELOOP || errno == ENOTDIR ? ERROR_PATH_FORBIDDEN : error_code_of_errno(errno),
+    return error_set(e,
+                     errno == ELOOP || errno == ENOTDIR ? ERROR_PATH_FORBIDDEN : error_code_of_errno(errno),
                      "%s: %s: %s", path, what, errno == ELOOP ? "a symbolic link" : strerror(errno));
 }
 
@@ -150,7 +151,8 @@ bool store_output_clear(const store_outputs *outputs, const char *path, const ch
     if (!store_output_check(outputs, path, e)) return false;
     int directory = open_directory(outputs, path, false, e);
     if (directory < 0) return false;
-    bool ok = unlinkat(directory, temporary, 0) == 0 || errno == ENOENT || fail(e, "cannot be removed", temporary);
+    bool ok =
+        unlinkat(directory, temporary, 0) == 0 || errno == ENOENT || fail(e, "cannot be removed", temporary);
     close(directory);
     return ok;
 }

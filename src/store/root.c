@@ -113,14 +113,12 @@ int store_open_walking(int directory, const char *path)
             memcpy(name, path, length);
             name[length] = '\0';
             next = openat(here, length ? name : ".",
-                          *rest ? O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC
-                                : OPEN_FLAGS | O_NOFOLLOW);
+                          *rest ? O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC : OPEN_FLAGS | O_NOFOLLOW);
             /* O_PATH with O_DIRECTORY says ENOTDIR of a symbolic link */
             struct stat info;
             if (next < 0 && (errno == ELOOP || errno == ENOTDIR)) {
                 int why = errno;
-                bool is_link =
-                    fstatat(here, name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISLNK(info.st_mode);
+                bool is_link = fstatat(here, name, &info, AT_SYMLINK_NOFOLLOW) == 0 && S_ISLNK(info.st_mode);
                 errno = is_link ? EXDEV : why;
             }
         }
@@ -174,7 +172,8 @@ static const char *below(const char *path, const char *prefix)
 static const char *inside(const root *r, const char *path)
 {
     if (r->only) {
-        bool meant = strcmp(path, r->only) == 0 || strcmp(path, r->given) == 0 || strcmp(path, r->resolved) == 0;
+        bool meant =
+            strcmp(path, r->only) == 0 || strcmp(path, r->given) == 0 || strcmp(path, r->resolved) == 0;
         return meant ? r->only : NULL;
     }
     if (path[0] != '/') return path;
@@ -204,8 +203,7 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
     if (!found_root)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s lies outside the input roots", path);
     else if (why == EXDEV || why == ELOOP)
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of its input root by a symbolic link",
-                  path);
+        error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of its input root by a symbolic link", path);
     else
         error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(why));
     return -1;

@@ -13,14 +13,12 @@
 
 #include "vdb/shim.h"
 
-namespace shim
-{
+namespace shim {
 
 /* Archive's own write is protected; io::File and io::Stream are its two public faces, neither of
  * which writes a seekable file to a stream in memory. */
-class archive : public openvdb::io::Archive
-{
-  public:
+class archive : public openvdb::io::Archive {
+public:
     void write_all(std::ostream &out, const openvdb::GridCPtrVec &grids, bool seekable) const
     {
         Archive::write(out, grids, seekable);
@@ -33,7 +31,9 @@ inline void write_bytes(int fd, const std::string &bytes)
     while (done < bytes.size()) {
         ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
         if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) throw fault(error_code_of_errno(errno), std::string("cannot be written: ") + std::strerror(errno));
+        if (n <= 0)
+            throw fault(error_code_of_errno(errno),
+                        std::string("cannot be written: ") + std::strerror(errno));
         done += size_t(n);
     }
 }

@@ -63,9 +63,9 @@ typedef struct vdb_grid {
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1); invertible */
     uint64_t active_voxels;
     size_t leaf_count, tile_count;
-    int32_t (*leaf_origin)[3];  /* multiples of 8 */
-    float *leaf_values;         /* 512 a leaf */
-    uint64_t *leaf_active;      /* 8 words a leaf */
+    int32_t (*leaf_origin)[3]; /* multiples of 8 */
+    float *leaf_values;        /* 512 a leaf */
+    uint64_t *leaf_active;     /* 8 words a leaf */
     vdb_tile *tiles;
 } vdb_grid;
 

@@ -17,8 +17,7 @@
 namespace vdb = openvdb;
 using shim::fault;
 
-namespace
-{
+namespace {
 
 typedef vdb::points::PointDataGrid grid;
 typedef vdb::points::TypedAttributeArray<vdb::Vec3f> normal_array;
@@ -33,9 +32,8 @@ const char grid_name[] = "points";
 const double place_tolerance = 1e-6;
 
 /* What the library's conversion reads points from. */
-template <typename Value> class source
-{
-  public:
+template <typename Value> class source {
+public:
     typedef Value value_type;
     typedef Value PosType;
     typedef Value ValueType;
@@ -46,7 +44,7 @@ template <typename Value> class source
     void getPos(size_t i, Value &out) const { get(out, i); }
     template <typename Type> void get(Type &out, size_t i, vdb::Index = 0) const { take(out, i); }
 
-  private:
+private:
     template <typename T> void take(vdb::math::Vec3<T> &out, size_t i) const
     {
         for (int k = 0; k < 3; k++) out[k] = T(factor * values[3 * i + size_t(k)]);
@@ -58,16 +56,15 @@ template <typename Value> class source
 };
 
 /* The ids that are given, or the places 0, 1, 2, ... */
-class ids
-{
-  public:
+class ids {
+public:
     typedef int64_t value_type;
     typedef int64_t ValueType;
     explicit ids(const vdb_points &p) : count(p.count), given(p.id) {}
     size_t size() const { return count; }
     void get(int64_t &out, size_t i, vdb::Index = 0) const { out = given ? given[i] : int64_t(i); }
 
-  private:
+private:
     size_t count;
     const uint32_t *given;
 };
@@ -134,7 +131,9 @@ std::string read_all(int fd)
     for (size_t done = 0; done < bytes.size();) {
         ssize_t n = ::pread(fd, &bytes[done], bytes.size() - done, off_t(done));
         if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) throw fault(error_code_of_errno(n < 0 ? errno : 0), std::string("cannot be read: ") + std::strerror(errno));
+        if (n <= 0)
+            throw fault(error_code_of_errno(n < 0 ? errno : 0),
+                        std::string("cannot be read: ") + std::strerror(errno));
         done += size_t(n);
     }
     return bytes;
@@ -147,9 +146,8 @@ fault differs(const char *what, size_t i)
 }
 
 /* Which point has an id; the number of all: none. */
-class places
-{
-  public:
+class places {
+public:
     explicit places(const vdb_points &p) : count(p.count), given(p.id)
     {
         for (size_t i = 0; given && i < count; i++) of_id[given[i]] = i;
@@ -161,7 +159,7 @@ class places
         return found == of_id.end() ? count : found->second;
     }
 
-  private:
+private:
     size_t count;
     const uint32_t *given;
     std::unordered_map<int64_t, size_t> of_id;

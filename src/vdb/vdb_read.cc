@@ -148,8 +148,9 @@ public:
         read_entries(ignored);
         count_ = readGridCount(in_);
         if (count_ < 0 || count_ > size_ / smallest_grid)
-            throw fault(ERROR_INPUT_DAMAGED, format("says that it holds %llu grids in %llu bytes: it is damaged",
-                                                    (unsigned long long)count_, (unsigned long long)size_));
+            throw fault(ERROR_INPUT_DAMAGED,
+                        format("says that it holds %llu grids in %llu bytes: it is damaged",
+                               (unsigned long long)count_, (unsigned long long)size_));
     }
     int32_t count() const { return count_; }
 
@@ -172,10 +173,12 @@ public:
         if (inputHasGridOffsets()) {
             d.end = offsets[2];
             if (d.end < int64_t(in_.tellg()) || d.end > size_)
-                throw fault(ERROR_INPUT_DAMAGED,
-                            "grid \"" + d.name + "\": " +
-                                format("is said to end at byte %llu of a file of %llu bytes: the file was cut "
-                                       "short or is damaged", (unsigned long long)d.end, (unsigned long long)size_));
+                throw fault(
+                    ERROR_INPUT_DAMAGED,
+                    "grid \"" + d.name + "\": " +
+                        format("is said to end at byte %llu of a file of %llu bytes: the file was cut "
+                               "short or is damaged",
+                               (unsigned long long)d.end, (unsigned long long)size_));
         }
         return d;
     }
@@ -209,7 +212,8 @@ public:
         try {
             grid.readTransform(in_);
         } catch (const vdb::ArithmeticError &x) {
-            throw fault(ERROR_INPUT_UNSUPPORTED, std::string("its transform cannot be inverted (") + x.what() + ")");
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        std::string("its transform cannot be inverted (") + x.what() + ")");
         }
     }
 
@@ -245,19 +249,23 @@ private:
         if (got < 0) throw fault(ERROR_INPUT_DAMAGED, std::string("cannot be read: ") + std::strerror(errno));
         if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
         if (std::strncmp(head, "version https://git-lfs", 23) == 0)
-            throw fault(ERROR_INPUT_DAMAGED, "is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
-                                             "where it came from");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
+                        "where it came from");
         int64_t magic;
         uint32_t version;
         std::memcpy(&magic, head, sizeof magic);
         std::memcpy(&version, head + sizeof magic, sizeof version);
         if (got < ssize_t(sizeof magic) || magic != vdb::OPENVDB_MAGIC)
             throw fault(ERROR_INPUT_DAMAGED, "is not an OpenVDB file (its first bytes are not OpenVDB's)");
-        if (got < ssize_t(sizeof magic + sizeof version)) throw fault(ERROR_INPUT_DAMAGED, "was cut short after its first bytes");
+        if (got < ssize_t(sizeof magic + sizeof version))
+            throw fault(ERROR_INPUT_DAMAGED, "was cut short after its first bytes");
         if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING || version > vdb::OPENVDB_FILE_VERSION)
-            throw fault(ERROR_INPUT_UNSUPPORTED,
-                        format("has format version %llu; versions up to %llu from 216 on are read: save it again "
-                               "with a current OpenVDB", version, vdb::OPENVDB_FILE_VERSION));
+            throw fault(
+                ERROR_INPUT_UNSUPPORTED,
+                format("has format version %llu; versions up to %llu from 216 on are read: save it again "
+                       "with a current OpenVDB",
+                       version, vdb::OPENVDB_FILE_VERSION));
     }
 
     /* A block of metadata. The library would allocate what the lengths say, and read a value in the length of its type
@@ -272,10 +280,13 @@ private:
             uint32_t bytes = read_int<uint32_t>();
             int64_t here = in_.tellg();
             if (bytes > size_ - here)
-                throw fault(ERROR_INPUT_DAMAGED,
-                            format("has metadata of %llu bytes with %llu left in the file: it was cut short or is "
-                                   "damaged", bytes, (unsigned long long)(size_ - here)));
-            if (!vdb::Metadata::isRegisteredType(type) || type == vdb::io::DelayedLoadMetadata::staticTypeName()) {
+                throw fault(
+                    ERROR_INPUT_DAMAGED,
+                    format("has metadata of %llu bytes with %llu left in the file: it was cut short or is "
+                           "damaged",
+                           bytes, (unsigned long long)(size_ - here)));
+            if (!vdb::Metadata::isRegisteredType(type) ||
+                type == vdb::io::DelayedLoadMetadata::staticTypeName()) {
                 in_.seekg(here + bytes);
                 continue;
             }
@@ -301,7 +312,8 @@ private:
             size_t box = 6 * (old ? sizeof(int32_t) : sizeof(double));
             in_.seekg(std::streamoff(box + 2 * sizeof(double)), std::ios_base::cur); /* and taper and depth */
             if (read_string() == frustum)
-                throw fault(ERROR_INPUT_DAMAGED, "has a frustum within a frustum for a transform: it is damaged");
+                throw fault(ERROR_INPUT_DAMAGED,
+                            "has a frustum within a frustum for a transform: it is damaged");
         }
         in_.seekg(start);
     }
@@ -317,8 +329,9 @@ private:
     {
         uint32_t length = read_int<uint32_t>();
         if (length > longest_string)
-            throw fault(ERROR_INPUT_DAMAGED, format("has a name of %llu bytes (more than %llu): it is damaged",
-                                                    length, longest_string));
+            throw fault(
+                ERROR_INPUT_DAMAGED,
+                format("has a name of %llu bytes (more than %llu): it is damaged", length, longest_string));
         std::string text(length, '\0');
         if (length) in_.read(&text[0], std::streamsize(length));
         return text;
@@ -335,10 +348,14 @@ private:
 vdb_class class_of(const vdb::GridBase &grid)
 {
     switch (grid.getGridClass()) {
-    case vdb::GRID_LEVEL_SET: return VDB_LEVEL_SET;
-    case vdb::GRID_FOG_VOLUME: return VDB_FOG;
-    case vdb::GRID_STAGGERED: return VDB_STAGGERED;
-    default: return VDB_UNKNOWN;
+    case vdb::GRID_LEVEL_SET:
+        return VDB_LEVEL_SET;
+    case vdb::GRID_FOG_VOLUME:
+        return VDB_FOG;
+    case vdb::GRID_STAGGERED:
+        return VDB_STAGGERED;
+    default:
+        return VDB_UNKNOWN;
     }
 }
 
@@ -379,8 +396,9 @@ vdb::GridBase::Ptr find(reader &file, size_t index, const std::string *parent, d
         if (grid) file.read_metadata(*grid);
         if (wanted) return grid;
         if (!grid && !file.has_offsets())
-            throw fault(ERROR_INPUT_UNSUPPORTED, "grid \"" + d->name + "\" has the type " + value_type(d->type) +
-                                                     ", which cannot be stepped over in a file without offsets");
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        "grid \"" + d->name + "\" has the type " + value_type(d->type) +
+                            ", which cannot be stepped over in a file without offsets");
         file.skip(*d, grid);
     }
     throw fault(ERROR_INPUT_DAMAGED, "refers to a grid that it does not hold: it is damaged");
@@ -397,7 +415,8 @@ void copy_transform(const vdb::GridBase &grid, double to[16])
     try {
         m = transform.baseMap()->getAffineMap()->getMat4();
     } catch (const vdb::ArithmeticError &x) {
-        throw fault(ERROR_INPUT_UNSUPPORTED, std::string("its transform cannot be inverted (") + x.what() + ")");
+        throw fault(ERROR_INPUT_UNSUPPORTED,
+                    std::string("its transform cannot be inverted (") + x.what() + ")");
     }
     double size = 0;
     for (int row = 0; row < 4; row++)
@@ -431,10 +450,10 @@ template <typename Tree> void check_topology(const Tree &tree, size_t limit)
     unsigned long long leaves = tree.leafCount();
     unsigned long long each = VDB_LEAF_VOXELS * (sizeof(value) + sizeof(float)) + 256;
     if (leaves > limit / each)
-        throw fault(ERROR_LIMIT_MEMORY, format("its %llu leaves need %llu MB to be read", leaves,
-                                               (leaves * each) >> 20) +
-                                            format(" and the limit is %llu MB: raise limits.memory_mb",
-                                                   (unsigned long long)limit >> 20, 0));
+        throw fault(ERROR_LIMIT_MEMORY,
+                    format("its %llu leaves need %llu MB to be read", leaves, (leaves * each) >> 20) +
+                        format(" and the limit is %llu MB: raise limits.memory_mb",
+                               (unsigned long long)limit >> 20, 0));
 }
 
 template <typename Tree> void copy_leaves(const Tree &tree, vdb_grid *out)
@@ -451,7 +470,8 @@ template <typename Tree> void copy_leaves(const Tree &tree, vdb_grid *out)
         float *to = out->leaf_values + n * VDB_LEAF_VOXELS;
         for (int i = 0; i < VDB_LEAF_VOXELS; i++) to[i] = float(values[i]);
         for (int word = 0; word < 8; word++)
-            out->leaf_active[8 * n + size_t(word)] = leaf->valueMask().template getWord<uint64_t>(vdb::Index(word));
+            out->leaf_active[8 * n + size_t(word)] =
+                leaf->valueMask().template getWord<uint64_t>(vdb::Index(word));
     }
 }
 
@@ -465,21 +485,25 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
         if (value == out->background) continue;
         vdb::CoordBBox box;
         it.getBoundingBox(box);
-        vdb_tile tile = {{box.min()[0], box.min()[1], box.min()[2]}, box.max()[0] - box.min()[0] + 1, value,
+        vdb_tile tile = {{box.min()[0], box.min()[1], box.min()[2]},
+                         box.max()[0] - box.min()[0] + 1,
+                         value,
                          it.isValueOn()};
         tiles.push_back(tile);
         if (tiles.size() > limit / (4 * sizeof tile))
             throw fault(ERROR_LIMIT_MEMORY,
                         format("it has more than %llu tiles, too many for the limit of %llu MB: raise "
-                               "limits.memory_mb", tiles.size(), (unsigned long long)limit >> 20));
+                               "limits.memory_mb",
+                               tiles.size(), (unsigned long long)limit >> 20));
     }
     out->tile_count = tiles.size();
     out->tiles = array<vdb_tile>(tiles.size());
     if (!tiles.empty()) std::memcpy(out->tiles, tiles.data(), tiles.size() * sizeof tiles[0]);
 }
 
-template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base,
-                                   int fd, size_t limit, vdb_grid *out)
+template <typename Grid>
+void load(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int fd, size_t limit,
+          vdb_grid *out)
 {
     typename Grid::Ptr grid = vdb::gridPtrCast<Grid>(base);
     file.read_transform(*grid);
@@ -494,7 +518,8 @@ template <typename Grid> void load(reader &file, size_t index, descriptor d, vdb
         descriptor owner;
         vdb::GridBase::Ptr parent = find(again, index, &d.parent, &owner);
         if (owner.type != d.type || !owner.parent.empty())
-            throw fault(ERROR_INPUT_DAMAGED, "shares the tree of a grid of another type: the file is damaged");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "shares the tree of a grid of another type: the file is damaged");
         again.read_transform(*parent);
         parent->readTopology(again.stream());
         check_topology(vdb::gridPtrCast<Grid>(parent)->tree(), limit);
@@ -568,15 +593,18 @@ extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
                 file.read_metadata(*grid);
                 entry->grid_class = class_of(*grid);
             } else if (!file.has_offsets()) {
-                throw fault(ERROR_INPUT_UNSUPPORTED, "grid \"" + d.name + "\" has the type " + value_type(d.type) +
+                throw fault(ERROR_INPUT_UNSUPPORTED, "grid \"" + d.name + "\" has the type " +
+                                                         value_type(d.type) +
                                                          ", which is not known, in a file without offsets");
             }
             file.skip(d, grid);
             list.count++;
         }
     });
-    if (ok) *out = list;
-    else vdb_listing_free(&list);
+    if (ok)
+        *out = list;
+    else
+        vdb_listing_free(&list);
     return ok;
 }
 
@@ -590,8 +618,8 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
         descriptor d;
         vdb::GridBase::Ptr grid = find(file, index, nullptr, &d);
         if (!is_scalar(d.type))
-            throw fault(ERROR_INPUT_UNSUPPORTED,
-                        "its values are of type " + value_type(d.type) + "; only float and double can be sampled");
+            throw fault(ERROR_INPUT_UNSUPPORTED, "its values are of type " + value_type(d.type) +
+                                                     "; only float and double can be sampled");
         if (d.type == vdb::FloatGrid::gridType())
             load<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit, out);
         else

@@ -14,10 +14,14 @@ namespace {
 vdb::GridClass class_for(vdb_class c)
 {
     switch (c) {
-    case VDB_LEVEL_SET: return vdb::GRID_LEVEL_SET;
-    case VDB_FOG: return vdb::GRID_FOG_VOLUME;
-    case VDB_STAGGERED: return vdb::GRID_STAGGERED;
-    default: return vdb::GRID_UNKNOWN;
+    case VDB_LEVEL_SET:
+        return vdb::GRID_LEVEL_SET;
+    case VDB_FOG:
+        return vdb::GRID_FOG_VOLUME;
+    case VDB_STAGGERED:
+        return vdb::GRID_STAGGERED;
+    default:
+        return vdb::GRID_UNKNOWN;
     }
 }
 
@@ -25,10 +29,14 @@ vdb::GridClass class_for(vdb_class c)
 vdb::Index level_of(int32_t side)
 {
     switch (side) {
-    case 8: return 1;
-    case 128: return 2;
-    case 4096: return 3;
-    default: throw fault(ERROR_INPUT_UNSUPPORTED, "a tile has a side of 8, 128 or 4096 voxels");
+    case 8:
+        return 1;
+    case 128:
+        return 2;
+    case 4096:
+        return 3;
+    default:
+        throw fault(ERROR_INPUT_UNSUPPORTED, "a tile has a side of 8, 128 or 4096 voxels");
     }
 }
 
@@ -39,8 +47,10 @@ template <typename Grid> vdb::GridBase::Ptr build(const vdb_draft &draft)
     auto &tree = grid->tree();
     for (size_t i = 0; i < draft.voxel_count; i++) {
         vdb::Coord at(draft.voxels[i][0], draft.voxels[i][1], draft.voxels[i][2]);
-        if (!draft.active || draft.active[i]) tree.setValueOn(at, value(draft.values[i]));
-        else tree.setValueOff(at, value(draft.values[i]));
+        if (!draft.active || draft.active[i])
+            tree.setValueOn(at, value(draft.values[i]));
+        else
+            tree.setValueOff(at, value(draft.values[i]));
     }
     for (size_t i = 0; i < draft.tile_count; i++) {
         const vdb_tile &tile = draft.tiles[i];
@@ -66,12 +76,18 @@ vdb::GridBase::Ptr build_any(const vdb_draft &draft)
 {
     std::string type = draft.type;
     vdb::GridBase::Ptr grid;
-    if (type == "float") grid = build<vdb::FloatGrid>(draft);
-    else if (type == "double") grid = build<vdb::DoubleGrid>(draft);
-    else if (type == "int32") grid = build<vdb::Int32Grid>(draft);
-    else if (type == "bool") grid = build<vdb::BoolGrid>(draft);
-    else if (type == "vec3s") grid = build<vdb::Vec3SGrid>(draft);
-    else throw fault(ERROR_INPUT_UNSUPPORTED, "grids of type " + type + " are not written");
+    if (type == "float")
+        grid = build<vdb::FloatGrid>(draft);
+    else if (type == "double")
+        grid = build<vdb::DoubleGrid>(draft);
+    else if (type == "int32")
+        grid = build<vdb::Int32Grid>(draft);
+    else if (type == "bool")
+        grid = build<vdb::BoolGrid>(draft);
+    else if (type == "vec3s")
+        grid = build<vdb::Vec3SGrid>(draft);
+    else
+        throw fault(ERROR_INPUT_UNSUPPORTED, "grids of type " + type + " are not written");
     grid->setTransform(transform_for(draft.index_to_world));
     grid->setName(draft.name);
     grid->setGridClass(class_for(draft.grid_class));
@@ -81,8 +97,8 @@ vdb::GridBase::Ptr build_any(const vdb_draft &draft)
 
 } // namespace
 
-extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
-                                error *e)
+extern "C" bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout,
+                                bool compressed, error *e)
 {
     return shim::guard(e, ERROR_INTERNAL, "a volume to write", [&] {
         vdb::initialize();

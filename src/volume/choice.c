@@ -60,9 +60,12 @@ static bool only_scalar(const vdb_listing *l, size_t *index, error *e)
     describe(l, scalars > 0, list);
     if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "holds no grid at all");
     if (scalars == 0)
-        return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "holds no scalar grid (float or double), which is what a surface is taken from; it holds %s", list);
-    return error_set(e, ERROR_GRID_AMBIGUOUS, "holds %zu scalar grids: name one of %s as grid", scalars, list);
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "holds no scalar grid (float or double), which is what a surface is taken from; it holds %s",
+            list);
+    return error_set(e, ERROR_GRID_AMBIGUOUS, "holds %zu scalar grids: name one of %s as grid", scalars,
+                     list);
 }
 
 static bool by_name(const vdb_listing *l, const char *request, size_t *index, error *e)
@@ -75,9 +78,10 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
         size_t count = equals(l, i, &place);
         if (count == 1) return true;
         describe(l, false, list);
-        return error_set(e, ERROR_GRID_AMBIGUOUS,
-                         "holds %zu grids named \"%s\": write \"%s[0]\" to \"%s[%zu]\", in the order of the file (it holds %s)",
-                         count, request, request, request, count - 1, list);
+        return error_set(
+            e, ERROR_GRID_AMBIGUOUS,
+            "holds %zu grids named \"%s\": write \"%s[0]\" to \"%s[%zu]\", in the order of the file (it holds %s)",
+            count, request, request, request, count - 1, list);
     }
     for (size_t i = 0; i < l->count; i++) {
         unique_name(l, i, name);
@@ -86,7 +90,8 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
         return true;
     }
     describe(l, false, list);
-    if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "has no grid \"%s\": it holds no grid at all", request);
+    if (l->count == 0)
+        return error_set(e, ERROR_GRID_MISSING, "has no grid \"%s\": it holds no grid at all", request);
     return error_set(e, ERROR_GRID_MISSING, "has no grid \"%s\"; it holds %s", request, list);
 }
 
@@ -97,9 +102,10 @@ bool choice_find(const vdb_listing *listing, const char *request, size_t *index,
     if (!(request ? by_name(listing, request, &found, e) : only_scalar(listing, &found, e))) return false;
     const vdb_entry *entry = &listing->entries[found];
     if (!entry->scalar)
-        return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "grid \"%s\" holds values of type %s; a surface is taken from a float or double grid", request,
-                         entry->type);
+        return error_set(
+            e, ERROR_INPUT_UNSUPPORTED,
+            "grid \"%s\" holds values of type %s; a surface is taken from a float or double grid", request,
+            entry->type);
     unique_name(listing, found, unique);
     *index = found;
     return true;

@@ -63,7 +63,8 @@ static void note_open(crossings *c, const int32_t block[3], int x, int y, unsign
     c->open_cells += (unsigned)__builtin_popcount(bits);
 }
 
-bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known, error *e)
+bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
+                   error *e)
 {
     uint16_t inside[CORNERS * CORNERS];
     for (int row = 0; row < CORNERS * CORNERS; row++) {
@@ -115,9 +116,12 @@ static bool look_at(const lattice *l, const int32_t block[3], crossings *out, er
     bool leaf = false, inside = false, outside = false;
     for (int k = 0; k < 8; k++) {
         near[k] = lattice_find(l, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
-        if (near[k].leaf != BLOCKMAP_NONE) leaf = true;
-        else if (near[k].constant < 0) inside = true;
-        else outside = true;
+        if (near[k].leaf != BLOCKMAP_NONE)
+            leaf = true;
+        else if (near[k].constant < 0)
+            inside = true;
+        else
+            outside = true;
     }
     if (!leaf && !(inside && outside)) return true;
     float f[LATTICE_VOXELS], corners[CORNERS * CORNERS * CORNERS];
@@ -143,9 +147,11 @@ static bool add_shell(const vdb_tile *t, size_t most, blockmap *candidates, erro
                 if (!blockmap_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e)) return false;
         }
     if (candidates->count > most)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "the faces of its tiles touch more than %zu blocks, too many for the memory limit: raise "
-                         "limits.memory_mb", most);
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the faces of its tiles touch more than %zu blocks, too many for the memory limit: raise "
+            "limits.memory_mb",
+            most);
     return true;
 }
 
@@ -188,7 +194,9 @@ bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error
     for (uint32_t n = 0; ok && n < candidates.count; n++) ok = look_at(l, candidates.blocks[n], &found, e);
     blockmap_free(&candidates);
     if (ok && found.count > 0) qsort(found.blocks, found.count, sizeof *found.blocks, by_place);
-    if (ok) *out = found;
-    else crossings_free(&found);
+    if (ok)
+        *out = found;
+    else
+        crossings_free(&found);
     return ok;
 }

@@ -25,9 +25,9 @@ typedef struct crossings {
     crossing_block *blocks;
     size_t count, room;
     uint64_t cells;
-    bool known_only;       /* cells with a corner that is not known do not count: the data end there */
-    uint64_t open_cells;   /* crossed cells with a corner that is not known */
-    int32_t open_at[3];    /* the first of them */
+    bool known_only;     /* cells with a corner that is not known do not count: the data end there */
+    uint64_t open_cells; /* crossed cells with a corner that is not known */
+    int32_t open_at[3];  /* the first of them */
 } crossings;
 
 /* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
@@ -35,7 +35,8 @@ bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error
 
 /* Adds a block whose corners are F at (x, y, z), 0..8 each, offset 81 x + 9 y + z; nothing is added
  * where no cell is crossed. `known`, bit z of known[9 x + y], may be NULL: all of them. */
-bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known, error *e);
+bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
+                   error *e);
 
 void crossings_free(crossings *c);
 

@@ -31,7 +31,10 @@ static size_t offset_of(int x, int y, int z)
     return ((size_t)(x + HALF_XY) * SIDE_XY + (size_t)(y + HALF_XY)) * SIDE_Z + (size_t)(z + HALF_Z);
 }
 
-static int clip(double v, int half) { return v < -half ? -half : v > half ? half : (int)v; }
+static int clip(double v, int half)
+{
+    return v < -half ? -half : v > half ? half : (int)v;
+}
 
 /* Lowers `distance` to the distance from the chord a b, where that can be within the band. */
 static void add_chord(vec3 a, vec3 b, float *distance)
@@ -55,7 +58,8 @@ static void add_chord(vec3 a, vec3 b, float *distance)
             }
 }
 
-static void fill_draft(const float *distance, int32_t (*voxels)[3], float *values, bool *active, vdb_draft *draft)
+static void fill_draft(const float *distance, int32_t (*voxels)[3], float *values, bool *active,
+                       vdb_draft *draft)
 {
     const double background = BAND_VOX * EXAMPLE_VOXEL;
     size_t n = 0;
@@ -76,7 +80,8 @@ static void fill_draft(const float *distance, int32_t (*voxels)[3], float *value
 
 bool example_write(int fd, error *e)
 {
-    static const double matrix[16] = {EXAMPLE_VOXEL, 0, 0, 0, 0, EXAMPLE_VOXEL, 0, 0, 0, 0, EXAMPLE_VOXEL, 0, 0, 0, 0, 1};
+    static const double matrix[16] = {
+        EXAMPLE_VOXEL, 0, 0, 0, 0, EXAMPLE_VOXEL, 0, 0, 0, 0, EXAMPLE_VOXEL, 0, 0, 0, 0, 1};
     bool ok = false;
     float *distance = mem_array(VOXELS, sizeof *distance, "the example", e);
     float *values = mem_array(VOXELS, sizeof *values, "the example", e);
@@ -85,8 +90,13 @@ bool example_write(int fd, error *e)
     if (distance && values && active && voxels) {
         for (size_t i = 0; i < VOXELS; i++) distance[i] = INFINITY;
         for (int k = 0; k < CHORDS; k++) add_chord(knot(k), knot(k + 1), distance);
-        vdb_draft draft = {.name = EXAMPLE_GRID, .type = "float", .half = true, .grid_class = VDB_LEVEL_SET,
-                           .index_to_world = matrix, .voxels = (const int32_t(*)[3])voxels, .values = values,
+        vdb_draft draft = {.name = EXAMPLE_GRID,
+                           .type = "float",
+                           .half = true,
+                           .grid_class = VDB_LEVEL_SET,
+                           .index_to_world = matrix,
+                           .voxels = (const int32_t(*)[3])voxels,
+                           .values = values,
                            .active = active};
         fill_draft(distance, voxels, values, active, &draft);
         ok = vdb_write_grids(fd, &draft, 1, VDB_SEEKABLE, true, e);

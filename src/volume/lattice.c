@@ -65,8 +65,8 @@ static bool add_tiles(lattice *l, error *e)
         const vdb_tile *t = &l->grid->tiles[i];
         int level = level_of(t->side), shift = 3 + tile_shift[level];
         uint32_t n;
-        if (!blockmap_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift, t->origin[2] >> shift,
-                          &n, e))
+        if (!blockmap_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift,
+                          t->origin[2] >> shift, &n, e))
             return false;
         l->tile_values[level][n] = to_f(l, t->value);
     }
@@ -95,7 +95,8 @@ bool lattice_init(lattice *l, const vdb_grid *grid, lattice_kind kind, double is
         }
         if (n != i) {
             lattice_free(l);
-            return error_set(e, ERROR_INPUT_DAMAGED, "has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
+            return error_set(e, ERROR_INPUT_DAMAGED, "has two leaves at (%d, %d, %d): it is damaged", o[0],
+                             o[1], o[2]);
         }
     }
     return true;
@@ -128,7 +129,8 @@ lattice_block lattice_find(const lattice *l, int32_t x, int32_t y, int32_t z)
 static uint64_t clamped_bits(const lattice *l, const float *values)
 {
     uint64_t bits = 0;
-    for (int i = 0; i < 64; i++) bits |= (uint64_t)(values[i] <= l->clamp_below || values[i] >= l->clamp_above) << i;
+    for (int i = 0; i < 64; i++)
+        bits |= (uint64_t)(values[i] <= l->clamp_below || values[i] >= l->clamp_above) << i;
     return bits;
 }
 

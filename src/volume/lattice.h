@@ -30,7 +30,7 @@ typedef struct lattice {
     double isovalue;
     lattice_kind kind;
     float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
-    float background;            /* as F */
+    float background;               /* as F */
     blockmap leaves;
     blockmap tiles[LATTICE_TILE_LEVELS];
     float *tile_values[LATTICE_TILE_LEVELS]; /* as F */

@@ -32,9 +32,9 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
 
 /* How well a field keeps to the mesh that it was made of. */
 typedef struct levelset_fidelity {
-    double area;    /* of the mesh, world units */
-    double rms_vox; /* of the distance of the mesh from the zero set, where that follows it */
-    double close;   /* share of the area nearer than 0.05 voxel */
+    double area;       /* of the mesh, world units */
+    double rms_vox;    /* of the distance of the mesh from the zero set, where that follows it */
+    double close;      /* share of the area nearer than 0.05 voxel */
     double unresolved; /* share of the area that the zero set does not follow: hidden, or too thin */
 } levelset_fidelity;
 

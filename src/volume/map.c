@@ -29,7 +29,8 @@ static bool check_finite(const vdb_grid *g, error *e)
     for (size_t k = 0; k < g->tile_count; k++)
         if (g->tiles[k].active && !isfinite(g->tiles[k].value)) {
             const int32_t *o = g->tiles[k].origin;
-            return error_set(e, ERROR_INPUT_DAMAGED, "the tile at (%d, %d, %d) is not finite", o[0], o[1], o[2]);
+            return error_set(e, ERROR_INPUT_DAMAGED, "the tile at (%d, %d, %d) is not finite", o[0], o[1],
+                             o[2]);
         }
     return isfinite(g->background) || error_set(e, ERROR_INPUT_DAMAGED, "its background is not finite");
 }

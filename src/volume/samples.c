@@ -35,14 +35,16 @@ bool samples_plan(const crossings *c, int reach, blockmap *map, error *e)
         for (int x = first[0]; x <= last[0]; x++)
             for (int y = first[1]; y <= last[1]; y++)
                 for (int z = first[2]; z <= last[2]; z++)
-                    if (!blockmap_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e)) return false;
+                    if (!blockmap_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e))
+                        return false;
     }
     return true;
 }
 
 size_t samples_bytes(size_t count)
 {
-    return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) + blockmap_bytes(count);
+    return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) +
+           blockmap_bytes(count);
 }
 
 void samples_free(samples *s)
@@ -75,10 +77,11 @@ static bool check_finite(const samples *s, error *e)
     if (bad == 0) return true;
     const int32_t *b = s->map.blocks[first / VOXELS];
     size_t v = first % VOXELS;
-    return error_set(e, ERROR_INPUT_DAMAGED,
-                     "has %zu voxels near its surface whose values are not finite or beyond %g, the first at (%d, %d, %d)",
-                     bad, (double)largest_value, b[0] * SIDE + (int)(v >> 6), b[1] * SIDE + (int)(v >> 3 & 7),
-                     b[2] * SIDE + (int)(v & 7));
+    return error_set(
+        e, ERROR_INPUT_DAMAGED,
+        "has %zu voxels near its surface whose values are not finite or beyond %g, the first at (%d, %d, %d)",
+        bad, (double)largest_value, b[0] * SIDE + (int)(v >> 6), b[1] * SIDE + (int)(v >> 3 & 7),
+        b[2] * SIDE + (int)(v & 7));
 }
 
 bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
@@ -98,8 +101,10 @@ bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
         link_neighbours(&s);
         ok = check_finite(&s, e);
     }
-    if (ok) *out = s;
-    else samples_free(&s);
+    if (ok)
+        *out = s;
+    else
+        samples_free(&s);
     return ok;
 }
 
@@ -196,7 +201,8 @@ static uint64_t extend_layer(samples *s, uint64_t *fresh, int layer)
 
 bool samples_extend(samples *s, error *e)
 {
-    uint64_t *fresh = mem_array((size_t)s->map.count * SIDE, sizeof *fresh, "the voxels around the surface", e);
+    uint64_t *fresh =
+        mem_array((size_t)s->map.count * SIDE, sizeof *fresh, "the voxels around the surface", e);
     if (!fresh) return false;
     for (int layer = 1; extend_layer(s, fresh, layer); layer++) continue;
     free(fresh);
@@ -214,8 +220,10 @@ static void copy_run(samples *s, int axis, uint32_t first, double *rows, bool ba
         for (int k = 0; k < SIDE; k++, rows += 64)
             for (int i = 0; i < SIDE; i++)
                 for (int j = 0; j < SIDE; j++) {
-                    if (back) f[k * along + i * a + j * b] = (float)rows[8 * i + j];
-                    else rows[8 * i + j] = (double)f[k * along + i * a + j * b];
+                    if (back)
+                        f[k * along + i * a + j * b] = (float)rows[8 * i + j];
+                    else
+                        rows[8 * i + j] = (double)f[k * along + i * a + j * b];
                 }
     }
 }
@@ -238,7 +246,8 @@ static void solve_run(double *rows, double *ratio, size_t length)
 static size_t run_length(const samples *s, int axis, uint32_t first)
 {
     size_t length = 0;
-    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) length += SIDE;
+    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)])
+        length += SIDE;
     return length;
 }
 
@@ -274,7 +283,8 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
 {
     uint32_t around[27];
     for (int k = 0; k < 27; k++)
-        around[k] = blockmap_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
+        around[k] =
+            blockmap_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
     for (int x = low; x < low + side; x++)
         for (int y = low; y < low + side; y++) {
             int column = 9 * (floor_div8(x) + 1) + 3 * (floor_div8(y) + 1);
@@ -302,7 +312,8 @@ void samples_corners(const samples *s, const int32_t block[3], bool smooth, floa
                 float *line = c + i * a + j * b, before = line[0];
                 for (int k = 1; k < 10; k++) {
                     float here = line[k * d];
-                    line[k * d] = (float)(((double)before + 4 * (double)here + (double)line[(k + 1) * d]) / 6);
+                    line[k * d] =
+                        (float)(((double)before + 4 * (double)here + (double)line[(k + 1) * d]) / 6);
                     before = here;
                 }
             }

@@ -116,8 +116,9 @@ static void cell(const field *f, size_t k, field_cell *out)
     const volume *v = (const volume *)f;
     const crossed_cell *c = &v->cells[k];
     for (int corner = 0; corner < 8; corner++) {
-        out->corner[corner] = affine_apply(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
-                                        (double)c->at[2] + (corner >> 2));
+        out->corner[corner] =
+            affine_apply(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
+                         (double)c->at[2] + (corner >> 2));
         out->value[corner] = (double)c->value[corner];
     }
 }
@@ -194,18 +195,21 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? LATTICE_LEVEL_SET : LATTICE_FOG;
     if (!v->info.level_set && !r->has_isovalue)
-        return error_set(e, ERROR_ISOVALUE_REQUIRED,
-                         "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0", v->info.grid,
-                         class == VDB_FOG ? "a fog volume" : "not marked as a level set");
+        return error_set(
+            e, ERROR_ISOVALUE_REQUIRED,
+            "grid \"%s\" is %s, so an isovalue is required: only a level set has its surface at 0",
+            v->info.grid, class == VDB_FOG ? "a fog volume" : "not marked as a level set");
     if (!v->info.level_set && r->offset != 0)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
                          "grid \"%s\" is no level set, so an offset means nothing: its values are "
                          "no distances",
                          v->info.grid);
     v->info.isovalue = (r->has_isovalue ? r->isovalue : 0) + r->offset;
-    if (!isfinite(v->info.isovalue)) return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
+    if (!isfinite(v->info.isovalue))
+        return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
     if (class == VDB_UNKNOWN || class == VDB_STAGGERED)
-        warn(&v->info, "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
+        warn(&v->info,
+             "grid \"%s\" says neither level set nor fog volume: taken as fog, inside above the isovalue",
              v->info.grid);
     l->grid = vdb_load_grid(r->fd, index, r->memory_limit, e);
     if (!l->grid) return error_prefix(e, "%s", l->name);
@@ -232,9 +236,11 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
 {
     const lattice *a = &l->lattice;
     if (v->info.triangles)
-        return error_set(e, ERROR_NO_SURFACE,
-                         "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
-                         "smaller voxels", v->info.triangles, v->info.voxel_size);
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "its %zu triangles enclose no voxel of size %g: it is thinner than that everywhere, use "
+            "smaller voxels",
+            v->info.triangles, v->info.voxel_size);
     char more[96] = "";
     if (a->not_finite)
         snprintf(more, sizeof more, "; %llu of its voxels are not finite", (unsigned long long)a->not_finite);
@@ -256,12 +262,13 @@ static bool find_crossings(loading *l, volume *v, error *e)
     if (c->cells == 0) return no_crossing(l, v, e);
     if (c->open_cells == 0) return true;
     double band = fabs((double)l->grid->background);
-    return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                     "%s: its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
-                     "isovalue %g, %llu have a corner that is inactive or clamped, the first at voxel (%d, %d, %d); rebuild "
-                     "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
-                     l->name, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
-                     (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
+    return error_set(
+        e, ERROR_INPUT_UNSUPPORTED,
+        "%s: its narrow band is clamped at %g (%.3g voxels) or cut open: of %llu cells crossed at "
+        "isovalue %g, %llu have a corner that is inactive or clamped, the first at voxel (%d, %d, %d); rebuild "
+        "the level set with a half-width of at least 3 voxels and an isovalue well inside the band",
+        l->name, band, band / v->info.voxel_size, (unsigned long long)c->cells, v->info.isovalue,
+        (unsigned long long)c->open_cells, c->open_at[0], c->open_at[1], c->open_at[2]);
 }
 
 static size_t held_bytes(size_t bricks, size_t cells)
@@ -272,17 +279,20 @@ static size_t held_bytes(size_t bricks, size_t cells)
 
 static bool plan(loading *l, volume *v, error *e)
 {
-    if (!blockmap_init(&v->map, 2 * l->crossings.count, e) || !blockmap_init(&l->reach, 4 * l->crossings.count, e) ||
+    if (!blockmap_init(&v->map, 2 * l->crossings.count, e) ||
+        !blockmap_init(&l->reach, 4 * l->crossings.count, e) ||
         !samples_plan(&l->crossings, MARGIN, &v->map, e) || !samples_plan(&l->crossings, REACH, &l->reach, e))
         return error_prefix(e, "%s", l->name);
-    size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) + l->grid->tile_count * sizeof(vdb_tile);
+    size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
+                  l->grid->tile_count * sizeof(vdb_tile);
     size_t work = samples_bytes(l->reach.count), held = held_bytes(v->map.count, l->crossings.cells);
     size_t peak = work + (grid > held ? grid : held), limit = l->memory_limit;
     if (peak <= limit) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "%s needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
-                     "raise limits.memory_mb", l->name, (peak >> 20) + 1, v->map.count,
-                     (unsigned long long)l->crossings.cells, limit >> 20);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "%s needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
+        "raise limits.memory_mb",
+        l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells, limit >> 20);
 }
 
 /* Smoothing moves the surface: its crossings are those of the spline itself, near the samples' own. */
@@ -303,9 +313,10 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     if (!ok || !blockmap_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
-        return error_set(e, ERROR_NO_SURFACE,
-                         "%s has no surface at isovalue %g once it is smoothed: use the interpolating reconstruction",
-                         l->name, v->info.isovalue);
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "%s has no surface at isovalue %g once it is smoothed: use the interpolating reconstruction",
+            l->name, v->info.isovalue);
     return true;
 }
 
@@ -336,7 +347,8 @@ static bool make_cells(loading *l, volume *v, error *e)
             c->at[1] = b->block[1] * LATTICE_SIDE + y;
             c->at[2] = b->block[2] * LATTICE_SIDE + z;
             for (int corner = 0; corner < 8; corner++)
-                c->value[corner] = corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
+                c->value[corner] =
+                    corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
         }
     }
     return true;
@@ -472,11 +484,12 @@ static void compare_mesh(volume *v, const mesh *m)
 {
     v->info.fidelity = levelset_compare(m, v->info.index_to_world, &v->base);
     if (v->info.fidelity.unresolved >= unresolved_from)
-        warn(&v->info,
-             "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel (use "
-             "smaller voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is "
-             "their union)",
-             100 * v->info.fidelity.unresolved);
+        warn(
+            &v->info,
+            "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel (use "
+            "smaller voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is "
+            "their union)",
+            100 * v->info.fidelity.unresolved);
 }
 
 volume *volume_open_mesh(const volume_mesh_request *request, error *e)
@@ -627,5 +640,11 @@ void volume_close(volume *v)
     free(v);
 }
 
-const field *volume_field(const volume *v) { return &v->base; }
-const volume_info *volume_describe(const volume *v) { return &v->info; }
+const field *volume_field(const volume *v)
+{
+    return &v->base;
+}
+const volume_info *volume_describe(const volume *v)
+{
+    return &v->info;
+}

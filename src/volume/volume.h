@@ -28,12 +28,12 @@ typedef enum volume_reconstruction {
 } volume_reconstruction;
 
 typedef struct volume_request {
-    int fd;             /* the file, open for reading, at any offset; stays the caller's */
-    const char *path;   /* for messages only */
-    const char *grid;   /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
+    int fd;           /* the file, open for reading, at any offset; stays the caller's */
+    const char *path; /* for messages only */
+    const char *grid; /* name, "name[1]" among equals, "" an unnamed grid; NULL: the only scalar grid */
     bool has_isovalue;
-    double isovalue;    /* in the grid's own unit */
-    double offset;      /* outwards, of a level set, whose values are distances; of another it must be 0 */
+    double isovalue; /* in the grid's own unit */
+    double offset;   /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
     isa isa;             /* what sampling runs on */
@@ -64,16 +64,16 @@ typedef struct volume_dense_request {
 #define VOLUME_MAX_WARNINGS 12
 
 typedef struct volume_info {
-    char grid[256];          /* the grid's unique name; "" for a mesh */
-    bool level_set;          /* else fog: inside is above the isovalue */
+    char grid[256]; /* the grid's unique name; "" for a mesh */
+    bool level_set; /* else fog: inside is above the isovalue */
     double isovalue;
     double index_to_world[16]; /* row-major, column vectors: world = M (i, j, k, 1) */
-    double voxel_size;       /* cube root of the volume of a voxel */
+    double voxel_size;         /* cube root of the volume of a voxel */
     uint64_t active_voxels;
     uint64_t crossing_cells;
     uint64_t bricks;
-    size_t memory_bytes;     /* what the volume holds */
-    bbox surface_box;        /* of the crossing cells */
+    size_t memory_bytes;        /* what the volume holds */
+    bbox surface_box;           /* of the crossing cells */
     size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
     levelset_fidelity fidelity; /* of a mesh */
     int64_t size[3];            /* samples of a dense volume; 0 for another */

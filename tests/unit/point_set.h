@@ -41,8 +41,8 @@ static inline void point_set_free(point_set *s)
     for (int k = 0; k < 7; k++) free(s->scalar[k]);
 }
 
-static inline void point_set_scalars(point_set *s, size_t i, double kappa1, double kappa2,
-                                     double alpha, double spacing)
+static inline void point_set_scalars(point_set *s, size_t i, double kappa1, double kappa2, double alpha,
+                                     double spacing)
 {
     double values[7] = {
         sqrt(kappa1 * kappa1 + kappa2 * kappa2), kappa1, kappa2, alpha, 0.71, spacing, spacing};

@@ -38,7 +38,8 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
  * states, which are for a meter that looks now and then, walk an index. */
 static inline bool is_cheap(const char *sql, const char *step)
 {
-    static const char *const harmless[] = {"SCAN owner", "SCAN copy",
+    static const char *const harmless[] = {"SCAN owner",
+                                           "SCAN copy",
                                            "SCAN json_each",
                                            "SCAN CONSTANT ROW",
                                            "SCAN (subquery",

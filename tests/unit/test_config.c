@@ -82,8 +82,7 @@ static void test_options_win_over_the_file(void **state)
     (void)state;
     write_file("# comment\n[hexad]\nworkers = 3\nlisten = 127.0.0.1:1\ninput_roots = /a:/b\n"
                "input_roots = /c, /d\npath_mappings = Z:/a=/b, /c=/d\ndrain_s = 2.5\n");
-    char *argv[] = {"hexad",       "--workers=5", "--config",    path,
-                    "--state-dir", "/s",          "--log_level", "debug"};
+    char *argv[] = {"hexad", "--workers=5", "--config", path, "--state-dir", "/s", "--log_level", "debug"};
     config c = parse(COUNT(argv), argv);
     assert_int_equal(c.workers, 5);
     assert_string_equal(c.listen, "127.0.0.1:1");
@@ -109,8 +108,7 @@ static void test_faults_of_the_file_name_the_line(void **state)
     char where[64];
     snprintf(where, sizeof where, "%s:2: there is no setting nonsense", path);
     expect_file_fault("workers = 1\nnonsense = 1\n", where);
-    expect_file_fault("workers = many\n",
-                      ":1: workers: \"many\" is not a whole number from 0 to 1024");
+    expect_file_fault("workers = many\n", ":1: workers: \"many\" is not a whole number from 0 to 1024");
     expect_file_fault("\n\nworkers = 1.5\n", ":3: workers");
     expect_file_fault("drain_s = nan\n", ":1: drain_s");
     expect_file_fault("memory_mb = -1\n", ":1: memory_mb");

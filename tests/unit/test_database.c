@@ -224,8 +224,8 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 4 had not. */
-#define BEFORE_5                                                                                             \
-    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"                     \
+#define BEFORE_5                                                                         \
+    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;" \
     "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;"
 
 /* Version 2 had no paths beside a spec. */
@@ -299,8 +299,8 @@ static void test_removed_events_are_found_in_version_4(void **state)
         assert_true(store_directory_create(p->base, NULL));
         reopen(p);
         for (int k = 0; k < 3; k++) put(p, NULL, 0, id);
-        char *as_it_was = mem_printf("DELETE FROM event WHERE %s; " BEFORE_5 "PRAGMA user_version = 4;",
-                                     cases[i].which);
+        char *as_it_was =
+            mem_printf("DELETE FROM event WHERE %s; " BEFORE_5 "PRAGMA user_version = 4;", cases[i].which);
         alter_database(p, as_it_was);
         free(as_it_was);
         assert_int_equal(look_at_events(p).removed_up_to, cases[i].up_to);
@@ -317,7 +317,8 @@ static void test_storage_is_added_to_version_4(void **state)
     queue_close(p->q);
     p->q = NULL;
     sqlite3 *database = open_raw(p);
-    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL),
+                     SQLITE_OK);
     sqlite3_close(database);
     reopen(p);
     assert_int_equal(get_task(p, id, 0).storage_faults, 0);
@@ -331,7 +332,8 @@ static void test_the_reserve(void **state)
 {
     place *p = *state;
     struct stat info, log;
-    char id[ULID_SIZE], *reserve = mem_printf("%s/reserve", p->base), *wal = mem_printf("%s/queue.db-wal", p->base);
+    char id[ULID_SIZE], *reserve = mem_printf("%s/reserve", p->base),
+                        *wal = mem_printf("%s/queue.db-wal", p->base);
     enum { BYTES = 1 << 20 };
     queue_reserve(p->q, BYTES);
     assert_int_equal(stat(reserve, &info), 0);
@@ -480,16 +482,23 @@ static void test_ulids(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        CASE(test_waiting_ends_with_news),         CASE(test_many_threads_submit),
-        CASE(test_a_killed_process_loses_nothing), CASE(test_an_older_schema_is_carried_over),
-        CASE(test_storage_is_added_to_version_4),  CASE(test_the_reserve),
+        CASE(test_waiting_ends_with_news),
+        CASE(test_many_threads_submit),
+        CASE(test_a_killed_process_loses_nothing),
+        CASE(test_an_older_schema_is_carried_over),
+        CASE(test_storage_is_added_to_version_4),
+        CASE(test_the_reserve),
         CASE(test_a_job_is_refused_without_room),
-        CASE(test_paths_are_added_to_version_2),   CASE(test_times_and_inputs_are_added_to_version_3),
+        CASE(test_paths_are_added_to_version_2),
+        CASE(test_times_and_inputs_are_added_to_version_3),
         CASE(test_removed_events_are_found_in_version_4),
         CASE(test_an_instance_is_added_to_version_4),
-        CASE(test_a_second_owner_is_refused),      CASE(test_the_database_has_one_owner),
-        CASE(test_a_newer_schema_is_refused),      CASE(test_a_damaged_database_is_refused),
-        CASE(test_network_file_systems_are_known), cmocka_unit_test(test_ulids),
+        CASE(test_a_second_owner_is_refused),
+        CASE(test_the_database_has_one_owner),
+        CASE(test_a_newer_schema_is_refused),
+        CASE(test_a_damaged_database_is_refused),
+        CASE(test_network_file_systems_are_known),
+        cmocka_unit_test(test_ulids),
     };
     sqlite3_auto_extension((void (*)(void))note_connection);
     return cmocka_run_group_tests_name("database", tests, NULL, NULL);

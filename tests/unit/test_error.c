@@ -65,9 +65,8 @@ static void a_cut_message_is_whole_utf8_on_one_line(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(names_are_stable),
-                                       cmocka_unit_test(disks_are_told_from_other_faults),
-                                       cmocka_unit_test(context_comes_first),
-                                       cmocka_unit_test(a_cut_message_is_whole_utf8_on_one_line)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names_are_stable), cmocka_unit_test(disks_are_told_from_other_faults),
+        cmocka_unit_test(context_comes_first), cmocka_unit_test(a_cut_message_is_whole_utf8_on_one_line)};
     return cmocka_run_group_tests_name("error", tests, NULL, NULL);
 }

@@ -78,7 +78,8 @@ static void test_events_are_filtered(void **state)
     expect_events_of(p, (queue_event_filter){.limit = 2}, (const char *[]){ann, other}, 2);
     expect_events_of(p, (queue_event_filter){.owner = "bob", .limit = 9}, (const char *[]){bob}, 1);
     expect_events_of(p, (queue_event_filter){.label = "night", .limit = 9}, (const char *[]){ann, bob}, 2);
-    expect_events_of(p, (queue_event_filter){.label = "night", .owner = "ann", .limit = 9}, (const char *[]){ann}, 1);
+    expect_events_of(p, (queue_event_filter){.label = "night", .owner = "ann", .limit = 9},
+                     (const char *[]){ann}, 1);
     expect_events_of(p, (queue_event_filter){.label = "none", .limit = 9}, NULL, 0);
     expect_events_of(p, (queue_event_filter){.id = other, .limit = 9}, (const char *[]){other}, 1);
     expect_events_of(p, (queue_event_filter){.id = other, .owner = "bob", .limit = 9}, NULL, 0);
@@ -91,8 +92,9 @@ static void test_a_page_of_events_is_bounded(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     put(p, "busy", 0, id);
-    alter_database(p, "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 20000)"
-                      " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n");
+    alter_database(
+        p, "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 20000)"
+           " INSERT INTO event (at_ms, job, type, state) SELECT 0, seq, 'edited', 'queued' FROM job, n");
     queue_event_filter filter = {.label = "none", .limit = 10};
     queue_event_page page = {.more = true};
     int pages = 0;

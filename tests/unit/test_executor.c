@@ -131,8 +131,7 @@ static void wait_file(place *p, const char *name)
     free(path);
 }
 
-static void expect_end(place *p, const char *id, queue_state state, const char *code,
-                       const char *words)
+static void expect_end(place *p, const char *id, queue_state state, const char *code, const char *words)
 {
     queue_job job = wait_final(p, id);
     if (job.state != state) fail_msg("%s: %s", queue_state_name(job.state), job.error_message);
@@ -184,8 +183,10 @@ static void test_a_result_waits_for_the_disk(void **state)
 {
     place *p = *state;
     char id[ULID_SIZE];
-    start(p, PROLOGUE "mv \"$D/../../results\" \"$D/../../away\"\n: > \"$D/../../results\"\n"
-                      "echo $$ > \"$D/../../pid\"\n" REPORT, 1);
+    start(p,
+          PROLOGUE "mv \"$D/../../results\" \"$D/../../away\"\n: > \"$D/../../results\"\n"
+                   "echo $$ > \"$D/../../pid\"\n" REPORT,
+          1);
     put(p, "{\"version\":1}", 1, id);
     wait_file(p, "pid");
     char *results = mem_printf("%s/results", p->base), *away = mem_printf("%s/away", p->base);
@@ -245,9 +246,8 @@ static void test_errors_come_from_the_last_line(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p,
-          PROLOGUE
-          "echo first >&2\n"
-          "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n",
+          PROLOGUE "echo first >&2\n"
+                   "echo '{\"code\":\"input_damaged\",\"message\":\"a.vdb ends early\"}' >&2\nexit 3\n",
           1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "input_damaged", "a.vdb ends early");
@@ -259,9 +259,8 @@ static void test_garbage_does_no_harm(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p,
-          PROLOGUE
-          "head -c 300000 /dev/zero | tr '\\0' x >&3; echo >&3; echo '[1]' >&3; echo '{\"a' >&3\n"
-          "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n",
+          PROLOGUE "head -c 300000 /dev/zero | tr '\\0' x >&3; echo >&3; echo '[1]' >&3; echo '{\"a' >&3\n"
+                   "head -c 300000 /dev/zero >&2; echo 'not JSON' >&2\nexit 9\n",
           1);
     put(p, "{}", 3, id);
     expect_end(p, id, QUEUE_FAILED, "internal", "exit status 9");
@@ -446,8 +445,8 @@ static void test_drain_puts_back_uncounted(void **state)
 }
 
 /* A worker that finds a third one beside it leaves a mark. */
-#define CROWD                                                                                                \
-    PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n"                                            \
+#define CROWD                                                     \
+    PROLOGUE "R=\"$D/../../r\"; mkdir -p \"$R\"; : > \"$R/$$\"\n" \
              "[ $(ls \"$R\" | wc -l) -gt 2 ] && : > \"$R/../crowd\"\nsleep 0.02\nrm \"$R/$$\"\n" REPORT
 
 static void expect_no_crowd(place *p, int workers, int threads, int64_t memory_mb)
@@ -748,7 +747,8 @@ int main(void)
         CASE(test_a_short_output_is_no_result),
         CASE(test_a_missing_worker_costs_no_job),
         CASE(test_progress_is_seen),
-        CASE(test_a_timeout_kills), CASE(test_a_timeout_is_of_all_attempts),
+        CASE(test_a_timeout_kills),
+        CASE(test_a_timeout_is_of_all_attempts),
         CASE(test_a_stall_is_noticed),
         CASE(test_cancel_of_a_deaf_worker),
         CASE(test_drain_puts_back_uncounted),

@@ -159,8 +159,11 @@ static void test_hash(void **state)
 static void test_clearing(void **state)
 {
     (void)state;
-    static const char *const names[] = {"clear.me",          "clear.me.0123456789abcdef", "clear.me.0123456789abcde",
-                                        "clear.me.0123456789abcdeg", "clear.you.0123456789abcdef",
+    static const char *const names[] = {"clear.me",
+                                        "clear.me.0123456789abcdef",
+                                        "clear.me.0123456789abcde",
+                                        "clear.me.0123456789abcdeg",
+                                        "clear.you.0123456789abcdef",
                                         "clear.me.0123456789abcdef0"};
     enum { NAMES = sizeof names / sizeof names[0] };
     for (int k = 0; k < NAMES; k++) assert_true(store_file_write(names[k], "x", 1, NULL));

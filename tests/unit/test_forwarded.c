@@ -68,7 +68,10 @@ static void test_cases(void **state)
         char text[ADDRESS_TEXT_SIZE];
         address peer;
         assert_true(address_parse(cases[i].peer, &peer));
-        address client = forwarded_client(&peer, &trusted, values, cases[i].second ? 2 : cases[i].first ? 1 : 0);
+        address client = forwarded_client(&peer, &trusted, values,
+                                          cases[i].second  ? 2
+                                          : cases[i].first ? 1
+                                                           : 0);
         address_print(&client, text);
         if (strcmp(text, cases[i].client) != 0)
             fail_msg("%s of %s: %s, not %s", cases[i].first, cases[i].peer, text, cases[i].client);
@@ -99,9 +102,20 @@ static void test_long_values(void **state)
 static void test_ranges(void **state)
 {
     (void)state;
-    static const char *const bad[] = {"",           "x",          "10.0.0.0/33", "10.0.0.0/",   "10.0.0.0/-1",
-                                      "10.0.0.0/x", "10.0.0/8",   "::/129",      "[::1]",       "10.0.0.1:80",
-                                      "/8",         "10.0.0.1 ",  "localhost",   "10.0.0.0/99999999999999999999"};
+    static const char *const bad[] = {"",
+                                      "x",
+                                      "10.0.0.0/33",
+                                      "10.0.0.0/",
+                                      "10.0.0.0/-1",
+                                      "10.0.0.0/x",
+                                      "10.0.0/8",
+                                      "::/129",
+                                      "[::1]",
+                                      "10.0.0.1:80",
+                                      "/8",
+                                      "10.0.0.1 ",
+                                      "localhost",
+                                      "10.0.0.0/99999999999999999999"};
     error e;
     address_ranges r;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {

@@ -143,7 +143,8 @@ static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
 
 static void wait_for_check(place *p, queue_health *known)
 {
-    for (int64_t end = clock_monotonic_ms() + 120000; *known = health_of(p), !known->checked_ms || known->checking;) {
+    for (int64_t end = clock_monotonic_ms() + 120000;
+         *known = health_of(p), !known->checked_ms || known->checking;) {
         assert_true(clock_monotonic_ms() < end);
         usleep(1000);
     }
@@ -255,7 +256,8 @@ static int64_t count_jobs(const char *path, const char *id)
     sqlite3 *file;
     sqlite3_stmt *s;
     assert_int_equal(sqlite3_open_v2(path, &file, SQLITE_OPEN_READONLY, NULL), SQLITE_OK);
-    assert_int_equal(sqlite3_prepare_v2(file, "SELECT count(*), sum(id = ?1) FROM job", -1, &s, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_prepare_v2(file, "SELECT count(*), sum(id = ?1) FROM job", -1, &s, NULL),
+                     SQLITE_OK);
     sqlite3_bind_text(s, 1, id, -1, SQLITE_STATIC);
     assert_int_equal(sqlite3_step(s), SQLITE_ROW);
     assert_int_equal(sqlite3_column_int(s, 1), 1);
@@ -293,7 +295,8 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
         put(p, "before", 0, before);
         start_writers(p, w, thread);
         if (!backup_make(p->q, path, 0, &e)) fail_msg("%s", e.message);
-        for (int i = 0; i < WRITERS; i++) assert_true(atomic_load(&w[i].count) < MOST_WRITES); /* it did not wait for their end */
+        for (int i = 0; i < WRITERS; i++)
+            assert_true(atomic_load(&w[i].count) < MOST_WRITES); /* it did not wait for their end */
         stop_writers(w, thread);
         assert_true(backup_check(path, true, NULL, &findings, &e));
         assert_string_equal(findings, "");
@@ -315,10 +318,11 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
     assert_true(backup_make(p->q, path, 0, &e));
     sqlite3 *file;
     assert_int_equal(sqlite3_open(path, &file), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(file,
-                                  "DROP INDEX event_by_job; PRAGMA foreign_keys = OFF; DELETE FROM job WHERE seq = 3;", NULL,
-                                  NULL, NULL),
-                     SQLITE_OK);
+    assert_int_equal(
+        sqlite3_exec(file,
+                     "DROP INDEX event_by_job; PRAGMA foreign_keys = OFF; DELETE FROM job WHERE seq = 3;",
+                     NULL, NULL, NULL),
+        SQLITE_OK);
     sqlite3_close(file);
     assert_true(backup_check(path, false, NULL, &findings, &e));
     assert_string_equal(findings, ""); /* its pages are good */

@@ -67,7 +67,8 @@ static bool is_there(place *p, const char *name)
 static void expect_moved(place *p, const char *name, bool moved)
 {
     char *away = mem_printf("lost+found/%s", name);
-    if (is_there(p, away) != moved || is_there(p, name) == moved) fail_msg("%s is%s moved", name, moved ? " not" : "");
+    if (is_there(p, away) != moved || is_there(p, name) == moved)
+        fail_msg("%s is%s moved", name, moved ? " not" : "");
     free(away);
 }
 
@@ -93,14 +94,19 @@ static void put(place *p, bool array, int attempts, queue_state end, char id[ULI
     for (int k = 0; k < attempts * (array ? 2 : 1); k++) {
         queue_claimed c = {0};
         bool found, accepted;
-        const queue_ending ending = {.state = end, .outcome = end == QUEUE_SUCCEEDED ? QUEUE_CONVERGED : QUEUE_NO_OUTCOME,
-                                     .error_code = "internal", .error_message = "no", .exit_status = 1, .signal = -1};
+        const queue_ending ending = {.state = end,
+                                     .outcome = end == QUEUE_SUCCEEDED ? QUEUE_CONVERGED : QUEUE_NO_OUTCOME,
+                                     .error_code = "internal",
+                                     .error_message = "no",
+                                     .exit_status = 1,
+                                     .signal = -1};
         assert_true(queue_claim_job(p->q, id, &c, &found, NULL) && found);
         const queue_fence fence = {id, c.task.number, c.task.attempt};
         bool again = c.task.attempt < attempts || end == QUEUE_QUEUED;
-        assert_true(again ? queue_requeue(p->q, &fence, true, again && end == QUEUE_QUEUED ? INT64_MAX / 2 : 0, &ending,
-                                          &accepted, NULL)
-                          : queue_finish(p->q, &fence, &ending, &accepted, NULL));
+        assert_true(again
+                        ? queue_requeue(p->q, &fence, true, again && end == QUEUE_QUEUED ? INT64_MAX / 2 : 0,
+                                        &ending, &accepted, NULL)
+                        : queue_finish(p->q, &fence, &ending, &accepted, NULL));
         queue_claimed_clear(&c);
     }
 }
@@ -115,11 +121,25 @@ static const struct {
     bool moved;
 } of_array[] = {
     /* two attempts of the frames 0 and 3, the second of which succeeded */
-    {"results", ".0", false},     {"results", ".3", false},     {"results", "", true},       {"results", ".1", true},
-    {"results", ".03", true},     {"results", ".0.1", true},    {"results", ".-1", true},    {"results", ".", true},
-    {"results", ".x", true},      {"results", ".3 ", true},     {"results", ".99999999999", true},
-    {"attempts", ".0.1", false},  {"attempts", ".3.2", false},  {"attempts", ".3.3", true},  {"attempts", ".1", true},
-    {"attempts", ".3.0", true},   {"attempts", ".3", true},     {"attempts", "", true},      {"attempts", ".3.1.1", true},
+    {"results", ".0", false},
+    {"results", ".3", false},
+    {"results", "", true},
+    {"results", ".1", true},
+    {"results", ".03", true},
+    {"results", ".0.1", true},
+    {"results", ".-1", true},
+    {"results", ".", true},
+    {"results", ".x", true},
+    {"results", ".3 ", true},
+    {"results", ".99999999999", true},
+    {"attempts", ".0.1", false},
+    {"attempts", ".3.2", false},
+    {"attempts", ".3.3", true},
+    {"attempts", ".1", true},
+    {"attempts", ".3.0", true},
+    {"attempts", ".3", true},
+    {"attempts", "", true},
+    {"attempts", ".3.1.1", true},
     {"attempts", ".0.01", true},
 };
 
@@ -151,7 +171,11 @@ static void test_results_of_jobs_in_each_state(void **state)
         queue_state end;
         int attempts;
         bool moved;
-    } cases[] = {{QUEUE_SUCCEEDED, 1, false}, {QUEUE_FAILED, 1, true}, {QUEUE_TIMED_OUT, 1, true}, {QUEUE_QUEUED, 0, true}, {QUEUE_QUEUED, 1, true}};
+    } cases[] = {{QUEUE_SUCCEEDED, 1, false},
+                 {QUEUE_FAILED, 1, true},
+                 {QUEUE_TIMED_OUT, 1, true},
+                 {QUEUE_QUEUED, 0, true},
+                 {QUEUE_QUEUED, 1, true}};
     char id[5][ULID_SIZE];
     for (int i = 0; i < 5; i++) {
         put(p, false, cases[i].attempts, cases[i].end, id[i]);
@@ -191,7 +215,8 @@ static void test_what_is_noted_is_left_to_the_removal(void **state)
 static void test_names_in_lost_and_found_are_not_taken_twice(void **state)
 {
     place *p = *state;
-    static const char *const expected[] = {"lost+found/results/x", "lost+found/results/x~1", "lost+found/results/x~2"};
+    static const char *const expected[] = {"lost+found/results/x", "lost+found/results/x~1",
+                                           "lost+found/results/x~2"};
     for (int i = 0; i < 3; i++) {
         make(p, "results/x");
         take(p);

@@ -45,8 +45,7 @@ static int set_up(void **state)
         .state_dir = p->base, .worker = "/nonexistent", .workers = 1, .memory_mb = 1024};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
-    p->context =
-        (http_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
+    p->context = (http_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
     get_fails = false;
     *state = p;
     return 0;
@@ -62,10 +61,9 @@ static int tear_down(void **state)
     return 0;
 }
 
-static const char body[] =
-    "{\"version\":1,\"name\":\"ball\",\"surface\":{\"analytic\":{\"shape\":\"sphere\","
-    "\"center\":[0,0,0],\"radius\":1}},\"sampling\":{\"count\":9},"
-    "\"queue\":{\"priority\":4,\"labels\":[\"a\"]}}";
+static const char body[] = "{\"version\":1,\"name\":\"ball\",\"surface\":{\"analytic\":{\"shape\":\"sphere\","
+                           "\"center\":[0,0,0],\"radius\":1}},\"sampling\":{\"count\":9},"
+                           "\"queue\":{\"priority\":4,\"labels\":[\"a\"]}}";
 
 /* A job that is in the queue is accepted, whatever befalls the database afterwards. */
 static void test_an_accepted_job_is_answered_201(void **state)

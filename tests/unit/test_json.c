@@ -98,8 +98,7 @@ static void test_every_truncation_is_refused(void **state)
     size_t length = strlen(text);
     json_free(accept(text));
     for (size_t n = 0; n < length; n++) {
-        char *part =
-            mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
+        char *part = mem_strndup(text, n); /* exactly n bytes, so that a sanitizer sees an overrun */
         refuse(part, n, "line 1");
         free(part);
     }
@@ -110,8 +109,8 @@ static void test_places(void **state)
     (void)state;
     json *root = accept("{\"a/b~\":[10,{\"x\":\"\\u00e4\\uD83D\\uDE00\"}],\"t\":true,\"z\":null}");
     json_at at = json_root(root), list = json_member(&at, "a/b~"), second = json_element(&list, 1),
-            x = json_member(&second, "x"), none = json_member(&x, "no"),
-            first = json_element(&at, 0), beyond = json_element(&list, 2);
+            x = json_member(&second, "x"), none = json_member(&x, "no"), first = json_element(&at, 0),
+            beyond = json_element(&list, 2);
     char pointer[64], small[6];
     assert_string_equal(json_pointer(&at, pointer, sizeof pointer), "");
     assert_string_equal(json_pointer(&x, pointer, sizeof pointer), "/a~1b~0/1/x");
@@ -145,8 +144,8 @@ static void test_values_are_found_and_set(void **state)
     assert_ptr_equal(json_find(root, ""), root);
     assert_ptr_equal(json_find(root, "/~01"), json_member(&at, "~1").node);
     assert_ptr_equal(json_find(root, "/"), json_member(&at, "").node);
-    static const char *const none[] = {"a/b~", "/no", "/a~1b~0/2", "/a~1b~0/x", "/a~1b~0/", "/a~1b~0/-1",
-                                       "/a~1b~0/0/x", "/a~1b~0/1/x/y"};
+    static const char *const none[] = {"a/b~",     "/no",        "/a~1b~0/2",   "/a~1b~0/x",
+                                       "/a~1b~0/", "/a~1b~0/-1", "/a~1b~0/0/x", "/a~1b~0/1/x/y"};
     for (size_t i = 0; i < sizeof none / sizeof *none; i++)
         if (json_find(root, none[i])) fail_msg("%s is found", none[i]);
     json_free(root);
@@ -183,9 +182,10 @@ static void test_building(void **state)
     json_put_object(inner, "e");
     char *text = json_print(root);
     assert_string_equal(
-        text, "{\"s\":\"a\\\"\\\\\\n\\u0001\xc3\xa4\",\"none\":null,\"n\":-3,\"inf\":null,"
-              "\"i\":9007199254740992,\"b\":false,\"z\":null,\"t\":{\"k\":[1.50]},\"zero\":-0,\"l\":[1e+300,\"x\"],"
-              "\"o\":[{\"e\":{}}]}");
+        text,
+        "{\"s\":\"a\\\"\\\\\\n\\u0001\xc3\xa4\",\"none\":null,\"n\":-3,\"inf\":null,"
+        "\"i\":9007199254740992,\"b\":false,\"z\":null,\"t\":{\"k\":[1.50]},\"zero\":-0,\"l\":[1e+300,\"x\"],"
+        "\"o\":[{\"e\":{}}]}");
     json *copy = json_copy(root), *again = accept(text);
     char *copied = json_print(copy), *reread = json_print(again), *pretty = json_print_pretty(list);
     assert_string_equal(copied, text);
@@ -254,8 +254,8 @@ static void test_numbers_round_trip(void **state)
         memcpy(&value, &bits, sizeof value);
         if (isfinite(value)) check_round_trip(value);
     }
-    json *root = accept(
-        "[0.1000000000000000000000000000000000000000000000000000000000000000000000000000001]");
+    json *root =
+        accept("[0.1000000000000000000000000000000000000000000000000000000000000000000000000000001]");
     char *text = json_print(root);
     assert_string_equal(text, "[0.1]");
     free(text);
@@ -287,9 +287,9 @@ static char *suite_directory(void)
 /* Valid JSON that this reader refuses on purpose, see json.h. */
 static bool is_refused_on_purpose(const char *name)
 {
-    static const char *const names[] = {
-        "y_object_duplicated_key.json", "y_object_duplicated_key_and_value.json",
-        "y_object_escaped_null_in_key.json", "y_string_null_escape.json"};
+    static const char *const names[] = {"y_object_duplicated_key.json",
+                                        "y_object_duplicated_key_and_value.json",
+                                        "y_object_escaped_null_in_key.json", "y_string_null_escape.json"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(names[i], name) == 0) return true;
     return false;
@@ -309,8 +309,7 @@ static void test_suite(void **state)
         size_t length;
         char *text = read_whole(path, &length);
         json *root = json_parse(text, length, NULL);
-        if (kind == 'y' && !root != is_refused_on_purpose(entry->d_name))
-            fail_msg("%s", entry->d_name);
+        if (kind == 'y' && !root != is_refused_on_purpose(entry->d_name)) fail_msg("%s", entry->d_name);
         if (kind == 'n' && root) fail_msg("accepted: %s", entry->d_name);
         if (root) free(json_print_pretty(root));
         json_free(root);

@@ -15,12 +15,24 @@ static void test_hosts(void **state)
     error e;
     pages *p = pages_new("myself:8080", "127.0.1.1:8080", named, 2, &e);
     assert_non_null(p);
-    static const char *const ours[] = {"127.0.1.1:8080", "localhost:8080", "LocalHost:8080", "127.0.0.1:8080",
-                                       "[::1]:8080",     "myself:8080",    "gui.example",    "localhost:3000"};
-    static const char *const others[] = {
-        "",           "localhost",        "localhost:80", "127.0.0.1",    "evil.example:8080", "localhost:8080.evil",
-        "::1:8080",   "localhost:08080",  "localhost:",   "evil.example", "gui.example:8080",  "xlocalhost:8080",
-        "localhost.", "127.0.0.1:8080 ",  "127.1:8080"};
+    static const char *const ours[] = {"127.0.1.1:8080", "localhost:8080", "LocalHost:8080",
+                                       "127.0.0.1:8080", "[::1]:8080",     "myself:8080",
+                                       "gui.example",    "localhost:3000"};
+    static const char *const others[] = {"",
+                                         "localhost",
+                                         "localhost:80",
+                                         "127.0.0.1",
+                                         "evil.example:8080",
+                                         "localhost:8080.evil",
+                                         "::1:8080",
+                                         "localhost:08080",
+                                         "localhost:",
+                                         "evil.example",
+                                         "gui.example:8080",
+                                         "xlocalhost:8080",
+                                         "localhost.",
+                                         "127.0.0.1:8080 ",
+                                         "127.1:8080"};
     for (size_t i = 0; i < sizeof ours / sizeof *ours; i++)
         if (!pages_is_host(p, ours[i])) fail_msg("%s", ours[i]);
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
@@ -44,10 +56,20 @@ static void test_origins(void **state)
     assert_true(pages_is_welcome(p, "http://localhost:8080") && pages_is_welcome(p, "http://[::1]:8080"));
     assert_true(pages_is_welcome(p, "https://gui.example") && pages_is_named(p, "https://gui.example"));
     assert_true(pages_is_named(p, "http://localhost:3000") && !pages_is_named(p, "http://localhost:8080"));
-    static const char *const others[] = {
-        "", "null", "http://", "http://evil.example", "https://localhost:8080", "http://gui.example",
-        "https://gui.example:443", "https://gui.example.evil", "https://evil.gui.example", "localhost:8080",
-        "http://localhost:8080/", "http://localhost:8080@evil.example", "http://localhost", "HTTPS://GUI.EXAMPLE"};
+    static const char *const others[] = {"",
+                                         "null",
+                                         "http://",
+                                         "http://evil.example",
+                                         "https://localhost:8080",
+                                         "http://gui.example",
+                                         "https://gui.example:443",
+                                         "https://gui.example.evil",
+                                         "https://evil.gui.example",
+                                         "localhost:8080",
+                                         "http://localhost:8080/",
+                                         "http://localhost:8080@evil.example",
+                                         "http://localhost",
+                                         "HTTPS://GUI.EXAMPLE"};
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
         if (pages_is_welcome(p, others[i])) fail_msg("%s", others[i]);
     pages_free(p);
@@ -56,8 +78,9 @@ static void test_origins(void **state)
 static void test_what_is_no_origin(void **state)
 {
     (void)state;
-    static const char *const bad[] = {"",           "*",         "null",       "gui.example", "http://", "ftp://x",
-                                      "http://x/",  "http://X",  "http://a b", "http://u@x",  "http://x?", "http:/x"};
+    static const char *const bad[] = {"",           "*",          "null",      "gui.example",
+                                      "http://",    "ftp://x",    "http://x/", "http://X",
+                                      "http://a b", "http://u@x", "http://x?", "http:/x"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         error e = {0};
         if (pages_new("", "127.0.0.1:1", &bad[i], 1, &e)) fail_msg("%s", bad[i]);

@@ -34,8 +34,12 @@ static void random_fixture(fixture *f, rng *r)
         f->weight[k] = k < NEIGHBOURS ? 0.5 + rng_uniform(r) : 0;
         f->size2[k] = 0.6 + rng_uniform(r);
     }
-    f->list =
-        (pair_list){.blocks = PADDED / PAIR_LANES, .x = f->x, .y = f->y, .z = f->z, .weight = f->weight, .size2 = f->size2};
+    f->list = (pair_list){.blocks = PADDED / PAIR_LANES,
+                          .x = f->x,
+                          .y = f->y,
+                          .z = f->z,
+                          .weight = f->weight,
+                          .size2 = f->size2};
     f->at = random_between(r, (vec3){-0.1, -0.1, -0.05}, (vec3){0.1, 0.1, 0.05});
     vec3_frame(vec3_unit(random_between(r, (vec3){-0.2, -0.2, 1}, (vec3){0.2, 0.2, 1})), &f->axis1,
                &f->axis2);
@@ -125,7 +129,8 @@ static void tables_agree_with_the_kernel_and_with_differences(void **state)
         fixture f;
         random_fixture(&f, &r);
         for (int k = 0; k < NEIGHBOURS; k++) /* keep off the truncation, where differences mean nothing */
-            if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sqrt(f.size2[k]) * sigma) < 1e-4)
+            if (fabs(vec3_norm(vec3_sub(f.at, (vec3){f.x[k], f.y[k], f.z[k]})) - sqrt(f.size2[k]) * sigma) <
+                1e-4)
                 f.weight[k] = 0;
         pair_forces p, q;
         pair_forces_at(&f.list, t, f.at, f.axis1, f.axis2, sigma, &p);

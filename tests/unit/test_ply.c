@@ -174,8 +174,7 @@ static void test_hostile_headers(void **state)
         refuse_with(&b, "vertex 3", "vertex -1", "COUNT");
         refuse_with(&b, "vertex 3", "vertex 03", "COUNT");
         refuse_with(&b, "vertex 3", "vertex ", "COUNT");
-        refuse_with(&b, "vertex 3", "vertex 2",
-                    format == PLY_ASCII ? "after its last point" : "cannot be");
+        refuse_with(&b, "vertex 3", "vertex 2", format == PLY_ASCII ? "after its last point" : "cannot be");
         refuse_with(&b, "vertex 3", "vertex 4", format == PLY_ASCII ? "" : "cannot be");
         refuse_with(&b, "float kappa1", "float kappaX", "'property float kappa1'");
         refuse_with(&b, "float kappa1", "double kappa1", "'property float kappa1'");
@@ -210,8 +209,7 @@ static void test_values_that_cannot_be_written(void **state)
         fclose(file);
         free(data);
     }
-    bytes b =
-        write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
+    bytes b = write_set(&s.points, PLY_BINARY_LITTLE_ENDIAN, PLY_DOUBLE); /* 1e39 is a good double */
     double bad = NAN;
     memcpy(b.data + b.length - 8, &bad, 8);
     refuse(b.data, b.length, "point 4999 has spacing_local = ");
@@ -245,8 +243,10 @@ static void test_verifying(void **state)
             FILE *file = tmpfile();
             assert_true(write_alone(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
-            assert_false(ply_verify(file, &s.points, (ply_format)!format, (ply_precision)precision, NULL, &e));
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)!precision, NULL, &e));
+            assert_false(
+                ply_verify(file, &s.points, (ply_format)!format, (ply_precision)precision, NULL, &e));
+            assert_false(
+                ply_verify(file, &s.points, (ply_format)format, (ply_precision)!precision, NULL, &e));
             double kept = s.scalar[6][4999];
             s.scalar[6][4999] *= 1 + 1e-6;
             assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
@@ -295,7 +295,8 @@ static void test_ids_and_velocities(void **state)
             check_equal(&s.points, &f.points, precision == PLY_FLOAT);
             assert_memory_equal(f.points.id, id, sizeof id);
             for (int i = 0; i < 3; i++)
-                assert_true(f.points.velocity[i].x == (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
+                assert_true(f.points.velocity[i].x ==
+                                (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
                             f.points.velocity[i].z == velocity[i].z);
             FILE *file = fmemopen(b.data, b.length, "rb");
             assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));

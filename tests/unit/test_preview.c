@@ -470,8 +470,8 @@ static void test_viridis(void **state)
     for (int i = 0; i <= 100; i++) {
         double c[3];
         colormap_color(i / 100.0, c);
-        double light = 0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) +
-                       0.0722 * colormap_linear(c[2]);
+        double light =
+            0.2126 * colormap_linear(c[0]) + 0.7152 * colormap_linear(c[1]) + 0.0722 * colormap_linear(c[2]);
         assert_true(light > previous);
         previous = light;
     }
@@ -528,8 +528,7 @@ static void test_legend(void **state)
         for (int k = 0; k < 3; k++)
             bar = bar && a[k] == lround(255 * first[k]) && b[k] == lround(255 * last[k]);
         rows += bar;
-        for (int x = 0; x < 512; x++)
-            assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
+        for (int x = 0; x < 512; x++) assert_int_equal(preview_at(m, x, y).id, 0); /* kept free of the set */
     }
     assert_int_equal(rows, 6);
     preview_free(m);
@@ -584,13 +583,12 @@ static void test_degenerate_sets(void **state)
     for (int what = 0; what < 8; what++) {
         size_t count = what == 0 ? 1 : what == 1 ? 4 : 500;
         double scale = what == 3 ? 1e24 : what == 4 ? 1e-30 : 1;
-        point_set s = point_set_sphere(
-            count, what == 5 ? vec3_make(1e12, -1e12, 1e12) : vec3_make(0, 0, 0), scale);
+        point_set s =
+            point_set_sphere(count, what == 5 ? vec3_make(1e12, -1e12, 1e12) : vec3_make(0, 0, 0), scale);
         for (size_t i = 0; i < count; i++) {
-            if (what == 2) s.position[i] = vec3_make(1, 2, 3);  /* all in one place */
-            if (what == 6) s.scalar[5][i] = s.scalar[6][i] = 0; /* discs of no size */
-            if (what == 7)
-                s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20; /* no plane, vast cells */
+            if (what == 2) s.position[i] = vec3_make(1, 2, 3);                      /* all in one place */
+            if (what == 6) s.scalar[5][i] = s.scalar[6][i] = 0;                     /* discs of no size */
+            if (what == 7) s.normal[i] = vec3_make(0, 0, 0), s.scalar[6][i] = 1e20; /* no plane, vast cells */
         }
         image *m = render(&s.points, 128, 96, QUANTITY_CURVATURE);
         size_t covered = count_covered(m);
@@ -606,14 +604,12 @@ static void test_one_point(void **state)
     (void)state;
     point_set s = point_set_sphere(1, vec3_make(0, 0, 0), 1);
     s.normal[0] = vec3_unit(vec3_make(0.52, -0.74, 0.43));
-    s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] =
-        0; /* flat: the body lies just a little below */
+    s.scalar[0][0] = s.scalar[1][0] = s.scalar[2][0] = 0; /* flat: the body lies just a little below */
     image *m = render(&s.points, 100, 100, QUANTITY_ALPHA);
     preview_sample p = preview_at(m, 50, 50);
     assert_int_equal(p.id, 1);
     assert_true(vec3_norm(vec3_sub(p.position, s.position[0])) < 0.1 * s.points.spacing_local[0]);
-    double area = 0, pixel = (double)p.depth / m->camera.focal,
-           radius = 0.70 * s.points.spacing_local[0];
+    double area = 0, pixel = (double)p.depth / m->camera.focal, radius = 0.70 * s.points.spacing_local[0];
     for (int i = 0; i < 100 * 100; i++) area += (double)half_to_float(m->rgba[4 * i + 3]);
     assert_true(fabs(area * pixel * pixel / (M_PI * radius * radius) - 1) < 0.1);
     preview_free(m);

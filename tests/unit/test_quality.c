@@ -210,8 +210,8 @@ static void energies_are_those_of_all_pairs(void **state)
                 double size = sized ? mean / spacing[i] : 1, support = sqrt(3) * (sized ? mean : h);
                 if (i == j) continue;
                 nearest = fmin(nearest, distance / mean);
-                energy += 0.5 * (alpha[i] + alpha[j]) * size * size *
-                          energy_cotangent.value(distance / support);
+                energy +=
+                    0.5 * (alpha[i] + alpha[j]) * size * size * energy_cotangent.value(distance / support);
             }
         }
         quality q;

@@ -779,8 +779,12 @@ static void test_forgetting_notes_what_is_to_be_removed(void **state)
     assert_true(requeue(p, single, claim(p, single), true, 0, &crash));
     assert_true(finish(p, single, 0, claim(p, single), &success));
     for (int task = 0; task < 2; task++) assert_true(finish(p, array, task, claim(p, array), &success));
-    queue_directory d[] = {{.frame = QUEUE_NO_FRAME}, {.frame = QUEUE_NO_FRAME, .attempt = 2},
-                           {.frame = QUEUE_NO_FRAME, .attempt = 3}, {.frame = 0}, {.frame = 3}, {.frame = 4}};
+    queue_directory d[] = {{.frame = QUEUE_NO_FRAME},
+                           {.frame = QUEUE_NO_FRAME, .attempt = 2},
+                           {.frame = QUEUE_NO_FRAME, .attempt = 3},
+                           {.frame = 0},
+                           {.frame = 3},
+                           {.frame = 4}};
     for (int i = 0; i < 6; i++) memcpy(d[i].id, i < 4 ? single : array, ULID_SIZE);
     static const bool belongs[] = {true, true, true, false, true, false};
     assert_true(queue_find_directories(p->q, d, 6, NULL));
@@ -840,8 +844,10 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && accepted);
     expect_state(p, blocked, QUEUE_SUCCEEDED);
     expect_state(p, last, QUEUE_QUEUED); /* whom it kept waiting */
-    assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
-    assert_true(queue_end_found(p->q, paused, QUEUE_NO_FRAME, QUEUE_NOT_CONVERGED, &accepted, NULL) && accepted);
+    assert_true(queue_end_found(p->q, blocked, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
+                !accepted);
+    assert_true(queue_end_found(p->q, paused, QUEUE_NO_FRAME, QUEUE_NOT_CONVERGED, &accepted, NULL) &&
+                accepted);
     queue_job job = get(p, paused);
     assert_int_equal(job.state, QUEUE_SUCCEEDED);
     assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);
@@ -852,9 +858,11 @@ static void test_a_result_that_is_found_ends_what_waits(void **state)
     expect_state(p, array, QUEUE_RUNNING); /* between two frames */
     assert_true(queue_end_found(p->q, array, 3, QUEUE_CONVERGED, &accepted, NULL) && accepted);
     expect_state(p, array, QUEUE_SUCCEEDED);
-    assert_true(queue_end_found(p->q, "0123456789abcdefghjkmnpqrs", 3, QUEUE_CONVERGED, &accepted, NULL) && !accepted);
+    assert_true(queue_end_found(p->q, "0123456789abcdefghjkmnpqrs", 3, QUEUE_CONVERGED, &accepted, NULL) &&
+                !accepted);
     assert_int_equal(claim(p, last), 1);
-    assert_true(queue_end_found(p->q, last, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) && !accepted); /* runs */
+    assert_true(queue_end_found(p->q, last, QUEUE_NO_FRAME, QUEUE_CONVERGED, &accepted, NULL) &&
+                !accepted); /* runs */
 }
 
 static void test_adopted_jobs(void **state)
@@ -863,17 +871,30 @@ static void test_adopted_jobs(void **state)
     queue_adopted_task one = {.frame = QUEUE_NO_FRAME, .outcome = QUEUE_CONVERGED, .finished_ms = 50};
     queue_adopted_task many[] = {{.frame = 1, .outcome = QUEUE_CONVERGED, .finished_ms = 70},
                                  {.frame = 5, .outcome = QUEUE_NOT_CONVERGED, .finished_ms = 60}};
-    queue_adoption jobs[] = {
-        {.id = "00000000a0abcdefghjkmnpqrs", .name = "n", .labels = "[\"x\",\"x\"]", .spec = "{}", .priority = 2,
-         .max_attempts = 3, .threads = 4, .memory_mb = 5, .tasks = &one, .task_count = 1},
-        {.id = "00000000a0abcdefghjkmnpqrt", .labels = "[]", .spec = "{}", .max_attempts = 1, .threads = 1,
-         .tasks = many, .task_count = 2}};
+    queue_adoption jobs[] = {{.id = "00000000a0abcdefghjkmnpqrs",
+                              .name = "n",
+                              .labels = "[\"x\",\"x\"]",
+                              .spec = "{}",
+                              .priority = 2,
+                              .max_attempts = 3,
+                              .threads = 4,
+                              .memory_mb = 5,
+                              .tasks = &one,
+                              .task_count = 1},
+                             {.id = "00000000a0abcdefghjkmnpqrt",
+                              .labels = "[]",
+                              .spec = "{}",
+                              .max_attempts = 1,
+                              .threads = 1,
+                              .tasks = many,
+                              .task_count = 2}};
     assert_true(queue_adopt(p->q, jobs, 2, NULL));
     queue_job job = get(p, jobs[0].id);
     assert_int_equal(job.state, QUEUE_SUCCEEDED);
     assert_int_equal(job.created_ms, ulid_time_ms(jobs[0].id));
     assert_int_equal(job.finished_ms, 50);
-    assert_true(!job.array && job.tasks.all == 1 && job.tasks.succeeded == 1 && job.priority == 2 && job.threads == 4);
+    assert_true(!job.array && job.tasks.all == 1 && job.tasks.succeeded == 1 && job.priority == 2 &&
+                job.threads == 4);
     queue_job_clear(&job);
     job = get(p, jobs[1].id);
     assert_int_equal(job.outcome, QUEUE_NOT_CONVERGED);

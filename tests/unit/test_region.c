@@ -151,7 +151,8 @@ static void points_lie_in_the_region_and_follow_area(void **state)
     part p;
     int slab[SLABS] = {0};
     cut(&ball, (bbox){{-2, -2, 0.3}, {2, 2, 0.47}}, &p); /* a few cells: most are cut */
-    double sagitta = 3 * p.field->cell_size * p.field->cell_size / 8; /* of a chord as long as a cell is wide */
+    double sagitta =
+        3 * p.field->cell_size * p.field->cell_size / 8; /* of a chord as long as a cell is wide */
     for (int k = 0; k < POINTS; k++) {
         vec3 x = surface_point(p.scan, p.scan->area_before, rng_uniform(&r) * p.scan->area, &r);
         assert_close(vec3_norm(x), 1, sagitta);

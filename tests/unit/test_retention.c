@@ -208,7 +208,8 @@ static void test_a_start_removes_what_was_noted(void **state)
     run(p, kept, QUEUE_NO_FRAME);
     put_directory(result_directory(p->base, unknown, QUEUE_NO_FRAME)); /* not ours to remove */
     put_directory(result_attempt_directory(p->base, unknown, QUEUE_NO_FRAME, 1));
-    put_directory(result_attempt_directory(p->base, gone, 1, 3)); /* nor this: the queue never gave that number */
+    put_directory(
+        result_attempt_directory(p->base, gone, 1, 3)); /* nor this: the queue never gave that number */
     assert_true(queue_delete(p->q, gone, &found, &deleted, NULL));
     assert_true(deleted);
     assert_int_equal(count_removals(p), 2);
@@ -285,7 +286,8 @@ static void test_what_was_sent_goes_when_nobody_wants_it(void **state)
     p->inputs = store_inputs_open(directory, 100, 9, NULL);
     assert_non_null(p->inputs);
     const char *inputs[] = {name};
-    queue_submission s = {.labels = "[]", .spec = "{}", .max_attempts = 3, .inputs = inputs, .input_count = 1};
+    queue_submission s = {
+        .labels = "[]", .spec = "{}", .max_attempts = 3, .inputs = inputs, .input_count = 1};
     queue_receipt receipt;
     assert_true(queue_put(p->q, &s, &receipt, NULL));
     memcpy(id, receipt.id, sizeof id);
@@ -327,7 +329,8 @@ static void *collect(void *argument)
 {
     place *p = argument;
     size_t gone;
-    return store_inputs_collect(p->inputs, clock_wall_ms() - 500000, wants_none, NULL, &gone, NULL) ? p : NULL;
+    return store_inputs_collect(p->inputs, clock_wall_ms() - 500000, wants_none, NULL, &gone, NULL) ? p
+                                                                                                    : NULL;
 }
 
 static void send_it(place *p, const char *hex)

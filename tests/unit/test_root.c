@@ -125,8 +125,7 @@ static void test_escapes_are_forbidden(void **state)
     expect_error(p, "loop", ERROR_PATH_FORBIDDEN);
     expect_error(p, "/etc/passwd", ERROR_PATH_FORBIDDEN);
     expect_error(p, "/", ERROR_PATH_FORBIDDEN);
-    char *sibling =
-        mem_printf("%s-not", p->root); /* shares the text of the root, not the directory */
+    char *sibling = mem_printf("%s-not", p->root); /* shares the text of the root, not the directory */
     expect_error(p, sibling, ERROR_PATH_FORBIDDEN);
     free(sibling);
     char *absolute = mem_printf("%s/../outside", p->root);

@@ -387,7 +387,8 @@ static int write_output(const place *p)
 
 static int spawn(const char *program)
 {
-    static char name[] = "program", again[] = AGAIN, *arguments[] = {name, again, NULL}, *environment[] = {NULL};
+    static char name[] = "program", again[] = AGAIN, *arguments[] = {name, again, NULL},
+                *environment[] = {NULL};
     pid_t pid;
     int status, why = posix_spawn(&pid, program, NULL, NULL, arguments, environment);
     if (why) return why;

@@ -89,7 +89,8 @@ static void test_no_change_leaves_a_document(void **state)
     expect_gone(s, p, id);
     int priority = 3;
     int64_t retention_s = 7;
-    const queue_edit edits[] = {{.priority = &priority}, {.labels = "[\"b\"]"}, {.retention_s = &retention_s}};
+    const queue_edit edits[] = {
+        {.priority = &priority}, {.labels = "[\"b\"]"}, {.retention_s = &retention_s}};
     for (size_t i = 0; i < sizeof edits / sizeof *edits; i++) {
         queue_edited edited;
         assert_true(queue_change(p->q, id, -1, &edits[i], &edited, NULL));

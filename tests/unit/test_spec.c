@@ -14,19 +14,19 @@
 #include "spec/spec.h"
 #include "spec/spec_table.h"
 
-#define SPHERE                                                                                               \
-    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"                       \
+#define SPHERE                                                                         \
+    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}}," \
     "\"sampling\":{\"count\":100}"
 
-#define GRADED(grading)                                                                                      \
-    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}},"                       \
+#define GRADED(grading)                                                                \
+    "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0.4}}," \
     "\"sampling\":{\"count\":100," grading "}}"
-#define EXR(path, slices)                                                                                    \
-    "{\"version\":1,\"surface\":{\"exr\":{\"path\":" path ",\"slices\":" slices ",\"isovalue\":1}},"         \
+#define EXR(path, slices)                                                                            \
+    "{\"version\":1,\"surface\":{\"exr\":{\"path\":" path ",\"slices\":" slices ",\"isovalue\":1}}," \
     "\"sampling\":{\"count\":100}}"
 
-#define COMBINED(kind)                                                                                       \
-    "{\"version\":1,\"surface\":{\"" kind "\":[{\"analytic\":{\"shape\":\"quartic\"}},"                      \
+#define COMBINED(kind)                                                                  \
+    "{\"version\":1,\"surface\":{\"" kind "\":[{\"analytic\":{\"shape\":\"quartic\"}}," \
     "{\"mesh\":{\"path\":\"a.ply\"}}]},\"sampling\":{\"count\":100}}"
 
 static json *document(const char *text)
@@ -231,8 +231,7 @@ static bool has_fractions(const spec_row *row)
 
 static double beyond(const spec_row *row, double bound, int direction)
 {
-    if (has_fractions(row))
-        return nextafter(bound, direction * INFINITY);
+    if (has_fractions(row)) return nextafter(bound, direction * INFINITY);
     return bound + direction * (fabs(bound) < 9e15 ? 1 : 2);
 }
 
@@ -254,8 +253,7 @@ static void test_bounds_of_every_row(void **state)
         }
         try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
         try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
-        if (!has_fractions(row))
-            try_value(row, number_of(row->low + 0.25), false, NAN);
+        if (!has_fractions(row)) try_value(row, number_of(row->low + 0.25), false, NAN);
     }
 }
 
@@ -424,7 +422,8 @@ static char *bspline(const char *dims, const char *members)
                       dims, members);
 }
 
-static void expect_bspline_fault(const char *dims, const char *members, const char *pointer, const char *words)
+static void expect_bspline_fault(const char *dims, const char *members, const char *pointer,
+                                 const char *words)
 {
     char *text = bspline(dims, members);
     expect_fault(text, ERROR_SPEC_INVALID, pointer, words);
@@ -486,8 +485,8 @@ static void test_bspline(void **state)
     expect_bspline_fault("[4,4,4]", "", "/surface/bspline", "exactly one of coefficients, path (given none)");
     expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"max\":[1,0,1]}",
                          "/surface/bspline/domain/max/1", "begins at 0 and ends at 0");
-    expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"min\":[0,0,1]}",
-                         "/surface/bspline/domain", "begins at 1 and ends at 1");
+    expect_bspline_fault("[4,4,4]", ",\"path\":\"c\",\"domain\":{\"min\":[0,0,1]}", "/surface/bspline/domain",
+                         "begins at 1 and ends at 1");
 }
 
 /* An array is read in one walk: element by element, these would take minutes. */
@@ -737,7 +736,8 @@ static void test_faults(void **state)
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
     expect_fault("{\"sampling\":{\"time_s\":9,\"curvature\":{\"ratio\":2},\"min_spacing\":0.1}}", invalid,
                  "/sampling/time_s", "leave out min_spacing");
-    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma", "is required");
+    expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma",
+                 "is required");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",

@@ -43,7 +43,8 @@ static void test_scopes(void **state)
     assert_true(scope_parse("admin", &scopes));
     assert_int_equal(scopes, SCOPE_ALL);
     assert_string_equal(scope_print(scopes, text), "read,submit,cancel,admin");
-    static const char *const bad[] = {"", ",", "read,", ",read", "read,read", "Read", "rea", "reads", "read submit"};
+    static const char *const bad[] = {"",     ",",   "read,", ",read",      "read,read",
+                                      "Read", "rea", "reads", "read submit"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         if (scope_parse(bad[i], &scopes)) fail_msg("%s", bad[i]);
     assert_int_equal(scopes, SCOPE_ALL);
@@ -59,7 +60,8 @@ static void test_a_token_is_found_by_its_secret_alone(void **state)
     assert_non_null(token_set_add(&made, "bob@studio", SCOPE_ALL, second, &e));
     assert_string_not_equal(first, second);
     assert_int_equal(strlen(first), TOKEN_SIZE - 1);
-    if (!token_set_write(path, &made, TOKEN_NO_GROUP, &e) || !token_set_read(path, &read, &e)) fail_msg("%s", e.message);
+    if (!token_set_write(path, &made, TOKEN_NO_GROUP, &e) || !token_set_read(path, &read, &e))
+        fail_msg("%s", e.message);
     struct stat info;
     assert_int_equal(stat(path, &info), 0);
     assert_int_equal(info.st_mode & 0777, 0600);
@@ -132,7 +134,8 @@ static void test_files_that_are_refused(void **state)
     char secret[TOKEN_SIZE];
     assert_null(token_set_add(&set, "", SCOPE_READ, secret, &e));
     assert_null(token_set_add(&set, "a b", SCOPE_READ, secret, &e));
-    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, secret, &e)); /* that is how users without a name are called */
+    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, secret,
+                              &e)); /* that is how users without a name are called */
 }
 
 /* As user and group `id`, which is in group `other` as well. */
@@ -174,7 +177,8 @@ static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
     assert_true(token_set_write(path, &set, 60001, &e));
     expect_owner(60001, 0640);
     assert_true(can_read_as(60001, 60002));
-    assert_false(can_read_as(60002, 60001)); /* it can be opened, and is refused: the group has other members */
+    assert_false(
+        can_read_as(60002, 60001)); /* it can be opened, and is refused: the group has other members */
     assert_false(can_read_as(60003, 60003));
     /* a group that an administrator has given it stays */
     assert_int_equal(chown(path, 0, 60002), 0);
@@ -249,7 +253,8 @@ int main(void)
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_a_file_of_root_is_for_the_group_of_the_service, set_up,
+                                        tear_down),
         cmocka_unit_test_setup_teardown(test_peers_and_tokens, set_up, tear_down),
     };
     return cmocka_run_group_tests_name("token", tests, NULL, NULL);

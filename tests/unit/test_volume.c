@@ -17,7 +17,10 @@
 
 #define SEED 20240229u
 
-static double ball(vec3 p) { return vec3_norm(p) - 1.0; }
+static double ball(vec3 p)
+{
+    return vec3_norm(p) - 1.0;
+}
 
 /* Smooth, with structure at five voxels and more in every direction. */
 static double waves(vec3 p)
@@ -32,7 +35,8 @@ static double noise(vec3 p)
     return fixture_random(&noise_state);
 }
 
-static const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated, fixture_mirrored};
+static const double *const transforms[] = {fixture_uniform, fixture_nonuniform, fixture_rotated,
+                                           fixture_mirrored};
 #define TRANSFORMS (sizeof transforms / sizeof *transforms)
 
 static void the_spline_goes_through_the_samples(void **state)
@@ -82,7 +86,8 @@ static void check_derivatives(const field *f, vec3 x, double *worst_gradient, do
         vec3 a = x, b = x;
         vec3_set(&a, axis, vec3_get(x, axis) - d);
         vec3_set(&b, axis, vec3_get(x, axis) + d);
-        if (!field_sample_at(f, a, FIELD_GRADIENT, &low) || !field_sample_at(f, b, FIELD_GRADIENT, &high)) return;
+        if (!field_sample_at(f, a, FIELD_GRADIENT, &low) || !field_sample_at(f, b, FIELD_GRADIENT, &high))
+            return;
         double slope = (high.value - low.value) / (2 * d);
         *worst_gradient = fmax(*worst_gradient, fabs(slope - vec3_get(s.gradient, axis)) / scale);
         for (int other = 0; other < 3; other++) {
@@ -113,7 +118,8 @@ static void derivatives_are_those_of_the_values(void **state)
                     vec3_set(&x, axis, vec3_get(x, axis) + (fixture_random(&seed) - 0.5) * 4 * f->cell_size);
                 check_derivatives(f, x, &gradient, &hessian);
             }
-            print_message("# transform %zu, reconstruction %d: gradient %.2e, hessian %.2e\n", t, how, gradient, hessian);
+            print_message("# transform %zu, reconstruction %d: gradient %.2e, hessian %.2e\n", t, how,
+                          gradient, hessian);
             assert_true(gradient > 0 && gradient < gradient_tolerance);
             assert_true(hessian > 0 && hessian < hessian_tolerance);
             volume_close(v);
@@ -132,7 +138,8 @@ static void measure_ball(const volume *v, double *median, double *largest, doubl
 {
     const field *f = volume_field(v);
     size_t cells = f->ops->cell_count(f), n = 0;
-    double *errors = mem_array(cells, sizeof(double), "errors", NULL), *k1 = mem_array(cells, sizeof(double), "k", NULL),
+    double *errors = mem_array(cells, sizeof(double), "errors", NULL),
+           *k1 = mem_array(cells, sizeof(double), "k", NULL),
            *k2 = mem_array(cells, sizeof(double), "k", NULL);
     for (size_t k = 0; k < cells; k++) {
         vec3 x;
@@ -173,8 +180,9 @@ static void a_ball_comes_out_round(void **state)
             volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
             double median, largest, k[2];
             measure_ball(v, &median, &largest, k);
-            print_message("# ball, transform %zu, %s%s: median %.6f, largest %.6f voxel, curvatures %.4f %.4f\n", t,
-                          cases[c].type, cases[c].half ? " as half" : "", median, largest, k[0], k[1]);
+            print_message(
+                "# ball, transform %zu, %s%s: median %.6f, largest %.6f voxel, curvatures %.4f %.4f\n", t,
+                cases[c].type, cases[c].half ? " as half" : "", median, largest, k[0], k[1]);
             assert_true(volume_describe(v)->level_set);
             assert_true(median < cases[c].median && largest < cases[c].largest);
             assert_true(fabs(k[0] - 1) < 0.02 && fabs(k[1] - 1) < 0.02);
@@ -188,8 +196,10 @@ static void a_clamped_band_does_not_ring(void **state)
     (void)state;
     /* The same ball with a band of 3 voxels and with one of 9, which holds all that counts. */
     const double tolerance_vox = 1e-4, curvature_tolerance = 0.01;
-    fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3), wide = fixture_make(fixture_uniform, 22, ball, 0.9);
-    volume *a = fixture_volume(&narrow, NAN, VOLUME_INTERPOLATING), *b = fixture_volume(&wide, NAN, VOLUME_INTERPOLATING);
+    fixture narrow = fixture_make(fixture_uniform, 22, ball, 0.3),
+            wide = fixture_make(fixture_uniform, 22, ball, 0.9);
+    volume *a = fixture_volume(&narrow, NAN, VOLUME_INTERPOLATING),
+           *b = fixture_volume(&wide, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(a), *g = volume_field(b);
     size_t cells = f->ops->cell_count(f);
     assert_int_equal(cells, g->ops->cell_count(g));
@@ -217,16 +227,19 @@ static void a_filled_inside_leaves_the_outside_clamped(void **state)
 {
     (void)state;
     /* All of the inside known, the outside active but clamped: the clamp must still be seen there. */
-    fixture filled = fixture_make(fixture_uniform, 22, ball, 1.1), all = fixture_make(fixture_uniform, 22, ball, 1.1);
+    fixture filled = fixture_make(fixture_uniform, 22, ball, 1.1),
+            all = fixture_make(fixture_uniform, 22, ball, 1.1);
     for (size_t i = 0; i < filled.draft.voxel_count; i++) filled.values[i] = fminf(filled.values[i], 0.3f);
     filled.draft.background = 0.3;
-    volume *a = fixture_volume(&filled, NAN, VOLUME_INTERPOLATING), *b = fixture_volume(&all, NAN, VOLUME_INTERPOLATING);
+    volume *a = fixture_volume(&filled, NAN, VOLUME_INTERPOLATING),
+           *b = fixture_volume(&all, NAN, VOLUME_INTERPOLATING);
     const field *f = volume_field(a), *g = volume_field(b);
     double moved = 0;
     for (size_t k = 0; k < f->ops->cell_count(f); k++) {
         vec3 x;
         field_sample s;
-        assert_true(fixture_project(f, fixture_cell_center(f, k), &x) && field_sample_at(g, x, FIELD_GRADIENT, &s));
+        assert_true(fixture_project(f, fixture_cell_center(f, k), &x) &&
+                    field_sample_at(g, x, FIELD_GRADIENT, &s));
         moved = fmax(moved, fabs(s.value) / vec3_norm(s.gradient) / 0.1);
     }
     print_message("# filled inside, clamped outside: %.2e voxel\n", moved);
@@ -315,8 +328,12 @@ static void surfaces_on_the_faces_of_tiles_are_found(void **state)
     (void)state;
     /* A fog cube of one tile of 128^3 and beside it one of 8^3, with no leaf at all. */
     const vdb_tile tiles[] = {{{0, 0, 0}, 128, 1, true}, {{256, 8, 16}, 8, 1, true}};
-    vdb_draft draft = {.name = "tiles", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
-                       .tile_count = 2, .tiles = tiles};
+    vdb_draft draft = {.name = "tiles",
+                       .type = "float",
+                       .grid_class = VDB_FOG,
+                       .index_to_world = fixture_uniform,
+                       .tile_count = 2,
+                       .tiles = tiles};
     error e = {0};
     int fd = fixture_write(&draft, 1, VDB_SEEKABLE, false);
     volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
@@ -364,7 +381,8 @@ static void opening_twice_gives_the_same_bits(void **state)
 {
     (void)state;
     fixture g = fixture_make(fixture_rotated, 14, waves, 0);
-    volume *a = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING), *b = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING);
+    volume *a = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING),
+           *b = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING);
     const field *f = volume_field(a), *h = volume_field(b);
     assert_int_equal(f->ops->cell_count(f), h->ops->cell_count(h));
     for (size_t k = 0; k < f->ops->cell_count(f); k++) {
@@ -373,7 +391,8 @@ static void opening_twice_gives_the_same_bits(void **state)
         f->ops->cell(f, k, &p);
         h->ops->cell(h, k, &q);
         assert_memory_equal(&p, &q, sizeof p);
-        assert_true(field_sample_at(f, p.corner[0], FIELD_HESSIAN, &s) && field_sample_at(h, p.corner[0], FIELD_HESSIAN, &r));
+        assert_true(field_sample_at(f, p.corner[0], FIELD_HESSIAN, &s) &&
+                    field_sample_at(h, p.corner[0], FIELD_HESSIAN, &r));
         assert_memory_equal(&s, &r, sizeof s);
     }
     volume_close(a);
@@ -389,11 +408,13 @@ static void outside_the_bricks_there_is_no_field(void **state)
     const field *f = volume_field(v);
     field_sample s = {.value = 42};
     const vec3 far[] = {{1e9, 0, 0}, {0, -1e300, 0}, {NAN, 0, 0}, {0, INFINITY, 0}, {3, 3, 3}};
-    for (size_t i = 0; i < sizeof far / sizeof *far; i++) assert_false(field_sample_at(f, far[i], FIELD_HESSIAN, &s));
+    for (size_t i = 0; i < sizeof far / sizeof *far; i++)
+        assert_false(field_sample_at(f, far[i], FIELD_HESSIAN, &s));
     assert_true(s.value == 42);
     const volume_info *info = volume_describe(v);
     assert_true(fabs(f->extent - 2) <= 0.21 && !f->open && fabs(f->cell_size - 0.1) < 1e-9);
-    assert_true(bbox_contains(f->domain, info->surface_box.min) && bbox_contains(f->domain, info->surface_box.max));
+    assert_true(bbox_contains(f->domain, info->surface_box.min) &&
+                bbox_contains(f->domain, info->surface_box.max));
     volume_close(v);
     fixture_free(&g);
 }
@@ -417,8 +438,8 @@ static void the_example_is_a_knot(void **state)
         field_curvature(&s, &k1, &k2);
         assert_true(fabs(k1 - 1 / EXAMPLE_TUBE_RADIUS) < 0.25 / EXAMPLE_TUBE_RADIUS);
     }
-    print_message("# example: %llu voxels, %lld bytes\n", (unsigned long long)volume_describe(v)->active_voxels,
-                  (long long)lseek(fd, 0, SEEK_END));
+    print_message("# example: %llu voxels, %lld bytes\n",
+                  (unsigned long long)volume_describe(v)->active_voxels, (long long)lseek(fd, 0, SEEK_END));
     volume_close(v);
     close(fd);
 }
@@ -426,13 +447,19 @@ static void the_example_is_a_knot(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_spline_goes_through_the_samples), cmocka_unit_test(derivatives_are_those_of_the_values),
-        cmocka_unit_test(a_ball_comes_out_round), cmocka_unit_test(a_clamped_band_does_not_ring),
+        cmocka_unit_test(the_spline_goes_through_the_samples),
+        cmocka_unit_test(derivatives_are_those_of_the_values),
+        cmocka_unit_test(a_ball_comes_out_round),
+        cmocka_unit_test(a_clamped_band_does_not_ring),
         cmocka_unit_test(a_filled_inside_leaves_the_outside_clamped),
-        cmocka_unit_test(edges_and_thin_walls_stay_tame), cmocka_unit_test(smoothing_blurs_by_what_theory_says),
-        cmocka_unit_test(an_isovalue_moves_a_level_set), cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
-        cmocka_unit_test(files_without_offsets_read_the_same), cmocka_unit_test(opening_twice_gives_the_same_bits),
-        cmocka_unit_test(outside_the_bricks_there_is_no_field), cmocka_unit_test(the_example_is_a_knot),
+        cmocka_unit_test(edges_and_thin_walls_stay_tame),
+        cmocka_unit_test(smoothing_blurs_by_what_theory_says),
+        cmocka_unit_test(an_isovalue_moves_a_level_set),
+        cmocka_unit_test(surfaces_on_the_faces_of_tiles_are_found),
+        cmocka_unit_test(files_without_offsets_read_the_same),
+        cmocka_unit_test(opening_twice_gives_the_same_bits),
+        cmocka_unit_test(outside_the_bricks_there_is_no_field),
+        cmocka_unit_test(the_example_is_a_knot),
     };
     return cmocka_run_group_tests_name("volume", tests, NULL, NULL);
 }

@@ -22,9 +22,9 @@
 
 typedef struct expectation {
     const char *file, *grid;
-    double isovalue; /* NAN: none is given */
-    error_code code; /* ERROR_NONE: it opens */
-    const char *word; /* in the error's message */
+    double isovalue;        /* NAN: none is given */
+    error_code code;        /* ERROR_NONE: it opens */
+    const char *word;       /* in the error's message */
     double least_projected; /* share of cells from which Newton reaches the surface */
 } expectation;
 
@@ -83,8 +83,8 @@ static void check(const char *folder, const expectation *x)
     if (x->code != ERROR_NONE) {
         assert_null(v);
         if (e.code != x->code || !strstr(e.message, x->word))
-            fail_msg("%s: %s instead of %s with '%s': %s", x->file, error_code_name(e.code), error_code_name(x->code), x->word,
-                     e.message);
+            fail_msg("%s: %s instead of %s with '%s': %s", x->file, error_code_name(e.code),
+                     error_code_name(x->code), x->word, e.message);
         return;
     }
     if (!v) fail_msg("%s: %s", x->file, e.message);
@@ -97,8 +97,8 @@ static void check(const char *folder, const expectation *x)
         vec3 start = fixture_cell_center(f, (size_t)(fixture_random(&seed) * cells));
         projected += fixture_project(f, start, &p);
     }
-    print_message("# %s %s: %.0f cells, %.4f of the starts reach the surface\n", x->file, volume_describe(v)->grid, cells,
-                  (double)projected / POINTS);
+    print_message("# %s %s: %.0f cells, %.4f of the starts reach the surface\n", x->file,
+                  volume_describe(v)->grid, cells, (double)projected / POINTS);
     assert_true(projected >= x->least_projected * POINTS);
     volume_close(v);
 }
@@ -132,8 +132,9 @@ static void hostile_volumes(void **state)
     static const expectation lfs = {"git_lfs_pointer.vdb", NULL, NAN, ERROR_INPUT_DAMAGED, "git lfs pull", 0};
     static const expectation cut = {"truncated.vdb", NULL, 0.5, ERROR_INPUT_DAMAGED, "cut short", 0};
     /* Their bounding boxes are metadata, which nothing here believes; none of them holds a voxel. */
-    static const char *const boxes[] = {"bad-bbox-bomb.vdb",     "bad-bbox-huge.vdb",    "bad-bbox-inverted.vdb",
-                                        "bad-bbox-overflow.vdb", "bad-bbox-roundup.vdb", "bad-bbox-empty.vdb"};
+    static const char *const boxes[] = {"bad-bbox-bomb.vdb",     "bad-bbox-huge.vdb",
+                                        "bad-bbox-inverted.vdb", "bad-bbox-overflow.vdb",
+                                        "bad-bbox-roundup.vdb",  "bad-bbox-empty.vdb"};
     check("malformed", &lfs);
     check("malformed/openvdb_damaged", &cut);
     for (size_t i = 0; i < sizeof boxes / sizeof *boxes; i++) {
@@ -164,7 +165,8 @@ static void the_sphere_is_a_sphere(void **state)
     uint64_t seed = SEED;
     double mean = 0;
     for (int i = 0; i < POINTS; i++) {
-        double u = 2 * fixture_random(&seed) - 1, angle = 2 * M_PI * fixture_random(&seed), r = sqrt(1 - u * u);
+        double u = 2 * fixture_random(&seed) - 1, angle = 2 * M_PI * fixture_random(&seed),
+               r = sqrt(1 - u * u);
         vec3 p;
         field_sample s;
         assert_true(fixture_project(f, (vec3){2.98 * r * cos(angle), 2.98 * r * sin(angle), 2.98 * u}, &p));
@@ -177,8 +179,8 @@ static void the_sphere_is_a_sphere(void **state)
     qsort(miss, POINTS, sizeof *miss, by_size);
     qsort(k1, POINTS, sizeof *k1, by_size);
     qsort(k2, POINTS, sizeof *k2, by_size);
-    print_message("# sphere: median %.6f, largest %.6f, mean %.6f voxel; curvatures %.5f %.5f of 1/3\n", miss[POINTS / 2],
-                  miss[POINTS - 1], mean, 3 * k1[POINTS / 2], 3 * k2[POINTS / 2]);
+    print_message("# sphere: median %.6f, largest %.6f, mean %.6f voxel; curvatures %.5f %.5f of 1/3\n",
+                  miss[POINTS / 2], miss[POINTS - 1], mean, 3 * k1[POINTS / 2], 3 * k2[POINTS / 2]);
     assert_true(miss[POINTS / 2] <= 0.0005 && miss[POINTS - 1] <= 0.01 && fabs(mean) <= 0.002);
     assert_true(fabs(3 * k1[POINTS / 2] - 1) < 0.02 && fabs(3 * k2[POINTS / 2] - 1) < 0.02);
     volume_close(v);
@@ -187,11 +189,14 @@ static void the_sphere_is_a_sphere(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_volume), cmocka_unit_test(no_volume_is_left_out), cmocka_unit_test(hostile_volumes),
+        cmocka_unit_test(every_volume),
+        cmocka_unit_test(no_volume_is_left_out),
+        cmocka_unit_test(hostile_volumes),
         cmocka_unit_test(the_sphere_is_a_sphere),
     };
     if (!fixture_shared()) {
-        printf("1..0 # SKIP the shared data are not there (HEXAD_SHARED, or shared/data beside the source)\n");
+        printf(
+            "1..0 # SKIP the shared data are not there (HEXAD_SHARED, or shared/data beside the source)\n");
         return 0;
     }
     return cmocka_run_group_tests_name("volume data", tests, NULL, NULL);

@@ -21,8 +21,14 @@
 #define SEED 777u
 #define FLIPS 120
 
-static double ball(vec3 p) { return vec3_norm(p) - 0.6; }
-static double fog_ball(vec3 p) { return fmin(1, fmax(0, 0.5 - 3 * ball(p))); }
+static double ball(vec3 p)
+{
+    return vec3_norm(p) - 0.6;
+}
+static double fog_ball(vec3 p)
+{
+    return fmin(1, fmax(0, 0.5 - 3 * ball(p)));
+}
 
 static vdb_draft draft_of(const fixture *g)
 {
@@ -40,7 +46,8 @@ static void expect(int fd, const char *grid, double isovalue, error_code code, c
     error e = {0};
     volume *v = fixture_open(fd, grid, isovalue, VOLUME_INTERPOLATING, &e);
     assert_null(v);
-    if (e.code != code) fail_msg("%s instead of %s: %s", error_code_name(e.code), error_code_name(code), e.message);
+    if (e.code != code)
+        fail_msg("%s instead of %s: %s", error_code_name(e.code), error_code_name(code), e.message);
     if (!strstr(e.message, "test.vdb")) fail_msg("does not name the file: %s", e.message);
     for (; *words; words++)
         if (!strstr(e.message, *words)) fail_msg("does not say '%s': %s", *words, e.message);
@@ -51,7 +58,8 @@ static void expect(int fd, const char *grid, double isovalue, error_code code, c
 static void the_choice_of_the_grid(void **state)
 {
     (void)state;
-    fixture g = fixture_make(fixture_uniform, 11, ball, 0.3), fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
+    fixture g = fixture_make(fixture_uniform, 11, ball, 0.3),
+            fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
     vdb_draft d[6];
     for (int i = 0; i < 6; i++) d[i] = draft_of(i < 4 ? &g : &fog);
     d[0].name = "velocity";
@@ -63,7 +71,8 @@ static void the_choice_of_the_grid(void **state)
     d[4].grid_class = VDB_UNKNOWN;
     d[5].name = "smoke";
     int fd = fixture_write(d, 6, VDB_SEEKABLE, true);
-    expect(fd, NULL, NAN, ERROR_GRID_AMBIGUOUS, WORDS("\"density[0]\"", "\"density[1]\"", "\"\"", "smoke", "4 scalar"));
+    expect(fd, NULL, NAN, ERROR_GRID_AMBIGUOUS,
+           WORDS("\"density[0]\"", "\"density[1]\"", "\"\"", "smoke", "4 scalar"));
     expect(fd, "density", NAN, ERROR_GRID_AMBIGUOUS, WORDS("density[0]", "density[1]"));
     expect(fd, "density[2]", NAN, ERROR_GRID_MISSING, WORDS("density[2]", "velocity", "smoke"));
     expect(fd, "pressure", NAN, ERROR_GRID_MISSING, WORDS("pressure", "velocity", "vec3s"));
@@ -125,7 +134,10 @@ static void what_is_not_a_volume(void **state)
 static void volumes_without_a_surface(void **state)
 {
     (void)state;
-    vdb_draft empty = {.name = "nothing", .type = "float", .grid_class = VDB_LEVEL_SET, .background = 0.3,
+    vdb_draft empty = {.name = "nothing",
+                       .type = "float",
+                       .grid_class = VDB_LEVEL_SET,
+                       .background = 0.3,
                        .index_to_world = fixture_uniform};
     int fd = fixture_write(&empty, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, NAN, ERROR_NO_SURFACE, WORDS("nothing", "no active voxel"));
@@ -142,10 +154,12 @@ static void volumes_without_a_surface(void **state)
 static void bands_that_do_not_hold_the_surface(void **state)
 {
     (void)state;
-    fixture thin = fixture_make(fixture_uniform, 11, ball, 0.08), cut = fixture_make(fixture_uniform, 11, ball, 0.3);
+    fixture thin = fixture_make(fixture_uniform, 11, ball, 0.08),
+            cut = fixture_make(fixture_uniform, 11, ball, 0.3);
     vdb_draft d = draft_of(&thin);
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
-    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED, WORDS("narrow band is clamped at 0.08", "0.8 voxels", "half-width"));
+    expect(fd, NULL, NAN, ERROR_INPUT_UNSUPPORTED,
+           WORDS("narrow band is clamped at 0.08", "0.8 voxels", "half-width"));
     close(fd);
     d = draft_of(&cut);
     fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
@@ -188,18 +202,28 @@ static void values_that_are_not_finite(void **state)
 static void coordinates_at_the_limits_of_int32(void **state)
 {
     (void)state;
-    static const int32_t edges[][3] = {{INT32_MAX - 1, 0, 0}, {0, INT32_MIN + 1, 0}, {5, 5, INT32_MAX}, {INT32_MIN, INT32_MIN, INT32_MIN}};
+    static const int32_t edges[][3] = {
+        {INT32_MAX - 1, 0, 0}, {0, INT32_MIN + 1, 0}, {5, 5, INT32_MAX}, {INT32_MIN, INT32_MIN, INT32_MIN}};
     const float value = 1;
     for (size_t i = 0; i < sizeof edges / sizeof *edges; i++) {
-        vdb_draft d = {.name = "edge", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
-                       .voxel_count = 1, .voxels = &edges[i], .values = &value};
+        vdb_draft d = {.name = "edge",
+                       .type = "float",
+                       .grid_class = VDB_FOG,
+                       .index_to_world = fixture_uniform,
+                       .voxel_count = 1,
+                       .voxels = &edges[i],
+                       .values = &value};
         int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
         expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("limits of 32-bit index coordinates"));
         close(fd);
     }
     const vdb_tile tile = {{INT32_MAX - 4095, 0, 0}, 4096, 1, true};
-    vdb_draft d = {.name = "edge", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
-                   .tile_count = 1, .tiles = &tile};
+    vdb_draft d = {.name = "edge",
+                   .type = "float",
+                   .grid_class = VDB_FOG,
+                   .index_to_world = fixture_uniform,
+                   .tile_count = 1,
+                   .tiles = &tile};
     int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
     expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED, WORDS("limits of 32-bit index coordinates"));
     close(fd);
@@ -237,11 +261,19 @@ static void the_limit_of_memory(void **state)
     close(fd);
     /* A million blocks of surface from a file of a few hundred bytes. */
     const vdb_tile tile = {{0, 0, 0}, 4096, 1, true};
-    vdb_draft bomb = {.name = "bomb", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
-                      .tile_count = 1, .tiles = &tile};
+    vdb_draft bomb = {.name = "bomb",
+                      .type = "float",
+                      .grid_class = VDB_FOG,
+                      .index_to_world = fixture_uniform,
+                      .tile_count = 1,
+                      .tiles = &tile};
     fd = fixture_write(&bomb, 1, VDB_SEEKABLE, true);
     error e = {0};
-    volume_request r = {.fd = fd, .path = "test.vdb", .has_isovalue = true, .isovalue = 0.5, .memory_limit = (size_t)64 << 20};
+    volume_request r = {.fd = fd,
+                        .path = "test.vdb",
+                        .has_isovalue = true,
+                        .isovalue = 0.5,
+                        .memory_limit = (size_t)64 << 20};
     assert_null(volume_open(&r, &e));
     if (e.code != ERROR_LIMIT_MEMORY) fail_msg("%s: %s", error_code_name(e.code), e.message);
     close(fd);
@@ -309,7 +341,8 @@ static void names_of_transforms(void **state)
 {
     (void)state;
     static const uint32_t most = INT32_MAX;
-    static const char *const kinds[] = {"UniformScaleMap", "AffineMap"}; /* of the fixture, and within its frustum */
+    static const char *const kinds[] = {"UniformScaleMap",
+                                        "AffineMap"}; /* of the fixture, and within its frustum */
     fixture g = fixture_make(fixture_uniform, 2, fog_ball, 0);
     vdb_draft d = draft_of(&g);
     for (int inner = 0; inner < 2; inner++) {
@@ -360,8 +393,12 @@ static void parts_of_trees_lie_on_their_grid(void **state)
     (void)state;
     static const int32_t corner[3] = {12288, 4096, 8192};
     const vdb_tile tile = {{corner[0], corner[1], corner[2]}, 4096, 1, true};
-    vdb_draft d = {.name = "tile", .type = "float", .grid_class = VDB_FOG, .index_to_world = fixture_uniform,
-                   .tile_count = 1, .tiles = &tile};
+    vdb_draft d = {.name = "tile",
+                   .type = "float",
+                   .grid_class = VDB_FOG,
+                   .index_to_world = fixture_uniform,
+                   .tile_count = 1,
+                   .tiles = &tile};
     unsigned char *bytes;
     int whole = fixture_write(&d, 1, VDB_SEEKABLE, false);
     size_t size = slurp(whole, &bytes);
@@ -389,7 +426,8 @@ static void every_truncation_is_noticed(void **state)
             int fd = fixture_bytes(bytes, cut);
             volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
             if (v || (e.code != ERROR_INPUT_DAMAGED && e.code != ERROR_LIMIT_MEMORY))
-                fail_msg("variant %d cut to %zu of %zu bytes: %s", variant, cut, size, v ? "opened" : e.message);
+                fail_msg("variant %d cut to %zu of %zu bytes: %s", variant, cut, size,
+                         v ? "opened" : e.message);
             close(fd);
         }
         free(bytes);
@@ -441,12 +479,14 @@ static void flipped_bits_give_errors_or_volumes(void **state)
         bytes[at] = old;
         if (outcome == 99) fail_msg("a byte flipped at %zu: refused without an error", at);
         if (outcome == -SIGXCPU || outcome == -SIGKILL) fail_msg("a byte flipped at %zu: ran for ever", at);
-        if (outcome < 0) died++;
-        else tally[outcome < ERROR_CODE_COUNT ? outcome : ERROR_INTERNAL]++;
+        if (outcome < 0)
+            died++;
+        else
+            tally[outcome < ERROR_CODE_COUNT ? outcome : ERROR_INTERNAL]++;
     }
     print_message("# of %d flips: %d opened, %d damaged, %d unsupported, %d memory, %d no surface, %d died\n",
-                  FLIPS, tally[ERROR_NONE], tally[ERROR_INPUT_DAMAGED], tally[ERROR_INPUT_UNSUPPORTED], tally[ERROR_LIMIT_MEMORY],
-                  tally[ERROR_NO_SURFACE], died);
+                  FLIPS, tally[ERROR_NONE], tally[ERROR_INPUT_DAMAGED], tally[ERROR_INPUT_UNSUPPORTED],
+                  tally[ERROR_LIMIT_MEMORY], tally[ERROR_NO_SURFACE], died);
     free(bytes);
     fixture_free(&g);
 }
@@ -466,8 +506,12 @@ static void readers_that_are_gone_before_they_are_asked(void **state)
     const char *const paths[] = {"/proc/self/exe"};
     const int numbers[] = {1};
     const slices_files files = {open_when_the_reader_is_gone, NULL};
-    const exr_stack_params params = {.count = 1, .paths = paths, .numbers = numbers, .program = "/bin/false",
-                                     .memory_limit = 1 << 20, .files = &files};
+    const exr_stack_params params = {.count = 1,
+                                     .paths = paths,
+                                     .numbers = numbers,
+                                     .program = "/bin/false",
+                                     .memory_limit = 1 << 20,
+                                     .files = &files};
     error e = {0};
     assert_null(exr_stack_open(&params, &e));
     assert_int_equal(e.code, ERROR_INPUT_DAMAGED);
@@ -477,12 +521,18 @@ static void readers_that_are_gone_before_they_are_asked(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_choice_of_the_grid), cmocka_unit_test(what_is_not_a_volume),
-        cmocka_unit_test(volumes_without_a_surface), cmocka_unit_test(bands_that_do_not_hold_the_surface),
-        cmocka_unit_test(values_that_are_not_finite), cmocka_unit_test(coordinates_at_the_limits_of_int32),
-        cmocka_unit_test(transforms_that_cannot_be), cmocka_unit_test(the_limit_of_memory),
-        cmocka_unit_test(names_of_transforms), cmocka_unit_test(lengths_of_metadata),
-        cmocka_unit_test(parts_of_trees_lie_on_their_grid), cmocka_unit_test(every_truncation_is_noticed),
+        cmocka_unit_test(the_choice_of_the_grid),
+        cmocka_unit_test(what_is_not_a_volume),
+        cmocka_unit_test(volumes_without_a_surface),
+        cmocka_unit_test(bands_that_do_not_hold_the_surface),
+        cmocka_unit_test(values_that_are_not_finite),
+        cmocka_unit_test(coordinates_at_the_limits_of_int32),
+        cmocka_unit_test(transforms_that_cannot_be),
+        cmocka_unit_test(the_limit_of_memory),
+        cmocka_unit_test(names_of_transforms),
+        cmocka_unit_test(lengths_of_metadata),
+        cmocka_unit_test(parts_of_trees_lie_on_their_grid),
+        cmocka_unit_test(every_truncation_is_noticed),
         cmocka_unit_test(flipped_bits_give_errors_or_volumes),
         cmocka_unit_test(readers_that_are_gone_before_they_are_asked),
     };

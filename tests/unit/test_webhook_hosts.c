@@ -93,15 +93,12 @@ static void test_addresses_of_one_host_begin_alike(void **state)
     static const struct {
         const char *first, *second;
         bool same;
-    } pairs[] = {{"http://farm", "http://Farm/x?y#z", true},
-                 {"http://farm?x", "http://farm:80/", true},
-                 {"HTTPS://[::1]/", "https://[::1]:443/X", true},
-                 {"http://farm", "http://farm2", false},
-                 {"http://farm", "http://farm.example/", false},
-                 {"http://farm", "http://farm:81/", false},
-                 {"http://farm:80", "http://farm:8080/", false},
-                 {"http://10.0.0.1", "http://10.0.0.10/x", false},
-                 {"http://farm:443", "https://farm/", false}};
+    } pairs[] = {
+        {"http://farm", "http://Farm/x?y#z", true},      {"http://farm?x", "http://farm:80/", true},
+        {"HTTPS://[::1]/", "https://[::1]:443/X", true}, {"http://farm", "http://farm2", false},
+        {"http://farm", "http://farm.example/", false},  {"http://farm", "http://farm:81/", false},
+        {"http://farm:80", "http://farm:8080/", false},  {"http://10.0.0.1", "http://10.0.0.10/x", false},
+        {"http://farm:443", "https://farm/", false}};
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
         char *first = webhook_address(pairs[i].first), *second = webhook_address(pairs[i].second);
         char *host = webhook_host_of(first), *other = webhook_host_of(second);

@@ -18,8 +18,22 @@
 const double fixture_uniform[16] = {0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 1};
 const double fixture_nonuniform[16] = {0.1, 0, 0, 0.03, 0, 0.15, 0, -0.02, 0, 0, 0.08, 0.01, 0, 0, 0, 1};
 /* The columns are 0.1, 0.15 and 0.08 times an orthonormal frame. */
-const double fixture_rotated[16] = {0.0666666666666667, -0.1, 0.0266666666666667, 0.03, 0.0666666666666667, 0.05, -0.0533333333333333, -0.02,
-                                    0.0333333333333333, 0.1, 0.0533333333333333, 0.01, 0, 0, 0, 1};
+const double fixture_rotated[16] = {0.0666666666666667,
+                                    -0.1,
+                                    0.0266666666666667,
+                                    0.03,
+                                    0.0666666666666667,
+                                    0.05,
+                                    -0.0533333333333333,
+                                    -0.02,
+                                    0.0333333333333333,
+                                    0.1,
+                                    0.0533333333333333,
+                                    0.01,
+                                    0,
+                                    0,
+                                    0,
+                                    1};
 const double fixture_mirrored[16] = {-0.1, 0, 0, 0.03, 0, 0.15, 0, -0.02, 0, 0, 0.08, 0.01, 0, 0, 0, 1};
 
 static vec3 place(const double m[16], int x, int y, int z)
@@ -47,8 +61,11 @@ fixture fixture_make(const double matrix[16], int half, fixture_function f, doub
                 g.voxels[n][1] = y;
                 g.voxels[n++][2] = z;
             }
-    g.draft = (vdb_draft){.name = "surface", .type = "float", .grid_class = band > 0 ? VDB_LEVEL_SET : VDB_FOG,
-                          .background = band, .voxel_count = n};
+    g.draft = (vdb_draft){.name = "surface",
+                          .type = "float",
+                          .grid_class = band > 0 ? VDB_LEVEL_SET : VDB_FOG,
+                          .background = band,
+                          .voxel_count = n};
     return g;
 }
 
@@ -88,8 +105,13 @@ int fixture_write(const vdb_draft *drafts, size_t count, vdb_layout layout, bool
 
 volume *fixture_open(int fd, const char *grid, double isovalue, volume_reconstruction how, error *e)
 {
-    volume_request r = {.fd = fd, .path = "test.vdb", .grid = grid, .has_isovalue = !isnan(isovalue),
-                        .isovalue = isnan(isovalue) ? 0 : isovalue, .reconstruction = how, .memory_limit = FIXTURE_MEMORY};
+    volume_request r = {.fd = fd,
+                        .path = "test.vdb",
+                        .grid = grid,
+                        .has_isovalue = !isnan(isovalue),
+                        .isovalue = isnan(isovalue) ? 0 : isovalue,
+                        .reconstruction = how,
+                        .memory_limit = FIXTURE_MEMORY};
     return volume_open(&r, e);
 }
 
