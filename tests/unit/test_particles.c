@@ -1,0 +1,93 @@
+/* Particles: one index is one particle, whatever is copied, arranged or grown. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <cmocka.h>
+
+#include "close.h"
+#include "sampler/particles.h"
+#include "shapes.h"
+
+enum { COUNT = 1000 };
+
+/* Every array of particle i holds a number of its own. */
+static void fill(particles *p, size_t i)
+{
+    double v = (double)i + 1;
+    p->position[i] = (vec3){v, 2 * v, 3 * v};
+    p->normal[i] = (vec3){-v, -2 * v, -3 * v};
+    p->alpha[i] = 4 * v;
+    p->lambda[i] = (float)(6 * v);
+}
+
+static void assert_is(const particles *p, size_t at, size_t i)
+{
+    double v = (double)i + 1;
+    assert_close(p->position[at].z, 3 * v, 0);
+    assert_close(p->normal[at].y, -2 * v, 0);
+    assert_close(p->alpha[at], 4 * v, 0);
+    assert_close(p->lambda[at], 6 * v, 0);
+}
+
+static particles *filled(void)
+{
+    error e = {0};
+    particles *p = particles_new(COUNT, &e);
+    assert_non_null(p);
+    p->count = COUNT;
+    for (size_t i = 0; i < COUNT; i++) fill(p, i);
+    return p;
+}
+
+static void test_new_particles_are_even(void **state)
+{
+    (void)state;
+    error e = {0};
+    particles *p = particles_new(COUNT, &e);
+    for (size_t i = 0; i < COUNT; i++) assert_true(p->alpha[i] == 1 && p->size[i] == 1);
+    particles_free(p);
+}
+
+static void test_a_permutation_arranges_all_arrays(void **state)
+{
+    (void)state;
+    particles *p = filled();
+    error e = {0};
+    uint32_t order[COUNT];
+    rng r = rng_seed(test_seed(), 1);
+    for (uint32_t i = 0; i < COUNT; i++) order[i] = i;
+    for (uint32_t i = COUNT - 1; i > 0; i--) {
+        uint32_t j = (uint32_t)(rng_uniform(&r) * (i + 1)), was = order[i];
+        order[i] = order[j];
+        order[j] = was;
+    }
+    assert_true(particles_arrange(p, order, &e));
+    for (size_t k = 0; k < COUNT; k++) assert_is(p, k, order[k]);
+    particles_free(p);
+}
+
+static void test_growing_keeps_those_there(void **state)
+{
+    (void)state;
+    particles *p = filled();
+    error e = {0};
+    assert_true(particles_grow(p, 10 * COUNT, &e));
+    assert_int_equal(p->count, COUNT);
+    for (size_t i = 0; i < COUNT; i++) assert_is(p, i, i);
+    particles_copy(p, 10 * COUNT - 1, 7);
+    assert_is(p, 10 * COUNT - 1, 7);
+    particles_free(p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_new_particles_are_even),
+        cmocka_unit_test(test_a_permutation_arranges_all_arrays),
+        cmocka_unit_test(test_growing_keeps_those_there),
+    };
+    return cmocka_run_group_tests_name("particles", tests, NULL, NULL);
+}
