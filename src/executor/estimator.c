@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "executor/engine.h"
 #include "executor/local.h"
-#include "executor/sent.h"
+#include "executor/input_permissions.h"
 #include "executor/settlement.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -128,8 +128,8 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int t
     if (atomic_fetch_add(&m->running, 1) < m->at_once) {
         size_t root_count = 0;
         char *directory = mem_printf("%s/%u", m->directory, atomic_fetch_add(&m->number, 1));
-        char **roots = sent_list_roots(spec, settings->inputs, settings->input_roots,
-                                       settings->input_root_count, &root_count);
+        char **roots = input_permissions_list(spec, settings->inputs, settings->input_roots,
+                                              settings->input_root_count, &root_count);
         engine_request request = {
             .worker = settings->worker,
             .command = "estimate",
@@ -144,7 +144,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int t
             .sandbox = settings->sandbox,
         };
         verdict = ask(m, &request, document, e);
-        sent_free_roots(roots, root_count);
+        input_permissions_free(roots, root_count);
         free(directory);
     } else {
         error_set(e, ERROR_INTERNAL, "%d others are being found out (setting estimates)", m->at_once);

@@ -19,19 +19,19 @@
 #include "executor/cache.h"
 #include "executor/engine.h"
 #include "executor/host.h"
-#include "executor/kept.h"
-#include "executor/leftovers.h"
+#include "executor/kept_result.h"
+#include "executor/output_cleanup.h"
 #include "executor/instance.h"
 #include "executor/inventory.h"
 #include "executor/local.h"
 #include "executor/publication.h"
 #include "executor/result.h"
 #include "executor/retention.h"
-#include "executor/sent.h"
+#include "executor/input_permissions.h"
 #include "executor/settlement.h"
 #include "executor/storage.h"
 #include "json/json.h"
-#include "executor/rows.h"
+#include "executor/progress_ring.h"
 #include "store/file.h"
 
 /* After trouble with the database (a full disk): long enough not to spin, short enough to recover.
@@ -89,9 +89,9 @@ struct executor {
     int64_t memory_mb;
     queue *q;
     const engine *engine;
-    rows *rows;
+    progress_ring *progress;
     retention *retention;
-    leftovers *leftovers;
+    output_cleanup *cleanup;
     storage storage;
     pthread_t thread;
     int wake_fd, drained_fd;
@@ -286,7 +286,7 @@ static void slot_start(executor *x, slot *s)
         slot_skip(x, s);
         return;
     }
-    if ((kept_take(x->state_dir, &s->claimed, s->directory) &&
+    if ((kept_result_take(x->state_dir, &s->claimed, s->directory) &&
          settlement_decide_kept(s->directory, &s->verdict, NULL)) ||
         slot_recall(x, s)) {
         if (!slot_publish(x, s)) slot_skip(x, s);
@@ -294,8 +294,8 @@ static void slot_start(executor *x, slot *s)
     }
     int before = s->claimed.previous;
     size_t root_count = 0;
-    char **roots = sent_list_roots(job->spec, x->settings.inputs, (const char *const *)x->input_roots,
-                                   x->settings.input_root_count, &root_count);
+    char **roots = input_permissions_list(job->spec, x->settings.inputs, (const char *const *)x->input_roots,
+                                          x->settings.input_root_count, &root_count);
     char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
     engine_request request = {
         .worker = x->worker,
@@ -315,7 +315,7 @@ static void slot_start(executor *x, slot *s)
     s->started_wall_ms = clock_wall_ms();
     if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
     free(previous);
-    sent_free_roots(roots, root_count);
+    input_permissions_free(roots, root_count);
     if (s->attempt) {
         x->start_wait_ms = 0;
         log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id,
@@ -416,7 +416,7 @@ static void keep_progress(executor *x, slot *s, const char *line)
     s->progress = copy;
     pthread_mutex_unlock(&x->mutex);
     free(old);
-    rows_add(x->rows, s->claimed.job.id, s->claimed.task.frame, s->claimed.task.attempt, line);
+    progress_ring_add(x->progress, s->claimed.job.id, s->claimed.task.frame, s->claimed.task.attempt, line);
     queue_signal(x->q);
 }
 
@@ -593,9 +593,9 @@ static void executor_free(executor *x)
     free(x->worker);
     free(x->slots);
     retention_stop(x->retention);
-    leftovers_stop(x->leftovers);
+    output_cleanup_stop(x->cleanup);
     store_roots_close(x->roots);
-    rows_free(x->rows);
+    progress_ring_free(x->progress);
     pthread_mutex_destroy(&x->order);
     pthread_mutex_destroy(&x->mutex);
     free(x);
@@ -658,7 +658,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     x->q = q;
     x->engine = &engine_local;
     copy_settings(x, settings);
-    x->rows = rows_new();
+    x->progress = progress_ring_new();
     x->look = true;
     x->due_ms = INT64_MAX;
     pthread_mutex_init(&x->order, NULL);
@@ -671,7 +671,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
     ok = x->roots && make_places(x, e) && recover(x, e) &&
-         leftovers_start(q, &x->settings.outputs, &x->leftovers, e) &&
+         output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
         ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
@@ -763,7 +763,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
         pthread_mutex_unlock(&x->mutex);
     }
     pthread_mutex_unlock(&x->order);
-    if (ok && *changed && command == QUEUE_CANCEL) kept_remove(x->q, x->state_dir, id);
+    if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->state_dir, id);
     executor_wake(x);
     return ok;
 }
@@ -780,9 +780,9 @@ char *executor_progress(executor *x, const char *id)
     return progress;
 }
 
-rows *executor_rows(executor *x)
+progress_ring *executor_progress_ring(executor *x)
 {
-    return x->rows;
+    return x->progress;
 }
 
 executor_space executor_get_space(const executor *x)

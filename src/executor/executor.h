@@ -16,7 +16,7 @@
 
 #include "base/error.h"
 #include "base/sandbox.h"
-#include "executor/rows.h"
+#include "executor/progress_ring.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
 #include "store/output.h"
@@ -77,7 +77,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
 char *executor_progress(executor *x, const char *id);
 
 /* All the newest progress lines. queue_wait returns when there is another. */
-rows *executor_rows(executor *x);
+progress_ring *executor_progress_ring(executor *x);
 
 typedef struct executor_load {
     int attempts, workers;

@@ -11,7 +11,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/adoption.h"
-#include "executor/lost.h"
+#include "executor/lost_found.h"
 #include "executor/result.h"
 
 static const char *const parts[] = {"results", "attempts"};
@@ -191,7 +191,7 @@ static void move(const char *state_dir, int part, const listing *l, size_t i, ta
         error_set(&why, ERROR_INTERNAL,
                   "%s/%s is a symbolic link, and nothing is taken out of other directories", state_dir,
                   parts[part]);
-    else if (lost_move(state_dir, parts[part], l->name[i], &why))
+    else if (lost_found_move(state_dir, parts[part], l->name[i], &why))
         t->moved++;
     if (why.code == ERROR_NONE) return;
     if (!t->left++) t->why = why;
@@ -214,7 +214,7 @@ static bool settle_part(queue *q, const char *state_dir, int part, const listing
                              "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
                              state_dir, parts[part], l->name[i], t->why.message);
     }
-    return t->moved == before || lost_flush(state_dir, parts[part], e);
+    return t->moved == before || lost_found_flush(state_dir, parts[part], e);
 }
 
 static void tell(const char *state_dir, const tally *t, size_t adopted)
@@ -224,10 +224,11 @@ static void tell(const char *state_dir, const tally *t, size_t adopted)
         log_write(LOG_LEVEL_WARNING, "jobs and frames that waited are ended by their results count=%zu",
                   t->ended);
     if (t->moved)
-        log_write(LOG_LEVEL_WARNING,
-                  "results and attempts that belong to no job in the queue were moved to %s/" LOST_DIRECTORY
-                  " count=%zu: look at them, then remove them",
-                  state_dir, t->moved);
+        log_write(
+            LOG_LEVEL_WARNING,
+            "results and attempts that belong to no job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
+            " count=%zu: look at them, then remove them",
+            state_dir, t->moved);
     if (t->left)
         log_write(
             LOG_LEVEL_WARNING,

@@ -1,7 +1,7 @@
 /* inventory: what stands in results/ and attempts/ at a start, held against the queue.
  *
  * A result of a job that waits ends it: the database is older than the result, a backup that was put back. What
- * belongs to no job, or is in the way of one, is put into lost+found (executor/lost). What the queue has noted to
+ * belongs to no job, or is in the way of one, is put into lost+found (executor/lost_found). What the queue has noted to
  * be removed is left to executor/retention. Nothing is deleted. Called by one thread, at a start, after
  * settlement_recover.
  */

@@ -3,8 +3,8 @@
  *
  * It comes before the result moves into place: a job whose copy cannot be made fails and says why, and a
  * crash at any point leads to another attempt or finds a result that was copied. The temporary file of a copy is
- * written down in the queue before it is made (queue_note_copy) and forgotten with the end of the attempt; of those
- * that a crash left the next start rids the directories (executor/leftovers).
+ * noted in the queue before it is made (queue_note_copy) and forgotten with the end of the attempt. The next start
+ * removes those that a crash left (executor/output_cleanup).
  */
 #ifndef HEXAD_EXECUTOR_PUBLICATION_H
 #define HEXAD_EXECUTOR_PUBLICATION_H

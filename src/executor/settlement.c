@@ -11,7 +11,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "executor/lost.h"
+#include "executor/lost_found.h"
 #include "executor/result.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -371,11 +371,12 @@ static void decide_interrupted(const settlement_place *place, const queue_claime
 static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
 {
     const char *name = strrchr(results, '/') + 1;
-    if (!lost_move(place->state_dir, "results", name, e) || !lost_flush(place->state_dir, "results", e))
+    if (!lost_found_move(place->state_dir, "results", name, e) ||
+        !lost_found_flush(place->state_dir, "results", e))
         return error_prefix(e, "what stands in the place of the result of job %s, and is none", c->job.id);
     log_write(LOG_LEVEL_WARNING,
               "job=%s: what stood in the place of its result and was none is now %s/results/%s", c->job.id,
-              LOST_DIRECTORY, name);
+              LOST_FOUND_DIRECTORY, name);
     return true;
 }
 

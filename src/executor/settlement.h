@@ -4,7 +4,7 @@
  * place and tells the queue, in an order that a crash at any point leaves recoverable:
  *     the attempt's directory is renamed to results/ID and both parents are flushed,
  *     then the queue's transaction ends the task.
- * A start after a crash finds a task still running by the book and, if results/ID is whole, only the
+ * A start after a crash finds a task still running in the queue and, if results/ID is whole, only the
  * second step missing. Called by the supervisor thread alone.
  */
 #ifndef HEXAD_EXECUTOR_SETTLEMENT_H
@@ -93,7 +93,7 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *claime
 /* Removes what an attempt left in its directory, but for its log. */
 void settlement_remove_leftovers(const char *directory);
 
-/* Settles what a crash left: tasks that run by the book while nothing runs. Such an attempt does not count, since it
+/* Settles what a crash left: tasks that the queue holds as running while nothing runs. Such an attempt does not count, since it
  * was not its doing; too many of a task end it (error interrupted). `restarted`: the host was meanwhile, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, error *e);
 

@@ -6,7 +6,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "executor/rows.h"
+#include "executor/progress_ring.h"
 #include "http/herald.h"
 #include "http/jobs.h"
 #include "http/parameter.h"
@@ -94,7 +94,7 @@ static void write_position(follower *f, FILE *out, const queue_event_page *page,
 }
 
 /* The worker's line, with the job that it is of. */
-static void write_row(FILE *out, const rows_line *line)
+static void write_row(FILE *out, const progress_ring_line *line)
 {
     json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
     json_put_string(o, "job", line->id);
@@ -126,13 +126,15 @@ static void introduce(follower *f, FILE *out, const queue_event_page *page)
 static bool read_news(follower *f, FILE *out, error *e)
 {
     queue_event_page page;
-    rows_line *lines = NULL;
+    progress_ring_line *lines = NULL;
     size_t told = 0, line_count = 0;
     queue_event_filter filter = {
         .id = f->id, .owner = f->owner, .label = f->label, .after_seq = f->seq, .limit = BATCH};
     if (!queue_list_events(f->c->q, &filter, &page, e)) return false;
     introduce(f, out, &page);
-    if (f->whole_job) line_count = rows_list(executor_rows(f->c->x), f->id, f->row, BATCH, &lines, &f->row);
+    if (f->whole_job)
+        line_count =
+            progress_ring_list(executor_progress_ring(f->c->x), f->id, f->row, BATCH, &lines, &f->row);
     while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
         write_event(f, out, &page.events[told++]);
     for (size_t i = 0; i < line_count; i++) write_row(out, &lines[i]);
@@ -144,7 +146,7 @@ static bool read_news(follower *f, FILE *out, error *e)
     if ((page.more || f->behind) && f->told_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
     f->behind = page.more;
     free(page.events);
-    rows_lines_free(lines, line_count);
+    progress_ring_lines_free(lines, line_count);
     return true;
 }
 

@@ -10,7 +10,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "executor/rows.h"
+#include "executor/progress_ring.h"
 
 /* Of the news of one look. With more the rest is told at once after that. */
 #define NEWS_MOST 256
@@ -19,7 +19,7 @@
 
 struct herald {
     queue *q;
-    rows *rows;
+    progress_ring *progress;
     lounge *lounge;
     pthread_t thread;
     atomic_bool stopping;
@@ -65,12 +65,13 @@ static bool tell(herald *h)
         add_topic(&n, page.events[i].id);
         add_topic(&n, n.owner_topic[i]);
     }
-    rows_line *lines = NULL;
-    size_t line_count = rows_list(h->rows, NULL, h->row_number, NEWS_MOST, &lines, &h->row_number);
+    progress_ring_line *lines = NULL;
+    size_t line_count =
+        progress_ring_list(h->progress, NULL, h->row_number, NEWS_MOST, &lines, &h->row_number);
     for (size_t i = 0; i < line_count; i++) add_topic(&n, lines[i].id);
     if (n.count) lounge_wake(h->lounge, n.topic, n.count);
     free(page.events);
-    rows_lines_free(lines, line_count);
+    progress_ring_lines_free(lines, line_count);
     return page.more || line_count == NEWS_MOST;
 }
 
@@ -100,7 +101,7 @@ herald *herald_start(queue *q, executor *x, lounge *l, error *e)
 {
     herald *h = mem_alloc(sizeof *h);
     h->q = q;
-    h->rows = executor_rows(x);
+    h->progress = executor_progress_ring(x);
     h->lounge = l;
     int why = 0;
     if (catch_up(h, e)) {

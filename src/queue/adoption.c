@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "queue/book.h"
+#include "queue/job_state.h"
 
 /* ---- results of tasks that wait */
 
@@ -16,7 +16,7 @@ typedef struct finding {
 } finding;
 
 /* The task with its result, if it waits: its number and whether its time has yet to come. */
-static bool find_waiting(database *d, const finding *f, const book *b, int *number, bool *delayed,
+static bool find_waiting(database *d, const finding *f, const job_state *j, int *number, bool *delayed,
                          bool *found, error *e)
 {
     bool ok = false;
@@ -25,10 +25,10 @@ static bool find_waiting(database *d, const finding *f, const book *b, int *numb
             ? ASK(d, e,
                   "SELECT number, state FROM task WHERE job = ?1 AND number = 0 AND frame IS NULL"
                   " AND state IN ('queued', 'delayed')",
-                  integer(b->seq))
+                  integer(j->seq))
             : ASK(d, e,
                   "SELECT number, state FROM task WHERE job = ?1 AND frame = ?2 AND state IN ('queued', 'delayed')",
-                  integer(b->seq), integer(f->frame));
+                  integer(j->seq), integer(f->frame));
     while (database_next(d, s, &ok, e)) {
         *found = true;
         *number = sqlite3_column_int(s, 0);
@@ -44,23 +44,23 @@ static bool end_found(database *d, change *asked)
     int64_t now = clock_wall_ms();
     int number = 0;
     bool found = false, delayed = false;
-    book b;
-    if (!book_load(d, f->id, &b, &found, e) || !found) return asked->fault.code == ERROR_NONE;
+    job_state j;
+    if (!job_state_load(d, f->id, &j, &found, e) || !found) return asked->fault.code == ERROR_NONE;
     found = false;
-    if (!find_waiting(d, f, &b, &number, &delayed, &found, e)) return false;
+    if (!find_waiting(d, f, &j, &number, &delayed, &found, e)) return false;
     if (!found) return true;
-    book before = b;
-    --*(delayed ? &b.delayed : &b.ready);
-    b.succeeded++;
-    b.not_converged += f->outcome == QUEUE_NOT_CONVERGED;
+    job_state before = j;
+    --*(delayed ? &j.delayed : &j.ready);
+    j.succeeded++;
+    j.not_converged += f->outcome == QUEUE_NOT_CONVERGED;
     f->accepted = true;
     return RUN(d, e,
                "UPDATE task SET state = 'succeeded', outcome = ?3, not_before_ms = NULL,"
                " finished_ms = ?4, error_code = NULL, error_message = NULL WHERE job = ?1 AND number = ?2",
-               integer(b.seq), integer(number), text(queue_outcome_name(f->outcome)), integer(now)) &&
-           (f->frame == QUEUE_NO_FRAME ||
-            book_note(d, b.seq, QUEUE_EVENT_TASK, QUEUE_SUCCEEDED, f->outcome, f->frame, 0, now, e)) &&
-           book_save(d, &before, &b, now, e);
+               integer(j.seq), integer(number), text(queue_outcome_name(f->outcome)), integer(now)) &&
+           (f->frame == QUEUE_NO_FRAME || job_state_add_event(d, j.seq, QUEUE_EVENT_TASK, QUEUE_SUCCEEDED,
+                                                              f->outcome, f->frame, 0, now, e)) &&
+           job_state_save(d, &before, &j, now, e);
 }
 
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e)
@@ -117,7 +117,8 @@ static bool adopt_one(database *d, const queue_adoption *a, int64_t now, error *
            RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
                integer(seq), text(a->labels)) &&
            insert_tasks(d, a, seq, e) &&
-           book_note(d, seq, QUEUE_EVENT_STATE, QUEUE_SUCCEEDED, outcome, QUEUE_NO_FRAME, 0, now, e);
+           job_state_add_event(d, seq, QUEUE_EVENT_STATE, QUEUE_SUCCEEDED, outcome, QUEUE_NO_FRAME, 0, now,
+                               e);
 }
 
 static bool adopt(database *d, change *asked)

@@ -189,21 +189,6 @@ static bool make_copy(queue *q, const char *path, error *e)
     return ok;
 }
 
-bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e)
-{
-    if (!check_room(path, database_bytes(database_directory(q)), free_bytes, e)) return false;
-    error why = {0};
-    if (make_copy(q, path, &why)) return true;
-    /* a copy that cannot be read back looks damaged, too: only what two copies show is damage of the database */
-    if (why.code == ERROR_DATABASE_DAMAGED && make_copy(q, path, &why)) return true;
-    if (why.code != ERROR_DATABASE_DAMAGED) {
-        if (e) *e = why;
-        return false;
-    }
-    health_note_damage(database_health(q), "copy", why.message, false);
-    return health_allows_changes(database_health(q), e);
-}
-
 int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e)
 {
     struct stat info;
@@ -267,7 +252,7 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
     return ok;
 }
 
-/* ---- checks */
+/* ---- checks of copies */
 
 /* SQLite puts several faults into one text, below a line of asterisks that names the database. That a page of the copy
  * could not be read, for want of memory or because of the disk, is no fault of the database: then its code. */
@@ -345,5 +330,62 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
         *findings = text;
     else
         free(text);
+    return ok;
+}
+
+/* ---- copies of an open queue, and their checks */
+
+/* A copy that is asked for. */
+typedef struct request {
+    queue *q;
+    const char *path;
+    bool check, full; /* `check`: the copy is checked and removed; `full`: as backup_check's */
+    char *findings;   /* of the check */
+} request;
+
+static bool try_once(request *r, error *e)
+{
+    free(r->findings);
+    r->findings = NULL;
+    if (!make_copy(r->q, r->path, e)) return false;
+    if (!r->check) return true;
+    bool ok = backup_check(r->path, r->full, health_stop_flag(database_health(r->q)), &r->findings, e);
+    unlink(r->path);
+    return ok;
+}
+
+/* Makes the copy a second time when the first one shows damage: the disk of the copy may be at fault, and SQLite also
+ * reports a schema that it cannot read as damaged. Only what two copies show is damage of the database. */
+static bool try_twice(request *r, int64_t free_bytes, error *e)
+{
+    error why = {0};
+    if (!check_room(r->path, database_bytes(database_directory(r->q)), free_bytes, e)) return false;
+    bool ok = try_once(r, &why);
+    if (ok ? r->findings && *r->findings : why.code == ERROR_DATABASE_DAMAGED) ok = try_once(r, &why);
+    if (ok) return true;
+    if (why.code != ERROR_DATABASE_DAMAGED) {
+        if (e) *e = why;
+        return false;
+    }
+    health_note_damage(database_health(r->q), "copy", why.message, false);
+    return health_allows_changes(database_health(r->q), e);
+}
+
+bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e)
+{
+    request r = {.q = q, .path = path};
+    return try_twice(&r, free_bytes, e);
+}
+
+bool backup_make_checked(queue *q, int64_t free_bytes, bool full, char **findings, error *e)
+{
+    char *path = database_copy_path(q);
+    request r = {.q = q, .path = path, .check = true, .full = full};
+    bool ok = try_twice(&r, free_bytes, e);
+    free(path);
+    if (ok)
+        *findings = r.findings;
+    else
+        free(r.findings);
     return ok;
 }

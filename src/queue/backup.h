@@ -19,6 +19,10 @@
  * left on the disk. */
 bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e);
 
+/* Makes a copy in the state directory, checks it as backup_check does, and removes it. Damage that two copies show is damage
+ * of the database. False when no copy could be checked: with the error database_damaged when it cannot be copied. */
+bool backup_make_checked(queue *q, int64_t free_bytes, bool full, char **findings, error *e);
+
 /* Such a copy in the state directory, as a descriptor at its beginning; the file has no name any more. */
 int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e);
 

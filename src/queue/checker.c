@@ -4,7 +4,6 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -27,21 +26,7 @@ struct checker {
     pthread_t thread;
 };
 
-/* Copies the database and checks the copy. Whether that could be done; then *findings are to be freed. */
-static bool check_copy(checker *c, bool full, char **findings, error *e)
-{
-    char *path = database_copy_path(c->q);
-    bool ok = backup_make(c->q, path, c->free_bytes, e);
-    if (ok) {
-        ok = backup_check(path, full, health_stop_flag(database_health(c->q)), findings, e);
-        unlink(path);
-    }
-    free(path);
-    return ok;
-}
-
-/* Whether it could be made. Only what two copies show is damage of the database: SQLite takes a schema that it cannot
- * read for malformed, and the disk of the copy may be at fault. */
+/* Checks the database once. False when no check could be made. */
 static bool check(checker *c, bool full)
 {
     const char *name = full ? "integrity_check" : "quick_check";
@@ -49,12 +34,7 @@ static bool check(checker *c, bool full)
     char *findings = NULL;
     error e = {0};
     health_begin_check(h);
-    bool ok = check_copy(c, full, &findings, &e);
-    if (ok && *findings) {
-        free(findings);
-        findings = NULL;
-        ok = check_copy(c, full, &findings, &e);
-    }
+    bool ok = backup_make_checked(c->q, c->free_bytes, full, &findings, &e);
     if (!ok && e.code == ERROR_DATABASE_DAMAGED) {
         findings = mem_strdup("it cannot be copied"); /* which the health knows, and more exactly */
         ok = true;

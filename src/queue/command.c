@@ -2,7 +2,7 @@
 #include <stdlib.h>
 
 #include "base/clock.h"
-#include "queue/book.h"
+#include "queue/job_state.h"
 
 typedef struct telling {
     change change;
@@ -12,24 +12,24 @@ typedef struct telling {
     queue_state now;
 } telling;
 
-static bool cancel(database *d, book *b, int64_t now, bool *changed, error *e)
+static bool cancel(database *d, job_state *j, int64_t now, bool *changed, error *e)
 {
-    if (queue_state_is_final(b->state) || b->cancelled) return true;
+    if (queue_state_is_final(j->state) || j->cancelled) return true;
     *changed = true;
-    b->cancelled = true;
-    return book_end_waiting(d, b, QUEUE_CANCELLED, NULL, NULL, now, e);
+    j->cancelled = true;
+    return job_state_end_waiting(d, j, QUEUE_CANCELLED, NULL, NULL, now, e);
 }
 
-static bool set_paused(book *b, bool paused, bool *changed)
+static bool set_paused(job_state *j, bool paused, bool *changed)
 {
-    if (queue_state_is_final(b->state) || b->cancelled || b->paused == paused) return true;
+    if (queue_state_is_final(j->state) || j->cancelled || j->paused == paused) return true;
     *changed = true;
-    b->paused = paused;
+    j->paused = paused;
     return true;
 }
 
 /* How many jobs are not there yet that the job depends on, and whether one has failed. */
-static bool count_needs(database *d, const book *b, int *pending, bool *lost, error *e)
+static bool count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
 {
     bool ok = false;
     *pending = 0;
@@ -37,7 +37,7 @@ static bool count_needs(database *d, const book *b, int *pending, bool *lost, er
     sqlite3_stmt *s = ASK(d, e,
                           "SELECT state FROM dependency JOIN job ON seq = needs"
                           " WHERE dependency.job = ?1 AND state != 'succeeded'",
-                          integer(b->seq));
+                          integer(j->seq));
     while (database_next(d, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
         queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state);
@@ -47,24 +47,24 @@ static bool count_needs(database *d, const book *b, int *pending, bool *lost, er
     return ok;
 }
 
-static bool retry(database *d, book *b, bool *changed, error *e)
+static bool retry(database *d, job_state *j, bool *changed, error *e)
 {
     bool lost = false;
     int pending = 0;
-    if (!queue_state_is_final(b->state) || b->state == QUEUE_SUCCEEDED) return true;
-    if (!count_needs(d, b, &pending, &lost, e)) return false;
+    if (!queue_state_is_final(j->state) || j->state == QUEUE_SUCCEEDED) return true;
+    if (!count_needs(d, j, &pending, &lost, e)) return false;
     if (lost) return true;
     *changed = true;
     if (!RUN(
             d, e,
             "UPDATE task SET state = 'queued', spent = 0, interrupted = 0, ran_ms = 0, storage_faults = 0, error_code = NULL,"
             " error_message = NULL, finished_ms = NULL WHERE job = ?1 AND state != 'succeeded'",
-            integer(b->seq)))
+            integer(j->seq)))
         return false;
-    b->ready = b->failed + b->cancelled_tasks + b->timed_out;
-    b->failed = b->cancelled_tasks = b->timed_out = 0;
-    b->pending = pending;
-    b->cancelled = b->paused = false;
+    j->ready = j->failed + j->cancelled_tasks + j->timed_out;
+    j->failed = j->cancelled_tasks = j->timed_out = 0;
+    j->pending = pending;
+    j->cancelled = j->paused = false;
     return true;
 }
 
@@ -73,27 +73,28 @@ static bool tell(database *d, change *asked)
     telling *t = (telling *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
-    book b;
+    job_state j;
     bool ok = true;
-    if (!book_load(d, t->id, &b, &t->found, e)) return false;
+    if (!job_state_load(d, t->id, &j, &t->found, e)) return false;
     if (!t->found) return true;
-    book before = b;
+    job_state before = j;
     switch (t->command) {
     case QUEUE_CANCEL:
-        ok = cancel(d, &b, now, &t->changed, e);
+        ok = cancel(d, &j, now, &t->changed, e);
         break;
     case QUEUE_PAUSE:
     case QUEUE_RESUME:
-        ok = set_paused(&b, t->command == QUEUE_PAUSE, &t->changed);
+        ok = set_paused(&j, t->command == QUEUE_PAUSE, &t->changed);
         break;
     case QUEUE_RETRY:
-        ok = retry(d, &b, &t->changed, e);
+        ok = retry(d, &j, &t->changed, e);
         break;
     }
-    if (ok && t->changed) ok = book_save(d, &before, &b, now, e);
-    if (ok && t->changed && b.state == before.state)
-        ok = book_note(d, b.seq, QUEUE_EVENT_EDITED, b.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0, now, e);
-    t->now = b.state;
+    if (ok && t->changed) ok = job_state_save(d, &before, &j, now, e);
+    if (ok && t->changed && j.state == before.state)
+        ok = job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
+                                 now, e);
+    t->now = j.state;
     return ok;
 }
 
@@ -116,18 +117,18 @@ typedef struct editing {
     queue_edited edited;
 } editing;
 
-static bool store_edit(database *d, const queue_edit *edit, const book *b, error *e)
+static bool store_edit(database *d, const queue_edit *edit, const job_state *j, error *e)
 {
     bool ok = true;
     if (edit->priority)
-        ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(b->seq),
+        ok = RUN(d, e, "UPDATE job SET priority = ?2 WHERE seq = ?1", integer(j->seq),
                  integer(*edit->priority));
     if (edit->labels)
         ok = ok &&
-             RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(b->seq), text(edit->labels)) &&
-             RUN(d, e, "DELETE FROM label WHERE job = ?1", integer(b->seq)) &&
+             RUN(d, e, "UPDATE job SET labels = ?2 WHERE seq = ?1", integer(j->seq), text(edit->labels)) &&
+             RUN(d, e, "DELETE FROM label WHERE job = ?1", integer(j->seq)) &&
              RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
-                 integer(b->seq), text(edit->labels));
+                 integer(j->seq), text(edit->labels));
     return ok;
 }
 
@@ -137,16 +138,17 @@ static bool change_job(database *d, change *asked)
     error *e = &asked->fault;
     int64_t now = clock_wall_ms();
     bool found = false;
-    book b;
-    if (!book_load(d, x->id, &b, &found, e)) return false;
+    job_state j;
+    if (!job_state_load(d, x->id, &j, &found, e)) return false;
     x->edited = !found                                          ? QUEUE_NOT_THERE
-                : x->revision >= 0 && x->revision != b.revision ? QUEUE_STALE
+                : x->revision >= 0 && x->revision != j.revision ? QUEUE_STALE
                                                                 : QUEUE_EDITED;
     if (x->edited != QUEUE_EDITED) return true;
-    book before = b;
-    if (x->edit->retention_s) b.retention_s = *x->edit->retention_s;
-    return store_edit(d, x->edit, &b, e) && book_save(d, &before, &b, now, e) &&
-           book_note(d, b.seq, QUEUE_EVENT_EDITED, b.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0, now, e);
+    job_state before = j;
+    if (x->edit->retention_s) j.retention_s = *x->edit->retention_s;
+    return store_edit(d, x->edit, &j, e) && job_state_save(d, &before, &j, now, e) &&
+           job_state_add_event(d, j.seq, QUEUE_EVENT_EDITED, j.state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
+                               now, e);
 }
 
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
@@ -165,24 +167,24 @@ typedef struct deleting {
 } deleting;
 
 /* The events of a job go with it; who follows is told how far some are missing. */
-static bool note_removed_events(database *d, const book *b, error *e)
+static bool note_removed_events(database *d, const job_state *j, error *e)
 {
     return RUN(d, e,
                "UPDATE removed_events SET up_to = max(up_to,"
                " coalesce((SELECT max(seq) FROM event WHERE job = ?1), 0)) WHERE one = 1",
-               integer(b->seq));
+               integer(j->seq));
 }
 
 static bool delete_job(database *d, change *asked)
 {
     deleting *x = (deleting *)asked;
     error *e = &asked->fault;
-    book b;
-    if (!book_load(d, x->id, &b, &x->found, e)) return false;
-    if (!x->found || !queue_state_is_final(b.state)) return true;
+    job_state j;
+    if (!job_state_load(d, x->id, &j, &x->found, e)) return false;
+    if (!x->found || !queue_state_is_final(j.state)) return true;
     x->deleted = true;
-    return note_removed_events(d, &b, e) && book_note_removals(d, &b, e) &&
-           RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(b.seq));
+    return note_removed_events(d, &j, e) && job_state_note_removals(d, &j, e) &&
+           RUN(d, e, "DELETE FROM job WHERE seq = ?1", integer(j.seq));
 }
 
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "queue/queue.h"
-#include "queue/record.h"
+#include "queue/job_row.h"
 
 /* Looked at for one page: some milliseconds, in which nobody else is served from the database. */
 #define EXAMINED_MOST 4096
@@ -47,7 +47,7 @@ static void read_event(sqlite3_stmt *s, queue_event *event)
         .seq = sqlite3_column_int64(s, 0),
         .at_ms = sqlite3_column_int64(s, 1),
         .type = type_from_name((const char *)sqlite3_column_text(s, 4)),
-        .outcome = record_outcome(s, 6),
+        .outcome = job_row_outcome(s, 6),
         .frame = sqlite3_column_type(s, 7) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, 7),
         .attempt = sqlite3_column_int(s, 8),
     };

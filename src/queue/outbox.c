@@ -4,7 +4,7 @@
 
 #include "queue/database.h"
 #include "queue/queue.h"
-#include "queue/record.h"
+#include "queue/job_row.h"
 
 void queue_delivery_clear(queue_delivery *delivery)
 {
@@ -28,7 +28,7 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 1));
         read.url = database_text(s, 2);
         queue_state_from_name((const char *)sqlite3_column_text(s, 3), &read.state);
-        read.outcome = record_outcome(s, 4);
+        read.outcome = job_row_outcome(s, 4);
         read.tries = sqlite3_column_int(s, 5);
         read.due_ms = sqlite3_column_int64(s, 6);
     }

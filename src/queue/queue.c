@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "queue/record.h"
+#include "queue/job_row.h"
 #include "queue/schema.h"
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
@@ -105,7 +105,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
             text(id));
     while (database_next(q, s, &ok, e)) {
         got = true;
-        record_read_job(s, 0, &read);
+        job_row_read(s, 0, &read);
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
@@ -155,7 +155,7 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
             text(filter->owner), text(filter->label));
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        record_read_job(s, 0, &read[used++]);
+        job_row_read(s, 0, &read[used++]);
     }
     database_unlock(q);
     if (!ok) {
@@ -211,7 +211,7 @@ bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task
                           text(id), integer(after), integer(limit));
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        record_read_task(s, 0, &read[used++]);
+        job_row_read_task(s, 0, &read[used++]);
     }
     database_unlock(q);
     if (!ok) {
@@ -234,7 +234,7 @@ bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool
                           text(id), integer(frame));
     while (database_next(q, s, &ok, e)) {
         got = true;
-        record_read_task(s, 0, &read);
+        job_row_read_task(s, 0, &read);
     }
     database_unlock(q);
     if (ok && got)

@@ -311,7 +311,7 @@ bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *fou
 /* When the next task that waits before it is tried again may be, wall clock; INT64_MAX: there is none. */
 bool queue_next_due(queue *q, int64_t *wall_ms, error *e);
 
-/* Tasks that run by the book; at a start, what a crash left. Oldest first. */
+/* Tasks that the queue holds as running. At a start these are the ones that a crash left. Oldest first. */
 bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, error *e);
 
 /* How an attempt ended. */

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
-#include "queue/book.h"
+#include "queue/job_state.h"
 
 typedef struct submitting {
     change change;
@@ -85,7 +85,7 @@ static bool check_needs(database *d, submitting *s, int *pending, const char **l
     return true;
 }
 
-static bool insert_job(database *d, const submitting *s, book *b, int64_t now, error *e)
+static bool insert_job(database *d, const submitting *s, job_state *j, int64_t now, error *e)
 {
     const queue_submission *in = s->in;
     bool ok =
@@ -95,32 +95,32 @@ static bool insert_job(database *d, const submitting *s, book *b, int64_t now, e
             " body_hash)"
             " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?19, ?10, ?11, ?11, ?12, ?13, ?14, ?15, ?16, ?17,"
             " ?18)",
-            text(s->receipt.id), text(s->owner), text(queue_state_name(b->state)), integer(in->priority),
+            text(s->receipt.id), text(s->owner), text(queue_state_name(j->state)), integer(in->priority),
             integer(in->threads), integer(in->memory_mb), integer(in->max_attempts), integer(in->retention_s),
-            integer(b->array), integer(b->pending), integer(b->tasks), integer(now), text(in->name),
+            integer(j->array), integer(j->pending), integer(j->tasks), integer(now), text(in->name),
             text(in->labels), text(in->trace), text(in->webhook), text(in->key),
-            text(in->key ? in->body_hash : NULL), integer(b->ordered));
-    b->seq = database_last_row(d);
+            text(in->key ? in->body_hash : NULL), integer(j->ordered));
+    j->seq = database_last_row(d);
     return ok &&
-           RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(b->seq),
+           RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(j->seq),
                text(in->spec), text(in->paths)) &&
            (strcmp(in->labels, "[]") == 0 ||
             RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
-                integer(b->seq), text(in->labels)));
+                integer(j->seq), text(in->labels)));
 }
 
-static bool insert_tasks(database *d, const submitting *s, const book *b, error *e)
+static bool insert_tasks(database *d, const submitting *s, const job_state *j, error *e)
 {
     bool ok = true;
-    for (int i = 0; ok && i < b->tasks; i++)
-        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(b->seq),
-                 integer(i), integer_if(b->array ? s->in->frames[i] : 0, b->array));
+    for (int i = 0; ok && i < j->tasks; i++)
+        ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(j->seq),
+                 integer(i), integer_if(j->array ? s->in->frames[i] : 0, j->array));
     for (size_t i = 0; ok && i < s->in->depends_on_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO dependency (job, needs) SELECT ?1, seq FROM job WHERE id = ?2",
-                 integer(b->seq), text(s->in->depends_on[i]));
+                 integer(j->seq), text(s->in->depends_on[i]));
     for (size_t i = 0; ok && i < s->in->input_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job) VALUES (?1, ?2)", text(s->in->inputs[i]),
-                 integer(b->seq));
+                 integer(j->seq));
     return ok;
 }
 
@@ -144,23 +144,23 @@ static bool put(database *d, change *c)
     }
     int64_t now = clock_wall_ms();
     int tasks = s->in->frames ? (int)s->in->frame_count : 1;
-    book b = {.revision = 1,
-              .array = s->in->frames != NULL,
-              .ordered = s->in->ordered,
-              .pending = pending,
-              .tasks = tasks,
-              .ready = tasks,
-              .retention_s = s->in->retention_s};
-    b.state = book_state(&b);
+    job_state j = {.revision = 1,
+                   .array = s->in->frames != NULL,
+                   .ordered = s->in->ordered,
+                   .pending = pending,
+                   .tasks = tasks,
+                   .ready = tasks,
+                   .retention_s = s->in->retention_s};
+    j.state = job_state_derive(&j);
     ulid_make(now, s->receipt.id);
-    bool ok = insert_job(d, s, &b, now, e) && insert_tasks(d, s, &b, e) && book_enter(d, &b, now, e);
+    bool ok = insert_job(d, s, &j, now, e) && insert_tasks(d, s, &j, e) && job_state_begin(d, &j, now, e);
     if (ok && lost) {
-        book before = b;
-        ok = book_lose_need(d, &b, lost, how, now, e) && book_save(d, &before, &b, now, e);
+        job_state before = j;
+        ok = job_state_fail_dependent(d, &j, lost, how, now, e) && job_state_save(d, &before, &j, now, e);
     }
     s->receipt.verdict = QUEUE_CREATED;
-    s->receipt.state = b.state;
-    s->receipt.revision = b.revision;
+    s->receipt.state = j.state;
+    s->receipt.revision = j.revision;
     return ok;
 }
 

@@ -13,7 +13,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/inventory.h"
-#include "executor/lost.h"
+#include "executor/lost_found.h"
 #include "store/file.h"
 
 typedef struct place {
@@ -231,7 +231,7 @@ static void test_what_is_in_the_way_and_cannot_be_moved_is_an_error(void **state
     char id[ULID_SIZE];
     error e = {0};
     put(p, false, 0, QUEUE_QUEUED, id);
-    char *result = name_of("results", id, ""), *file = at(p, LOST_DIRECTORY);
+    char *result = name_of("results", id, ""), *file = at(p, LOST_FOUND_DIRECTORY);
     make(p, "results/nobody's");
     assert_true(store_file_write(file, "x", 1, NULL));
     take(p); /* what is nobody's may stay */

@@ -1,4 +1,4 @@
-#include "executor/sent.h"
+#include "executor/input_permissions.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -30,10 +30,10 @@ static void add(list *l, store_inputs *inputs, const char *path)
     if (store_inputs_use(inputs, name + strlen(STORE_INPUT_PREFIX)) >= 0)
         append(l, whole);
     else
-        free(whole); /* gone: the worker says so when it looks for it */
+        free(whole); /* the file is gone: the worker reports that when it opens it */
 }
 
-/* As deep as json_parse admits. Long arrays are of numbers. */
+/* Recursion is as deep as json_parse admits. Arrays of numbers are skipped, because they may be long. */
 static void look(list *l, store_inputs *inputs, json_at at)
 {
     json_at first = json_element(&at, 0);
@@ -46,8 +46,8 @@ static void look(list *l, store_inputs *inputs, json_at at)
     }
 }
 
-char **sent_list_roots(const char *spec, store_inputs *inputs, const char *const *given, size_t given_count,
-                       size_t *count)
+char **input_permissions_list(const char *spec, store_inputs *inputs, const char *const *given,
+                              size_t given_count, size_t *count)
 {
     list l = {0};
     if (inputs) {
@@ -60,7 +60,7 @@ char **sent_list_roots(const char *spec, store_inputs *inputs, const char *const
     return l.item;
 }
 
-void sent_free_roots(char **roots, size_t count)
+void input_permissions_free(char **roots, size_t count)
 {
     for (size_t i = 0; i < count; i++) free(roots[i]);
     free(roots);

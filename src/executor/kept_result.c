@@ -1,4 +1,4 @@
-#include "executor/kept.h"
+#include "executor/kept_result.h"
 
 #include <stdlib.h>
 
@@ -6,7 +6,7 @@
 #include "executor/settlement.h"
 #include "store/file.h"
 
-bool kept_take(const char *state_dir, const queue_claimed *claimed, const char *directory)
+bool kept_result_take(const char *state_dir, const queue_claimed *claimed, const char *directory)
 {
     const queue_task *task = &claimed->task;
     bool found = false;
@@ -20,7 +20,7 @@ bool kept_take(const char *state_dir, const queue_claimed *claimed, const char *
     return found;
 }
 
-void kept_remove(queue *q, const char *state_dir, const char *id)
+void kept_result_remove(queue *q, const char *state_dir, const char *id)
 {
     queue_task *tasks = NULL;
     size_t count = 0;

@@ -1,9 +1,9 @@
-/* record: rows of the database as the structures of queue.h.
+/* job_row: reads rows of the tables job and task into the structures of queue.h.
  *
- * Private to src/queue. A statement selects JOB_COLUMNS or TASK_COLUMNS from some column on.
+ * Private to src/queue. The statement must select JOB_COLUMNS or TASK_COLUMNS, starting at any column.
  */
-#ifndef HEXAD_QUEUE_RECORD_H
-#define HEXAD_QUEUE_RECORD_H
+#ifndef HEXAD_QUEUE_JOB_ROW_H
+#define HEXAD_QUEUE_JOB_ROW_H
 
 #include "queue/database.h"
 #include "queue/queue.h"
@@ -23,9 +23,10 @@
 
 #define TASK_COLUMN_COUNT 14
 
-/* `at` is the first of the columns. All but the spec. */
-void record_read_job(sqlite3_stmt *s, int at, queue_job *job);
-void record_read_task(sqlite3_stmt *s, int at, queue_task *task);
-queue_outcome record_outcome(sqlite3_stmt *s, int column);
+/* `at` is the first of the columns. The spec is not read. Texts are allocated: queue_job_clear and
+ * queue_task_clear free them. */
+void job_row_read(sqlite3_stmt *s, int at, queue_job *job);
+void job_row_read_task(sqlite3_stmt *s, int at, queue_task *task);
+queue_outcome job_row_outcome(sqlite3_stmt *s, int column);
 
 #endif

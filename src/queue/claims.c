@@ -1,13 +1,13 @@
-/* How tasks are claimed, tried, and end. */
+/* Claims of tasks: a task is claimed by an attempt, and the attempt is settled: the task ends or is queued again. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "queue/book.h"
+#include "queue/job_state.h"
 #include "queue/copy.h"
-#include "queue/record.h"
+#include "queue/job_row.h"
 #include "queue/schema.h"
 
 /* How many of one owner's jobs are looked at for one that fits. */
@@ -43,16 +43,16 @@ static bool promote(database *d, int64_t now, error *e)
             snprintf(id, sizeof id, "%s", (const char *)sqlite3_column_text(s, 2));
         }
         if (!ok || !any) return ok;
-        book b;
+        job_state j;
         if (!RUN(d, e,
                  "UPDATE task SET state = 'queued', not_before_ms = NULL WHERE job = ?1 AND number = ?2",
                  integer(job), integer(number)) ||
-            !book_load(d, id, &b, &found, e))
+            !job_state_load(d, id, &j, &found, e))
             return false;
-        book before = b;
-        b.delayed--;
-        b.ready++;
-        if (!book_save(d, &before, &b, now, e)) return false;
+        job_state before = j;
+        j.delayed--;
+        j.ready++;
+        if (!job_state_save(d, &before, &j, now, e)) return false;
     }
 }
 
@@ -121,8 +121,8 @@ static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *cl
             " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
             integer(seq), integer(number));
     while (database_next(d, s, &ok, e)) {
-        record_read_job(s, 0, &claimed->job);
-        record_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
+        job_row_read(s, 0, &claimed->job);
+        job_row_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
         claimed->job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
     }
     return ok;
@@ -145,7 +145,7 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
 {
     bool ok = false, any = false;
     int number = 0, attempt = 0, frame = QUEUE_NO_FRAME;
-    book b;
+    job_state j;
     sqlite3_stmt *s =
         ASK(d, e,
             "UPDATE task SET state = 'running', attempt = attempt + 1, spent = spent + 1,"
@@ -162,17 +162,18 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     if (!ok || !any) return ok;
     ok = RUN(d, e, "INSERT INTO attempt (job, task, number, started_ms) VALUES (?1, ?2, ?3, ?4)",
              integer(seq), integer(number), integer(attempt), integer(now)) &&
-         book_load_row(d, seq, &b, e);
+         job_state_load_seq(d, seq, &j, e);
     if (!ok) return false;
-    book before = b;
-    b.ready--;
-    b.running++;
-    b.attempts++;
-    ok = book_save(d, &before, &b, now, e) &&
-         book_note(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt, now, e) &&
+    job_state before = j;
+    j.ready--;
+    j.running++;
+    j.attempts++;
+    ok = job_state_save(d, &before, &j, now, e) &&
+         job_state_add_event(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt,
+                             now, e) &&
          read_claimed(d, seq, number, &c->claimed, e);
     c->claimed.previous = QUEUE_NO_FRAME;
-    if (b.ordered) ok = ok && find_previous(d, seq, number, &c->claimed.previous, e);
+    if (j.ordered) ok = ok && find_previous(d, seq, number, &c->claimed.previous, e);
     c->found = ok;
     return ok;
 }
@@ -228,8 +229,8 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        record_read_job(s, 0, &read[used].job);
-        record_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
+        job_row_read(s, 0, &read[used].job);
+        job_row_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
         read[used].previous = QUEUE_NO_FRAME; /* nobody is going to start it */
         read[used++].job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
     }
@@ -254,28 +255,29 @@ typedef struct settling {
     bool accepted;
 } settling;
 
-static bool end_attempt(database *d, const settling *s, const book *b, int frame, int64_t now, error *e)
+static bool end_attempt(database *d, const settling *s, const job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     return RUN(d, e,
                "UPDATE attempt SET finished_ms = ?4, exit_status = ?5, signal = ?6, peak_memory_bytes = ?7,"
                " host = ?8, reason = ?9 WHERE job = ?1 AND task = ?2 AND number = ?3",
-               integer(b->seq), integer(s->fence->task), integer(s->fence->attempt), integer(now),
+               integer(j->seq), integer(s->fence->task), integer(s->fence->attempt), integer(now),
                integer_if(x->exit_status, x->exit_status >= 0), integer_if(x->signal, x->signal >= 0),
                integer_if(x->peak_memory_bytes, x->peak_memory_bytes > 0), text(x->host), text(x->reason)) &&
-           book_note(d, b->seq, QUEUE_EVENT_ENDED, s->back ? QUEUE_QUEUED : x->state,
-                     s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
+           job_state_add_event(d, j->seq, QUEUE_EVENT_ENDED, s->back ? QUEUE_QUEUED : x->state,
+                               s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
 }
 
 /* Whether the attempt is the task's current one and runs; reads its frame. */
-static bool check_fence(database *d, const settling *s, const book *b, bool *current, int *frame, error *e)
+static bool check_fence(database *d, const settling *s, const job_state *j, bool *current, int *frame,
+                        error *e)
 {
     bool ok = false;
     *current = false;
     sqlite3_stmt *row = ASK(d, e,
                             "SELECT frame FROM task WHERE job = ?1 AND number = ?2 AND attempt = ?3"
                             " AND state = 'running'",
-                            integer(b->seq), integer(s->fence->task), integer(s->fence->attempt));
+                            integer(j->seq), integer(s->fence->task), integer(s->fence->attempt));
     while (database_next(d, row, &ok, e)) {
         *current = true;
         *frame = sqlite3_column_type(row, 0) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(row, 0);
@@ -283,56 +285,57 @@ static bool check_fence(database *d, const settling *s, const book *b, bool *cur
     return ok;
 }
 
-static bool put_back(database *d, const settling *s, book *b, int64_t now, error *e)
+static bool put_back(database *d, const settling *s, job_state *j, int64_t now, error *e)
 {
     bool delayed = s->not_before_ms > now;
     if (!RUN(d, e,
              "UPDATE task SET state = ?3, spent = spent - ?4, not_before_ms = ?5, ran_ms = ran_ms + ?6,"
              " storage_faults = storage_faults + ?7, interrupted = interrupted + ?8"
              " WHERE job = ?1 AND number = ?2",
-             integer(b->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
+             integer(j->seq), integer(s->fence->task), text(delayed ? "delayed" : "queued"),
              integer(s->counts ? 0 : 1), integer_if(s->not_before_ms, delayed),
              integer(s->counts ? s->ending->ran_ms : 0), integer(s->ending->storage_fault),
              integer(s->ending->interrupted)))
         return false;
     if (delayed)
-        b->delayed++;
+        j->delayed++;
     else
-        b->ready++;
+        j->ready++;
     return true;
 }
 
-static bool end_task(database *d, const settling *s, book *b, int frame, int64_t now, error *e)
+static bool end_task(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     if (!RUN(d, e,
              "UPDATE task SET state = ?3, outcome = ?4, error_code = ?5, error_message = ?6, finished_ms = ?7"
              " WHERE job = ?1 AND number = ?2",
-             integer(b->seq), integer(s->fence->task), text(queue_state_name(x->state)),
+             integer(j->seq), integer(s->fence->task), text(queue_state_name(x->state)),
              text(queue_outcome_name(x->outcome)), text(x->error_code), text(x->error_message), integer(now)))
         return false;
-    ++*book_count_of(b, x->state);
-    if (x->outcome == QUEUE_NOT_CONVERGED) b->not_converged++;
+    ++*job_state_counter(j, x->state);
+    if (x->outcome == QUEUE_NOT_CONVERGED) j->not_converged++;
     if (x->cached_from &&
-        !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(b->seq), text(x->cached_from)))
+        !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(j->seq), text(x->cached_from)))
         return false;
     if (x->cache_key && !RUN(d, e, "INSERT OR REPLACE INTO cache (key, job, inputs) VALUES (?1, ?2, ?3)",
-                             text(x->cache_key), integer(b->seq), text(x->cache_inputs)))
+                             text(x->cache_key), integer(j->seq), text(x->cache_inputs)))
         return false;
-    return frame == QUEUE_NO_FRAME ||
-           book_note(d, b->seq, QUEUE_EVENT_TASK, x->state, x->outcome, frame, s->fence->attempt, now, e);
+    return frame == QUEUE_NO_FRAME || job_state_add_event(d, j->seq, QUEUE_EVENT_TASK, x->state, x->outcome,
+                                                          frame, s->fence->attempt, now, e);
 }
 
 /* Of a job in order: those behind a task that did not succeed have nothing to begin with. */
-static bool end_followers(database *d, const settling *s, book *b, int frame, int64_t now, error *e)
+static bool end_followers(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;
     char message[128];
-    if (!b->ordered || s->back || x->state == QUEUE_SUCCEEDED) return true;
+    if (!j->ordered || s->back || x->state == QUEUE_SUCCEEDED) return true;
     if (x->error_code && strcmp(x->error_code, error_code_name(ERROR_NO_SURFACE)) == 0) return true;
     snprintf(message, sizeof message, "frame %d, with whose points this one begins, is %s", frame,
              queue_state_name(x->state));
-    return book_end_waiting(d, b, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now, e);
+    return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
+                                 e);
 }
 
 static bool settle(database *d, change *asked)
@@ -342,18 +345,18 @@ static bool settle(database *d, change *asked)
     int64_t now = clock_wall_ms();
     bool found = false, current = false;
     int frame = QUEUE_NO_FRAME;
-    book b;
-    if (!book_load(d, s->fence->id, &b, &found, e)) return false;
-    if (!found || (s->back && b.cancelled)) return true; /* would undo the cancellation */
-    if (!check_fence(d, s, &b, &current, &frame, e)) return false;
+    job_state j;
+    if (!job_state_load(d, s->fence->id, &j, &found, e)) return false;
+    if (!found || (s->back && j.cancelled)) return true; /* would undo the cancellation */
+    if (!check_fence(d, s, &j, &current, &frame, e)) return false;
     if (!current) return true;
-    book before = b;
-    b.running--;
+    job_state before = j;
+    j.running--;
     s->accepted = true;
-    return end_attempt(d, s, &b, frame, now, e) &&
-           (s->back ? put_back(d, s, &b, now, e) : end_task(d, s, &b, frame, now, e)) &&
+    return end_attempt(d, s, &j, frame, now, e) &&
+           (s->back ? put_back(d, s, &j, now, e) : end_task(d, s, &j, frame, now, e)) &&
            (!s->ending->copied || copy_forget(d, s->ending->copied, e)) &&
-           end_followers(d, s, &b, frame, now, e) && book_save(d, &before, &b, now, e);
+           end_followers(d, s, &j, frame, now, e) && job_state_save(d, &before, &j, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

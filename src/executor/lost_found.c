@@ -1,4 +1,4 @@
-#include "executor/lost.h"
+#include "executor/lost_found.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -9,8 +9,8 @@
 #include "base/memory.h"
 #include "store/file.h"
 
-/* A place in `directory` that is free. Nobody else makes names there: the daemon holds the lock on the state
- * directory. */
+/* A name in `directory` that is free. No other process makes names there, because the daemon holds the lock on the
+ * state directory. */
 static char *free_place(const char *directory, const char *name)
 {
     struct stat info;
@@ -22,9 +22,9 @@ static char *free_place(const char *directory, const char *name)
     return place;
 }
 
-bool lost_move(const char *state_dir, const char *part, const char *name, error *e)
+bool lost_found_move(const char *state_dir, const char *part, const char *name, error *e)
 {
-    char *directory = mem_printf("%s/" LOST_DIRECTORY "/%s", state_dir, part);
+    char *directory = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", state_dir, part);
     char *from = mem_printf("%s/%s/%s", state_dir, part, name), *to = NULL;
     bool ok = store_directory_create(directory, e);
     if (ok) {
@@ -38,10 +38,10 @@ bool lost_move(const char *state_dir, const char *part, const char *name, error 
     return ok;
 }
 
-bool lost_flush(const char *state_dir, const char *part, error *e)
+bool lost_found_flush(const char *state_dir, const char *part, error *e)
 {
     char *from = mem_printf("%s/%s", state_dir, part),
-         *to = mem_printf("%s/" LOST_DIRECTORY "/%s", state_dir, part);
+         *to = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", state_dir, part);
     bool ok = store_directory_sync(to, e) && store_directory_sync(from, e);
     free(from);
     free(to);

@@ -1,15 +1,15 @@
-#include "queue/record.h"
+#include "queue/job_row.h"
 
 #include <stdio.h>
 #include <string.h>
 
-queue_outcome record_outcome(sqlite3_stmt *s, int column)
+queue_outcome job_row_outcome(sqlite3_stmt *s, int column)
 {
     const char *name = (const char *)sqlite3_column_text(s, column);
     return !name ? QUEUE_NO_OUTCOME : strcmp(name, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
 }
 
-void record_read_job(sqlite3_stmt *s, int at, queue_job *job)
+void job_row_read(sqlite3_stmt *s, int at, queue_job *job)
 {
     *job = (queue_job){
         .seq = sqlite3_column_int64(s, at),
@@ -18,7 +18,7 @@ void record_read_job(sqlite3_stmt *s, int at, queue_job *job)
         .owner = database_text(s, at + 4),
         .labels = database_text(s, at + 5),
         .trace = database_text(s, at + 6),
-        .outcome = record_outcome(s, at + 8),
+        .outcome = job_row_outcome(s, at + 8),
         .paused = sqlite3_column_int(s, at + 9),
         .array = sqlite3_column_int(s, at + 10),
         .tasks =
@@ -48,14 +48,14 @@ void record_read_job(sqlite3_stmt *s, int at, queue_job *job)
     queue_state_from_name((const char *)sqlite3_column_text(s, at + 7), &job->state);
 }
 
-void record_read_task(sqlite3_stmt *s, int at, queue_task *task)
+void job_row_read_task(sqlite3_stmt *s, int at, queue_task *task)
 {
     const char *state = (const char *)sqlite3_column_text(s, at + 2);
     *task = (queue_task){
         .number = sqlite3_column_int(s, at),
         .frame =
             sqlite3_column_type(s, at + 1) == SQLITE_NULL ? QUEUE_NO_FRAME : sqlite3_column_int(s, at + 1),
-        .outcome = record_outcome(s, at + 3),
+        .outcome = job_row_outcome(s, at + 3),
         .attempt = sqlite3_column_int(s, at + 4),
         .spent = sqlite3_column_int(s, at + 5),
         .not_before_ms = sqlite3_column_int64(s, at + 6),
@@ -67,6 +67,6 @@ void record_read_task(sqlite3_stmt *s, int at, queue_task *task)
         .storage_faults = sqlite3_column_int(s, at + 12),
         .interrupted = sqlite3_column_int(s, at + 13),
     };
-    /* who waits to be tried again is queued for all the world */
+    /* "delayed" is internal: for callers such a task is queued */
     queue_state_from_name(strcmp(state, "delayed") == 0 ? "queued" : state, &task->state);
 }

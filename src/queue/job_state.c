@@ -1,0 +1,288 @@
+#include "queue/job_state.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+#define STATE_COLUMNS                                                                                   \
+    "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
+    " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
+    "retention_s, is_ordered"
+
+static void read_state(sqlite3_stmt *s, job_state *j)
+{
+    *j = (job_state){
+        .seq = sqlite3_column_int64(s, 0),
+        .revision = sqlite3_column_int64(s, 1),
+        .array = sqlite3_column_int(s, 3),
+        .paused = sqlite3_column_int(s, 4),
+        .cancelled = sqlite3_column_int(s, 5),
+        .pending = sqlite3_column_int(s, 6),
+        .tasks = sqlite3_column_int(s, 7),
+        .ready = sqlite3_column_int(s, 8),
+        .delayed = sqlite3_column_int(s, 9),
+        .running = sqlite3_column_int(s, 10),
+        .succeeded = sqlite3_column_int(s, 11),
+        .failed = sqlite3_column_int(s, 12),
+        .cancelled_tasks = sqlite3_column_int(s, 13),
+        .timed_out = sqlite3_column_int(s, 14),
+        .not_converged = sqlite3_column_int(s, 15),
+        .attempts = sqlite3_column_int(s, 16),
+        .started_ms = sqlite3_column_int64(s, 17),
+        .finished_ms = sqlite3_column_int64(s, 18),
+        .retention_s = sqlite3_column_int64(s, 19),
+        .ordered = sqlite3_column_int(s, 20),
+    };
+    queue_state_from_name((const char *)sqlite3_column_text(s, 2), &j->state);
+}
+
+static bool load(database *d, sqlite3_stmt *s, job_state *j, bool *found, error *e)
+{
+    bool ok = false;
+    *found = database_next(d, s, &ok, e);
+    if (!*found) return ok;
+    read_state(s, j);
+    database_end(s);
+    return true;
+}
+
+bool job_state_load(database *d, const char *id, job_state *j, bool *found, error *e)
+{
+    return load(d, ASK(d, e, "SELECT " STATE_COLUMNS " FROM job WHERE id = ?1", text(id)), j, found, e);
+}
+
+bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e)
+{
+    bool found = false;
+    return load(d, ASK(d, e, "SELECT " STATE_COLUMNS " FROM job WHERE seq = ?1", integer(seq)), j, &found, e);
+}
+
+int *job_state_counter(job_state *j, queue_state final)
+{
+    return final == QUEUE_SUCCEEDED   ? &j->succeeded
+           : final == QUEUE_FAILED    ? &j->failed
+           : final == QUEUE_TIMED_OUT ? &j->timed_out
+                                      : &j->cancelled_tasks;
+}
+
+bool job_state_add_event(database *d, int64_t seq, queue_event_type type, queue_state state,
+                         queue_outcome outcome, int frame, int attempt, int64_t now, error *e)
+{
+    return RUN(d, e,
+               "INSERT INTO event (at_ms, job, type, state, outcome, frame, attempt)"
+               " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+               integer(now), integer(seq), text(queue_event_type_name(type)), text(queue_state_name(state)),
+               text(queue_outcome_name(outcome)), integer_if(frame, frame != QUEUE_NO_FRAME),
+               integer_if(attempt, attempt > 0));
+}
+
+queue_state job_state_derive(const job_state *j)
+{
+    int waiting = j->ready + j->delayed;
+    if (!waiting && !j->running) {
+        if (j->cancelled && j->cancelled_tasks) return QUEUE_CANCELLED;
+        return j->failed            ? QUEUE_FAILED
+               : j->timed_out       ? QUEUE_TIMED_OUT
+               : j->cancelled_tasks ? QUEUE_CANCELLED
+                                    : QUEUE_SUCCEEDED;
+    }
+    if (j->cancelled) return QUEUE_CANCELLING;
+    if (j->running) return QUEUE_RUNNING;
+    if (j->pending) return QUEUE_BLOCKED;
+    if (j->paused) return QUEUE_PAUSED;
+    return waiting < j->tasks ? QUEUE_RUNNING : QUEUE_QUEUED;
+}
+
+/* The job's error is the first one of its tasks; of an array it says how many have failed. */
+static bool store_error(database *d, const job_state *j, error *e)
+{
+    bool ok = false, read = false;
+    char *code = NULL, *message = NULL;
+    int ended = j->state == QUEUE_FAILED      ? j->failed
+                : j->state == QUEUE_TIMED_OUT ? j->timed_out
+                                              : j->cancelled_tasks;
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT error_code, error_message, frame FROM task WHERE job = ?1 AND state = ?2"
+                          " ORDER BY number LIMIT 1",
+                          integer(j->seq), text(queue_state_name(j->state)));
+    while (database_next(d, s, &ok, e)) {
+        read = true;
+        code = database_text(s, 0);
+        message = database_text(s, 1);
+        if (j->array && message) {
+            char *whole = mem_printf("%d of %d frames %s; frame %d: %s", ended, j->tasks,
+                                     queue_state_name(j->state), sqlite3_column_int(s, 2), message);
+            free(message);
+            message = whole;
+        }
+    }
+    if (ok && read)
+        ok = RUN(d, e, "UPDATE job SET error_code = ?2, error_message = ?3 WHERE seq = ?1", integer(j->seq),
+                 text(code), text(message));
+    free(code);
+    free(message);
+    return ok;
+}
+
+static bool store(database *d, const job_state *j, queue_outcome outcome, error *e)
+{
+    bool final = queue_state_is_final(j->state);
+    int64_t expires = j->finished_ms + j->retention_s * 1000;
+    return RUN(
+        d, e,
+        "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
+        " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
+        " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, error_code = NULL, error_message = NULL"
+        " WHERE seq = ?1",
+        integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
+        text(queue_outcome_name(outcome)), integer(j->paused), integer(j->cancelled), integer(j->pending),
+        integer(j->ready), integer(j->delayed), integer(j->running), integer(j->succeeded),
+        integer(j->failed), integer(j->cancelled_tasks), integer(j->timed_out), integer(j->not_converged),
+        integer(j->attempts), integer_if(j->started_ms, j->started_ms > 0), integer_if(j->finished_ms, final),
+        integer_if(expires, final && j->retention_s > 0), integer(j->retention_s));
+}
+
+static bool count_for_owner(database *d, int64_t seq, int unfinished, int running, error *e)
+{
+    if (!unfinished && !running) return true;
+    return RUN(d, e,
+               "INSERT INTO owner (name, unfinished, running) SELECT owner, max(?2, 0), max(?3, 0) FROM job"
+               " WHERE seq = ?1"
+               " ON CONFLICT (name) DO UPDATE SET unfinished = unfinished + ?2, running = running + ?3",
+               integer(seq), integer(unfinished), integer(running)) &&
+           (unfinished >= 0 ||
+            RUN(d, e,
+                "DELETE FROM owner WHERE name = (SELECT owner FROM job WHERE seq = ?1) AND unfinished = 0",
+                integer(seq)));
+}
+
+/* Stores one job. */
+static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
+{
+    j->state = job_state_derive(j);
+    j->revision = before->revision + 1;
+    bool was_final = queue_state_is_final(before->state), is_final = queue_state_is_final(j->state);
+    queue_outcome outcome = j->state != QUEUE_SUCCEEDED ? QUEUE_NO_OUTCOME
+                            : j->not_converged          ? QUEUE_NOT_CONVERGED
+                                                        : QUEUE_CONVERGED;
+    if (is_final && !was_final) j->finished_ms = now;
+    if (j->running && !j->started_ms) j->started_ms = now;
+    bool ok = store(d, j, outcome, e);
+    if (is_final && j->state != QUEUE_SUCCEEDED) ok = ok && store_error(d, j, e);
+    if (is_final && !was_final)
+        ok = ok &&
+             RUN(d, e,
+                 "INSERT INTO outbox (job, webhook, state, outcome, due_ms)"
+                 " SELECT seq, webhook, state, outcome, ?2 FROM job WHERE seq = ?1 AND webhook IS NOT NULL",
+                 integer(j->seq), integer(now));
+    if (j->state != before->state)
+        ok = ok &&
+             job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, outcome, QUEUE_NO_FRAME, 0, now, e);
+    return ok && count_for_owner(d, j->seq, (int)was_final - (int)is_final, j->running - before->running, e);
+}
+
+bool job_state_begin(database *d, const job_state *j, int64_t now, error *e)
+{
+    return job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
+                               now, e) &&
+           count_for_owner(d, j->seq, 1, 0, e);
+}
+
+bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
+                           const char *message, int64_t now, error *e)
+{
+    if (!RUN(d, e,
+             "UPDATE task SET state = ?2, error_code = ?3, error_message = ?4, finished_ms = ?5, "
+             "not_before_ms = NULL"
+             " WHERE job = ?1 AND state IN ('queued', 'delayed')",
+             integer(j->seq), text(queue_state_name(state)), text(code), text(message), integer(now)))
+        return false;
+    *job_state_counter(j, state) += j->ready + j->delayed;
+    j->ready = j->delayed = 0;
+    return true;
+}
+
+bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue_state how, int64_t now,
+                              error *e)
+{
+    char message[128];
+    snprintf(message, sizeof message, "the job %s, on which this one depends, is %s", need,
+             queue_state_name(how));
+    return job_state_end_waiting(d, j, QUEUE_FAILED, error_code_name(ERROR_DEPENDENCY_FAILED), message, now,
+                                 e);
+}
+
+/* One job that waits for another hears of its end, which may be its own, too. */
+static bool tell_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
+                           error *e)
+{
+    job_state before = *j;
+    if (state == QUEUE_SUCCEEDED)
+        j->pending--;
+    else if (!job_state_fail_dependent(d, j, need, state, now, e))
+        return false;
+    return save_one(d, &before, j, now, e);
+}
+
+/* A job that waits for the one that has ended, if there is another; those with a lower number were told. */
+static bool next_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found, error *e)
+{
+    return load(d,
+                ASK(d, e,
+                    "SELECT " STATE_COLUMNS
+                    " FROM job WHERE seq = (SELECT job FROM dependency JOIN job ON seq = job"
+                    " WHERE needs = ?1 AND job > ?2 AND state = 'blocked' ORDER BY job LIMIT 1)",
+                    integer(need), integer(after)),
+                j, found, e);
+}
+
+static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = ASK(d, e, "SELECT id FROM job WHERE seq = ?1", integer(seq));
+    while (database_next(d, s, &ok, e))
+        snprintf(id, ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    return ok;
+}
+
+/* Those that fail of it end others in turn; however long the chain, one after the other. */
+static bool tell_dependents(database *d, const job_state *ended, int64_t now, error *e)
+{
+    size_t count = 1, room = 16;
+    struct {
+        int64_t seq;
+        queue_state state;
+    } *line = mem_alloc(room * sizeof *line);
+    line[0].seq = ended->seq;
+    line[0].state = ended->state;
+    bool ok = true;
+    for (size_t i = 0; ok && i < count; i++) {
+        char id[ULID_SIZE] = "";
+        bool found = true;
+        int64_t after = 0;
+        ok = read_id(d, line[i].seq, id, e);
+        while (ok && found) {
+            job_state j;
+            ok = next_dependent(d, line[i].seq, after, &j, &found, e);
+            if (!ok || !found) break;
+            after = j.seq;
+            ok = tell_dependent(d, id, line[i].state, &j, now, e);
+            if (!queue_state_is_final(j.state)) continue;
+            if (count == room) line = mem_resize(line, (room *= 2) * sizeof *line);
+            line[count].seq = j.seq;
+            line[count++].state = j.state;
+        }
+    }
+    free(line);
+    return ok;
+}
+
+bool job_state_save(database *d, const job_state *before, job_state *j, int64_t now, error *e)
+{
+    return save_one(d, before, j, now, e) &&
+           (!queue_state_is_final(j->state) || queue_state_is_final(before->state) ||
+            tell_dependents(d, j, now, e));
+}
