@@ -14,13 +14,13 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "api/context.h"
+#include "api/routes.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/result.h"
 #include "fuzz/target.h"
-#include "api/context.h"
-#include "api/routes.h"
 #include "http/server.h"
 #include "store/file.h"
 

@@ -11,18 +11,18 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "api/job_json.h"
 #include "auth/access.h"
 #include "queue/queue.h"
 
 #define DOCUMENT_CACHE_BYTES_MOST 16384
-#define DOCUMENT_CACHE_TAG_SIZE 40
 
 typedef struct document_cache document_cache;
 
 typedef struct cached_document {
     char *text; /* JSON, to be freed */
     size_t length;
-    char tag[DOCUMENT_CACHE_TAG_SIZE]; /* ETag */
+    char tag[JOB_JSON_TAG_SIZE]; /* ETag */
 } cached_document;
 
 /* For so many documents, rounded up to a multiple of four. 0: NULL, a cache that stores none. */

@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "api/job_lookup.h"
+#include "api/notifier.h"
 #include "base/clock.h"
 #include "base/memory.h"
 #include "executor/rows.h"
-#include "api/notifier.h"
-#include "api/jobs.h"
 #include "http/parameter.h"
 
 #define PAGE_DEFAULT 50 /* as the table of parameters says */
@@ -297,7 +297,7 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
     selection s = {.whole_job = true};
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     s.id = job.id;
     if (!read_position(request, 0, &s.after))
         refuse_position(r);
@@ -320,7 +320,7 @@ static bool may_select(const http_context *c, const http_request *request, const
     if (!s->id) return true;
     http_request named = *request;
     named.parameter[0] = s->id;
-    bool own = jobs_find_own(c, &named, &job, r);
+    bool own = job_lookup_find_own(c, &named, &job, r);
     queue_job_clear(&job);
     return own;
 }

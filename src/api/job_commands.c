@@ -3,9 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "api/job_json.h"
+#include "api/job_lookup.h"
+#include "api/jobs.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "api/jobs.h"
 #include "spec/spec.h"
 
 const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
@@ -17,7 +19,7 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     queue_job job = {0};
     bool found = false, changed = false;
     queue_state now = QUEUE_QUEUED;
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     bool ended = queue_state_is_final(job.state), wants_end = command == QUEUE_RETRY;
     if (!executor_tell(c->x, job.id, command, &found, &changed, &now, &e)) {
         reply_set_error(r, &e, NULL);
@@ -53,13 +55,6 @@ void job_commands_retry(const http_context *c, const http_request *request, repl
     tell(c, request, QUEUE_RETRY, "retry", r);
 }
 
-static void append_fault(json *errors, const char *pointer, const char *detail)
-{
-    json *o = json_append_object(errors);
-    json_put_string(o, "pointer", pointer);
-    json_put_string(o, "detail", detail);
-}
-
 /* A patch is read as those members of a spec are, by the same table: in a spec that has nothing
  * but them. NULL and the faults when they are not good. */
 static spec *read_members(json_at patch, json *errors)
@@ -76,7 +71,7 @@ static spec *read_members(json_at patch, json *errors)
     spec *s = spec_parse(document, &faults, NULL);
     json_free(document);
     for (size_t i = 0; i < faults.count; i++)
-        append_fault(errors, faults.item[i].pointer + strlen("/queue"), faults.item[i].detail);
+        reply_append_fault(errors, faults.item[i].pointer + strlen("/queue"), faults.item[i].detail);
     return s;
 }
 
@@ -88,8 +83,8 @@ static void check_names(json_at patch, json *errors)
         size_t k = 0;
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
-        append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
-                     "cannot be changed: only priority, labels and retention_s can");
+        reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
+                           "cannot be changed: only priority, labels and retention_s can");
     }
 }
 
@@ -98,7 +93,7 @@ static bool read_match(const http_request *request, int64_t *revision, reply *r)
 {
     const char *match = request->header[HTTP_IF_MATCH];
     *revision = -1;
-    if (!match || strcmp(match, "*") == 0 || jobs_read_tag(match, revision)) return true;
+    if (!match || strcmp(match, "*") == 0 || job_json_read_tag(match, revision)) return true;
     reply_set_problem(r, "precondition_failed", NULL, "If-Match is not the ETag of this job");
     return false;
 }
@@ -129,7 +124,7 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
     json *errors = json_new_array(), *document = NULL;
     spec *s = NULL;
     char *labels = NULL;
-    if (!jobs_find_own(c, request, &job, r) || !read_match(request, &revision, r)) goto done;
+    if (!job_lookup_find_own(c, request, &job, r) || !read_match(request, &revision, r)) goto done;
     document = json_parse(request->body, request->length, &e);
     if (!document) {
         reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
@@ -140,7 +135,7 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
         s = read_members(patch, errors);
         check_names(patch, errors);
     } else {
-        append_fault(errors, "", "must be an object");
+        reply_append_fault(errors, "", "must be an object");
     }
     if (json_size(json_root(errors)) > 0) {
         reply_set_problem(r, "spec_invalid", errors, "the change is not valid");
@@ -168,7 +163,7 @@ void job_commands_delete(const http_context *c, const http_request *request, rep
     error e = {0};
     queue_job job = {0};
     bool found = false, deleted = false;
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     if (!executor_delete(c->x, job.id, &found, &deleted, &e)) {
         reply_set_error(r, &e, NULL);
     } else if (!found) {

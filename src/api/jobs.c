@@ -6,15 +6,16 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "api/document_cache.h"
+#include "api/job_json.h"
+#include "api/job_lookup.h"
+#include "api/paths.h"
 #include "base/clock.h"
+#include "base/frames.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "base/frames.h"
-#include "http/preconditions.h"
 #include "http/parameter.h"
-#include "api/paths.h"
-#include "api/document_cache.h"
-#include "api/tasks.h"
+#include "http/preconditions.h"
 #include "spec/spec.h"
 #include "store/file.h"
 
@@ -23,132 +24,9 @@
 #define ATTEMPTS_SHOWN 100
 #define KEY_LENGTH_MOST 255
 
-/* A text that this service stored as JSON, and looked at before it did. */
-static void put_stored(json *object, const char *key, const char *text)
-{
-    if (text)
-        json_put_text(object, key, text);
-    else
-        json_put_null(object, key);
-}
-
-/* The same to be worked on; NULL should it not parse. */
-static json *parse_stored(const char *text)
-{
-    return text ? json_parse(text, strlen(text), NULL) : NULL;
-}
-
-/* What was asked for, and which of its paths are others here. */
-static void put_spec(json *object, const char *stored_spec, const char *stored_paths)
-{
-    json *document = parse_stored(stored_spec), *paths = parse_stored(stored_paths);
-    if (document) {
-        paths_restore(paths, document);
-        json_put(object, "spec", document);
-    } else {
-        json_put_null(object, "spec");
-    }
-    json_put(object, "paths", paths ? paths : json_new_array());
-}
-
-/* Its number of revision; and while progress is told, what that was: `"7"`, `"7.1f3a9c02"`. */
-static void print_tag(const queue_job *job, const char *progress, char tag[DOCUMENT_CACHE_TAG_SIZE])
-{
-    uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
-    for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
-    if (progress)
-        snprintf(tag, DOCUMENT_CACHE_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
-    else
-        snprintf(tag, DOCUMENT_CACHE_TAG_SIZE, "\"%lld\"", (long long)job->revision);
-}
-
-/* This and the links are in every answer: printed at once instead of as twelve values with a name each. */
-static void put_counts(json *object, const queue_counts *n)
-{
-    char text[256];
-    snprintf(text, sizeof text,
-             "{\"all\":%d,\"waiting\":%d,\"running\":%d,\"succeeded\":%d,\"failed\":%d,\"cancelled\":%d,"
-             "\"timed_out\":%d}",
-             n->all, n->waiting, n->running, n->succeeded, n->failed, n->cancelled, n->timed_out);
-    json_put_text(object, "tasks", text);
-}
-
-static void put_links(json *object, const queue_job *job)
-{
-    static const char *const parts[] = {"tasks", "attempts", "events", "log", "results"};
-    bool results = job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0;
-    size_t count = sizeof parts / sizeof *parts - !results;
-    char text[512];
-    int used = snprintf(text, sizeof text, "{\"self\":\"/v1/jobs/%s\"", job->id);
-    for (size_t i = 0; i < count; i++)
-        used += snprintf(text + used, sizeof text - (size_t)used, ",\"%s\":\"/v1/jobs/%s/%s\"", parts[i],
-                         job->id, parts[i]);
-    snprintf(text + used, sizeof text - (size_t)used, "}");
-    json_put_text(object, "links", text);
-}
-
-/* What everybody may see of a job. */
-static json *describe_job(const queue_job *job, const char *progress)
-{
-    json *o = json_new_object();
-    json_put_string(o, "id", job->id);
-    json_put_string(o, "name", job->name);
-    json_put_string(o, "owner", job->owner ? job->owner : "");
-    json_put_integer(o, "revision", job->revision);
-    json_put_string(o, "state", queue_state_name(job->state));
-    json_put_bool(o, "paused", job->paused);
-    json_put_string(o, "outcome", queue_outcome_name(job->outcome));
-    json_put_integer(o, "priority", job->priority);
-    put_stored(o, "labels", job->labels);
-    tasks_put_time(o, "created", job->created_ms);
-    tasks_put_time(o, "started", job->started_ms);
-    tasks_put_time(o, "finished", job->finished_ms);
-    json_put_bool(o, "array", job->array);
-    put_counts(o, &job->tasks);
-    json_put_integer(o, "attempt", job->attempts);
-    json_put_integer(o, "max_attempts", job->max_attempts);
-    json_put_integer(o, "threads", job->threads);
-    json_put_integer(o, "memory_mb", job->memory_mb);
-    json_put_integer(o, "retention_s", job->retention_s);
-    json_put_string(o, "traceparent", job->trace);
-    json_put_string(o, "cached_from", job->cached_from);
-    put_stored(o, "progress", progress);
-    if (job->error_code) {
-        json *fault = json_put_object(o, "error");
-        json_put_string(fault, "code", job->error_code);
-        json_put_string(fault, "message", job->error_message);
-    } else {
-        json_put_null(o, "error");
-    }
-    put_links(o, job);
-    return o;
-}
-
 static char *progress_of(const http_context *c, const queue_job *job)
 {
     return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
-}
-
-bool jobs_find(const http_context *c, const http_request *request, queue_job *job, reply *r)
-{
-    error e = {0};
-    bool found = false;
-    const char *id = request->parameter[0];
-    if (ulid_is_valid(id) && !queue_get(c->q, id, job, &found, &e)) {
-        reply_set_error(r, &e, NULL);
-        return false;
-    }
-    if (!found) reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
-    return found;
-}
-
-bool jobs_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r)
-{
-    if (!jobs_find(c, request, job, r)) return false;
-    if (access_is_owner(request->caller, job->owner)) return true;
-    reply_set_problem(r, "forbidden", NULL, "the job %s belongs to %s", job->id, job->owner);
-    queue_job_clear(job);
-    return false;
 }
 
 /* Answers with the whole document of a job; of another's without its spec, which names files. */
@@ -164,13 +42,13 @@ static void answer_job(const http_context *c, const http_request *request, const
         return;
     }
     char *progress = progress_of(c, job);
-    json *document = describe_job(job, progress);
+    json *document = job_json_new(job, progress);
     bool own = access_is_owner(request->caller, job->owner);
-    put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
+    job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
     json *list = json_put_array(document, "attempts");
-    for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) tasks_append_attempt(list, &attempts[i]);
+    for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) job_json_append_attempt(list, &attempts[i]);
     queue_attempts_free(attempts, count);
-    print_tag(job, progress, made.tag);
+    job_json_print_tag(job, progress, made.tag);
     reply_set_json(r, status, document);
     reply_add_header(r, "ETag", made.tag);
     made.text = r->body;
@@ -195,13 +73,6 @@ void jobs_answer(const http_context *c, const http_request *request, const char 
     queue_job_clear(&job);
 }
 
-static void append_fault(json *errors, const char *pointer, const char *detail)
-{
-    json *o = json_append_object(errors);
-    json_put_string(o, "pointer", pointer);
-    json_put_string(o, "detail", detail);
-}
-
 /* Builds a spec, or answers why not. */
 static spec *build_spec(const json *document, reply *r)
 {
@@ -211,7 +82,7 @@ static spec *build_spec(const json *document, reply *r)
     if (s) return s;
     json *errors = json_new_array();
     for (size_t i = 0; i < faults.count; i++)
-        append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
+        reply_append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
     reply_set_error(r, &e, errors);
     return NULL;
 }
@@ -257,7 +128,7 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
         error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message,
                   asked);
     json *errors = json_new_array();
-    append_fault(errors, pointer, told.message);
+    reply_append_fault(errors, pointer, told.message);
     reply_set_error(r, &told, errors);
 }
 
@@ -337,12 +208,12 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
         .memory_mb = put->memory_mb,
         .retention_s = put->retention_s,
     }; /* borrows its texts */
-    char tag[DOCUMENT_CACHE_TAG_SIZE];
+    char tag[JOB_JSON_TAG_SIZE];
     memcpy(job.id, receipt->id, sizeof job.id);
-    json *document = describe_job(&job, NULL);
-    put_spec(document, put->spec, put->paths);
+    json *document = job_json_new(&job, NULL);
+    job_json_put_spec(document, put->spec, put->paths);
     json_put_array(document, "attempts");
-    print_tag(&job, NULL, tag);
+    job_json_print_tag(&job, NULL, tag);
     reply_set_json(r, 201, document);
     reply_add_header(r, "ETag", tag);
 }
@@ -385,7 +256,7 @@ static void refuse_dependency(const char *id, size_t index, reply *r)
     json *errors = json_new_array();
     snprintf(pointer, sizeof pointer, "/queue/depends_on/%zu", index);
     snprintf(detail, sizeof detail, "there is no job %.100s to depend on", id);
-    append_fault(errors, pointer, detail);
+    reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
 
@@ -530,7 +401,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
     } else {
         error_set(&e, ERROR_NONE, "the service makes none (setting estimates)");
     }
-    put_stored(document, "estimate", found);
+    job_json_put_stored(document, "estimate", found);
     json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);
     free(found);
     if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
@@ -597,7 +468,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     json *list = json_put_array(document, "jobs");
     for (size_t i = 0; i < count && i < limit; i++) {
         char *progress = progress_of(c, &jobs[i]);
-        json_append(list, describe_job(&jobs[i], progress));
+        json_append(list, job_json_new(&jobs[i], progress));
         free(progress);
     }
     if (count > limit) snprintf(cursor, sizeof cursor, "%lld", (long long)jobs[limit - 1].seq);
@@ -621,7 +492,7 @@ static int64_t read_wait_ms(const http_context *c, const http_request *request)
 static bool knows_revision(const char *known, const queue_job *job)
 {
     int64_t revision = 0;
-    return jobs_read_tag(known, &revision) && revision == job->revision;
+    return job_json_read_tag(known, &revision) && revision == job->revision;
 }
 
 /* Answers from the document_cache; false: it has not got the job's document. */
@@ -645,14 +516,14 @@ static bool show_kept(const http_context *c, const http_request *request, reply 
 void jobs_show(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    char tag[DOCUMENT_CACHE_TAG_SIZE];
+    char tag[JOB_JSON_TAG_SIZE];
     if (show_kept(c, request, r)) return;
-    if (!jobs_find(c, request, &job, r)) return;
+    if (!job_lookup_find(c, request, &job, r)) return;
     const char *known = request->header[HTTP_IF_NONE_MATCH];
     int64_t until_ms = request->came_ms + read_wait_ms(c, request);
     bool patient = !request->last && clock_monotonic_ms() < until_ms;
     char *progress = progress_of(c, &job);
-    print_tag(&job, progress, tag);
+    job_json_print_tag(&job, progress, tag);
     free(progress);
     if (patient && (known ? knows_revision(known, &job) : !queue_state_is_final(job.state))) {
         reply_set_waiting(r, job.id, until_ms);
@@ -663,14 +534,4 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
         answer_job(c, request, &job, 200, r);
     }
     queue_job_clear(&job);
-}
-
-bool jobs_read_tag(const char *tag, int64_t *revision)
-{
-    char *end = NULL;
-    if (strncmp(tag, "W/", 2) == 0) tag += 2;
-    if (*tag != '"' || !isdigit((unsigned char)tag[1])) return false;
-    *revision = strtoll(tag + 1, &end, 10);
-    if (*end == '.') end += 1 + strspn(end + 1, "0123456789abcdef");
-    return end[0] == '"' && !end[1];
 }

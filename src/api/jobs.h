@@ -10,16 +10,7 @@
 
 http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
 
-/* Finds the job that the path names, or answers why not. *job is the caller's to clear. */
-bool jobs_find(const http_context *c, const http_request *request, queue_job *job, reply *r);
-
-/* As jobs_find, and a refusal of callers who are neither its owner nor admins. */
-bool jobs_find_own(const http_context *c, const http_request *request, queue_job *job, reply *r);
-
 /* Answers with the document of a job as it is now. */
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r);
-
-/* Reads the revision out of the ETag of a job. */
-bool jobs_read_tag(const char *tag, int64_t *revision);
 
 #endif

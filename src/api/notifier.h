@@ -7,8 +7,8 @@
 #define HEXAD_API_NOTIFIER_H
 
 #include "executor/executor.h"
-#include "http/wait_list.h"
 #include "http/reply.h"
+#include "http/wait_list.h"
 #include "queue/queue.h"
 
 typedef struct notifier notifier;

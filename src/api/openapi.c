@@ -6,10 +6,10 @@
 
 #include "config.h"
 
-#include "base/memory.h"
 #include "api/job_commands.h"
 #include "api/parameters.h"
 #include "api/routes.h"
+#include "base/memory.h"
 #include "spec/schema.h"
 
 #define STREAM_PROSE                                                                                                         \
@@ -17,6 +17,11 @@
     "an event `position`, whose `id` and `data.seq` say behind which number it goes on; another one follows where a filter " \
     "has left out many, or where events are missing: `removed_up_to` and `reset` in its data mean what they do in an "       \
     "EventPage. One job's stream has events `progress` between the others, without an `id`, and ends with the job."
+
+/* openapi_schemas.json, byte by byte; the Makefile makes this text of it. */
+static const char answer_schemas[] = {
+#include "api/openapi_schemas.inc"
+};
 
 /* JSON written with ' for ". */
 static json *read_quoted(const char *text)
@@ -182,6 +187,18 @@ static void put_operation(json *paths, const route *r)
     put_responses(operation, r);
 }
 
+/* What answers look like. */
+static void put_answer_schemas(json *schemas)
+{
+    json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
+    json_at root = json_root(document);
+    for (size_t i = 0; i < json_size(root); i++) {
+        json_at schema = json_element(&root, i);
+        json_put(schemas, schema.key, json_copy(schema.node));
+    }
+    json_free(document);
+}
+
 static void put_states(json *schemas)
 {
     json *state = json_put_object(schemas, "State");
@@ -250,8 +267,7 @@ json *openapi_new(void)
     json_put(schemas, "JobSpec", schema_new());
     put_patch(schemas);
     put_states(schemas);
-    for (size_t i = 0; i < openapi_schema_count; i++)
-        json_put(schemas, openapi_schemas[i].name, read_quoted(openapi_schemas[i].text));
+    put_answer_schemas(schemas);
     put_problems(schemas, json_put_object(components, "responses"));
     json *bearer = json_put_object(json_put_object(components, "securitySchemes"), "bearer");
     json_put_string(bearer, "type", "http");

@@ -7,11 +7,11 @@
 
 #include <nettle/base64.h>
 
+#include "api/job_lookup.h"
 #include "base/memory.h"
 #include "executor/result.h"
-#include "http/preconditions.h"
-#include "api/jobs.h"
 #include "http/parameter.h"
+#include "http/preconditions.h"
 
 /* A result never changes; whoever may see it is asked again when somebody else asks. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"
@@ -67,7 +67,7 @@ static bool find_result(const http_context *c, const http_request *request, char
 {
     error e = {0};
     queue_job job = {0};
-    if (!jobs_find_own(c, request, &job, r)) return false;
+    if (!job_lookup_find_own(c, request, &job, r)) return false;
     bool ok = false;
     int frame = QUEUE_NO_FRAME;
     queue_state state = job.state;

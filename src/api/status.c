@@ -5,8 +5,8 @@
 
 #include "config.h"
 
+#include "api/job_json.h"
 #include "base/log.h"
-#include "api/tasks.h"
 
 void status_health(const http_context *c, const http_request *request, reply *r)
 {
@@ -210,7 +210,7 @@ void status_workers(const http_context *c, const http_request *request, reply *r
         json_put_string(o, "owner", running[i].job.owner);
         if (task->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", task->frame);
         json_put_integer(o, "attempt", task->attempt);
-        tasks_put_time(o, "started", task->started_ms);
+        job_json_put_time(o, "started", task->started_ms);
         json_put_integer(o, "threads", running[i].job.threads);
         json_put_integer(o, "memory_mb", running[i].job.memory_mb);
     }

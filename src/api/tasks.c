@@ -4,58 +4,13 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/clock.h"
+#include "api/job_json.h"
+#include "api/job_lookup.h"
 #include "base/memory.h"
 #include "executor/result.h"
-#include "api/jobs.h"
 #include "http/parameter.h"
 
 #define PAGE_DEFAULT 50 /* as the table of parameters says */
-
-void tasks_put_time(json *object, const char *key, int64_t wall_ms)
-{
-    char text[CLOCK_TEXT_SIZE];
-    if (wall_ms)
-        json_put_string(object, key, clock_format_utc(wall_ms, text));
-    else
-        json_put_null(object, key);
-}
-
-void tasks_append_attempt(json *list, const queue_attempt *a)
-{
-    json *o = json_append_object(list);
-    if (a->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", a->frame);
-    json_put_integer(o, "number", a->number);
-    tasks_put_time(o, "started", a->started_ms);
-    tasks_put_time(o, "finished", a->finished_ms);
-    if (a->exit_status >= 0) json_put_integer(o, "exit_status", a->exit_status);
-    if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
-    if (a->peak_memory_bytes > 0) json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
-    if (a->host) json_put_string(o, "host", a->host);
-    if (a->reason) json_put_string(o, "reason", a->reason);
-}
-
-static void append_task(json *list, const queue_task *t)
-{
-    json *o = json_append_object(list);
-    json_put_integer(o, "number", t->number);
-    if (t->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", t->frame);
-    json_put_string(o, "state", queue_state_name(t->state));
-    json_put_string(o, "outcome", queue_outcome_name(t->outcome));
-    json_put_integer(o, "attempt", t->attempt);
-    json_put_integer(o, "spent", t->spent);
-    json_put_integer(o, "interrupted", t->interrupted);
-    tasks_put_time(o, "not_before", t->not_before_ms);
-    tasks_put_time(o, "started", t->started_ms);
-    tasks_put_time(o, "finished", t->finished_ms);
-    if (t->error_code) {
-        json *fault = json_put_object(o, "error");
-        json_put_string(fault, "code", t->error_code);
-        json_put_string(fault, "message", t->error_message);
-    } else {
-        json_put_null(o, "error");
-    }
-}
 
 void tasks_list(const http_context *c, const http_request *request, reply *r)
 {
@@ -64,12 +19,12 @@ void tasks_list(const http_context *c, const http_request *request, reply *r)
     queue_task *tasks = NULL;
     size_t count = 0, limit = (size_t)parameter_integer(request, "limit", PAGE_DEFAULT);
     int after = (int)parameter_integer(request, "after", -1);
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     if (!queue_list_tasks(c->q, job.id, after, (int)limit + 1, &tasks, &count, &e)) {
         reply_set_error(r, &e, NULL);
     } else {
         json *document = json_new_object(), *list = json_put_array(document, "tasks");
-        for (size_t i = 0; i < count && i < limit; i++) append_task(list, &tasks[i]);
+        for (size_t i = 0; i < count && i < limit; i++) job_json_append_task(list, &tasks[i]);
         if (count > limit)
             json_put_integer(document, "next", tasks[limit - 1].number);
         else
@@ -86,12 +41,12 @@ void tasks_list_attempts(const http_context *c, const http_request *request, rep
     queue_job job = {0};
     queue_attempt *attempts = NULL;
     size_t count = 0;
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     if (!queue_list_attempts(c->q, job.id, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
     } else {
         json *document = json_new_object(), *list = json_put_array(document, "attempts");
-        for (size_t i = 0; i < count; i++) tasks_append_attempt(list, &attempts[i]);
+        for (size_t i = 0; i < count; i++) job_json_append_attempt(list, &attempts[i]);
         reply_set_json(r, 200, document);
     }
     queue_attempts_free(attempts, count);
@@ -142,7 +97,7 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
     queue_job job = {0};
     int frame = QUEUE_NO_FRAME, attempt = 0;
     int64_t bytes = 0;
-    if (!jobs_find_own(c, request, &job, r)) return;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
     if (choose_attempt(c, request, &job, &frame, &attempt, r)) {
         int fd = attempt > 0 ? open_log(c, &job, frame, attempt, &bytes) : -1;
         if (fd >= 0)

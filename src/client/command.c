@@ -9,8 +9,8 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "client/progress_bar.h"
 #include "client/print.h"
+#include "client/progress_bar.h"
 #include "store/file.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)

@@ -16,12 +16,12 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "http/thread_pool.h"
 #include "http/forwarded.h"
 #include "http/loop.h"
-#include "http/wait_list.h"
 #include "http/parameter.h"
 #include "http/route.h"
+#include "http/thread_pool.h"
+#include "http/wait_list.h"
 
 /* A client that sends a long body must bring that much of it in the time of a request. */
 #define UPLOAD_STEP_BYTES (1 << 20)
