@@ -14,6 +14,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "api/context.h"
+#include "api/routes.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -33,11 +35,12 @@ typedef struct service {
     access_control *access;
     queue *q;
     executor *x;
-    lounge *lounge;
+    wait_list *waiting;
     store_inputs *inputs;
     store_roots *roots;
     store_outputs outputs;
     http_counters counters;
+    atomic_bool copying;
     http_context context;
     address_ranges proxies; /* none */
     pages *pages;
@@ -131,7 +134,7 @@ static void stop(void)
 {
     service *s = &the_service;
     server_stop(s->http);
-    lounge_close(s->lounge);
+    wait_list_close(s->waiting);
     executor_stop(s->x);
     store_inputs_close(s->inputs);
     store_roots_close(s->roots);
@@ -160,7 +163,7 @@ static void start(service *s)
     expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
     expect((s->roots = store_roots_open(roots, 1, &e)));
     take_the_slot(s);
-    expect((s->lounge = lounge_open(&e)));
+    expect((s->waiting = wait_list_open(&e)));
     s->context = (http_context){.q = s->q,
                                 .x = s->x,
                                 .roots = s->roots,
@@ -169,18 +172,22 @@ static void start(service *s)
                                 .max_attempts = 1,
                                 .started_ms = clock_wall_ms(),
                                 .counters = &s->counters,
+                                .copying = &s->copying,
                                 .wait_s = PATIENCE_MS / 2e3,
-                                .outputs = &s->outputs,
-                                .lounge = s->lounge};
+                                .outputs = &s->outputs};
     static const char *const origin = "https://gui.example";
     expect((s->pages = pages_new(where, s->socket.address, &origin, 1, &e)));
     server_settings limits = {
-        .peers = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
+        .routes = &api_routes,
+        .context = &s->context,
+        .counters = &s->counters,
+        .waiting = s->waiting,
+        .connections = {.connection_limit = 100, .client_limit = 100, .user_limit = 100, .timeout_s = 60},
         .body_limit_bytes = 4096,
         .header_limit_bytes = 8192,
         .proxies = &s->proxies,
         .pages = s->pages};
-    expect((s->http = server_start(&limits, &s->socket, s->access, &s->context, &e)));
+    expect((s->http = server_start(&limits, &s->socket, s->access, &e)));
     free(where);
     free(file);
     free(uploads);

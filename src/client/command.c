@@ -9,8 +9,8 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "client/meter.h"
-#include "client/say.h"
+#include "client/print.h"
+#include "client/progress_bar.h"
 #include "store/file.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
@@ -20,23 +20,32 @@
 /* A wait outlives a restart of the daemon. */
 #define UNREACHABLE_MS 15000
 
+char *command_job_path(const char *id, const char *rest)
+{
+    if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") != strlen(id)) {
+        print_failure("that is not the id of a job");
+        return NULL;
+    }
+    return mem_printf("/v1/jobs/%s%s", id, rest);
+}
+
 /* One line: id, state, outcome, and the error if there is one. */
 static void print_job(json_at job)
 {
     json_at fault = json_member(&job, "error");
     const char *outcome = json_string(json_member(&job, "outcome"), NULL);
-    say_text(stdout, json_string(json_member(&job, "id"), "?"));
+    print_text(stdout, json_string(json_member(&job, "id"), "?"));
     putchar(' ');
-    say_text(stdout, json_string(json_member(&job, "state"), "?"));
+    print_text(stdout, json_string(json_member(&job, "state"), "?"));
     if (outcome) {
         putchar(' ');
-        say_text(stdout, outcome);
+        print_text(stdout, outcome);
     }
     if (json_type_of(fault) == JSON_OBJECT) {
         putchar(' ');
-        say_text(stdout, json_string(json_member(&fault, "code"), "?"));
+        print_text(stdout, json_string(json_member(&fault, "code"), "?"));
         fputs(": ", stdout);
-        say_text(stdout, json_string(json_member(&fault, "message"), ""));
+        print_text(stdout, json_string(json_member(&fault, "message"), ""));
     }
     putchar('\n');
 }
@@ -65,11 +74,11 @@ static int call_and_print(client *c, const char *method, char *path, const comma
     int code = COMMAND_OK;
     if (!path) return COMMAND_USAGE;
     if (!client_call(c, method, path, NULL, 0, &reply, &e)) {
-        code = say_unreachable(&e);
+        code = print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
-        code = say_refused(&reply);
+        code = print_refused(&reply);
     } else if (options->json) {
-        say_document(reply.document);
+        print_document(reply.document);
     } else {
         print_job(json_root(reply.document));
     }
@@ -80,27 +89,27 @@ static int call_and_print(client *c, const char *method, char *path, const comma
 
 int command_show(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "GET", say_job_path(argument, ""), options);
+    return call_and_print(c, "GET", command_job_path(argument, ""), options);
 }
 
 int command_pause(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "POST", say_job_path(argument, "/pause"), options);
+    return call_and_print(c, "POST", command_job_path(argument, "/pause"), options);
 }
 
 int command_resume(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "POST", say_job_path(argument, "/resume"), options);
+    return call_and_print(c, "POST", command_job_path(argument, "/resume"), options);
 }
 
 int command_retry(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "POST", say_job_path(argument, "/retry"), options);
+    return call_and_print(c, "POST", command_job_path(argument, "/retry"), options);
 }
 
 int command_cancel(client *c, const char *argument, const command_options *options)
 {
-    return call_and_print(c, "POST", say_job_path(argument, "/cancel"), options);
+    return call_and_print(c, "POST", command_job_path(argument, "/cancel"), options);
 }
 
 /* Waits for the job's end and prints it. */
@@ -109,29 +118,29 @@ static int wait_for(client *c, char *path, const command_options *options)
     int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
     int64_t heard_ms = clock_monotonic_ms();
     bool done = false;
-    meter m;
+    progress_bar m;
     if (!path) return COMMAND_USAGE;
-    meter_init(&m);
+    progress_bar_init(&m);
     while (!done) {
         error e = {0};
         client_reply reply = {0};
         if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
             done = clock_monotonic_ms() - heard_ms > UNREACHABLE_MS;
-            if (done) code = say_unreachable(&e);
+            if (done) code = print_unreachable(&e);
         } else if (reply.status >= 300 || !reply.document) {
-            meter_clear(&m);
-            code = say_refused(&reply);
+            progress_bar_clear(&m);
+            code = print_refused(&reply);
             done = true;
         } else {
             json_at job = json_root(reply.document);
             heard_ms = clock_monotonic_ms();
             done = has_ended(job);
             if (!done) {
-                meter_show(&m, job);
+                progress_bar_show(&m, job);
             } else {
-                meter_clear(&m);
+                progress_bar_clear(&m);
                 if (options->json)
-                    say_document(reply.document);
+                    print_document(reply.document);
                 else
                     print_job(job);
                 code = code_of_end(job);
@@ -147,7 +156,7 @@ static int wait_for(client *c, char *path, const command_options *options)
 
 int command_wait(client *c, const char *argument, const command_options *options)
 {
-    return wait_for(c, say_job_path(argument, ""), options);
+    return wait_for(c, command_job_path(argument, ""), options);
 }
 
 /* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
@@ -181,23 +190,23 @@ int command_submit(client *c, const char *argument, const command_options *optio
     char *body = strcmp(argument, "-") == 0 ? read_input(&length, &e)
                                             : store_file_read(argument, SPEC_LIMIT_BYTES, &length, &e);
     if (!body) {
-        say_complaint(e.message);
+        print_failure(e.message);
         return COMMAND_USAGE;
     }
     int code = COMMAND_OK;
     char *path = NULL;
     if (!client_call(c, "POST", "/v1/jobs", body, length, &reply, &e)) {
-        code = say_unreachable(&e);
+        code = print_unreachable(&e);
     } else if (reply.status != 201 || !reply.document) {
-        code = say_refused(&reply);
+        code = print_refused(&reply);
     } else {
         json_at job = json_root(reply.document);
         const char *id = json_string(json_member(&job, "id"), "");
         if (options->wait) {
             fprintf(stderr, "job %s\n", id); /* so that it is known should the wait be broken off */
-            path = say_job_path(id, "");
+            path = command_job_path(id, "");
         } else if (options->json) {
-            say_document(reply.document);
+            print_document(reply.document);
         } else {
             puts(id);
         }
@@ -214,7 +223,7 @@ static void print_row(json_at job)
     printf("%-13s  ", json_string(json_member(&job, "outcome"), "-"));
     printf("%8.0f  ", json_number(json_member(&job, "priority"), 0));
     printf("%-24s  ", json_string(json_member(&job, "created"), "?"));
-    say_text(stdout, json_string(json_member(&job, "name"), "-"));
+    print_text(stdout, json_string(json_member(&job, "name"), "-"));
     putchar('\n');
 }
 
@@ -234,11 +243,11 @@ int command_list(client *c, const char *argument, const command_options *options
     free(state);
     free(limit);
     if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
-        code = say_unreachable(&e);
+        code = print_unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
-        code = say_refused(&reply);
+        code = print_refused(&reply);
     } else if (options->json) {
-        say_document(reply.document);
+        print_document(reply.document);
     } else {
         json_at root = json_root(reply.document), jobs = json_member(&root, "jobs");
         printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY", "CREATED",
@@ -298,18 +307,18 @@ done:
 static int fetch_all(client *c, const char *directory, json_at results, const command_options *options)
 {
     error e = {0};
-    if (!store_directory_create(directory, &e)) return say_complaint(e.message);
+    if (!store_directory_create(directory, &e)) return print_failure(e.message);
     for (size_t i = 0; i < json_size(results); i++) {
         json_at item = json_element(&results, i);
         int code = fetch_file(c, directory, item, &e);
         if (code != COMMAND_OK) {
-            say_complaint(e.message);
+            print_failure(e.message);
             return code;
         }
         if (options->json) continue;
-        say_text(stdout, directory);
+        print_text(stdout, directory);
         putchar('/');
-        say_text(stdout, json_string(json_member(&item, "name"), ""));
+        print_text(stdout, json_string(json_member(&item, "name"), ""));
         putchar('\n');
     }
     return COMMAND_OK;
@@ -320,17 +329,17 @@ int command_fetch(client *c, const char *argument, const command_options *option
     error e = {0};
     client_reply reply = {0};
     int code;
-    char *path = say_job_path(argument, "/results");
+    char *path = command_job_path(argument, "/results");
     if (!path) return COMMAND_USAGE;
     if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
-        code = say_unreachable(&e);
+        code = print_unreachable(&e);
     } else if (reply.status != 200 || !reply.document) {
-        code = say_refused(&reply);
+        code = print_refused(&reply);
     } else {
         json_at root = json_root(reply.document);
         code = fetch_all(c, options->output ? options->output : argument, json_member(&root, "results"),
                          options);
-        if (code == COMMAND_OK && options->json) say_document(reply.document);
+        if (code == COMMAND_OK && options->json) print_document(reply.document);
     }
     client_reply_clear(&reply);
     free(path);

@@ -41,4 +41,8 @@ command command_workers, command_drain, command_undrain;
 /* These work on the file and ask no server. */
 command command_token_add, command_token_list, command_token_revoke;
 
+/* Returns a path below /v1/jobs for an id that a user typed, to be freed; or prints an error and returns NULL when it
+ * cannot be an id. */
+char *command_job_path(const char *id, const char *rest);
+
 #endif

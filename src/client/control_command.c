@@ -5,7 +5,7 @@
 
 #include "base/memory.h"
 #include "client/command.h"
-#include "client/say.h"
+#include "client/print.h"
 
 /* Sends a request; on success the document is the caller's, where there is one. */
 static int ask(client *c, const char *method, const char *path, const char *body, json **document)
@@ -13,9 +13,10 @@ static int ask(client *c, const char *method, const char *path, const char *body
     error e = {0};
     client_reply reply = {0};
     int code = COMMAND_OK;
-    if (!client_call(c, method, path, body, body ? strlen(body) : 0, &reply, &e)) return say_unreachable(&e);
+    if (!client_call(c, method, path, body, body ? strlen(body) : 0, &reply, &e))
+        return print_unreachable(&e);
     if (reply.status >= 300) {
-        code = say_refused(&reply);
+        code = print_refused(&reply);
     } else {
         *document = reply.document;
         reply.document = NULL;
@@ -28,7 +29,7 @@ int command_delete(client *c, const char *argument, const command_options *optio
 {
     (void)options;
     json *document = NULL;
-    char *path = say_job_path(argument, "");
+    char *path = command_job_path(argument, "");
     int code = path ? ask(c, "DELETE", path, NULL, &document) : COMMAND_USAGE;
     json_free(document);
     free(path);
@@ -38,17 +39,17 @@ int command_delete(client *c, const char *argument, const command_options *optio
 int command_priority(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
-    char *end = NULL, *path = say_job_path(argument, "");
+    char *end = NULL, *path = command_job_path(argument, "");
     long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
     int code = COMMAND_USAGE;
     if (!options->priority || !*options->priority || *end) {
-        say_complaint("say the priority: hexadctl priority ID --priority N");
+        print_failure("say the priority: hexadctl priority ID --priority N");
     } else if (path) {
         char *body = mem_printf("{\"priority\":%ld}", priority);
         code = ask(c, "PATCH", path, body, &document);
         free(body);
     }
-    if (code == COMMAND_OK && options->json) say_document(document);
+    if (code == COMMAND_OK && options->json) print_document(document);
     json_free(document);
     free(path);
     return code;
@@ -60,14 +61,14 @@ int command_watch(client *c, const char *argument, const command_options *option
     error e = {0};
     int64_t last = 0;
     long status = 0;
-    char *path = say_job_path(argument, "/events");
+    char *path = command_job_path(argument, "/events");
     int code = COMMAND_USAGE;
     if (path) {
         code = COMMAND_OK;
         if (!client_follow(c, path, &last, stdout, &status, &e))
-            code = say_unreachable(&e);
+            code = print_unreachable(&e);
         else if (status >= 300)
-            code = say_refused(&(client_reply){.status = status});
+            code = print_refused(&(client_reply){.status = status});
     }
     free(path);
     return code;
@@ -78,15 +79,15 @@ int command_log(client *c, const char *argument, const command_options *options)
     (void)options;
     error e = {0};
     long status = 0;
-    char *path = say_job_path(argument, "/log"), *text = NULL;
+    char *path = command_job_path(argument, "/log"), *text = NULL;
     size_t size = 0;
     int code = COMMAND_USAGE;
     if (path) {
         FILE *stream = open_memstream(&text, &size);
         bool ok = client_download(c, path, stream, &status, &e);
         fclose(stream);
-        code = !ok             ? say_unreachable(&e)
-               : status >= 300 ? say_refused(&(client_reply){.status = status})
+        code = !ok             ? print_unreachable(&e)
+               : status >= 300 ? print_refused(&(client_reply){.status = status})
                                : COMMAND_OK;
         if (code == COMMAND_OK) fwrite(text, 1, size, stdout);
     }
@@ -99,7 +100,7 @@ static int print_whole(client *c, const char *method, const char *path)
 {
     json *document = NULL;
     int code = ask(c, method, path, NULL, &document);
-    if (code == COMMAND_OK) say_document(document);
+    if (code == COMMAND_OK) print_document(document);
     json_free(document);
     return code;
 }
@@ -122,9 +123,9 @@ int command_workers(client *c, const char *argument, const command_options *opti
                json_number(json_member(&load, "memory_mb_limit"), 0));
         for (size_t i = 0; i < json_size(list); i++) {
             json_at worker = json_element(&list, i);
-            say_text(stdout, json_string(json_member(&worker, "job"), "?"));
+            print_text(stdout, json_string(json_member(&worker, "job"), "?"));
             printf("  attempt %.0f  ", json_number(json_member(&worker, "attempt"), 0));
-            say_text(stdout, json_string(json_member(&worker, "owner"), "?"));
+            print_text(stdout, json_string(json_member(&worker, "owner"), "?"));
             putchar('\n');
         }
     }

@@ -7,8 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "auth/token.h"
 #include "auth/scope.h"
+#include "auth/token.h"
 #include "base/clock.h"
 #include "base/memory.h"
 #include "client/command.h"

@@ -3,49 +3,22 @@
 #define HEXAD_HTTP_HANDLER_H
 
 #include <stdatomic.h>
+#include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "auth/access.h"
-#include "executor/estimator.h"
-#include "executor/executor.h"
-#include "http/lounge.h"
 #include "http/reply.h"
-#include "http/shelf.h"
-#include "queue/queue.h"
-#include "store/inputs.h"
-#include "store/mapping.h"
-#include "store/output.h"
-#include "store/root.h"
-#include "webhook/hosts.h"
 
 /* What the server counts, for /metrics. */
 typedef struct http_counters {
     atomic_uint_fast64_t answers[6];  /* by the first digit of their status */
     atomic_uint_fast64_t refused;     /* connections over a limit */
     atomic_uint_fast64_t connections; /* open ones */
-    atomic_bool copying;              /* a backup is being made */
 } http_counters;
 
-/* What handlers work on; borrowed, and outlives the server. */
-typedef struct http_context {
-    queue *q;
-    executor *x;
-    estimator *estimator;     /* NULL: nothing is estimated */
-    const store_roots *roots; /* of inputs too */
-    store_inputs *inputs;
-    const store_outputs *outputs;
-    const store_mappings *mappings; /* of paths; NULL: none */
-    const webhook_hosts *webhooks;  /* NULL: none */
-    const char *state_dir;
-    int max_attempts;        /* of a job that names no number */
-    int64_t most_waiting;    /* jobs of one user; 0: any number */
-    int64_t retention_s;     /* of a job that names no time */
-    double wait_s;           /* longest that an answer may be asked to wait */
-    int64_t started_ms;      /* wall clock */
-    http_counters *counters; /* the server's */
-    lounge *lounge;
-    shelf *shelf; /* NULL: no document is kept */
-} http_context;
+/* What handlers work on. The server hands it through; the routes define it (api/context.h). */
+typedef struct http_context http_context;
 
 #define HTTP_MAX_PARAMETERS 2
 #define HTTP_MAX_QUERY 8

@@ -131,6 +131,13 @@ void reply_set_file(reply *r, const char *content_type, int fd, int64_t bytes)
     r->fd_bytes = bytes;
 }
 
+void reply_append_fault(json *errors, const char *pointer, const char *detail)
+{
+    json *o = json_append_object(errors);
+    json_put_string(o, "pointer", pointer);
+    json_put_string(o, "detail", detail);
+}
+
 void reply_set_problem(reply *r, const char *code, json *errors, const char *format, ...)
 {
     char detail[1024];

@@ -97,6 +97,9 @@ void reply_set_empty(reply *r, int status);
 /* Takes the descriptor over. `content_type` is a constant. */
 void reply_set_file(reply *r, const char *content_type, int fd, int64_t bytes);
 
+/* Appends a fault to the `errors` of a problem: where (a JSON Pointer) and what. */
+void reply_append_fault(json *errors, const char *pointer, const char *detail);
+
 /* `code` is one of the table; `errors` is an array that is taken over, or NULL. */
 void reply_set_problem(reply *r, const char *code, json *errors, const char *format, ...)
     __attribute__((format(printf, 4, 5)));

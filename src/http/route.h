@@ -1,30 +1,37 @@
-/* route: which handler answers a method and a path. One table, also of what Allow says. */
+/* route: which handler answers a method and a path, by a table of routes. The table also tells what Allow says and
+ * what the OpenAPI document (api/openapi.h) describes. Constant data; any thread. */
 #ifndef HEXAD_HTTP_ROUTE_H
 #define HEXAD_HTTP_ROUTE_H
 
 #include <stdbool.h>
 
 #include "http/handler.h"
+#include "http/parameter.h"
 
 #define ROUTE_PATH_BYTES 1024
 
-/* A row of the table. */
+/* A row of the table. Lists have blanks between their words; NULL is the empty list. */
 typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
     unsigned scope;      /* that a caller must have; 0: open to all */
-    bool waits;          /* for a disk, or long: run by the crew */
+    bool waits;          /* for a disk, or long: a thread of the pool runs it */
     http_opener *opener; /* of a long body; NULL: it has none */
-    const char *name, *summary;
-    const char *query;    /* parameters, blanks between */
-    const char *headers;  /* those that make a difference, blanks between */
-    const char *body;     /* schema, "file" for a long one; NULL: it takes none */
+    const char *name;    /* of the operation in the OpenAPI document */
+    const char *summary;
+    const char *query;    /* list: the parameters of the query */
+    const char *headers;  /* list: the headers that make a difference */
+    const char *body;     /* schema of the body, "file" for a long one; NULL: it takes none */
     const char *example;  /* of the body; NULL: none */
-    const char *answers;  /* "STATUS:SCHEMA ..."; the schema "-" for none, "file", "text" */
-    const char *problems; /* codes, besides those that any route may answer */
+    const char *answers;  /* list of "STATUS:SCHEMA"; the schema is "-" for none, "file" or "text" */
+    const char *problems; /* list: codes, besides those that any route may answer */
 } route;
 
-const route *route_at(size_t index); /* NULL behind the last */
+typedef struct route_table {
+    const route *row;
+    size_t count;
+    const parameter_table *parameters; /* that the rows name */
+} route_table;
 
 typedef struct route_match {
     bool known;                                 /* some method answers at this path */
@@ -35,6 +42,6 @@ typedef struct route_match {
 } route_match;
 
 /* HEAD goes where GET goes. A path that is too long is not known. */
-void route_find(const char *method, const char *path, route_match *match);
+void route_find(const route_table *table, const char *method, const char *path, route_match *match);
 
 #endif

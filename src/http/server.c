@@ -16,12 +16,12 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "http/crew.h"
 #include "http/forwarded.h"
 #include "http/loop.h"
-#include "http/lounge.h"
 #include "http/parameter.h"
 #include "http/route.h"
+#include "http/thread_pool.h"
+#include "http/wait_list.h"
 
 /* A client that sends a long body must bring that much of it in the time of a request. */
 #define UPLOAD_STEP_BYTES (1 << 20)
@@ -34,15 +34,14 @@
 #define STOP_MS 5000
 /* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a worker's
  * estimate come on top. */
-#define CREW_THREADS 32
+#define POOL_THREADS 32
 
 struct server {
     server_settings settings;
     access_control *access;
-    const http_context *context;
     loop *loop;
-    peers *peers;
-    crew *crew;
+    connections *connections;
+    thread_pool *pool;
     pthread_mutex_t mutex;
     pthread_cond_t changed; /* monotonic clock */
     size_t busy;            /* requests between their headers and their end */
@@ -50,7 +49,7 @@ struct server {
 
 /* A request, from its headers to its end. */
 typedef struct exchange {
-    crew_work work; /* first: the crew's view of it */
+    thread_pool_work work; /* first: the pool's view of it */
     server *s;
     struct MHD_Connection *connection;
     route_match route;
@@ -75,7 +74,7 @@ static const char *const header_names[HTTP_HEADER_COUNT] = {
     [HTTP_TRACEPARENT] = "traceparent",
 };
 
-static peer *peer_of(struct MHD_Connection *connection)
+static client_connection *connection_of(struct MHD_Connection *connection)
 {
     const union MHD_ConnectionInfo *info =
         MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
@@ -87,7 +86,7 @@ static void *note_request(void *context, const char *uri, struct MHD_Connection 
 {
     (void)uri;
     server *s = context;
-    peers_begin_time(s->peers, peer_of(connection));
+    connections_begin_time(s->connections, connection_of(connection));
     return NULL;
 }
 
@@ -97,18 +96,18 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
     server *s = context;
     if (code == MHD_CONNECTION_NOTIFY_STARTED) {
         int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
-        *socket_context = peers_add(s->peers, fd);
-        s->context->counters->connections++;
+        *socket_context = connections_add(s->connections, fd);
+        s->settings.counters->connections++;
     } else { /* the library closes the descriptor after this */
-        peers_remove(s->peers, *socket_context);
-        s->context->counters->connections--;
+        connections_remove(s->connections, *socket_context);
+        s->settings.counters->connections--;
         *socket_context = NULL;
     }
 }
 
 /* A reply that is sent while it comes to be. */
 typedef struct stream {
-    lounge *lounge;
+    wait_list *waiting;
     loop *loop;
     struct MHD_Connection *connection;
     reply_source *source;
@@ -120,12 +119,12 @@ static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_
     (void)position;
     stream *t = context;
     for (;;) {
-        uint64_t seen = lounge_seen(t->lounge);
-        if (lounge_is_dismissed(t->lounge)) return MHD_CONTENT_READER_END_OF_STREAM;
+        uint64_t seen = wait_list_seen(t->waiting);
+        if (wait_list_is_dismissed(t->waiting)) return MHD_CONTENT_READER_END_OF_STREAM;
         ssize_t count = t->source->read(t->source, buffer, size);
         if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
-        if (lounge_wait(t->lounge, t->loop, t->connection, seen, t->topic,
-                        clock_monotonic_ms() + STREAM_TICK_MS))
+        if (wait_list_wait(t->waiting, t->loop, t->connection, seen, t->topic,
+                           clock_monotonic_ms() + STREAM_TICK_MS))
             return 0;
     }
 }
@@ -140,7 +139,7 @@ static void free_stream(void *context)
 static struct MHD_Response *open_stream(const exchange *x, reply *r)
 {
     stream *t = mem_alloc(sizeof *t);
-    *t = (stream){.lounge = x->s->context->lounge,
+    *t = (stream){.waiting = x->s->settings.waiting,
                   .loop = x->s->loop,
                   .connection = x->connection,
                   .source = r->source};
@@ -249,29 +248,31 @@ static bool is_json(const char *type)
 /* Finds out who asks, and from where. */
 static void identify(exchange *x, const fields *f)
 {
-    const peer *from = peer_of(x->connection);
+    const client_connection *from = connection_of(x->connection);
     x->known = f->authorizations < 2 &&
-               access_identify(x->s->access, peers_access(from), f->authorization, &x->caller);
-    x->client = *peers_address(from);
+               access_identify(x->s->access, connections_access(from), f->authorization, &x->caller);
+    x->client = *connections_address(from);
     if (f->forwarded_count && f->forwarded_count <= MOST_FORWARDED)
         x->client = forwarded_client(&x->client, x->s->settings.proxies, f->forwarded, f->forwarded_count);
 }
 
 /* Too many connections: told at the first request of each. */
-static bool refuse_crowd(exchange *x, const fields *f, reply *r)
+static bool refuse_connection(exchange *x, const fields *f, reply *r)
 {
     static const char *const why[] = {
-        [PEER_TOO_MANY_OF_CLIENT] = "this client has as many connections as one may have without a token",
-        [PEER_TOO_MANY_OF_USER] = "this user has as many connections as one may have",
-        [PEER_TOO_MANY] = "there are as many connections as there may be",
+        [CONNECTION_TOO_MANY_OF_CLIENT] =
+            "this client has as many connections as one may have without a token",
+        [CONNECTION_TOO_MANY_OF_USER] = "this user has as many connections as one may have",
+        [CONNECTION_TOO_MANY] = "there are as many connections as there may be",
     };
-    peer *p = peer_of(x->connection);
-    bool is_user = x->known && (f->authorization || peers_access(p)->local);
-    peer_standing standing = peers_begin_request(x->s->peers, p, &x->client, is_user ? &x->caller : NULL);
-    if (standing == PEER_WELCOME) return false;
-    x->s->context->counters->refused++;
-    reply_set_problem(r, standing == PEER_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
-                      why[standing]);
+    client_connection *p = connection_of(x->connection);
+    bool is_user = x->known && (f->authorization || connections_access(p)->local);
+    connection_verdict verdict =
+        connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL);
+    if (verdict == CONNECTION_ADMITTED) return false;
+    x->s->settings.counters->refused++;
+    reply_set_problem(r, verdict == CONNECTION_TOO_MANY ? "unavailable" : "too_many_requests", NULL, "%s",
+                      why[verdict]);
     reply_add_header(r, MHD_HTTP_HEADER_RETRY_AFTER, "1");
     return true;
 }
@@ -280,7 +281,7 @@ static bool refuse_crowd(exchange *x, const fields *f, reply *r)
  * none, as all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
-    const access_peer *from = peers_access(peer_of(x->connection));
+    const access_peer *from = connections_access(connection_of(x->connection));
     const pages *allowed = x->s->settings.pages;
     if (from->local || !from->scopes || (f->authorization && x->known)) return false;
     if (f->hosts > 1 || (f->hosts && !pages_is_host(allowed, f->host))) {
@@ -382,7 +383,7 @@ static bool read_request(exchange *x, const char *method, reply *r)
     if (strcmp(method, MHD_HTTP_METHOD_HEAD) == 0)
         request->header[HTTP_RANGE] = NULL; /* defined for GET only */
     MHD_get_connection_values(x->connection, MHD_GET_ARGUMENT_KIND, read_query, request);
-    return parameter_check_query(x->route.found->query, request, r);
+    return parameter_check_query(x->s->settings.routes->parameters, x->route.found->query, request, r);
 }
 
 /* Opens the sink of a long body; false when *r says why not. */
@@ -393,7 +394,7 @@ static bool open_sink(exchange *x, const fields *f, reply *r)
     if (f->length) request->announced = (int64_t)strtoull(f->length, NULL, 10);
     request->waits =
         MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
-    request->sink = x->route.found->opener(x->s->context, request, r);
+    request->sink = x->route.found->opener(x->s->settings.context, request, r);
     return request->sink != NULL;
 }
 
@@ -420,7 +421,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
 {
     fields f = {0};
     MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_field, &f);
-    route_find(method, path, &x->route);
+    route_find(x->s->settings.routes, method, path, &x->route);
     identify(x, &f);
     if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
@@ -429,7 +430,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
         reply_set_problem(r, "request_invalid", NULL,
                           "the length of the body is given more than once or not at all");
         *early = true;
-    } else if (refuse_crowd(x, &f, r) || refuse_page(x, &f, r)) {
+    } else if (refuse_connection(x, &f, r) || refuse_page(x, &f, r)) {
         *early = true;
     } else if (answer_preflight(x, method, r)) {
         return true;
@@ -443,7 +444,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
 
 static void note_answer(const exchange *x, const char *method, const char *path, const reply *r)
 {
-    x->s->context->counters->answers[r->status / 100]++;
+    x->s->settings.counters->answers[r->status / 100]++;
     char client[ADDRESS_TEXT_SIZE];
     log_write(LOG_LEVEL_DEBUG, "request method=%.32s path=%.200s status=%d user=%s client=%s", method, path,
               r->status, *x->caller.user ? x->caller.user : "-", address_print(&x->client, client));
@@ -463,7 +464,7 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
     bool early = false;
     x->answered = refuse_early(x, method, path, &early, &x->answer);
     if (!x->answered || !early) return MHD_YES;
-    peers_end_time(s->peers, peer_of(connection));
+    connections_end_time(s->connections, connection_of(connection));
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);
 }
@@ -480,7 +481,8 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
     if (x->request.sink) {
         x->request.sink->take(x->request.sink, data, *size);
         x->step += *size;
-        if (x->step >= UPLOAD_STEP_BYTES) peers_begin_time(x->s->peers, peer_of(x->connection));
+        if (x->step >= UPLOAD_STEP_BYTES)
+            connections_begin_time(x->s->connections, connection_of(x->connection));
         x->step %= UPLOAD_STEP_BYTES;
         *size = 0;
         return MHD_YES;
@@ -517,10 +519,10 @@ static bool read_body(exchange *x, reply *r)
     return true;
 }
 
-static void run_in_crew(crew_work *work)
+static void run_in_pool(thread_pool_work *work)
 {
     exchange *x = (exchange *)(void *)work;
-    x->route.found->handler(x->s->context, &x->request, &x->answer);
+    x->route.found->handler(x->s->settings.context, &x->request, &x->answer);
     x->answered = true;
     loop_resume(x->s->loop, x->connection);
 }
@@ -528,26 +530,26 @@ static void run_in_crew(crew_work *work)
 /* Asks the handler until it has an answer. False: it has none yet, and the connection is suspended. */
 static bool ask_handler(exchange *x)
 {
-    const http_context *c = x->s->context;
+    const server_settings *c = &x->s->settings;
     if (x->route.found->waits) {
         MHD_suspend_connection(x->connection);
-        x->work.run = run_in_crew;
-        crew_give(x->s->crew, &x->work);
+        x->work.run = run_in_pool;
+        thread_pool_add(x->s->pool, &x->work);
         return false;
     }
     for (;;) {
-        uint64_t seen = lounge_seen(c->lounge);
-        x->request.last = lounge_is_dismissed(c->lounge);
-        x->route.found->handler(c, &x->request, &x->answer);
+        uint64_t seen = wait_list_seen(c->waiting);
+        x->request.last = wait_list_is_dismissed(c->waiting);
+        x->route.found->handler(c->context, &x->request, &x->answer);
         if (x->answer.status) return true;
-        if (lounge_wait(c->lounge, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
+        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
             return false;
     }
 }
 
 static enum MHD_Result finish(exchange *x, const char *method, const char *path)
 {
-    peers_end_time(x->s->peers, peer_of(x->connection));
+    connections_end_time(x->s->connections, connection_of(x->connection));
     if (!x->answered && read_body(x, &x->answer) && !ask_handler(x)) return MHD_YES;
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);
@@ -594,7 +596,7 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     (void)why;
     server *s = context;
     exchange *x = *slot;
-    peers_end_request(s->peers, peer_of(connection));
+    connections_end_request(s->connections, connection_of(connection));
     if (!x) return;
     reply_clear(&x->answer);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
@@ -617,12 +619,12 @@ static void write_library_log(void *context, const char *format, va_list argumen
 static struct MHD_Daemon *start_daemon(server *s, int fd)
 {
     const server_settings *settings = &s->settings;
-    /* the library knows whole seconds; the watch over the peers is exact, this is behind it */
-    unsigned idle_s = (unsigned)settings->peers.timeout_s + 1;
+    /* the library knows whole seconds; the watch over the connections is exact, this is behind it */
+    unsigned idle_s = (unsigned)settings->connections.timeout_s + 1;
     struct MHD_OptionItem options[] = {
         {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, NULL},
         {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
-        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)peers_room(&settings->peers), NULL},
+        {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_room(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
         {MHD_OPTION_STRICT_FOR_CLIENT, 1, NULL},
@@ -637,21 +639,20 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
 }
 
 server *server_start(const server_settings *settings, const listen_socket *socket, access_control *access,
-                     const http_context *context, error *e)
+                     error *e)
 {
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->access = access;
-    s->context = context;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
     pthread_cond_init(&s->changed, &monotonic);
     pthread_condattr_destroy(&monotonic);
     pthread_mutex_init(&s->mutex, NULL);
-    s->peers = peers_start(&settings->peers, access, e);
-    s->crew = s->peers ? crew_start(CREW_THREADS + settings->estimates, e) : NULL;
-    if (!s->crew) goto failed;
+    s->connections = connections_start(&settings->connections, access, e);
+    s->pool = s->connections ? thread_pool_start(POOL_THREADS + settings->estimates, e) : NULL;
+    if (!s->pool) goto failed;
     /* the library closes the socket that it is given */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
@@ -684,12 +685,12 @@ void server_stop(server *s)
 {
     if (!s) return;
     if (s->loop) loop_quiesce(s->loop);
-    lounge_dismiss(s->context->lounge);
+    wait_list_dismiss(s->settings.waiting);
     wait_for_replies(s);
-    loop_end(s->loop);  /* clients that go on asking give the crew no more work */
-    crew_stop(s->crew); /* and resumes the connections of what it had */
+    loop_end(s->loop);         /* clients that go on asking give the pool no more work */
+    thread_pool_stop(s->pool); /* and resumes the connections of what it had */
     loop_stop(s->loop);
-    peers_stop(s->peers);
+    connections_stop(s->connections);
     pthread_cond_destroy(&s->changed);
     pthread_mutex_destroy(&s->mutex);
     free(s);

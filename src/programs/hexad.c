@@ -15,6 +15,9 @@
 
 #include "config.h"
 
+#include "api/context.h"
+#include "api/notifier.h"
+#include "api/routes.h"
 #include "auth/access.h"
 #include "base/clock.h"
 #include "base/log.h"
@@ -25,7 +28,6 @@
 #include "executor/estimator.h"
 #include "executor/executor.h"
 #include "executor/instance.h"
-#include "http/herald.h"
 #include "http/server.h"
 #include "programs/maintenance.h"
 #include "queue/checker.h"
@@ -35,7 +37,7 @@
 #include "store/mapping.h"
 #include "store/output.h"
 #include "store/root.h"
-#include "webhook/courier.h"
+#include "webhook/delivery.h"
 #include "webhook/hosts.h"
 
 /* In the state directory, or where systemd makes a place for it. */
@@ -66,13 +68,14 @@ typedef struct service {
     store_outputs outputs;
     store_mappings *mappings;
     webhook_hosts *webhook_hosts;
-    courier *courier; /* NULL: no webhooks */
+    delivery *delivery; /* NULL: no webhooks */
     executor *x;
     listen_socket socket;
     access_control *access;
     http_counters counters;
-    lounge *lounge;
-    herald *herald;
+    atomic_bool copying; /* a backup */
+    wait_list *waiting;
+    notifier *notifier;
     http_context context;
     address_ranges proxies;
     pages *pages;
@@ -343,26 +346,26 @@ static void fini_executor(service *s)
     executor_stop(s->x);
 }
 
-static bool init_lounge(service *s, error *e)
+static bool init_wait_list(service *s, error *e)
 {
-    s->lounge = lounge_open(e);
-    return s->lounge != NULL;
+    s->waiting = wait_list_open(e);
+    return s->waiting != NULL;
 }
 
-static void fini_lounge(service *s)
+static void fini_wait_list(service *s)
 {
-    lounge_close(s->lounge);
+    wait_list_close(s->waiting);
 }
 
-static bool init_herald(service *s, error *e)
+static bool init_notifier(service *s, error *e)
 {
-    s->herald = herald_start(s->q, s->x, s->lounge, e);
-    return s->herald != NULL;
+    s->notifier = notifier_start(s->q, s->x, s->waiting, e);
+    return s->notifier != NULL;
 }
 
-static void fini_herald(service *s)
+static void fini_notifier(service *s)
 {
-    herald_stop(s->herald);
+    notifier_stop(s->notifier);
 }
 
 static bool init_webhooks(service *s, error *e)
@@ -371,7 +374,7 @@ static bool init_webhooks(service *s, error *e)
     s->webhook_hosts =
         webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
     if (!s->webhook_hosts) return false;
-    courier_settings settings = {
+    delivery_settings settings = {
         .hosts = s->webhook_hosts,
         .secret_file = c->webhook_secret_file,
         .calls = (int)c->webhook_calls,
@@ -380,15 +383,15 @@ static bool init_webhooks(service *s, error *e)
         .retry_s = c->webhook_retry_s,
         .retry_most_s = c->webhook_retry_most_s,
     };
-    if (c->webhook_hosts.count) s->courier = courier_start(&settings, s->q, e);
-    if (s->courier || !c->webhook_hosts.count) return true;
+    if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);
+    if (s->delivery || !c->webhook_hosts.count) return true;
     webhook_hosts_free(s->webhook_hosts);
     return false;
 }
 
 static void fini_webhooks(service *s)
 {
-    courier_stop(s->courier);
+    delivery_stop(s->delivery);
     webhook_hosts_free(s->webhook_hosts);
 }
 
@@ -418,11 +421,15 @@ static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
     server_settings settings = {
-        .peers = {.connection_limit = (unsigned)c->connection_limit,
-                  .client_limit = (unsigned)c->client_connection_limit,
-                  .user_limit = (unsigned)c->user_connection_limit,
-                  .admin_reserve = (unsigned)c->admin_connections,
-                  .timeout_s = c->connection_timeout_s},
+        .routes = &api_routes,
+        .context = &s->context,
+        .counters = &s->counters,
+        .waiting = s->waiting,
+        .connections = {.connection_limit = (unsigned)c->connection_limit,
+                        .client_limit = (unsigned)c->client_connection_limit,
+                        .user_limit = (unsigned)c->user_connection_limit,
+                        .admin_reserve = (unsigned)c->admin_connections,
+                        .timeout_s = c->connection_timeout_s},
         .body_limit_bytes = (size_t)c->body_limit_bytes,
         .header_limit_bytes = (size_t)c->header_limit_bytes,
         .estimates = (unsigned)c->estimates,
@@ -449,13 +456,13 @@ static bool init_http(service *s, error *e)
         .wait_s = c->wait_limit_s,
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
-        .lounge = s->lounge,
-        .shelf = shelf_new((size_t)c->kept_documents),
+        .copying = &s->copying,
+        .documents = document_cache_new((size_t)c->kept_documents),
     };
-    s->http = server_start(&settings, &s->socket, s->access, &s->context, e);
+    s->http = server_start(&settings, &s->socket, s->access, e);
     if (s->http) return true;
     estimator_close(m);
-    shelf_free(s->context.shelf);
+    document_cache_free(s->context.documents);
     return false;
 }
 
@@ -464,7 +471,7 @@ static void fini_http(service *s)
     if (s->context.estimator) estimator_dismiss(s->context.estimator);
     server_stop(s->http);
     estimator_close(s->context.estimator);
-    shelf_free(s->context.shelf);
+    document_cache_free(s->context.documents);
 }
 
 static bool init_port_file(service *s, error *e)
@@ -497,8 +504,8 @@ static const struct step {
     {"socket", init_socket, fini_socket},
     {"access", init_access, fini_access},
     {"executor", init_executor, fini_executor},
-    {"lounge", init_lounge, fini_lounge},
-    {"herald", init_herald, fini_herald},
+    {"wait_list", init_wait_list, fini_wait_list},
+    {"notifier", init_notifier, fini_notifier},
     {"webhooks", init_webhooks, fini_webhooks},
     {"network", init_network, fini_network},
     {"http", init_http, fini_http},

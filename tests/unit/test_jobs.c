@@ -11,7 +11,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
-#include "http/jobs.h"
+#include "api/jobs.h"
 #include "store/file.h"
 
 static bool get_fails;

@@ -6,22 +6,22 @@
 
 #include <string.h>
 
-#include "http/change.h"
-#include "http/jobs.h"
-#include "http/results.h"
-#include "http/route.h"
-#include "http/status.h"
+#include "api/job_commands.h"
+#include "api/jobs.h"
+#include "api/results.h"
+#include "api/routes.h"
+#include "api/status.h"
 
 static void test_parameters(void **state)
 {
     (void)state;
     route_match m;
-    route_find("GET", "/v1/jobs/abc/results/points.ply", &m);
+    route_find(&api_routes, "GET", "/v1/jobs/abc/results/points.ply", &m);
     assert_true(m.found->handler == results_send);
     assert_string_equal(m.parameter[0], "abc");
     assert_string_equal(m.parameter[1], "points.ply");
-    route_find("POST", "/v1/jobs/abc/cancel", &m);
-    assert_true(m.found->handler == change_cancel && !m.found->body && m.found->scope == SCOPE_CANCEL);
+    route_find(&api_routes, "POST", "/v1/jobs/abc/cancel", &m);
+    assert_true(m.found->handler == job_commands_cancel && !m.found->body && m.found->scope == SCOPE_CANCEL);
     assert_string_equal(m.parameter[0], "abc");
     assert_null(m.parameter[1]);
 }
@@ -30,11 +30,11 @@ static void test_methods(void **state)
 {
     (void)state;
     route_match m;
-    route_find("HEAD", "/healthz", &m);
+    route_find(&api_routes, "HEAD", "/healthz", &m);
     assert_true(m.found->handler == status_health);
-    route_find("POST", "/v1/jobs", &m);
+    route_find(&api_routes, "POST", "/v1/jobs", &m);
     assert_true(m.found->handler == jobs_submit && m.found->body);
-    route_find("PATCH", "/v1/jobs", &m);
+    route_find(&api_routes, "PATCH", "/v1/jobs", &m);
     assert_true(m.known && !m.found);
     assert_string_equal(m.allow, "POST, GET, HEAD");
 }
@@ -57,14 +57,14 @@ static void test_unknown_paths(void **state)
                                         "/v1/jobs/{id}/other"};
     route_match m;
     for (size_t i = 0; i < sizeof paths / sizeof *paths; i++) {
-        route_find("GET", paths[i], &m);
+        route_find(&api_routes, "GET", paths[i], &m);
         if (m.known) fail_msg("%s", paths[i]);
     }
     char deep[2 * ROUTE_PATH_BYTES];
     memset(deep, 'x', sizeof deep - 1);
     memcpy(deep, "/v1/jobs/", 9);
     deep[sizeof deep - 1] = '\0';
-    route_find("GET", deep, &m);
+    route_find(&api_routes, "GET", deep, &m);
     assert_false(m.known);
 }
 

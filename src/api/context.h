@@ -1,0 +1,39 @@
+/* context: what the handlers of all routes work on. The members are borrowed and outlive the server. */
+#ifndef HEXAD_API_CONTEXT_H
+#define HEXAD_API_CONTEXT_H
+
+#include <stdatomic.h>
+#include <stdint.h>
+
+#include "api/document_cache.h"
+#include "executor/estimator.h"
+#include "executor/executor.h"
+#include "http/handler.h"
+#include "queue/queue.h"
+#include "store/inputs.h"
+#include "store/mapping.h"
+#include "store/output.h"
+#include "store/root.h"
+#include "webhook/hosts.h"
+
+struct http_context {
+    queue *q;
+    executor *x;
+    estimator *estimator;     /* NULL: nothing is estimated */
+    const store_roots *roots; /* of inputs too */
+    store_inputs *inputs;
+    const store_outputs *outputs;
+    const store_mappings *mappings; /* of paths; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: none */
+    const char *state_dir;
+    int max_attempts;              /* of a job that names no number */
+    int64_t most_waiting;          /* jobs of one user; 0: any number */
+    int64_t retention_s;           /* of a job that names no time */
+    double wait_s;                 /* longest that an answer may be asked to wait */
+    int64_t started_ms;            /* wall clock */
+    const http_counters *counters; /* the server's */
+    atomic_bool *copying;          /* true while a backup is made */
+    document_cache *documents;     /* NULL: no document is kept */
+};
+
+#endif

@@ -1,0 +1,341 @@
+#include "api/events.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "api/job_lookup.h"
+#include "api/notifier.h"
+#include "base/clock.h"
+#include "base/memory.h"
+#include "executor/progress_ring.h"
+#include "http/parameter.h"
+
+#define PAGE_DEFAULT 50 /* as the table of parameters says */
+/* Read at once for a stream. */
+#define BATCH 64
+/* Nothing for so long: a comment shows that the stream is there. */
+#define SILENCE_MS 14000
+
+_Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not cut off");
+
+/* Which events are asked for. */
+typedef struct selection {
+    const char *id, *owner, *label; /* NULL: any */
+    bool whole_job;                 /* one job's, with its progress and to its end */
+    int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
+} selection;
+
+/* One stream. */
+typedef struct follower {
+    reply_source source; /* first: the server's view of it */
+    const http_context *c;
+    char *id, *owner, *label; /* NULL: any */
+    bool whole_job;
+    bool begun;       /* the first page was read */
+    bool behind;      /* there was more than the last page */
+    int64_t seq, row; /* those that were looked at */
+    int64_t told_seq; /* the last id that the client was told */
+    int64_t told_removed;
+    char *text; /* what was read and not sent yet */
+    size_t length, sent;
+    bool at_end; /* the last event is the end of its job */
+    bool ended;  /* and the stream is one job's: that was all */
+    int64_t told_ms;
+} follower;
+
+static json *describe(const queue_event *event)
+{
+    char at[CLOCK_TEXT_SIZE];
+    json *o = json_new_object();
+    json_put_integer(o, "seq", event->seq);
+    json_put_string(o, "at", clock_format_utc(event->at_ms, at));
+    json_put_string(o, "job", event->id);
+    json_put_string(o, "type", queue_event_type_name(event->type));
+    json_put_string(o, "state", queue_state_name(event->state));
+    json_put_string(o, "outcome", queue_outcome_name(event->outcome));
+    if (event->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", event->frame);
+    if (event->attempt) json_put_integer(o, "attempt", event->attempt);
+    return o;
+}
+
+static void write_event(follower *f, FILE *out, const queue_event *event)
+{
+    json *o = describe(event);
+    char *data = json_print(o);
+    fprintf(out, "id: %lld\nevent: %s\ndata: %s\n\n", (long long)event->seq,
+            queue_event_type_name(event->type), data);
+    f->told_seq = event->seq;
+    free(data);
+    json_free(o);
+}
+
+/* Where something is missing: of events behind `after`, and of what a client had heard of that asked for that number. */
+static void put_missing(json *object, const queue_event_page *page, int64_t after)
+{
+    if (page->removed_up_to > after && after >= 0)
+        json_put_integer(object, "removed_up_to", page->removed_up_to);
+    if (after > page->newest) json_put_bool(object, "reset", true);
+}
+
+/* The stream goes on behind `seq`. Of the page that begins there, NULL for none, events may be missing; `after` is where it
+ * was to begin. */
+static void write_position(follower *f, FILE *out, const queue_event_page *page, int64_t after, int64_t seq)
+{
+    json *o = json_new_object();
+    json_put_integer(o, "seq", seq);
+    if (page) put_missing(o, page, after);
+    char *data = json_print(o);
+    fprintf(out, "id: %lld\nevent: position\ndata: %s\n\n", (long long)seq, data);
+    f->told_seq = seq;
+    if (page) f->told_removed = page->removed_up_to;
+    free(data);
+    json_free(o);
+}
+
+/* The worker's line, with the job that it is of. */
+static void write_row(FILE *out, const progress_ring_line *line)
+{
+    json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
+    json_put_string(o, "job", line->id);
+    if (line->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", line->frame);
+    json_put_integer(o, "attempt", line->attempt);
+    if (progress) json_put(o, "progress", progress);
+    char *data = json_print(o);
+    fprintf(out, "event: progress\ndata: %s\n\n", data);
+    free(data);
+    json_free(o);
+}
+
+static bool ends_job(const queue_event *event)
+{
+    return event->type == QUEUE_EVENT_STATE && queue_state_is_final(event->state);
+}
+
+/* Before the events of a page, when the client has to know where they begin or that some are missing. */
+static void introduce(follower *f, FILE *out, const queue_event_page *page)
+{
+    bool from_now = f->seq < 0 || f->seq > page->newest, reset = f->seq > page->newest;
+    bool missing = page->removed_up_to > f->seq && page->removed_up_to > f->told_removed;
+    if (reset || (!f->whole_job && (!f->begun || missing)))
+        write_position(f, out, page, f->seq, from_now ? page->newest : f->seq);
+    f->begun = true;
+}
+
+/* Progress lines have no place among the events but one: behind a job's end there are none. */
+static bool read_news(follower *f, FILE *out, error *e)
+{
+    queue_event_page page;
+    progress_ring_line *lines = NULL;
+    size_t told = 0, line_count = 0;
+    queue_event_filter filter = {
+        .id = f->id, .owner = f->owner, .label = f->label, .after_seq = f->seq, .limit = BATCH};
+    if (!queue_list_events(f->c->q, &filter, &page, e)) return false;
+    introduce(f, out, &page);
+    if (f->whole_job)
+        line_count =
+            progress_ring_list(executor_progress_ring(f->c->x), f->id, f->row, BATCH, &lines, &f->row);
+    while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
+        write_event(f, out, &page.events[told++]);
+    for (size_t i = 0; i < line_count; i++) write_row(out, &lines[i]);
+    for (; told < page.count; told++) write_event(f, out, &page.events[told]);
+    f->seq = page.position;
+    if (page.count) f->at_end = ends_job(&page.events[page.count - 1]);
+    f->ended = f->whole_job && f->at_end && !page.more;
+    /* a filter left out all of many: something is sent, so that the rest is looked at in its turn */
+    if ((page.more || f->behind) && f->told_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
+    f->behind = page.more;
+    free(page.events);
+    progress_ring_lines_free(lines, line_count);
+    return true;
+}
+
+/* Nothing was sent for long: the connection is shown to be alive, and how far the stream has looked. */
+static void break_silence(follower *f, FILE *out)
+{
+    if (!f->whole_job && f->told_seq < f->seq)
+        write_position(f, out, NULL, f->seq, f->seq);
+    else
+        fputs(": nothing new\n\n", out);
+}
+
+/* Reads what is new, or says that there is nothing when that was long ago. */
+static bool refill(follower *f, error *e)
+{
+    free(f->text);
+    f->text = NULL;
+    f->sent = 0;
+    FILE *out = open_memstream(&f->text, &f->length);
+    bool ok = read_news(f, out, e);
+    if (ok && ftell(out) == 0 && clock_monotonic_ms() - f->told_ms >= SILENCE_MS) break_silence(f, out);
+    fclose(out);
+    return ok;
+}
+
+static ssize_t read_follower(reply_source *source, char *buffer, size_t size)
+{
+    follower *f = (follower *)(void *)source;
+    error e = {0};
+    /* the client comes again, with the id of what it had last */
+    if (f->sent == f->length && !f->ended && !refill(f, &e)) return -1;
+    size_t count = f->length - f->sent < size ? f->length - f->sent : size;
+    memcpy(buffer, f->text + f->sent, count);
+    f->sent += count;
+    if (count) f->told_ms = clock_monotonic_ms();
+    return count ? (ssize_t)count : f->ended ? -1 : 0;
+}
+
+static void free_follower(reply_source *source)
+{
+    follower *f = (follower *)(void *)source;
+    free(f->id);
+    free(f->owner);
+    free(f->label);
+    free(f->text);
+    free(f);
+}
+
+/* Where to go on: the header of a stream that was broken off, or the query. False when the header is no number. */
+static bool read_position(const http_request *request, int64_t otherwise, int64_t *after)
+{
+    const char *last = request->header[HTTP_LAST_EVENT_ID];
+    *after = parameter_integer(request, "after", otherwise);
+    if (!last) return true;
+    size_t length = strlen(last);
+    if (length == 0 || length > 18 || strspn(last, "0123456789") != length) return false;
+    *after = strtoll(last, NULL, 10);
+    return true;
+}
+
+static char *copy(const char *text)
+{
+    return text ? mem_strdup(text) : NULL;
+}
+
+static void refuse_position(reply *r)
+{
+    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is no number");
+}
+
+/* Begins here, not when the first bytes are sent: what happens after the client has the answer's head is told. */
+static void follow(const http_context *c, const selection *s, reply *r)
+{
+    error e = {0};
+    char topic[REPLY_TOPIC_SIZE] = "";
+    follower *f = mem_alloc(sizeof *f);
+    *f = (follower){.source = {read_follower, free_follower},
+                    .c = c,
+                    .id = copy(s->id),
+                    .owner = copy(s->owner),
+                    .label = copy(s->label),
+                    .whole_job = s->whole_job,
+                    .seq = s->after,
+                    .told_seq = s->after,
+                    .told_ms = clock_monotonic_ms()};
+    if (s->id)
+        strcpy(topic, s->id);
+    else if (s->owner)
+        notifier_name_topic(s->owner, topic);
+    if (refill(f, &e)) {
+        reply_set_source(r, "text/event-stream", topic, &f->source);
+    } else {
+        reply_set_error(r, &e, NULL);
+        free_follower(&f->source);
+    }
+}
+
+static void list(const http_context *c, const http_request *request, const selection *s, reply *r)
+{
+    error e = {0};
+    queue_event_page page;
+    size_t limit = (size_t)parameter_integer(request, "limit", PAGE_DEFAULT);
+    queue_event_filter filter = {.id = s->id,
+                                 .owner = s->owner,
+                                 .label = s->label,
+                                 .after_seq = s->after,
+                                 .limit = (int)limit + 1}; /* one more tells whether there is a next page */
+    if (!queue_list_events(c->q, &filter, &page, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    int64_t position = page.count > limit ? page.events[limit - 1].seq : page.position;
+    json *document = json_new_object(), *events = json_put_array(document, "events");
+    for (size_t i = 0; i < page.count && i < limit; i++) json_append(events, describe(&page.events[i]));
+    if (page.more)
+        json_put_integer(document, "next", position);
+    else
+        json_put_null(document, "next");
+    json_put_integer(document, "position", position);
+    put_missing(document, &page, s->after);
+    free(page.events);
+    reply_set_json(r, 200, document);
+}
+
+static bool wants_stream(const http_request *request)
+{
+    const char *accept = request->header[HTTP_ACCEPT];
+    return accept && strstr(accept, "text/event-stream");
+}
+
+static void answer(const http_context *c, const http_request *request, const selection *s, reply *r)
+{
+    if (wants_stream(request))
+        follow(c, s, r);
+    else
+        list(c, request, s, r);
+}
+
+/* Whether the job's last event is not behind `after`: there is no more to tell. */
+static bool is_over(const http_context *c, const queue_job *job, int64_t after)
+{
+    queue_event_page page;
+    queue_event_filter filter = {.id = job->id, .after_seq = after, .limit = 1};
+    if (!queue_state_is_final(job->state) || !queue_list_events(c->q, &filter, &page, NULL)) return false;
+    free(page.events);
+    return page.count == 0;
+}
+
+void events_of_job(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    selection s = {.whole_job = true};
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    s.id = job.id;
+    if (!read_position(request, 0, &s.after))
+        refuse_position(r);
+    else if (wants_stream(request) && is_over(c, &job, s.after))
+        reply_set_empty(r, 204); /* all was told: to a browser this says not to come again */
+    else
+        answer(c, request, &s, r);
+    queue_job_clear(&job);
+}
+
+/* A job that is not there or another's is refused, as at its own events: a stream that stays empty would say less. */
+static bool may_select(const http_context *c, const http_request *request, const selection *s, reply *r)
+{
+    queue_job job = {0};
+    if (s->owner && !access_is_owner(request->caller, s->owner)) {
+        reply_set_problem(r, "forbidden", NULL,
+                          "events of jobs of %s are told to that user and to admins only", s->owner);
+        return false;
+    }
+    if (!s->id) return true;
+    http_request named = *request;
+    named.parameter[0] = s->id;
+    bool own = job_lookup_find_own(c, &named, &job, r);
+    queue_job_clear(&job);
+    return own;
+}
+
+void events_of_all(const http_context *c, const http_request *request, reply *r)
+{
+    selection s = {.id = parameter_text(request, "job", NULL),
+                   .owner = parameter_text(request, "owner", NULL),
+                   .label = parameter_text(request, "label", NULL)};
+    if (!read_position(request, QUEUE_EVENTS_FROM_NOW, &s.after)) {
+        refuse_position(r);
+    } else if (may_select(c, request, &s, r)) {
+        if (!(request->caller->scopes & SCOPE_ADMIN)) s.owner = request->caller->user;
+        answer(c, request, &s, r);
+    }
+}

@@ -1,0 +1,136 @@
+#include "api/inputs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+
+typedef struct upload {
+    http_sink sink;     /* first: the server's view of it */
+    store_upload *file; /* NULL: the bytes are there already, those that come are thrown away */
+    store_upload_verdict verdict;
+    error why;
+} upload;
+
+static void refuse(store_upload_verdict verdict, const error *why, reply *r)
+{
+    switch (verdict) {
+    case STORE_UPLOAD_GOOD:
+        break;
+    case STORE_UPLOAD_TOO_LARGE:
+        reply_set_problem(r, "body_too_large", NULL,
+                          "an input may not be that long (setting upload_limit_bytes)");
+        break;
+    case STORE_UPLOAD_NO_ROOM:
+        reply_set_problem(r, "storage_full", NULL,
+                          "there is no room for it (setting upload_total_bytes, or the disk)");
+        break;
+    case STORE_UPLOAD_MISMATCH:
+        reply_set_problem(r, "digest_mismatch", NULL,
+                          "the bytes that came have another SHA-256 than the path says");
+        break;
+    case STORE_UPLOAD_FAILED:
+        reply_set_error(r, why, NULL);
+        break;
+    }
+}
+
+/* The hash that the path names, or an answer. */
+static const char *read_hash(const http_request *request, reply *r)
+{
+    const char *hex = request->parameter[0];
+    if (store_inputs_is_hash(hex)) return hex;
+    reply_set_problem(r, "request_invalid", NULL, "%.100s is not a SHA-256: 64 digits, lower case", hex);
+    return NULL;
+}
+
+static void show(const char *hex, int64_t bytes, int status, reply *r)
+{
+    json *document = json_new_object();
+    char *path = mem_printf(STORE_INPUT_PREFIX "%s", hex);
+    json_put_string(document, "sha256", hex);
+    json_put_integer(document, "bytes", bytes);
+    json_put_string(document, "path", path);
+    free(path);
+    reply_set_json(r, status, document);
+}
+
+static void take(http_sink *sink, const char *bytes, size_t count)
+{
+    upload *u = (upload *)(void *)sink;
+    if (u->file) u->verdict = store_upload_write(u->file, bytes, count, &u->why);
+}
+
+static void drop(http_sink *sink)
+{
+    upload *u = (upload *)(void *)sink;
+    store_upload_end(u->file);
+    free(u);
+}
+
+http_sink *inputs_begin(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    store_upload *file = NULL;
+    const char *hex = read_hash(request, r);
+    if (!hex) return NULL;
+    int64_t there = store_inputs_use(c->inputs, hex);
+    if (there >= 0 && request->waits) { /* it has not begun to send */
+        show(hex, there, 200, r);
+        return NULL;
+    }
+    if (there < 0) {
+        store_upload_verdict verdict = store_upload_begin(c->inputs, hex, request->announced, &file, &e);
+        if (verdict != STORE_UPLOAD_GOOD) {
+            refuse(verdict, &e, r);
+            return NULL;
+        }
+    }
+    upload *u = mem_alloc(sizeof *u);
+    *u = (upload){.sink = {take, drop}, .file = file};
+    return &u->sink;
+}
+
+void inputs_put(const http_context *c, const http_request *request, reply *r)
+{
+    upload *u = (upload *)(void *)request->sink;
+    const char *hex = request->parameter[0];
+    bool sent = u->file != NULL;
+    if (sent && u->verdict == STORE_UPLOAD_GOOD) u->verdict = store_upload_commit(u->file, &u->why);
+    if (u->verdict != STORE_UPLOAD_GOOD) {
+        refuse(u->verdict, &u->why, r);
+        return;
+    }
+    show(hex, store_inputs_find(c->inputs, hex), sent ? 201 : 200, r);
+    if (!sent) return;
+    log_write(LOG_LEVEL_INFO, "input stored sha256=%s user=%s", hex, request->caller->user);
+    char *location = mem_printf("/v1/inputs/%s", hex);
+    reply_add_header(r, "Location", location);
+    free(location);
+}
+
+void inputs_show(const http_context *c, const http_request *request, reply *r)
+{
+    const char *hex = read_hash(request, r);
+    if (!hex) return;
+    int64_t bytes = store_inputs_find(c->inputs, hex);
+    if (bytes >= 0)
+        show(hex, bytes, 200, r);
+    else
+        reply_set_problem(r, "not_found", NULL, "there is no input %s", hex);
+}
+
+void inputs_delete(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    bool found = false;
+    const char *hex = read_hash(request, r);
+    if (!hex) return;
+    if (!store_inputs_remove(c->inputs, hex, &found, &e))
+        reply_set_error(r, &e, NULL);
+    else if (!found)
+        reply_set_problem(r, "not_found", NULL, "there is no input %s", hex);
+    else
+        reply_set_empty(r, 204);
+}

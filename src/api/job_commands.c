@@ -1,0 +1,178 @@
+#include "api/job_commands.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "api/job_json.h"
+#include "api/job_lookup.h"
+#include "api/jobs.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "spec/spec.h"
+
+const char *const job_commands_patch_members[] = {"priority", "labels", "retention_s", NULL};
+
+static void tell(const http_context *c, const http_request *request, queue_command command, const char *what,
+                 reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    bool found = false, changed = false;
+    queue_state now = QUEUE_QUEUED;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    bool ended = queue_state_is_final(job.state), wants_end = command == QUEUE_RETRY;
+    if (!executor_tell(c->x, job.id, command, &found, &changed, &now, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!found) {
+        reply_set_problem(r, "not_found", NULL, "there is no job %s", job.id);
+    } else if (!changed && (wants_end || ended || queue_state_is_final(now))) {
+        reply_set_problem(r, "conflict", NULL, "the job %s is %s: there is nothing to %s", job.id,
+                          queue_state_name(now), what);
+    } else {
+        log_write(LOG_LEVEL_INFO, "job told job=%s command=%s user=%s", job.id, what, request->caller->user);
+        jobs_answer(c, request, job.id, now == QUEUE_CANCELLING ? 202 : 200, r);
+    }
+    queue_job_clear(&job);
+}
+
+void job_commands_cancel(const http_context *c, const http_request *request, reply *r)
+{
+    tell(c, request, QUEUE_CANCEL, "cancel", r);
+}
+
+void job_commands_pause(const http_context *c, const http_request *request, reply *r)
+{
+    tell(c, request, QUEUE_PAUSE, "pause", r);
+}
+
+void job_commands_resume(const http_context *c, const http_request *request, reply *r)
+{
+    tell(c, request, QUEUE_RESUME, "resume", r);
+}
+
+void job_commands_retry(const http_context *c, const http_request *request, reply *r)
+{
+    tell(c, request, QUEUE_RETRY, "retry", r);
+}
+
+/* A patch is read as those members of a spec are, by the same table: in a spec that has nothing
+ * but them. NULL and the faults when they are not good. */
+static spec *read_members(json_at patch, json *errors)
+{
+    static const char rest[] =
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}},"
+        "\"sampling\":{\"count\":4}}";
+    spec_faults faults = {0};
+    json *document = json_parse(rest, sizeof rest - 1, NULL), *group = json_put_object(document, "queue");
+    for (size_t i = 0; job_commands_patch_members[i]; i++) {
+        json_at at = json_member(&patch, job_commands_patch_members[i]);
+        if (at.node) json_put(group, job_commands_patch_members[i], json_copy(at.node));
+    }
+    spec *s = spec_parse(document, &faults, NULL);
+    json_free(document);
+    for (size_t i = 0; i < faults.count; i++)
+        reply_append_fault(errors, faults.item[i].pointer + strlen("/queue"), faults.item[i].detail);
+    return s;
+}
+
+static void check_names(json_at patch, json *errors)
+{
+    for (size_t i = 0; i < json_size(patch); i++) {
+        char pointer[256];
+        json_at member = json_element(&patch, i);
+        size_t k = 0;
+        while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
+        if (job_commands_patch_members[k]) continue;
+        reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
+                           "cannot be changed: only priority, labels and retention_s can");
+    }
+}
+
+/* The revision that the client knows; -1: any. */
+static bool read_match(const http_request *request, int64_t *revision, reply *r)
+{
+    const char *match = request->header[HTTP_IF_MATCH];
+    *revision = -1;
+    if (!match || strcmp(match, "*") == 0 || job_json_read_tag(match, revision)) return true;
+    reply_set_problem(r, "precondition_failed", NULL, "If-Match is not the ETag of this job");
+    return false;
+}
+
+static void apply(const http_context *c, const http_request *request, const queue_job *job,
+                  const queue_edit *edit, int64_t revision, reply *r)
+{
+    error e = {0};
+    queue_edited edited = QUEUE_EDITED;
+    if (!queue_change(c->q, job->id, revision, edit, &edited, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (edited == QUEUE_NOT_THERE) {
+        reply_set_problem(r, "not_found", NULL, "there is no job %s", job->id);
+    } else if (edited == QUEUE_STALE) {
+        reply_set_problem(r, "precondition_failed", NULL, "the job %s has changed since: look at it again",
+                          job->id);
+    } else {
+        executor_wake(c->x);
+        jobs_answer(c, request, job->id, 200, r);
+    }
+}
+
+void job_commands_edit(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    int64_t revision = -1;
+    json *errors = json_new_array(), *document = NULL;
+    spec *s = NULL;
+    char *labels = NULL;
+    if (!job_lookup_find_own(c, request, &job, r) || !read_match(request, &revision, r)) goto done;
+    document = json_parse(request->body, request->length, &e);
+    if (!document) {
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+        goto done;
+    }
+    json_at patch = json_root(document);
+    if (json_type_of(patch) == JSON_OBJECT) {
+        s = read_members(patch, errors);
+        check_names(patch, errors);
+    } else {
+        reply_append_fault(errors, "", "must be an object");
+    }
+    if (json_size(json_root(errors)) > 0) {
+        reply_set_problem(r, "spec_invalid", errors, "the change is not valid");
+        errors = NULL;
+        goto done;
+    }
+    json_at given = json_member(&patch, "labels");
+    if (given.node) labels = json_print(given.node);
+    const queue_edit edit = {
+        .priority = json_member(&patch, "priority").node ? &s->priority : NULL,
+        .labels = labels,
+        .retention_s = json_member(&patch, "retention_s").node ? &s->retention_s : NULL,
+    };
+    apply(c, request, &job, &edit, revision, r);
+done:
+    free(labels);
+    spec_free(s);
+    json_free(errors);
+    json_free(document);
+    queue_job_clear(&job);
+}
+
+void job_commands_delete(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    bool found = false, deleted = false;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (!executor_delete(c->x, job.id, &found, &deleted, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!found) {
+        reply_set_problem(r, "not_found", NULL, "there is no job %s", job.id);
+    } else if (!deleted) {
+        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: cancel it first", job.id);
+    } else {
+        log_write(LOG_LEVEL_INFO, "job deleted job=%s user=%s", job.id, request->caller->user);
+        reply_set_empty(r, 204);
+    }
+    queue_job_clear(&job);
+}

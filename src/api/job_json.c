@@ -1,0 +1,161 @@
+#include "api/job_json.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "api/paths.h"
+#include "base/clock.h"
+
+void job_json_put_time(json *object, const char *key, int64_t wall_ms)
+{
+    char text[CLOCK_TEXT_SIZE];
+    if (wall_ms)
+        json_put_string(object, key, clock_format_utc(wall_ms, text));
+    else
+        json_put_null(object, key);
+}
+
+void job_json_put_stored(json *object, const char *key, const char *text)
+{
+    if (text)
+        json_put_text(object, key, text);
+    else
+        json_put_null(object, key);
+}
+
+/* NULL when there is no text, or it does not parse. */
+static json *parse_stored(const char *text)
+{
+    return text ? json_parse(text, strlen(text), NULL) : NULL;
+}
+
+void job_json_put_spec(json *object, const char *stored_spec, const char *stored_paths)
+{
+    json *document = parse_stored(stored_spec), *paths = parse_stored(stored_paths);
+    if (document) {
+        paths_restore(paths, document);
+        json_put(object, "spec", document);
+    } else {
+        json_put_null(object, "spec");
+    }
+    json_put(object, "paths", paths ? paths : json_new_array());
+}
+
+void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE])
+{
+    uint32_t hash = 2166136261u; /* FNV-1a: a tag is compared, not trusted */
+    for (const char *t = progress; t && *t; t++) hash = (hash ^ (unsigned char)*t) * 16777619u;
+    if (progress)
+        snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
+    else
+        snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+}
+
+/* Every answer has the counts and the links: one printf is cheaper than twelve JSON values. */
+static void put_counts(json *object, const queue_counts *n)
+{
+    char text[256];
+    snprintf(text, sizeof text,
+             "{\"all\":%d,\"waiting\":%d,\"running\":%d,\"succeeded\":%d,\"failed\":%d,\"cancelled\":%d,"
+             "\"timed_out\":%d}",
+             n->all, n->waiting, n->running, n->succeeded, n->failed, n->cancelled, n->timed_out);
+    json_put_text(object, "tasks", text);
+}
+
+static void put_links(json *object, const queue_job *job)
+{
+    static const char *const parts[] = {"tasks", "attempts", "events", "log", "results"};
+    bool results = job->state == QUEUE_SUCCEEDED || job->tasks.succeeded > 0;
+    size_t count = sizeof parts / sizeof *parts - !results;
+    char text[512];
+    int used = snprintf(text, sizeof text, "{\"self\":\"/v1/jobs/%s\"", job->id);
+    for (size_t i = 0; i < count; i++)
+        used += snprintf(text + used, sizeof text - (size_t)used, ",\"%s\":\"/v1/jobs/%s/%s\"", parts[i],
+                         job->id, parts[i]);
+    snprintf(text + used, sizeof text - (size_t)used, "}");
+    json_put_text(object, "links", text);
+}
+
+json *job_json_new(const queue_job *job, const char *progress)
+{
+    json *o = json_new_object();
+    json_put_string(o, "id", job->id);
+    json_put_string(o, "name", job->name);
+    json_put_string(o, "owner", job->owner ? job->owner : "");
+    json_put_integer(o, "revision", job->revision);
+    json_put_string(o, "state", queue_state_name(job->state));
+    json_put_bool(o, "paused", job->paused);
+    json_put_string(o, "outcome", queue_outcome_name(job->outcome));
+    json_put_integer(o, "priority", job->priority);
+    job_json_put_stored(o, "labels", job->labels);
+    job_json_put_time(o, "created", job->created_ms);
+    job_json_put_time(o, "started", job->started_ms);
+    job_json_put_time(o, "finished", job->finished_ms);
+    json_put_bool(o, "array", job->array);
+    put_counts(o, &job->tasks);
+    json_put_integer(o, "attempt", job->attempts);
+    json_put_integer(o, "max_attempts", job->max_attempts);
+    json_put_integer(o, "threads", job->threads);
+    json_put_integer(o, "memory_mb", job->memory_mb);
+    json_put_integer(o, "retention_s", job->retention_s);
+    json_put_string(o, "traceparent", job->trace);
+    json_put_string(o, "cached_from", job->cached_from);
+    job_json_put_stored(o, "progress", progress);
+    if (job->error_code) {
+        json *fault = json_put_object(o, "error");
+        json_put_string(fault, "code", job->error_code);
+        json_put_string(fault, "message", job->error_message);
+    } else {
+        json_put_null(o, "error");
+    }
+    put_links(o, job);
+    return o;
+}
+
+bool job_json_read_tag(const char *tag, int64_t *revision)
+{
+    char *end = NULL;
+    if (strncmp(tag, "W/", 2) == 0) tag += 2;
+    if (*tag != '"' || !isdigit((unsigned char)tag[1])) return false;
+    *revision = strtoll(tag + 1, &end, 10);
+    if (*end == '.') end += 1 + strspn(end + 1, "0123456789abcdef");
+    return end[0] == '"' && !end[1];
+}
+
+void job_json_append_attempt(json *list, const queue_attempt *a)
+{
+    json *o = json_append_object(list);
+    if (a->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", a->frame);
+    json_put_integer(o, "number", a->number);
+    job_json_put_time(o, "started", a->started_ms);
+    job_json_put_time(o, "finished", a->finished_ms);
+    if (a->exit_status >= 0) json_put_integer(o, "exit_status", a->exit_status);
+    if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
+    if (a->peak_memory_bytes > 0) json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
+    if (a->host) json_put_string(o, "host", a->host);
+    if (a->reason) json_put_string(o, "reason", a->reason);
+}
+
+void job_json_append_task(json *list, const queue_task *t)
+{
+    json *o = json_append_object(list);
+    json_put_integer(o, "number", t->number);
+    if (t->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", t->frame);
+    json_put_string(o, "state", queue_state_name(t->state));
+    json_put_string(o, "outcome", queue_outcome_name(t->outcome));
+    json_put_integer(o, "attempt", t->attempt);
+    json_put_integer(o, "spent", t->spent);
+    json_put_integer(o, "interrupted", t->interrupted);
+    job_json_put_time(o, "not_before", t->not_before_ms);
+    job_json_put_time(o, "started", t->started_ms);
+    job_json_put_time(o, "finished", t->finished_ms);
+    if (t->error_code) {
+        json *fault = json_put_object(o, "error");
+        json_put_string(fault, "code", t->error_code);
+        json_put_string(fault, "message", t->error_message);
+    } else {
+        json_put_null(o, "error");
+    }
+}

@@ -1,0 +1,35 @@
+/* job_json: the JSON of jobs, their tasks and their attempts, as answers have it, and the ETag of a job. No state; any
+ * thread. */
+#ifndef HEXAD_API_JOB_JSON_H
+#define HEXAD_API_JOB_JSON_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "json/json.h"
+#include "queue/queue.h"
+
+#define JOB_JSON_TAG_SIZE 40
+
+/* What every reader may see of a job. `progress` is the last line of its worker, NULL: there is none. */
+json *job_json_new(const queue_job *job, const char *progress);
+
+/* Adds `spec`, as it was submitted, and `paths`, the mapped ones of its paths; both are JSON text or NULL. */
+void job_json_put_spec(json *object, const char *stored_spec, const char *stored_paths);
+
+void job_json_append_task(json *list, const queue_task *task);
+void job_json_append_attempt(json *list, const queue_attempt *attempt);
+
+/* Puts a time as RFC 3339, null for 0. */
+void job_json_put_time(json *object, const char *key, int64_t wall_ms);
+
+/* Puts a text that the service stored as JSON, null for NULL. */
+void job_json_put_stored(json *object, const char *key, const char *text);
+
+/* The ETag of a job: its revision and, while there is progress, a hash of that: `"7"`, `"7.1f3a9c02"`. */
+void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB_JSON_TAG_SIZE]);
+
+/* Reads the revision out of an ETag; false when it is not one of a job. */
+bool job_json_read_tag(const char *tag, int64_t *revision);
+
+#endif

@@ -1,0 +1,537 @@
+#include "api/jobs.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "api/document_cache.h"
+#include "api/job_json.h"
+#include "api/job_lookup.h"
+#include "api/paths.h"
+#include "base/clock.h"
+#include "base/frames.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "http/parameter.h"
+#include "http/preconditions.h"
+#include "spec/spec.h"
+#include "store/file.h"
+
+#define LIST_DEFAULT 50 /* as the table of parameters says */
+/* In a job's own document; there is a listing of all. */
+#define ATTEMPTS_SHOWN 100
+#define KEY_LENGTH_MOST 255
+
+static char *progress_of(const http_context *c, const queue_job *job)
+{
+    return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
+}
+
+/* Answers with the whole document of a job; of another's without its spec, which names files. */
+static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
+                       reply *r)
+{
+    error e = {0};
+    cached_document made;
+    queue_attempt *attempts = NULL;
+    size_t count = 0;
+    if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    char *progress = progress_of(c, job);
+    json *document = job_json_new(job, progress);
+    bool own = access_is_owner(request->caller, job->owner);
+    job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
+    json *list = json_put_array(document, "attempts");
+    for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) job_json_append_attempt(list, &attempts[i]);
+    queue_attempts_free(attempts, count);
+    job_json_print_tag(job, progress, made.tag);
+    reply_set_json(r, status, document);
+    reply_add_header(r, "ETag", made.tag);
+    made.text = r->body;
+    made.length = r->length;
+    /* progress comes and goes without a change of the job, but only of one that runs */
+    if (!progress && !job->tasks.running) document_cache_put(c->documents, job, own, &made);
+    free(progress);
+}
+
+void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    bool found = false;
+    if (!queue_get(c->q, id, &job, &found, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else if (!found) {
+        reply_set_problem(r, "not_found", NULL, "there is no job %s", id);
+    } else {
+        answer_job(c, request, &job, status, r);
+    }
+    queue_job_clear(&job);
+}
+
+/* Builds a spec, or answers why not. */
+static spec *build_spec(const json *document, reply *r)
+{
+    error e = {0};
+    spec_faults faults = {0};
+    spec *s = spec_parse(document, &faults, &e);
+    if (s) return s;
+    json *errors = json_new_array();
+    for (size_t i = 0; i < faults.count; i++)
+        reply_append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
+    reply_set_error(r, &e, errors);
+    return NULL;
+}
+
+/* A job that is asked for: the spec with the paths of this machine, and which of them were mapped, or
+ * NULL. */
+typedef struct order {
+    spec *s;
+    json *paths;
+} order;
+
+static void order_clear(order *o)
+{
+    spec_free(o->s);
+    json_free(o->paths);
+}
+
+/* Parses the body into an order, or answers why not. */
+static bool read_order(const http_context *c, const http_request *request, order *o, reply *r)
+{
+    error e = {0};
+    json *document = json_parse(request->body, request->length, &e);
+    if (!document) {
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+        return false;
+    }
+    o->s = build_spec(document, r);
+    if (o->s) o->paths = paths_map(c->mappings, o->s, document);
+    if (o->paths) {
+        spec_free(o->s);
+        o->s = build_spec(document, r);
+    }
+    json_free(document);
+    return o->s != NULL;
+}
+
+/* Answers that a member cannot be; of a path that was mapped with both names. */
+static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
+{
+    const char *asked = paths_asked(o->paths, pointer);
+    error told = *why;
+    if (asked)
+        error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message,
+                  asked);
+    json *errors = json_new_array();
+    reply_append_fault(errors, pointer, told.message);
+    reply_set_error(r, &told, errors);
+}
+
+/* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
+ * opens them again under the same roots. Of a sequence the first frame is looked at. */
+static bool check_inputs(const http_context *c, const order *o, reply *r)
+{
+    spec_input input;
+    const spec *s = o->s;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        error e = {0};
+        char name[STORE_INPUT_NAME_SIZE];
+        char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
+        /* before it is looked for, so that it cannot go in between */
+        if (store_inputs_is_sent(path, name)) store_inputs_use(c->inputs, name + strlen(STORE_INPUT_PREFIX));
+        int fd = store_open_input(c->roots, path, &e);
+        free(path);
+        if (fd >= 0) {
+            close(fd);
+            continue;
+        }
+        refuse_member(o, input.pointer, &e, r);
+        return false;
+    }
+    return true;
+}
+
+/* Looks whether a copy of the results may go where the spec wants it. */
+static bool check_output(const http_context *c, const order *o, reply *r)
+{
+    error e = {0};
+    if (!o->s->directory || store_output_check(c->outputs, o->s->directory, &e)) return true;
+    refuse_member(o, "/output/directory", &e, r);
+    return false;
+}
+
+static bool check_webhook(const http_context *c, const order *o, reply *r)
+{
+    error e = {0};
+    if (!o->s->webhook || webhook_hosts_admit(c->webhooks, o->s->webhook, &e)) return true;
+    refuse_member(o, "/queue/webhook", &e, r);
+    return false;
+}
+
+static bool check_order(const http_context *c, const order *o, reply *r)
+{
+    return check_inputs(c, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
+}
+
+static char *print_labels(const spec *s)
+{
+    json *labels = json_new_array();
+    for (size_t i = 0; i < s->label_count; i++) json_append_string(labels, s->labels[i]);
+    char *text = json_print(labels);
+    json_free(labels);
+    return text;
+}
+
+/* The document of a job that was put in the queue just now. It is made of what was put: the job is
+ * accepted, whatever another look at the database would say. */
+static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
+{
+    queue_job job = {
+        .name = (char *)put->name,
+        .owner = (char *)put->owner,
+        .labels = (char *)put->labels,
+        .trace = (char *)put->trace,
+        .revision = receipt->revision,
+        .state = receipt->state,
+        .priority = put->priority,
+        .created_ms = ulid_time_ms(receipt->id),
+        .array = put->frame_count > 0,
+        .tasks = {.all = put->frame_count ? (int)put->frame_count : 1,
+                  .waiting = put->frame_count ? (int)put->frame_count : 1},
+        .max_attempts = put->max_attempts,
+        .threads = put->threads,
+        .memory_mb = put->memory_mb,
+        .retention_s = put->retention_s,
+    }; /* borrows its texts */
+    char tag[JOB_JSON_TAG_SIZE];
+    memcpy(job.id, receipt->id, sizeof job.id);
+    json *document = job_json_new(&job, NULL);
+    job_json_put_spec(document, put->spec, put->paths);
+    json_put_array(document, "attempts");
+    job_json_print_tag(&job, NULL, tag);
+    reply_set_json(r, 201, document);
+    reply_add_header(r, "ETag", tag);
+}
+
+/* "00-" 32 digits "-" 16 digits "-" 2 digits (W3C Trace Context); what is none is left out, as that says. */
+static const char *read_trace(const http_request *request)
+{
+    static const size_t parts[] = {2, 32, 16, 2};
+    const char *trace = request->header[HTTP_TRACEPARENT], *at = trace;
+    if (!trace || strlen(trace) != 55 || strncmp(trace, "ff", 2) == 0) return NULL;
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        if (strspn(at, "0123456789abcdef") != parts[i]) return NULL;
+        at += parts[i];
+        if (*at != (i + 1 < sizeof parts / sizeof *parts ? '-' : '\0')) return NULL;
+        at++;
+    }
+    return trace;
+}
+
+/* The key that the client gives its request, so that it can send it again without fear; false: no good one. */
+static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], const char **key, reply *r)
+{
+    *key = request->header[HTTP_IDEMPOTENCY_KEY];
+    if (!*key) return true;
+    size_t length = strlen(*key);
+    for (const char *t = *key; *t; t++)
+        if ((unsigned char)*t < 0x20 || (unsigned char)*t > 0x7E) length = 0;
+    if (length == 0 || length > KEY_LENGTH_MOST) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "an Idempotency-Key has 1 to %d printable ASCII characters", KEY_LENGTH_MOST);
+        return false;
+    }
+    store_hash(request->body, request->length, hash);
+    return true;
+}
+
+static void refuse_dependency(const char *id, size_t index, reply *r)
+{
+    char pointer[64], detail[256];
+    json *errors = json_new_array();
+    snprintf(pointer, sizeof pointer, "/queue/depends_on/%zu", index);
+    snprintf(detail, sizeof detail, "there is no job %.100s to depend on", id);
+    reply_append_fault(errors, pointer, detail);
+    reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
+}
+
+/* Answers what became of the submission. */
+static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
+                           const queue_receipt *receipt, reply *r)
+{
+    char *location = mem_printf("/v1/jobs/%s", receipt->id);
+    switch (receipt->verdict) {
+    case QUEUE_CREATED:
+        executor_wake(c->x);
+        log_write(LOG_LEVEL_INFO, "job accepted job=%s user=%s trace=%s", receipt->id, put->owner,
+                  put->trace ? put->trace : "-");
+        show_accepted(receipt, put, r);
+        reply_add_header(r, "Location", location);
+        break;
+    case QUEUE_REPLAYED:
+        jobs_answer(c, request, receipt->id, 201, r);
+        if (r->status == 201) reply_add_header(r, "Location", location);
+        break;
+    case QUEUE_MISMATCH:
+        reply_set_problem(r, "idempotency_mismatch", NULL,
+                          "this Idempotency-Key came with another body, for the job %s", receipt->id);
+        break;
+    case QUEUE_TOO_MANY:
+        reply_set_problem(r, "too_many_jobs", NULL,
+                          "%s has %lld jobs that have not ended, which is the limit", put->owner,
+                          (long long)put->most_waiting);
+        reply_add_header(r, "Retry-After", "5");
+        break;
+    case QUEUE_NO_ROOM:
+        reply_set_storage_full(
+            r, "the disk of the service is full: no job is accepted until there is room (setting"
+               " reserve_mb)");
+        break;
+    case QUEUE_UNKNOWN_DEPENDENCY:
+        refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
+        break;
+    }
+    free(location);
+}
+
+/* Names of the files that clients sent and that the job reads. */
+static char **list_sent(const spec *s, size_t *count)
+{
+    spec_input input;
+    char name[STORE_INPUT_NAME_SIZE], **names = NULL;
+    *count = 0;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) {
+        if (!store_inputs_is_sent(input.path, name)) continue;
+        names = mem_resize(names, (*count + 1) * sizeof *names);
+        names[(*count)++] = mem_strdup(name);
+    }
+    return names;
+}
+
+static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
+{
+    const spec *s = o->s;
+    error e = {0};
+    queue_receipt receipt = {0};
+    char hash[STORE_HASH_SIZE];
+    const char *key = NULL;
+    size_t sent_count = 0;
+    if (!read_key(request, hash, &key, r)) return;
+    char **sent = list_sent(s, &sent_count);
+    char *labels = print_labels(s), *text = json_print(s->normalised),
+         *paths = o->paths ? json_print(o->paths) : NULL,
+         *webhook = s->webhook ? webhook_address(s->webhook) : NULL;
+    queue_submission submission = {
+        .name = s->name,
+        .owner = request->caller->user,
+        .labels = labels,
+        .trace = read_trace(request),
+        .spec = text,
+        .paths = paths,
+        .priority = s->priority,
+        .max_attempts = s->max_attempts > 0 ? s->max_attempts : c->max_attempts,
+        .threads = s->threads,
+        .memory_mb = s->memory_mb,
+        .retention_s = s->retention_s > 0 ? s->retention_s : c->retention_s,
+        .frames = s->frame,
+        .frame_count = s->frame_count,
+        .ordered = s->coherent,
+        .depends_on = (const char *const *)s->depends_on,
+        .depends_on_count = s->depends_on_count,
+        .inputs = (const char *const *)sent,
+        .input_count = sent_count,
+        .most_waiting = c->most_waiting,
+        .webhook = webhook,
+        .key = key,
+        .body_hash = key ? hash : NULL,
+    };
+    if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e))
+        reply_set_error(r, &e, NULL);
+    else if (queue_put(c->q, &submission, &receipt, &e))
+        answer_receipt(c, request, &submission, &receipt, r);
+    else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STORAGE_FULL)
+        reply_set_error(r, &e, NULL);
+    else
+        reply_set_unavailable(r, e.message); /* the submitter's to wait for, not a fault */
+    for (size_t i = 0; i < sent_count; i++) free(sent[i]);
+    free(sent);
+    free(labels);
+    free(text);
+    free(paths);
+    free(webhook);
+}
+
+void jobs_submit(const http_context *c, const http_request *request, reply *r)
+{
+    if (!executor_takes_jobs(c->x)) {
+        reply_set_unavailable(r, "the service drains and takes no jobs now");
+        return;
+    }
+    order o = {0};
+    if (read_order(c, request, &o, r) && check_order(c, &o, r)) put_in_queue(c, request, &o, r);
+    order_clear(&o);
+}
+
+/* Puts what the job would take into the document, for those who might submit it; false when *r says that it would
+ * fail. */
+static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
+                         reply *r)
+{
+    error e = {0};
+    int threads = o->s->threads;
+    int64_t memory_mb = o->s->memory_mb;
+    char *found = NULL;
+    estimator_verdict verdict = ESTIMATOR_NONE;
+    if (!executor_size(c->x, &threads, &memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+        return false;
+    }
+    if (!(request->caller->scopes & SCOPE_SUBMIT)) {
+        error_set(&e, ERROR_NONE, "it needs the scope %s", scope_name(SCOPE_SUBMIT));
+    } else if (c->estimator) {
+        char *text = json_print(o->s->normalised);
+        verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
+                                memory_mb, &found, &e);
+        free(text);
+    } else {
+        error_set(&e, ERROR_NONE, "the service makes none (setting estimates)");
+    }
+    job_json_put_stored(document, "estimate", found);
+    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);
+    free(found);
+    if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    return verdict != ESTIMATOR_FAULT;
+}
+
+void jobs_validate(const http_context *c, const http_request *request, reply *r)
+{
+    order o = {0};
+    json *document = json_new_object();
+    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, request, &o, document, r)) {
+        json *asked = json_copy(o.s->normalised);
+        paths_restore(o.paths, asked);
+        json_put(document, "spec", asked);
+        json_put(document, "paths", o.paths ? json_copy(o.paths) : json_new_array());
+        reply_set_json(r, 200, document);
+        document = NULL;
+    }
+    json_free(document);
+    order_clear(&o);
+}
+
+/* The same listing from where this page ends, for the header Link. */
+static void add_next(const http_request *request, const char *cursor, reply *r)
+{
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    fprintf(out, "</v1/jobs?cursor=%s", cursor);
+    for (size_t i = 0; i < request->query_count; i++) {
+        if (strcmp(request->query[i].key, "cursor") == 0) continue;
+        fprintf(out, "&%s=", request->query[i].key);
+        for (const char *t = request->query[i].value; *t; t++) {
+            bool plain = isalnum((unsigned char)*t) || strchr("-._~", *t);
+            fprintf(out, plain ? "%c" : "%%%02X", (unsigned char)*t);
+        }
+    }
+    fputs(">; rel=\"next\"", out);
+    fclose(out);
+    reply_add_header(r, "Link", text);
+    free(text);
+}
+
+void jobs_list(const http_context *c, const http_request *request, reply *r)
+{
+    queue_state state;
+    queue_filter filter = {
+        .state = queue_state_from_name(parameter_text(request, "state", ""), &state) ? (int)state : -1,
+        .owner = parameter_text(request, "owner", NULL),
+        .label = parameter_text(request, "label", NULL),
+        .before_seq = parameter_integer(request, "cursor", 0),
+        .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
+    };
+    error e = {0};
+    queue_job *jobs = NULL;
+    size_t count = 0, limit = (size_t)filter.limit;
+    filter.limit++; /* one more tells whether there is a next page */
+    if (!queue_list(c->q, &filter, &jobs, &count, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    char cursor[24] = "";
+    json *document = json_new_object();
+    json *list = json_put_array(document, "jobs");
+    for (size_t i = 0; i < count && i < limit; i++) {
+        char *progress = progress_of(c, &jobs[i]);
+        json_append(list, job_json_new(&jobs[i], progress));
+        free(progress);
+    }
+    if (count > limit) snprintf(cursor, sizeof cursor, "%lld", (long long)jobs[limit - 1].seq);
+    json_put_string(document, "next", *cursor ? cursor : NULL);
+    queue_jobs_free(jobs, count);
+    reply_set_json(r, 200, document);
+    if (*cursor) add_next(request, cursor, r);
+}
+
+/* Seconds that the client would wait for an answer, of `Prefer: wait=30`; 0: none. */
+static int64_t read_wait_ms(const http_context *c, const http_request *request)
+{
+    const char *prefer = request->header[HTTP_PREFER];
+    const char *wait = prefer ? strstr(prefer, "wait=") : NULL;
+    if (!wait || (wait > prefer && !strchr(" ,;", wait[-1])) || !isdigit((unsigned char)wait[5])) return 0;
+    double seconds = strtod(wait + 5, NULL);
+    return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
+}
+
+/* Whether an If-None-Match knows this revision, of whatever progress. */
+static bool knows_revision(const char *known, const queue_job *job)
+{
+    int64_t revision = 0;
+    return job_json_read_tag(known, &revision) && revision == job->revision;
+}
+
+/* Answers from the document_cache; false: it has not got the job's document. */
+static bool show_kept(const http_context *c, const http_request *request, reply *r)
+{
+    cached_document kept;
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    if (request->header[HTTP_PREFER] ||
+        !document_cache_find(c->documents, c->q, request->parameter[0], request->caller, &kept))
+        return false;
+    if (known && preconditions_match(known, kept.tag, true)) {
+        reply_set_empty(r, 304);
+        free(kept.text);
+    } else {
+        reply_set_text(r, "application/json", kept.text);
+    }
+    reply_add_header(r, "ETag", kept.tag);
+    return true;
+}
+
+void jobs_show(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    char tag[JOB_JSON_TAG_SIZE];
+    if (show_kept(c, request, r)) return;
+    if (!job_lookup_find(c, request, &job, r)) return;
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    int64_t until_ms = request->came_ms + read_wait_ms(c, request);
+    bool patient = !request->last && clock_monotonic_ms() < until_ms;
+    char *progress = progress_of(c, &job);
+    job_json_print_tag(&job, progress, tag);
+    free(progress);
+    if (patient && (known ? knows_revision(known, &job) : !queue_state_is_final(job.state))) {
+        reply_set_waiting(r, job.id, until_ms);
+    } else if (known && preconditions_match(known, tag, true)) {
+        reply_set_empty(r, 304);
+        reply_add_header(r, "ETag", tag);
+    } else {
+        answer_job(c, request, &job, 200, r);
+    }
+    queue_job_clear(&job);
+}

@@ -1,0 +1,122 @@
+#include "api/notifier.h"
+
+#include <inttypes.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "executor/progress_ring.h"
+
+/* Of the news of one look. With more the rest is told at once after that. */
+#define NEWS_MOST 256
+/* A look without news, in case the database could not be read when there was some. */
+#define LOOK_MS 1000
+
+struct notifier {
+    queue *q;
+    progress_ring *progress;
+    wait_list *waiting;
+    pthread_t thread;
+    atomic_bool stopping;
+    int64_t event_seq, row_number; /* those that were told */
+};
+
+/* What the news that was not told yet is about: jobs, and their owners. */
+typedef struct news {
+    const char *topic[3 * NEWS_MOST];
+    size_t count;
+    char owner_topic[NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event */
+} news;
+
+void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
+{
+    uint64_t hash =
+        14695981039346656037u; /* FNV-1a: two users with one topic wake each other for nothing, no more */
+    for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
+    snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
+}
+
+static void add_topic(news *n, const char *topic)
+{
+    for (size_t i = 0; i < n->count; i++)
+        if (strcmp(n->topic[i], topic) == 0) return;
+    n->topic[n->count++] = topic;
+}
+
+/* Tells what is new; whether there may be more. */
+static bool wake_waiters(notifier *n)
+{
+    error e = {0};
+    news fresh;
+    fresh.count = 0;
+    queue_event_page page = {0};
+    queue_event_filter filter = {.after_seq = n->event_seq, .limit = NEWS_MOST};
+    if (!queue_list_events(n->q, &filter, &page, &e))
+        log_write(LOG_LEVEL_ERROR, "events cannot be read: %s", e.message);
+    else
+        n->event_seq = page.position;
+    for (size_t i = 0; i < page.count; i++) {
+        notifier_name_topic(page.events[i].owner, fresh.owner_topic[i]);
+        add_topic(&fresh, page.events[i].id);
+        add_topic(&fresh, fresh.owner_topic[i]);
+    }
+    progress_ring_line *lines = NULL;
+    size_t line_count = progress_ring_list(n->progress, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
+    for (size_t i = 0; i < line_count; i++) add_topic(&fresh, lines[i].id);
+    if (fresh.count) wait_list_wake(n->waiting, fresh.topic, fresh.count);
+    free(page.events);
+    progress_ring_lines_free(lines, line_count);
+    return page.more || line_count == NEWS_MOST;
+}
+
+static void *run(void *argument)
+{
+    notifier *n = argument;
+    uint64_t seen = 0;
+    while (!n->stopping) {
+        queue_wait(n->q, &seen, clock_monotonic_ms() + LOOK_MS);
+        while (!n->stopping && wake_waiters(n)) {
+        }
+    }
+    return NULL;
+}
+
+/* Nobody has been told of anything yet, and nobody waits: what is there already is no news. */
+static bool catch_up(notifier *n, error *e)
+{
+    queue_event_page page;
+    queue_event_filter filter = {.after_seq = QUEUE_EVENTS_FROM_NOW};
+    if (!queue_list_events(n->q, &filter, &page, e)) return false;
+    n->event_seq = page.position;
+    return true;
+}
+
+notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e)
+{
+    notifier *n = mem_alloc(sizeof *n);
+    n->q = q;
+    n->progress = executor_progress_ring(x);
+    n->waiting = l;
+    int why = 0;
+    if (catch_up(n, e)) {
+        why = pthread_create(&n->thread, NULL, run, n);
+        if (why == 0) return n;
+        error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    }
+    free(n);
+    return NULL;
+}
+
+void notifier_stop(notifier *n)
+{
+    if (!n) return;
+    n->stopping = true;
+    queue_signal(n->q);
+    pthread_join(n->thread, NULL);
+    free(n);
+}

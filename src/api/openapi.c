@@ -1,0 +1,284 @@
+#include "api/openapi.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "config.h"
+
+#include "api/job_commands.h"
+#include "api/parameters.h"
+#include "api/routes.h"
+#include "base/memory.h"
+#include "spec/schema.h"
+
+#define STREAM_PROSE                                                                                                         \
+    "Server-Sent Events. `id` is the event's number, `event` its type, `data` an Event. A stream of all jobs begins with "   \
+    "an event `position`, whose `id` and `data.seq` say behind which number it goes on; another one follows where a filter " \
+    "has left out many, or where events are missing: `removed_up_to` and `reset` in its data mean what they do in an "       \
+    "EventPage. One job's stream has events `progress` between the others, without an `id`, and ends with the job."
+
+/* openapi_schemas.json, byte by byte; the Makefile makes this text of it. */
+static const char answer_schemas[] = {
+#include "api/openapi_schemas.inc"
+};
+
+/* JSON written with ' for ". */
+static json *read_quoted(const char *text)
+{
+    char *copy = mem_strdup(text);
+    for (char *c = copy; *c; c++)
+        if (*c == '\'') *c = '"';
+    error e = {0};
+    json *document = json_parse(copy, strlen(copy), &e);
+    free(copy);
+    return document;
+}
+
+static void put_ref(json *object, const char *name)
+{
+    char *ref = mem_printf("#/components/schemas/%s", name);
+    json_put_string(object, "$ref", ref);
+    free(ref);
+}
+
+static json *put_content(json *object, const char *type, const char *schema)
+{
+    json *media = json_put_object(json_put_object(object, "content"), type);
+    json *s = json_put_object(media, "schema");
+    if (strcmp(schema, "file") == 0)
+        json_put_string(s, "description", "The bytes of the file.");
+    else if (strcmp(schema, "text") == 0)
+        json_put_string(s, "type", "string");
+    else
+        put_ref(s, schema);
+    return media;
+}
+
+/* The {..} of a pattern, one after another. */
+static bool next_path_parameter(const char **pattern, char *name, size_t size)
+{
+    const char *start = strchr(*pattern, '{');
+    if (!start) return false;
+    size_t length = strcspn(++start, "}");
+    snprintf(name, size, "%.*s", (int)length, start);
+    *pattern = start + length;
+    return true;
+}
+
+/* One word after another of a list with blanks between. */
+static bool next_word(const char **list, char *word, size_t size)
+{
+    if (!*list) return false;
+    *list += strspn(*list, " ");
+    size_t length = strcspn(*list, " ");
+    if (length == 0) return false;
+    snprintf(word, size, "%.*s", (int)length, *list);
+    *list += length;
+    return true;
+}
+
+static void put_parameters(json *operation, const route *r)
+{
+    char name[64];
+    const char *pattern = r->pattern, *query = r->query, *headers = r->headers;
+    json *list = json_new_array();
+    while (next_path_parameter(&pattern, name, sizeof name))
+        json_append(list, parameter_describe(&api_parameters, name, "path"));
+    while (next_word(&query, name, sizeof name))
+        json_append(list, parameter_describe(&api_parameters, name, "query"));
+    while (next_word(&headers, name, sizeof name))
+        json_append(list, parameter_describe(&api_parameters, name, "header"));
+    if (json_size(json_root(list)) > 0)
+        json_put(operation, "parameters", list);
+    else
+        json_free(list);
+}
+
+static void put_body(json *operation, const route *r)
+{
+    if (!r->body) return;
+    json *body = json_put_object(operation, "requestBody");
+    json_put_bool(body, "required", true);
+    if (r->opener) {
+        put_content(body, "application/octet-stream", r->body);
+        return;
+    }
+    json *media = put_content(body, "application/json", r->body);
+    if (r->example)
+        json_put(json_put_object(json_put_object(media, "examples"), "example"), "value",
+                 read_quoted(r->example));
+}
+
+/* "201:Job" */
+static void put_answer(json *responses, const char *word)
+{
+    char status[4];
+    snprintf(status, sizeof status, "%.3s", word);
+    const char *schema = word + 4;
+    json *answer = json_put_object(responses, status);
+    json_put_string(answer, "description",
+                    strcmp(status, "304") == 0   ? "The client has it."
+                    : strcmp(status, "204") == 0 ? "Done."
+                    : strcmp(status, "206") == 0 ? "The part that was asked for."
+                                                 : "As asked.");
+    if (strcmp(schema, "file") == 0)
+        put_content(answer, "*/*", schema);
+    else if (strcmp(schema, "text") == 0)
+        put_content(answer, "text/plain", schema);
+    else if (*schema != '-')
+        put_content(answer, "application/json", schema);
+    if (strcmp(schema, "EventPage") != 0) return;
+    json_at root = json_root(answer), content = json_member(&root, "content");
+    json *media = json_put_object((json *)(uintptr_t)content.node, "text/event-stream");
+    json *events = json_put_object(media, "schema");
+    json_put_string(events, "type", "string");
+    json_put_string(events, "description", STREAM_PROSE);
+}
+
+/* What may go wrong: the problems of the route, by status. */
+static void put_problem(json *responses, const char *code)
+{
+    const reply_problem *p = reply_find_problem(code);
+    char status[12];
+    snprintf(status, sizeof status, "%d", p->status);
+    json_at root = json_root(responses), there = json_member(&root, status);
+    if (there.node) return;
+    char *ref = mem_printf("#/components/responses/Problem%s", status);
+    json_put_string(json_put_object(responses, status), "$ref", ref);
+    free(ref);
+}
+
+static void put_responses(json *operation, const route *r)
+{
+    char word[64];
+    const char *answers = r->answers, *problems = r->problems;
+    json *responses = json_put_object(operation, "responses");
+    while (next_word(&answers, word, sizeof word)) put_answer(responses, word);
+    while (next_word(&problems, word, sizeof word)) put_problem(responses, word);
+    static const char *const everywhere[] = {"request_invalid",   "origin_forbidden", "misdirected_request",
+                                             "too_many_requests", "internal",         "unavailable"};
+    for (size_t i = 0; i < sizeof everywhere / sizeof *everywhere; i++) put_problem(responses, everywhere[i]);
+    if (strcmp(r->method, "GET") != 0) put_problem(responses, "storage_full");
+    if (!r->scope) return;
+    put_problem(responses, "unauthorized");
+    put_problem(responses, "forbidden");
+}
+
+static void put_operation(json *paths, const route *r)
+{
+    json_at root = json_root(paths), there = json_member(&root, r->pattern);
+    json *path = there.node ? (json *)(uintptr_t)there.node : json_put_object(paths, r->pattern);
+    char method[8] = "";
+    for (size_t i = 0; r->method[i] && i + 1 < sizeof method; i++) method[i] = (char)(r->method[i] | 0x20);
+    json *operation = json_put_object(path, method);
+    json_put_string(operation, "operationId", r->name);
+    json_put_string(operation, "summary", r->summary);
+    json *security = json_put_array(operation, "security");
+    if (r->scope) {
+        char *prose = mem_printf("Needs the scope `%s`.", scope_name(r->scope));
+        json_put_string(operation, "description", prose);
+        free(prose);
+        json_put_array(json_append_object(security), "bearer");
+        json_append_object(security); /* on a Unix socket there is no need of a token */
+    }
+    put_parameters(operation, r);
+    put_body(operation, r);
+    put_responses(operation, r);
+}
+
+/* What answers look like. */
+static void put_answer_schemas(json *schemas)
+{
+    json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
+    json_at root = json_root(document);
+    for (size_t i = 0; i < json_size(root); i++) {
+        json_at schema = json_element(&root, i);
+        json_put(schemas, schema.key, json_copy(schema.node));
+    }
+    json_free(document);
+}
+
+static void put_states(json *schemas)
+{
+    json *state = json_put_object(schemas, "State");
+    json_put_string(state, "type", "string");
+    json *list = json_put_array(state, "enum");
+    for (int s = 0; s < QUEUE_STATE_COUNT; s++) json_append_string(list, queue_state_name((queue_state)s));
+}
+
+static void put_patch(json *schemas)
+{
+    json *patch = json_put_object(schemas, "JobPatch");
+    json_put_string(patch, "type", "object");
+    json_put_bool(patch, "additionalProperties", false);
+    json *properties = json_put_object(patch, "properties");
+    for (size_t i = 0; job_commands_patch_members[i]; i++) {
+        char *pointer = mem_printf("/queue/%s", job_commands_patch_members[i]);
+        json_put(properties, job_commands_patch_members[i], schema_new_member(pointer));
+        free(pointer);
+    }
+}
+
+/* All codes, and for each status the answer that has one. */
+static void put_problems(json *schemas, json *responses)
+{
+    json *code = json_put_object(schemas, "ProblemCode");
+    json_put_string(code, "type", "string");
+    json *codes = json_put_array(code, "enum");
+    const reply_problem *p;
+    for (size_t i = 0; (p = reply_problem_at(i)); i++) {
+        char name[16];
+        snprintf(name, sizeof name, "Problem%d", p->status);
+        json_append_string(codes, p->code);
+        json *answer = json_put_object(responses, name);
+        char *prose = NULL, *longer = NULL;
+        const reply_problem *same;
+        for (size_t k = 0; (same = reply_problem_at(k)); k++) {
+            if (same->status != p->status) continue;
+            longer =
+                mem_printf("%s%s`%s`: %s", prose ? prose : "", prose ? "; " : "", same->code, same->title);
+            free(prose);
+            prose = longer;
+        }
+        json_put_string(answer, "description", prose);
+        free(prose);
+        put_content(answer, "application/problem+json", "Problem");
+    }
+}
+
+json *openapi_new(void)
+{
+    json *document = json_new_object();
+    json_put_string(document, "openapi", "3.1.0");
+    json *info = json_put_object(document, "info");
+    json_put_string(info, "title", PACKAGE_NAME);
+    json_put_string(info, "version", PACKAGE_VERSION);
+    json_put_string(info, "summary", "Sampling of implicit surfaces as a batch service.");
+    json_put_string(
+        info, "description",
+        "Jobs are submitted, wait in a durable queue and are run by worker processes. Every error that the"
+        " service gives is a problem document (RFC 9457) with a stable `code`.");
+    json_put_string(json_append_object(json_put_array(document, "servers")), "url", "/");
+    json *paths = json_put_object(document, "paths");
+    for (size_t i = 0; i < api_routes.count; i++) put_operation(paths, &api_routes.row[i]);
+    json *components = json_put_object(document, "components"),
+         *schemas = json_put_object(components, "schemas");
+    json_put(schemas, "JobSpec", schema_new());
+    put_patch(schemas);
+    put_states(schemas);
+    put_answer_schemas(schemas);
+    put_problems(schemas, json_put_object(components, "responses"));
+    json *bearer = json_put_object(json_put_object(components, "securitySchemes"), "bearer");
+    json_put_string(bearer, "type", "http");
+    json_put_string(bearer, "scheme", "bearer");
+    json_put_string(bearer, "description", "A token of `hexadctl token add`.");
+    return document;
+}
+
+void openapi_show(const http_context *c, const http_request *request, reply *r)
+{
+    (void)c;
+    (void)request;
+    reply_set_json(r, 200, openapi_new());
+}

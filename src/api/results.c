@@ -1,0 +1,205 @@
+#include "api/results.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <nettle/base64.h>
+
+#include "api/job_lookup.h"
+#include "base/memory.h"
+#include "executor/result.h"
+#include "http/parameter.h"
+#include "http/preconditions.h"
+
+/* A result never changes; whoever may see it is asked again when somebody else asks. */
+#define CACHE_CONTROL "private, max-age=31536000, immutable"
+
+static const char *content_type_of(const char *name)
+{
+    static const struct {
+        const char *ending, *type;
+    } types[] = {
+        {".json", "application/json"},
+        {".png", "image/png"},
+        {".exr", "image/x-exr"},
+        {".ply", "model/ply"},
+    };
+    size_t length = strlen(name);
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        size_t n = strlen(types[i].ending);
+        if (length > n && strcmp(name + length - n, types[i].ending) == 0) return types[i].type;
+    }
+    return "application/octet-stream";
+}
+
+/* Of an array the frame that the query names, with that frame's state; of any other job none. */
+static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, int *frame,
+                         queue_state *state, reply *r)
+{
+    error e = {0};
+    bool found = false;
+    queue_task task = {0};
+    const char *given = parameter_text(request, "frame", NULL);
+    if (!job->array && !given) return true;
+    if (!job->array || !given) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          job->array ? "the job %s is an array: say which frame" : "the job %s has no frames",
+                          job->id);
+        return false;
+    }
+    *frame = (int)parameter_integer(request, "frame", QUEUE_NO_FRAME);
+    if (!queue_get_frame(c->q, job->id, *frame, &task, &found, &e)) {
+        reply_set_error(r, &e, NULL);
+        return false;
+    }
+    *state = task.state;
+    queue_task_clear(&task);
+    if (!found) reply_set_problem(r, "not_found", NULL, "the job %s has no frame %s", job->id, given);
+    return found;
+}
+
+/* Finds the result of the job that the path names, or answers why there is none. *directory is to
+ * be freed, *found to be cleared. */
+static bool find_result(const http_context *c, const http_request *request, char **directory, result *found,
+                        reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    if (!job_lookup_find_own(c, request, &job, r)) return false;
+    bool ok = false;
+    int frame = QUEUE_NO_FRAME;
+    queue_state state = job.state;
+    if (!choose_frame(c, request, &job, &frame, &state, r)) {
+        queue_job_clear(&job);
+        return false;
+    }
+    char *path = result_directory(c->state_dir, job.id, frame);
+    if (!queue_state_is_final(state))
+        reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
+                          queue_state_name(state));
+    else if (state != QUEUE_SUCCEEDED)
+        reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
+                          queue_state_name(state));
+    else if (!result_list(path, found, &e))
+        reply_set_error(r, &e, NULL);
+    else
+        ok = true;
+    queue_job_clear(&job);
+    if (ok)
+        *directory = path;
+    else
+        free(path);
+    return ok;
+}
+
+void results_list(const http_context *c, const http_request *request, reply *r)
+{
+    char *directory = NULL;
+    result found = {0};
+    if (!find_result(c, request, &directory, &found, r)) return;
+    json *document = json_new_object();
+    json *list = json_put_array(document, "results");
+    for (size_t i = 0; i < found.output_count; i++) {
+        const result_output *output = &found.output[i];
+        json *o = json_append_object(list);
+        const char *frame = parameter_text(request, "frame", NULL);
+        char *href = mem_printf("/v1/jobs/%s/results/%s%s%s", request->parameter[0], output->name,
+                                frame ? "?frame=" : "", frame ? frame : "");
+        json_put_string(o, "name", output->name);
+        json_put_integer(o, "bytes", output->bytes);
+        json_put_string(o, "sha256", output->sha256);
+        json_put_string(o, "content_type", content_type_of(output->name));
+        json_put_string(o, "href", href);
+        free(href);
+    }
+    reply_set_json(r, 200, document);
+    result_clear(&found);
+    free(directory);
+}
+
+/* "sha-256=:BASE64:" of a hash in hexadecimal (RFC 9530). */
+static void add_digest(reply *r, const char *hex)
+{
+    uint8_t bytes[32];
+    char base64[BASE64_ENCODE_RAW_LENGTH(sizeof bytes) + 1], value[80];
+    for (size_t i = 0; i < sizeof bytes; i++) {
+        const char pair[3] = {hex[2 * i], hex[2 * i + 1], '\0'};
+        bytes[i] = (uint8_t)strtoul(pair, NULL, 16);
+    }
+    base64_encode_raw(base64, sizeof bytes, bytes);
+    base64[sizeof base64 - 1] = '\0';
+    snprintf(value, sizeof value, "sha-256=:%s:", base64);
+    reply_add_header(r, "Repr-Digest", value);
+}
+
+static void add_range(reply *r, int64_t first, int64_t count, int64_t bytes)
+{
+    char value[80];
+    if (count)
+        snprintf(value, sizeof value, "bytes %lld-%lld/%lld", (long long)first,
+                 (long long)(first + count - 1), (long long)bytes);
+    else
+        snprintf(value, sizeof value, "bytes */%lld", (long long)bytes);
+    reply_add_header(r, "Content-Range", value);
+}
+
+/* Sends a file, or the part of it that is wanted, or word that the client has it. Takes the descriptor over. */
+static void send_file(const http_request *request, const result_output *output, int fd, int64_t bytes,
+                      reply *r)
+{
+    char tag[sizeof output->sha256 + 2];
+    int64_t first = 0, count = 0;
+    snprintf(tag, sizeof tag, "\"%s\"", output->sha256);
+    const char *known = request->header[HTTP_IF_NONE_MATCH], *same = request->header[HTTP_IF_RANGE];
+    const char *wanted = same && strcmp(same, tag) != 0 ? NULL : request->header[HTTP_RANGE];
+    preconditions_range range = preconditions_read_range(wanted, bytes, &first, &count);
+    if (known && preconditions_match(known, tag, true)) {
+        reply_set_empty(r, 304);
+        close(fd);
+    } else if (range == PRECONDITIONS_UNSATISFIABLE) {
+        reply_set_problem(r, "range_not_satisfiable", NULL, "%s has %lld bytes", output->name,
+                          (long long)bytes);
+        add_range(r, 0, 0, bytes);
+        close(fd);
+        return;
+    } else {
+        reply_set_file(r, content_type_of(output->name), fd, bytes);
+        if (range == PRECONDITIONS_PART) {
+            r->status = 206;
+            r->fd_offset = first;
+            r->fd_bytes = count;
+            add_range(r, first, count, bytes);
+        }
+        reply_add_header(r, "Accept-Ranges", "bytes");
+        add_digest(r, output->sha256);
+    }
+    reply_add_header(r, "ETag", tag);
+    r->cache_control = CACHE_CONTROL;
+}
+
+void results_send(const http_context *c, const http_request *request, reply *r)
+{
+    char *directory = NULL;
+    result found = {0};
+    error e = {0};
+    const char *name = request->parameter[1];
+    if (!find_result(c, request, &directory, &found, r)) return;
+    const result_output *output = NULL;
+    for (size_t i = 0; i < found.output_count && !output; i++)
+        if (strcmp(name, found.output[i].name) == 0) output = &found.output[i];
+    if (!output) {
+        reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
+                          request->parameter[0], name);
+    } else {
+        int64_t bytes = 0;
+        int fd = result_open_file(directory, name, &bytes, &e);
+        if (fd >= 0)
+            send_file(request, output, fd, bytes, r);
+        else
+            reply_set_error(r, &e, NULL);
+    }
+    result_clear(&found);
+    free(directory);
+}

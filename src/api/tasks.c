@@ -1,0 +1,110 @@
+#include "api/tasks.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "api/job_json.h"
+#include "api/job_lookup.h"
+#include "base/memory.h"
+#include "executor/result.h"
+#include "http/parameter.h"
+
+#define PAGE_DEFAULT 50 /* as the table of parameters says */
+
+void tasks_list(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    queue_task *tasks = NULL;
+    size_t count = 0, limit = (size_t)parameter_integer(request, "limit", PAGE_DEFAULT);
+    int after = (int)parameter_integer(request, "after", -1);
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (!queue_list_tasks(c->q, job.id, after, (int)limit + 1, &tasks, &count, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else {
+        json *document = json_new_object(), *list = json_put_array(document, "tasks");
+        for (size_t i = 0; i < count && i < limit; i++) job_json_append_task(list, &tasks[i]);
+        if (count > limit)
+            json_put_integer(document, "next", tasks[limit - 1].number);
+        else
+            json_put_null(document, "next");
+        reply_set_json(r, 200, document);
+    }
+    queue_tasks_free(tasks, count);
+    queue_job_clear(&job);
+}
+
+void tasks_list_attempts(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    queue_job job = {0};
+    queue_attempt *attempts = NULL;
+    size_t count = 0;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (!queue_list_attempts(c->q, job.id, &attempts, &count, &e)) {
+        reply_set_error(r, &e, NULL);
+    } else {
+        json *document = json_new_object(), *list = json_put_array(document, "attempts");
+        for (size_t i = 0; i < count; i++) job_json_append_attempt(list, &attempts[i]);
+        reply_set_json(r, 200, document);
+    }
+    queue_attempts_free(attempts, count);
+    queue_job_clear(&job);
+}
+
+/* The log of an attempt lies in its directory, or in that of the result that this became. */
+static int open_log(const http_context *c, const queue_job *job, int frame, int attempt, int64_t *bytes)
+{
+    char *own = result_attempt_directory(c->state_dir, job->id, frame, attempt);
+    char *kept = result_directory(c->state_dir, job->id, frame);
+    int fd = result_open_file(own, "worker.log", bytes, NULL);
+    if (fd < 0) fd = result_open_file(kept, "worker.log", bytes, NULL);
+    free(own);
+    free(kept);
+    return fd;
+}
+
+/* The attempt that the query names, or the last one; an attempt of 0 when there is none. */
+static bool choose_attempt(const http_context *c, const http_request *request, const queue_job *job,
+                           int *frame, int *attempt, reply *r)
+{
+    error e = {0};
+    bool found = false;
+    queue_task *tasks = NULL, task = {0};
+    size_t count = 0;
+    *frame = (int)parameter_integer(request, "frame", QUEUE_NO_FRAME);
+    if (*frame != QUEUE_NO_FRAME) {
+        if (!queue_get_frame(c->q, job->id, *frame, &task, &found, &e)) goto failed;
+    } else {
+        if (!queue_list_tasks(c->q, job->id, -1, 1, &tasks, &count, &e)) goto failed;
+        found = count > 0;
+        if (found) *frame = tasks[0].frame;
+    }
+    int last = count ? tasks[0].attempt : task.attempt;
+    *attempt = found ? (int)parameter_integer(request, "attempt", last) : 0;
+    if (*attempt > last) *attempt = 0;
+    queue_tasks_free(tasks, count);
+    queue_task_clear(&task);
+    return true;
+failed:
+    reply_set_error(r, &e, NULL);
+    return false;
+}
+
+void tasks_show_log(const http_context *c, const http_request *request, reply *r)
+{
+    queue_job job = {0};
+    int frame = QUEUE_NO_FRAME, attempt = 0;
+    int64_t bytes = 0;
+    if (!job_lookup_find_own(c, request, &job, r)) return;
+    if (choose_attempt(c, request, &job, &frame, &attempt, r)) {
+        int fd = attempt > 0 ? open_log(c, &job, frame, attempt, &bytes) : -1;
+        if (fd >= 0)
+            reply_set_file(r, "text/plain", fd, bytes);
+        else
+            reply_set_problem(r, "not_found", NULL, "the job %s has no log of that attempt (any more)",
+                              job.id);
+    }
+    queue_job_clear(&job);
+}

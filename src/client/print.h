@@ -1,0 +1,20 @@
+/* print: what the commands of hexadctl print, and the exit codes that go with it. One thread. */
+#ifndef HEXAD_CLIENT_PRINT_H
+#define HEXAD_CLIENT_PRINT_H
+
+#include <stdio.h>
+
+#include "client/client.h"
+
+/* Replaces control characters, since the text of a job may hold any and a terminal would act on them. */
+void print_text(FILE *file, const char *text);
+
+int print_failure(const char *what);   /* COMMAND_FAILED */
+int print_unreachable(const error *e); /* COMMAND_UNREACHABLE */
+
+/* Prints the problem document of a reply that is an error; returns the exit code for its status. */
+int print_refused(const client_reply *reply);
+
+void print_document(const json *document);
+
+#endif

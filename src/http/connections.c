@@ -1,0 +1,402 @@
+#include "http/connections.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+
+#include "auth/scope.h"
+#include "base/clock.h"
+#include "base/memory.h"
+
+/* How late the thread may notice an overdue connection. */
+#define WATCH_MS 250
+/* How long a connection over a limit may take to send its first request. */
+#define REFUSED_MS 2000
+#define NEVER INT64_MAX
+
+/* Of the owners of connections: as many chains as the greatest default of connection_limit has connections. */
+#define CHAINS 2048
+
+typedef enum owner_kind { OWNER_USER, OWNER_UID, OWNER_NETWORK } owner_kind;
+
+typedef struct owner_key {
+    owner_kind kind;
+    char bytes[ACCESS_USER_SIZE]; /* the rest is zero */
+} owner_key;
+
+/* A user, or a client that no user is known of. There as long as a connection names it. */
+typedef struct owner {
+    owner_key key;
+    unsigned count; /* of connections that are its own and have a place */
+    unsigned names; /* of connections that name it */
+    struct owner *next;
+} owner;
+
+/* Lists of connections that may be ended for others, the oldest first. */
+typedef struct connection_queue {
+    client_connection *first, *last;
+    unsigned count;
+} connection_queue;
+
+struct client_connection {
+    int fd;
+    access_peer access;
+    address from;
+    owner *client, *user; /* user NULL: not known */
+    bool admin;
+    connection_verdict verdict;
+    bool placed;      /* counted, among its owner's and all */
+    bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
+    int64_t since_ms; /* the client's time runs since; NEVER: it does not */
+    client_connection *previous, *next;
+    connection_queue *waits_in;         /* NULL: may not be ended */
+    client_connection *older, *younger; /* in that queue */
+};
+
+struct connections {
+    connections_settings settings;
+    unsigned reserve;
+    access_control *access;
+    pthread_t watcher;
+    pthread_mutex_t mutex;
+    pthread_cond_t changed; /* monotonic clock */
+    client_connection *first;
+    owner *chain[CHAINS];
+    unsigned admins, others;   /* that have a place */
+    connection_queue idle;     /* that have a place, are no user's, and ask for nothing */
+    connection_queue unplaced; /* that have no place, and whose request did not come yet */
+    bool stopping;
+};
+
+/* Of those without a place. */
+static unsigned most_unplaced(const connections_settings *settings)
+{
+    return settings->connection_limit / 4 + 8;
+}
+
+unsigned connections_room(const connections_settings *settings)
+{
+    return settings->connection_limit + 2 * most_unplaced(settings);
+}
+
+/* ---- owners */
+
+static owner **chain_of(connections *p, const owner_key *key)
+{
+    uint32_t hash = 2166136261U + (uint32_t)key->kind; /* FNV-1a */
+    for (size_t i = 0; i < sizeof key->bytes; i++) hash = (hash ^ (uint8_t)key->bytes[i]) * 16777619U;
+    return &p->chain[hash % CHAINS];
+}
+
+static bool is_key(const owner *o, const owner_key *key)
+{
+    return o->key.kind == key->kind && memcmp(o->key.bytes, key->bytes, sizeof key->bytes) == 0;
+}
+
+static owner *name_owner(connections *p, const owner_key *key)
+{
+    owner **chain = chain_of(p, key), *o = *chain;
+    while (o && !is_key(o, key)) o = o->next;
+    if (!o) {
+        o = mem_alloc(sizeof *o);
+        o->key = *key;
+        o->next = *chain;
+        *chain = o;
+    }
+    o->names++;
+    return o;
+}
+
+static void forget_owner(connections *p, owner *o)
+{
+    if (!o || --o->names) return;
+    owner **at = chain_of(p, &o->key);
+    while (*at != o) at = &(*at)->next;
+    *at = o->next;
+    free(o);
+}
+
+static owner_key key_of_client(const client_connection *which, const address *client)
+{
+    owner_key key = {.kind = OWNER_UID};
+    if (!client->version) {
+        memcpy(key.bytes, &which->access.uid, sizeof which->access.uid);
+        return key;
+    }
+    key.kind = OWNER_NETWORK;
+    key.bytes[0] = (char)client->version;
+    memcpy(key.bytes + 1, client->bytes, client->version == 4 ? 4 : 8);
+    return key;
+}
+
+static owner_key key_of_user(const char *user)
+{
+    owner_key key = {.kind = OWNER_USER};
+    memcpy(key.bytes, user, strlen(user));
+    return key;
+}
+
+/* ---- queues of those that may be ended */
+
+static void leave_queue(client_connection *which)
+{
+    connection_queue *q = which->waits_in;
+    if (!q) return;
+    *(which->older ? &which->older->younger : &q->first) = which->younger;
+    *(which->younger ? &which->younger->older : &q->last) = which->older;
+    which->older = which->younger = NULL;
+    which->waits_in = NULL;
+    q->count--;
+}
+
+static void join_queue(connection_queue *q, client_connection *which)
+{
+    leave_queue(which);
+    which->older = q->last;
+    *(q->last ? &q->last->younger : &q->first) = which;
+    q->last = which;
+    which->waits_in = q;
+    q->count++;
+}
+
+/* ---- places */
+
+static void take_place(connections *p, client_connection *which)
+{
+    (which->user ? which->user : which->client)->count++;
+    *(which->admin ? &p->admins : &p->others) += 1;
+    which->placed = true;
+}
+
+static void give_place_back(connections *p, client_connection *which)
+{
+    if (!which->placed) return;
+    (which->user ? which->user : which->client)->count--;
+    *(which->admin ? &p->admins : &p->others) -= 1;
+    which->placed = false;
+}
+
+static void end(connections *p, client_connection *which)
+{
+    leave_queue(which);
+    give_place_back(p, which);
+    which->leaving = true;
+    which->since_ms = NEVER;
+    shutdown(which->fd, SHUT_RDWR);
+}
+
+/* Ends the connection of the client, or of any if that is NULL, that has been idle longest; false: there is none. */
+static bool end_idle(connections *p, const owner *client)
+{
+    client_connection *one = p->idle.first;
+    while (one && client && one->client != client) one = one->younger;
+    if (one) end(p, one);
+    return one != NULL;
+}
+
+static bool has_room(const connections *p, bool admin)
+{
+    unsigned limit = p->settings.connection_limit;
+    return p->admins + p->others < limit && (admin || p->others < limit - p->reserve);
+}
+
+/* Gives a connection that has none a place, if there is one. */
+static connection_verdict place(connections *p, client_connection *which)
+{
+    if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;
+    if (!which->user && which->client->count >= p->settings.client_limit && !end_idle(p, which->client))
+        return CONNECTION_TOO_MANY_OF_CLIENT;
+    if (!has_room(p, which->admin) && !end_idle(p, NULL)) return CONNECTION_TOO_MANY;
+    take_place(p, which);
+    return CONNECTION_ADMITTED;
+}
+
+/* Between requests, or before the first one. */
+static void rest(connections *p, client_connection *which)
+{
+    which->since_ms = clock_monotonic_ms();
+    if (which->leaving)
+        which->since_ms = NEVER;
+    else if (!which->placed)
+        join_queue(&p->unplaced, which);
+    else if (!which->user)
+        join_queue(&p->idle, which);
+}
+
+client_connection *connections_add(connections *p, int fd)
+{
+    client_connection *new = mem_alloc(sizeof *new);
+    new->fd = fd;
+    access_look(p->access, fd, &new->access);
+    if (!new->access.local) new->from = address_of_peer(fd);
+    owner_key client = key_of_client(new, &new->from), user = key_of_user(new->access.user);
+    pthread_mutex_lock(&p->mutex);
+    new->client = name_owner(p, &client);
+    if (new->access.local &&new->access.scopes) new->user = name_owner(p, &user);
+    new->admin = new->user &&new->access.scopes &SCOPE_ADMIN;
+    new->verdict = place(p, new);
+    rest(p, new);
+    if (p->unplaced.count > most_unplaced(&p->settings)) end(p, p->unplaced.first);
+    new->next = p->first;
+    if (new->next) new->next->previous = new;
+    p->first = new;
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->mutex);
+    return new;
+}
+
+void connections_remove(connections *p, client_connection *which)
+{
+    pthread_mutex_lock(&p->mutex);
+    if (which->previous)
+        which->previous->next = which->next;
+    else
+        p->first = which->next;
+    if (which->next) which->next->previous = which->previous;
+    leave_queue(which);
+    give_place_back(p, which);
+    forget_owner(p, which->client);
+    forget_owner(p, which->user);
+    pthread_mutex_unlock(&p->mutex);
+    free(which);
+}
+
+/* Whether the connection still belongs to the same client and user. */
+static bool is_owned_by(const client_connection *which, const owner_key *client, const owner_key *user,
+                        bool admin)
+{
+    bool same_user = user ? which->user && is_key(which->user, user) : !which->user;
+    return same_user && which->admin == admin && is_key(which->client, client);
+}
+
+connection_verdict connections_begin_request(connections *p, client_connection *which, const address *client,
+                                             const access_caller *caller)
+{
+    owner_key of_client = key_of_client(which, client), of_user = key_of_user(caller ? caller->user : "");
+    bool admin = caller && caller->scopes & SCOPE_ADMIN;
+    pthread_mutex_lock(&p->mutex);
+    leave_queue(which);
+    bool same = is_owned_by(which, &of_client, caller ? &of_user : NULL, admin);
+    if (!same) {
+        owner *old_client = which->client, *old_user = which->user;
+        give_place_back(p, which);
+        which->client = name_owner(p, &of_client);
+        which->user = caller ? name_owner(p, &of_user) : NULL;
+        which->admin = admin;
+        forget_owner(p, old_client);
+        forget_owner(p, old_user);
+    }
+    if (!which->placed && !which->leaving) which->verdict = place(p, which);
+    connection_verdict verdict = which->verdict;
+    pthread_mutex_unlock(&p->mutex);
+    return verdict;
+}
+
+void connections_end_request(connections *p, client_connection *which)
+{
+    pthread_mutex_lock(&p->mutex);
+    rest(p, which);
+    pthread_mutex_unlock(&p->mutex);
+}
+
+static void mark(connections *p, client_connection *which, int64_t since_ms)
+{
+    pthread_mutex_lock(&p->mutex);
+    which->since_ms = which->leaving ? NEVER : since_ms;
+    pthread_mutex_unlock(&p->mutex);
+}
+
+void connections_begin_time(connections *p, client_connection *which)
+{
+    mark(p, which, clock_monotonic_ms());
+}
+
+void connections_end_time(connections *p, client_connection *which)
+{
+    mark(p, which, NEVER);
+}
+
+const access_peer *connections_access(const client_connection *which)
+{
+    return &which->access;
+}
+
+const address *connections_address(const client_connection *which)
+{
+    return &which->from;
+}
+
+static void wait_at_most(connections *p, int64_t ms)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_sec += ms / 1000;
+    until.tv_nsec += ms % 1000 * 1000000;
+    if (until.tv_nsec >= 1000000000) {
+        until.tv_nsec -= 1000000000;
+        until.tv_sec++;
+    }
+    pthread_cond_timedwait(&p->changed, &p->mutex, &until);
+}
+
+static void *close_overdue(void *argument)
+{
+    connections *p = argument;
+    int64_t limit_ms = (int64_t)(p->settings.timeout_s * 1000);
+    int64_t refused_ms = limit_ms < REFUSED_MS ? limit_ms : REFUSED_MS;
+    pthread_mutex_lock(&p->mutex);
+    while (!p->stopping) {
+        int64_t now = clock_monotonic_ms();
+        for (client_connection *one = p->first; one; one = one->next) {
+            int64_t limit = one->placed ? limit_ms : refused_ms;
+            if (one->since_ms == NEVER || now - one->since_ms < limit) continue;
+            end(p, one);
+        }
+        if (p->first)
+            wait_at_most(p, limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
+        else
+            pthread_cond_wait(&p->changed, &p->mutex);
+    }
+    pthread_mutex_unlock(&p->mutex);
+    return NULL;
+}
+
+static void connections_free(connections *p)
+{
+    pthread_cond_destroy(&p->changed);
+    pthread_mutex_destroy(&p->mutex);
+    free(p);
+}
+
+connections *connections_start(const connections_settings *settings, access_control *access, error *e)
+{
+    connections *p = mem_alloc(sizeof *p);
+    p->settings = *settings;
+    unsigned half = settings->connection_limit / 2;
+    p->reserve = settings->admin_reserve < half ? settings->admin_reserve : half;
+    p->access = access;
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&p->changed, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    pthread_mutex_init(&p->mutex, NULL);
+    int why = pthread_create(&p->watcher, NULL, close_overdue, p);
+    if (why == 0) return p;
+    error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    connections_free(p);
+    return NULL;
+}
+
+void connections_stop(connections *p)
+{
+    if (!p) return;
+    pthread_mutex_lock(&p->mutex);
+    p->stopping = true;
+    pthread_cond_broadcast(&p->changed);
+    pthread_mutex_unlock(&p->mutex);
+    pthread_join(p->watcher, NULL);
+    connections_free(p);
+}

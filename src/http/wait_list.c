@@ -1,0 +1,157 @@
+#include "http/wait_list.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <microhttpd.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+
+#define TOPIC_SIZE 32
+/* How late a connection may be resumed after its deadline. */
+#define TICK_MS 250
+
+typedef struct waiter {
+    loop *served_by;
+    struct MHD_Connection *connection;
+    char topic[TOPIC_SIZE];
+    int64_t until_ms;
+    struct waiter *next;
+} waiter;
+
+struct wait_list {
+    pthread_t thread;
+    pthread_mutex_t mutex;
+    pthread_cond_t changed; /* monotonic clock */
+    waiter *first;
+    uint64_t happened;
+    bool dismissed;
+};
+
+static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
+{
+    if (!*w->topic) return count > 0;
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(w->topic, topics[i]) == 0) return true;
+    return false;
+}
+
+/* Held: the mutex. A waiter leaves the list before its connection resumes, since that may wait again at once. */
+static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
+{
+    int64_t now = clock_monotonic_ms();
+    for (waiter **at = &l->first; *at;) {
+        waiter *w = *at;
+        if (!l->dismissed && w->until_ms > now && !is_wanted(w, topics, count)) {
+            at = &w->next;
+            continue;
+        }
+        *at = w->next;
+        loop_resume(w->served_by, w->connection);
+        free(w);
+    }
+}
+
+static void *resume_overdue(void *argument)
+{
+    wait_list *l = argument;
+    pthread_mutex_lock(&l->mutex);
+    while (!l->dismissed) {
+        struct timespec until;
+        clock_gettime(CLOCK_MONOTONIC, &until);
+        until.tv_nsec += TICK_MS * 1000000;
+        until.tv_sec += until.tv_nsec / 1000000000;
+        until.tv_nsec %= 1000000000;
+        if (l->first)
+            pthread_cond_timedwait(&l->changed, &l->mutex, &until);
+        else
+            pthread_cond_wait(&l->changed, &l->mutex);
+        resume_waiters(l, NULL, 0);
+    }
+    pthread_mutex_unlock(&l->mutex);
+    return NULL;
+}
+
+wait_list *wait_list_open(error *e)
+{
+    wait_list *l = mem_alloc(sizeof *l);
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&l->changed, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    pthread_mutex_init(&l->mutex, NULL);
+    int why = pthread_create(&l->thread, NULL, resume_overdue, l);
+    if (why == 0) return l;
+    error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    pthread_cond_destroy(&l->changed);
+    pthread_mutex_destroy(&l->mutex);
+    free(l);
+    return NULL;
+}
+
+void wait_list_dismiss(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    l->dismissed = true;
+    resume_waiters(l, NULL, 0);
+    pthread_cond_broadcast(&l->changed);
+    pthread_mutex_unlock(&l->mutex);
+}
+
+void wait_list_close(wait_list *l)
+{
+    if (!l) return;
+    wait_list_dismiss(l);
+    pthread_join(l->thread, NULL);
+    pthread_cond_destroy(&l->changed);
+    pthread_mutex_destroy(&l->mutex);
+    free(l);
+}
+
+bool wait_list_is_dismissed(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    bool dismissed = l->dismissed;
+    pthread_mutex_unlock(&l->mutex);
+    return dismissed;
+}
+
+uint64_t wait_list_seen(wait_list *l)
+{
+    pthread_mutex_lock(&l->mutex);
+    uint64_t happened = l->happened;
+    pthread_mutex_unlock(&l->mutex);
+    return happened;
+}
+
+bool wait_list_wait(wait_list *l, loop *served_by, struct MHD_Connection *connection, uint64_t seen,
+                    const char *topic, int64_t until_ms)
+{
+    pthread_mutex_lock(&l->mutex);
+    bool stays = !l->dismissed && seen == l->happened;
+    if (stays) {
+        waiter *w = mem_alloc(sizeof *w);
+        w->served_by = served_by;
+        w->connection = connection;
+        w->until_ms = until_ms;
+        strncpy(w->topic, topic, sizeof w->topic - 1);
+        w->next = l->first;
+        l->first = w;
+        MHD_suspend_connection(connection);
+        if (!w->next) pthread_cond_broadcast(&l->changed);
+    }
+    pthread_mutex_unlock(&l->mutex);
+    return stays;
+}
+
+void wait_list_wake(wait_list *l, const char *const *topics, size_t count)
+{
+    pthread_mutex_lock(&l->mutex);
+    l->happened++;
+    resume_waiters(l, topics, count);
+    pthread_mutex_unlock(&l->mutex);
+}

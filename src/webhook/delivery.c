@@ -1,0 +1,329 @@
+#include "webhook/delivery.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <curl/curl.h>
+#include <nettle/base64.h>
+#include <nettle/hmac.h>
+
+#include "config.h"
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* After trouble with the database (a full disk). */
+#define TROUBLE_MS 1000
+/* Between two looks, should nothing wake the thread: clocks of the wall are set. */
+#define LOOK_MS 60000
+#define SECRET_LEAST 16
+#define SECRET_MOST 4096
+
+/* A thread that makes one call after another, as it is given them. */
+typedef struct caller {
+    delivery *c;
+    CURL *curl;
+    char fault[CURL_ERROR_SIZE];
+    pthread_t thread;
+    bool started;
+    queue_delivery delivery;
+    char *host; /* that it calls, as its addresses begin; NULL: it has nothing to do. Guarded */
+} caller;
+
+struct delivery {
+    delivery_settings settings;
+    char *secret;
+    queue *q;
+    _Atomic int64_t not_before_ms; /* monotonic; after trouble */
+    atomic_bool stopping;
+    pthread_t thread; /* gives callers what is due */
+    pthread_mutex_t mutex;
+    pthread_cond_t given;
+    caller *callers;
+};
+
+static char *read_secret(const char *path, error *e)
+{
+    size_t length = 0;
+    int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    if (fd < 0) {
+        error_set(e, ERROR_SPEC_INVALID, "webhook_secret_file %s: %s", path,
+                  *path ? strerror(errno) : "is not set");
+        return NULL;
+    }
+    bool is_private = store_file_check_private(fd, path, e);
+    close(fd);
+    char *secret = is_private ? store_file_read(path, SECRET_MOST, &length, e) : NULL;
+    if (!secret) {
+        error_prefix(e, "webhook_secret_file");
+        return NULL;
+    }
+    secret[strcspn(secret, "\r\n")] = '\0';
+    if (strlen(secret) >= SECRET_LEAST) return secret;
+    free(secret);
+    error_set(e, ERROR_SPEC_INVALID,
+              "webhook_secret_file %s: a secret has at least %d characters, in one line", path, SECRET_LEAST);
+    return NULL;
+}
+
+static char *describe(const queue_delivery *d)
+{
+    json *o = json_new_object();
+    json_put_string(o, "type", "job.ended");
+    json *data = json_put_object(o, "data");
+    json_put_string(data, "job", d->id);
+    json_put_string(data, "state", queue_state_name(d->state));
+    json_put_string(data, "outcome", queue_outcome_name(d->outcome));
+    char *text = json_print(o);
+    json_free(o);
+    return text;
+}
+
+static struct curl_slist *make_headers(const delivery *c, const queue_delivery *d, const char *body)
+{
+    struct hmac_sha256_ctx hmac;
+    uint8_t digest[SHA256_DIGEST_SIZE];
+    char signature[BASE64_ENCODE_RAW_LENGTH(SHA256_DIGEST_SIZE) + 1] = "";
+    long long now = clock_wall_ms() / 1000;
+    char *content = mem_printf("%lld.%lld.%s", (long long)d->number, now, body);
+    hmac_sha256_set_key(&hmac, strlen(c->secret), (const uint8_t *)c->secret);
+    hmac_sha256_update(&hmac, strlen(content), (const uint8_t *)content);
+    hmac_sha256_digest(&hmac, sizeof digest, digest);
+    base64_encode_raw(signature, sizeof digest, digest);
+    free(content);
+    char *lines[] = {
+        mem_strdup("Content-Type: application/json"),
+        mem_strdup("Expect:"), /* a short body is sent without being asked for */
+        mem_printf("webhook-id: %lld", (long long)d->number),
+        mem_printf("webhook-timestamp: %lld", now),
+        mem_printf("webhook-signature: v1,%s", signature),
+    };
+    struct curl_slist *headers = NULL;
+    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
+        headers = curl_slist_append(headers, lines[i]);
+        free(lines[i]);
+    }
+    return headers;
+}
+
+static size_t drop_body(char *data, size_t size, size_t count, void *context)
+{
+    (void)data, (void)context;
+    return size * count;
+}
+
+static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all_up, curl_off_t up)
+{
+    (void)all, (void)got, (void)all_up, (void)up;
+    const delivery *c = context;
+    return c->stopping; /* not 0 breaks off */
+}
+
+/* Tells it once; why not, in words, when the receiver did not take it. */
+static bool post(caller *r, error *why)
+{
+    const delivery *c = r->c;
+    const queue_delivery *d = &r->delivery;
+    CURL *curl = r->curl;
+    long status = 0;
+    if (!webhook_hosts_admit(c->settings.hosts, d->url, why)) return false;
+    char *body = describe(d);
+    struct curl_slist *headers = make_headers(c, d, body);
+    curl_easy_reset(curl);
+    r->fault[0] = '\0';
+    curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, r->fault);
+    curl_easy_setopt(curl, CURLOPT_URL, d->url);
+    curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* hosts that are listed are meant, and nobody between */
+    curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(curl, CURLOPT_USERAGENT, PACKAGE_NAME "/" PACKAGE_VERSION);
+    curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, (long)(c->settings.timeout_s * 1000));
+    curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(curl, CURLOPT_POSTFIELDS, body);
+    curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, drop_body);
+    curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
+    curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, look_up);
+    curl_easy_setopt(curl, CURLOPT_XFERINFODATA, (void *)c);
+    CURLcode code = curl_easy_perform(curl);
+    curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
+    curl_slist_free_all(headers);
+    free(body);
+    if (code != CURLE_OK)
+        return error_set(why, ERROR_INTERNAL, "%s", *r->fault ? r->fault : curl_easy_strerror(code));
+    return status / 100 == 2 || error_set(why, ERROR_INTERNAL, "the answer was %ld", status);
+}
+
+static int64_t wait_ms(const delivery_settings *s, int tries)
+{
+    double wait_s = s->retry_s;
+    for (int i = 0; i < tries && wait_s < s->retry_most_s; i++) wait_s *= 2;
+    return (int64_t)(1000 * (wait_s < s->retry_most_s ? wait_s : s->retry_most_s));
+}
+
+/* Tries it, and notes what came of that; false when that could not be noted. */
+static bool deliver(caller *r)
+{
+    const delivery *c = r->c;
+    const queue_delivery *d = &r->delivery;
+    error why = {0}, e = {0};
+    int64_t again_ms = 0;
+    bool taken = post(r, &why);
+    if (!taken && c->stopping) return true;
+    bool last = d->tries + 1 >= c->settings.tries;
+    if (!taken && !last) again_ms = clock_wall_ms() + wait_ms(&c->settings, d->tries);
+    if (taken)
+        log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%lld", d->id, (long long)d->number);
+    else
+        log_write(LOG_LEVEL_WARNING, "webhook %s job=%s event=%lld try=%d: %s",
+                  last ? "given up" : "not delivered", d->id, (long long)d->number, d->tries + 1,
+                  why.message);
+    if (queue_end_delivery(c->q, d->number, again_ms, &e)) return true;
+    log_write(LOG_LEVEL_ERROR, "webhook will be told again job=%s event=%lld: %s", d->id,
+              (long long)d->number, e.message);
+    return false;
+}
+
+static void *make_calls(void *argument)
+{
+    caller *r = argument;
+    delivery *c = r->c;
+    pthread_mutex_lock(&c->mutex);
+    for (;;) {
+        while (!r->host && !c->stopping) pthread_cond_wait(&c->given, &c->mutex);
+        if (c->stopping) break;
+        pthread_mutex_unlock(&c->mutex);
+        if (!deliver(r)) c->not_before_ms = clock_monotonic_ms() + TROUBLE_MS;
+        pthread_mutex_lock(&c->mutex);
+        queue_delivery_clear(&r->delivery);
+        free(r->host);
+        r->host = NULL;
+        queue_signal(c->q); /* there may be more for this host, or there was nobody for others */
+    }
+    pthread_mutex_unlock(&c->mutex);
+    return NULL;
+}
+
+/* Who has nothing to do, or NULL; *busy is a JSON array of the hosts that are being called. */
+static caller *find_caller(delivery *c, char **busy)
+{
+    caller *idle = NULL;
+    json *hosts = json_new_array();
+    pthread_mutex_lock(&c->mutex);
+    for (int i = 0; i < c->settings.calls; i++) {
+        if (c->callers[i].host)
+            json_append_string(hosts, c->callers[i].host);
+        else
+            idle = &c->callers[i];
+    }
+    pthread_mutex_unlock(&c->mutex);
+    *busy = json_print(hosts);
+    json_free(hosts);
+    return idle;
+}
+
+static void give(caller *r, const queue_delivery *d)
+{
+    pthread_mutex_lock(&r->c->mutex);
+    r->delivery = *d;
+    r->host = webhook_host_of(d->url);
+    pthread_cond_broadcast(&r->c->given);
+    pthread_mutex_unlock(&r->c->mutex);
+}
+
+/* Gives away what is due; returns when to look again, monotonic. */
+static int64_t give_due(delivery *c)
+{
+    for (;;) {
+        queue_delivery d = {0};
+        bool found = false;
+        char *busy;
+        int64_t now = clock_monotonic_ms(), not_before = c->not_before_ms;
+        if (now < not_before) return not_before;
+        caller *idle = find_caller(c, &busy);
+        bool ok = !idle || queue_next_delivery(c->q, busy, &d, &found, NULL);
+        free(busy);
+        int64_t ahead_ms = ok && found ? d.due_ms - clock_wall_ms() : LOOK_MS;
+        if (!ok) c->not_before_ms = now + TROUBLE_MS;
+        if (found && ahead_ms <= 0) {
+            give(idle, &d);
+            continue;
+        }
+        queue_delivery_clear(&d);
+        if (ok) return now + (ahead_ms < LOOK_MS ? ahead_ms : LOOK_MS);
+    }
+}
+
+static void *run(void *argument)
+{
+    delivery *c = argument;
+    uint64_t seen = 0;
+    while (!c->stopping) queue_wait(c->q, &seen, give_due(c));
+    return NULL;
+}
+
+/* Ends the callers; a call that is under way is broken off. */
+static void release(delivery *c)
+{
+    pthread_mutex_lock(&c->mutex);
+    c->stopping = true;
+    pthread_cond_broadcast(&c->given);
+    pthread_mutex_unlock(&c->mutex);
+    for (int i = 0; i < c->settings.calls; i++) {
+        caller *r = &c->callers[i];
+        if (r->started) pthread_join(r->thread, NULL);
+        if (r->curl) curl_easy_cleanup(r->curl);
+        queue_delivery_clear(&r->delivery);
+        free(r->host);
+    }
+    pthread_cond_destroy(&c->given);
+    pthread_mutex_destroy(&c->mutex);
+    free(c->callers);
+    free(c->secret);
+    free(c);
+}
+
+static bool start_caller(delivery *c, caller *r, error *e)
+{
+    r->c = c;
+    r->curl = curl_easy_init();
+    if (!r->curl) return error_set(e, ERROR_INTERNAL, "libcurl does not start");
+    int why = pthread_create(&r->thread, NULL, make_calls, r);
+    r->started = why == 0;
+    return r->started || error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
+}
+
+delivery *delivery_start(const delivery_settings *settings, queue *q, error *e)
+{
+    delivery *c = mem_alloc(sizeof *c);
+    c->settings = *settings;
+    c->q = q;
+    c->callers = mem_alloc((size_t)settings->calls * sizeof *c->callers);
+    pthread_mutex_init(&c->mutex, NULL);
+    pthread_cond_init(&c->given, NULL);
+    c->secret = read_secret(settings->secret_file, e);
+    bool ok = c->secret != NULL;
+    for (int i = 0; ok && i < settings->calls; i++) ok = start_caller(c, &c->callers[i], e);
+    int why = ok ? pthread_create(&c->thread, NULL, run, c) : 0;
+    if (why) ok = error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
+    if (ok) return c;
+    release(c);
+    return NULL;
+}
+
+void delivery_stop(delivery *c)
+{
+    if (!c) return;
+    c->stopping = true;
+    queue_signal(c->q);
+    pthread_join(c->thread, NULL);
+    release(c);
+}

@@ -1,0 +1,176 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "api/document_cache.h"
+#include "queue_place.h"
+
+static const access_caller owner = {.user = "ann", .scopes = SCOPE_USER},
+                           other = {.user = "bob", .scopes = SCOPE_USER},
+                           admin = {.user = "eve", .scopes = SCOPE_ALL};
+
+static void keep(document_cache *cache, place *p, const char *id, bool own, const char *text)
+{
+    queue_job job = get(p, id);
+    cached_document d = {.text = (char *)text, .length = strlen(text), .tag = "\"1\""};
+    document_cache_put(cache, &job, own, &d);
+    queue_job_clear(&job);
+}
+
+/* Whether the cache gives the caller this text; NULL: nothing. */
+static void expect_found(document_cache *cache, place *p, const char *id, const access_caller *caller,
+                         const char *text)
+{
+    cached_document d;
+    bool found = document_cache_find(cache, p->q, id, caller, &d);
+    assert_int_equal(found, text != NULL);
+    if (!text) return;
+    assert_string_equal(d.text, text);
+    assert_int_equal(d.length, strlen(text));
+    assert_string_equal(d.tag, "\"1\"");
+    free(d.text);
+}
+
+static void submit_of_ann(place *p, char id[ULID_SIZE])
+{
+    queue_submission s = plain;
+    s.owner = owner.user;
+    submit_for(p, &s, id);
+}
+
+static void test_each_is_shown_what_is_for_them(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], second[ULID_SIZE];
+    document_cache *cache = document_cache_new(8);
+    submit_of_ann(p, id);
+    submit_of_ann(p, second);
+    keep(cache, p, id, true, "all of it");
+    expect_found(cache, p, id, &owner, "all of it");
+    expect_found(cache, p, id, &admin, "all of it");
+    expect_found(cache, p, id, &other, NULL);
+    expect_found(cache, p, second, &owner, NULL);
+    keep(cache, p, id, false, "a part");
+    expect_found(cache, p, id, &other, "a part");
+    expect_found(cache, p, id, &owner, "all of it");
+    keep(cache, p, id, false, "a part, again");
+    expect_found(cache, p, id, &other, "a part, again");
+    document_cache_free(cache);
+}
+
+/* The document has to be away when the call that changed the job returns, and not before. */
+static void expect_gone(document_cache *cache, place *p, const char *id)
+{
+    expect_found(cache, p, id, &owner, NULL);
+    keep(cache, p, id, true, "as it is now");
+    expect_found(cache, p, id, &owner, "as it is now");
+}
+
+static void test_no_change_leaves_a_document(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE], follower[ULID_SIZE];
+    document_cache *cache = document_cache_new(8);
+    submit_of_ann(p, id);
+    const char *needs[] = {id};
+    queue_submission depending = plain;
+    depending.owner = owner.user;
+    depending.depends_on = needs;
+    depending.depends_on_count = 1;
+    submit_for(p, &depending, follower);
+    keep(cache, p, id, true, "new");
+    keep(cache, p, follower, true, "new");
+    tell(p, id, QUEUE_PAUSE, true);
+    expect_gone(cache, p, id);
+    tell(p, id, QUEUE_PAUSE, false);
+    expect_found(cache, p, id, &owner, "as it is now"); /* nothing changed */
+    tell(p, id, QUEUE_RESUME, true);
+    expect_gone(cache, p, id);
+    int priority = 3;
+    int64_t retention_s = 7;
+    const queue_edit edits[] = {
+        {.priority = &priority}, {.labels = "[\"b\"]"}, {.retention_s = &retention_s}};
+    for (size_t i = 0; i < sizeof edits / sizeof *edits; i++) {
+        queue_edited edited;
+        assert_true(queue_change(p->q, id, -1, &edits[i], &edited, NULL));
+        expect_gone(cache, p, id);
+    }
+    int attempt = claim(p, id);
+    expect_gone(cache, p, id);
+    assert_true(requeue(p, id, attempt, true, 1, &crash));
+    expect_gone(cache, p, id);
+    attempt = claim(p, id);
+    expect_gone(cache, p, id);
+    expect_found(cache, p, follower, &owner, "new");
+    assert_true(finish(p, id, 0, attempt, &crash));
+    expect_gone(cache, p, id);
+    expect_gone(cache, p, follower); /* has failed, too */
+    tell(p, id, QUEUE_RETRY, true);
+    expect_gone(cache, p, id);
+    tell(p, id, QUEUE_CANCEL, true);
+    expect_gone(cache, p, id);
+    bool found, deleted;
+    assert_true(queue_delete(p->q, id, &found, &deleted, NULL) && deleted);
+    expect_found(cache, p, id, &owner, NULL);
+    document_cache_free(cache);
+}
+
+/* What was read before a change and is put into the cache after it. */
+static void test_a_document_that_comes_late_is_not_shown(void **state)
+{
+    place *p = *state;
+    char id[ULID_SIZE];
+    document_cache *cache = document_cache_new(8);
+    submit_of_ann(p, id);
+    queue_job before = get(p, id);
+    tell(p, id, QUEUE_PAUSE, true);
+    cached_document d = {.text = (char *)"old", .length = 3};
+    document_cache_put(cache, &before, true, &d);
+    expect_found(cache, p, id, &owner, NULL);
+    queue_job_clear(&before);
+    document_cache_free(cache);
+}
+
+static void test_it_has_a_number_of_places(void **state)
+{
+    enum { JOBS = 20, PLACES = 5 };
+    place *p = *state;
+    char id[JOBS][ULID_SIZE];
+    char *large = mem_alloc(DOCUMENT_CACHE_BYTES_MOST + 2);
+    document_cache *cache = document_cache_new(PLACES), *none = document_cache_new(0);
+    size_t kept = 0;
+    for (size_t i = 0; i < JOBS; i++) {
+        submit_of_ann(p, id[i]);
+        keep(cache, p, id[i], true, "text");
+        expect_found(cache, p, id[i], &owner, "text"); /* the newest is there */
+    }
+    for (size_t i = 0; i < JOBS; i++) {
+        cached_document d;
+        if (!document_cache_find(cache, p->q, id[i], &owner, &d)) continue;
+        kept++;
+        free(d.text);
+    }
+    assert_in_range(kept, 1, 8);
+    memset(large, ' ', DOCUMENT_CACHE_BYTES_MOST + 1);
+    keep(cache, p, id[0], false, large);
+    expect_found(cache, p, id[0], &other, NULL);
+    keep(none, p, id[0], true, "text");
+    expect_found(none, p, id[0], &owner, NULL);
+    free(large);
+    document_cache_free(none);
+    document_cache_free(cache);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        CASE(test_each_is_shown_what_is_for_them),
+        CASE(test_no_change_leaves_a_document),
+        CASE(test_a_document_that_comes_late_is_not_shown),
+        CASE(test_it_has_a_number_of_places),
+    };
+    sqlite3_auto_extension((void (*)(void))note_connection);
+    return cmocka_run_group_tests_name("document_cache", tests, NULL, NULL);
+}
