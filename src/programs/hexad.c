@@ -32,8 +32,8 @@
 #include "queue/queue.h"
 #include "store/file.h"
 #include "store/inputs.h"
-#include "store/mapping.h"
 #include "store/output.h"
+#include "store/path_map.h"
 #include "store/root.h"
 #include "webhook/courier.h"
 #include "webhook/hosts.h"
@@ -64,7 +64,7 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs outputs;
-    store_mappings *mappings;
+    path_map *mappings;
     webhook_hosts *webhook_hosts;
     courier *courier; /* NULL: no webhooks */
     executor *x;
@@ -286,13 +286,13 @@ static void fini_outputs(service *s)
 static bool init_mappings(service *s, error *e)
 {
     const config_list *given = &s->settings.path_mappings;
-    s->mappings = store_mappings_read((const char *const *)given->item, given->count, e);
+    s->mappings = path_map_read((const char *const *)given->item, given->count, e);
     return s->mappings != NULL;
 }
 
 static void fini_mappings(service *s)
 {
-    store_mappings_free(s->mappings);
+    path_map_free(s->mappings);
 }
 
 static executor_settings executor_settings_of(const service *s)
