@@ -98,7 +98,7 @@ static void winding_through_corners(void **state)
     mesh_free(&m);
 }
 
-static void columns_of_a_ball(void **state)
+static void winding_of_a_ball(void **state)
 {
     (void)state;
     const vec3 center = {20, 20, 20};
@@ -629,7 +629,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(distance_from_triangles),
         cmocka_unit_test(winding_through_corners),
-        cmocka_unit_test(columns_of_a_ball),
+        cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
         cmocka_unit_test(holes_are_counted),
         cmocka_unit_test(walls_within_are_refused),
