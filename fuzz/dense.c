@@ -5,9 +5,9 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 
+#include "dense/header_reader.c"
+#include "dense/raw_volume.h"
 #include "fuzz/target.h"
-#include "volume/header_reader.c"
-#include "volume/stored.h"
 
 /* A slice of more is not read: only memory would be tried. */
 static const int64_t most_samples = 1 << 20;
@@ -71,7 +71,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     int fd = memfd_create("dense", MFD_CLOEXEC);
     expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
     const slices_files files = {open_again, &fd};
-    slices *s = stored_open(fd, "a.nii.gz", NULL, &files, &e);
+    slices *s = raw_volume_open(fd, "a.nii.gz", NULL, &files, &e);
     expect(s || (e.code != ERROR_NONE && *e.message));
     if (s) {
         for (int k = 0; k < 3; k++) expect(s->size[k] >= 2);

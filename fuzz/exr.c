@@ -3,8 +3,8 @@
  * That is one program in one file (exr_reader.c), of which the part behind its socket is taken here as it is. */
 #include <sys/mman.h>
 
+#include "dense/exr_reader.c"
 #include "fuzz/target.h"
-#include "volume/exr_reader.c"
 
 /* Far below a job's, so that what a file makes up is seen. */
 static const size_t memory = (size_t)16 << 20;

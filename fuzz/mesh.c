@@ -3,8 +3,8 @@
 #include <math.h>
 
 #include "fuzz/target.h"
-#include "volume/levelset.h"
-#include "volume/mesh_file.h"
+#include "mesh/levelset.h"
+#include "mesh/mesh_file.h"
 
 static const size_t memory = (size_t)64 << 20;
 

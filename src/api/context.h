@@ -11,7 +11,7 @@
 #include "http/handler.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
-#include "store/mapping.h"
+#include "store/path_map.h"
 #include "store/output.h"
 #include "store/root.h"
 #include "webhook/hosts.h"
@@ -23,7 +23,7 @@ struct http_context {
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;
-    const store_mappings *mappings; /* of paths; NULL: none */
+    const path_map *mappings; /* of paths; NULL: none */
     const webhook_hosts *webhooks;  /* NULL: none */
     const char *state_dir;
     int max_attempts;              /* of a job that names no number */

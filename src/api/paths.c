@@ -5,11 +5,11 @@
 
 #define OUTPUT_POINTER "/output/directory"
 
-static void map_path(const store_mappings *mappings, const char *pointer, json *document, json **paths)
+static void map_path(const path_map *mappings, const char *pointer, json *document, json **paths)
 {
     json *node = json_find(document, pointer);
     const char *asked = json_string(json_root(node), NULL);
-    char *opened = asked ? store_mappings_apply(mappings, asked) : NULL;
+    char *opened = asked ? path_map_apply(mappings, asked) : NULL;
     if (!opened) return;
     if (!*paths) *paths = json_new_array();
     json *o = json_append_object(*paths);
@@ -20,7 +20,7 @@ static void map_path(const store_mappings *mappings, const char *pointer, json *
     free(opened);
 }
 
-json *paths_map(const store_mappings *mappings, const spec *s, json *document)
+json *paths_map(const path_map *mappings, const spec *s, json *document)
 {
     json *paths = NULL;
     spec_input input;

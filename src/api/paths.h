@@ -9,10 +9,10 @@
 
 #include "json/json.h"
 #include "spec/spec.h"
-#include "store/mapping.h"
+#include "store/path_map.h"
 
 /* Maps the paths of a document that `s` was parsed from, and returns what was, or NULL: nothing. */
-json *paths_map(const store_mappings *mappings, const spec *s, json *document);
+json *paths_map(const path_map *mappings, const spec *s, json *document);
 
 /* Puts back what was asked for. */
 void paths_restore(const json *paths, json *document);

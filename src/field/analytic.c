@@ -258,7 +258,7 @@ static void lay_out_grid(analytic *a)
     double margin = open || p->shape == ANALYTIC_QUARTIC ? 1 : 1.0317;
     half = vec3_scale(half, margin);
     a->base.domain = (bbox){vec3_sub(p->center, half), vec3_add(p->center, half)};
-    field_set_rims(&a->base, open ? FIELD_ALL_FACES : 0);
+    field_set_boundary(&a->base, open ? FIELD_ALL_FACES : 0);
     a->base.extent = bbox_longest(a->base.domain);
     a->base.cell_size = fmin(a->base.extent / CELLS_COARSE, cell_bound(p));
     a->base.sharp = p->shape == ANALYTIC_BOX && p->rounding == 0;

@@ -152,7 +152,7 @@ bspline *bspline_new(const bspline_params *params, threads *pool, error *e)
         no_surface(params, e);
         goto fail;
     }
-    field_set_rims(&b->base, cell_grid_cut_faces(&b->grid, &b->base, &oracle));
+    field_set_boundary(&b->base, cell_grid_cut_faces(&b->grid, &b->base, &oracle));
     return b;
 fail:
     bspline_free(b);

@@ -50,7 +50,7 @@ bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracl
 void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *oracle, size_t index,
                     field_cell *out);
 
-/* Which faces of the box the surface meets, as far as corners tell: bits as for field_set_rims. */
+/* Which faces of the box the surface meets, as far as corners tell: bits as for field_set_boundary. */
 unsigned cell_grid_cut_faces(const cell_grid *g, const field *f, const cell_grid_oracle *oracle);
 
 size_t cell_grid_bytes(const cell_grid *g);

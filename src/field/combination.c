@@ -202,7 +202,7 @@ static bool find_cells(combination *c, threads *pool, error *e)
 static bool is_cut_within(const combination *c, const part *p, int face)
 {
     int axis = face >> 1;
-    double at = vec3_get(face & 1 ? p->field->rims.max : p->field->rims.min, axis);
+    double at = vec3_get(face & 1 ? p->field->boundary_box.max : p->field->boundary_box.min, axis);
     if (!isfinite(at) || at == vec3_get(face & 1 ? c->base.domain.max : c->base.domain.min, axis))
         return false;
     for (size_t k = 0; k < c->grid.count; k++) {
@@ -240,7 +240,7 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     bool ok = some && lay_out_grid(c, e) && find_cells(c, pool, e);
     if (!some || (ok && c->grid.count == 0)) ok = no_surface(kind, e);
     if (ok) {
-        field_set_rims(&c->base, cell_grid_cut_faces(&c->grid, &c->base, &oracle));
+        field_set_boundary(&c->base, cell_grid_cut_faces(&c->grid, &c->base, &oracle));
         ok = check_rims(c, e);
     }
     if (ok) return c;

@@ -57,26 +57,26 @@ typedef struct field_ops {
 
 struct field {
     const field_ops *ops;
-    bbox domain;      /* world box that holds the surface */
-    bbox rims;        /* where `open`: the surface ends at the faces of this box, which are faces of the
+    bbox domain;       /* world box that holds the surface */
+    bbox boundary_box; /* where `open`: the surface ends at the faces of this box, which are faces of the
                        * domain; infinite on the sides where it does not */
-    double extent;    /* L of the curvature scale: longest side of the surface's box (volumes) or of
+    double extent;     /* L of the curvature scale: longest side of the surface's box (volumes) or of
                        * the domain (formulas) */
-    double cell_size; /* longest edge of a cell, world units */
-    bool open;        /* the surface is cut by faces of the domain and has rims there */
-    bool sharp;       /* F is about a distance near the surface, and has kinks where smooth parts meet */
+    double cell_size;  /* longest edge of a cell, world units */
+    bool open;         /* the surface is cut by faces of the domain and has boundaries there */
+    bool sharp;        /* F is about a distance near the surface, and has kinks where smooth parts meet */
 };
 
 enum { FIELD_ALL_FACES = 63 };
 
 /* Says which faces of its domain cut the surface: bit 2 k the low one of axis k, bit 2 k + 1 the high one. */
-static inline void field_set_rims(field *f, unsigned faces)
+static inline void field_set_boundary(field *f, unsigned faces)
 {
-    f->rims = (bbox){{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}};
+    f->boundary_box = (bbox){{-INFINITY, -INFINITY, -INFINITY}, {INFINITY, INFINITY, INFINITY}};
     f->open = faces != 0;
     for (int axis = 0; axis < 3; axis++) {
-        if (faces >> 2 * axis & 1) vec3_set(&f->rims.min, axis, vec3_get(f->domain.min, axis));
-        if (faces >> 2 * axis & 2) vec3_set(&f->rims.max, axis, vec3_get(f->domain.max, axis));
+        if (faces >> 2 * axis & 1) vec3_set(&f->boundary_box.min, axis, vec3_get(f->domain.min, axis));
+        if (faces >> 2 * axis & 2) vec3_set(&f->boundary_box.max, axis, vec3_get(f->domain.max, axis));
     }
 }
 

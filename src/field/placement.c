@@ -47,7 +47,7 @@ static double placement_side(const field *f, vec3 x)
 static const field_ops placement_ops = {placement_sample, placement_cell_count, placement_cell,
                                         placement_side};
 
-/* Faces of the domain that are rims, after the map; false when it does not map axes to axes. */
+/* Faces of the domain that cut the surface, after the map; false when it does not map axes to axes. */
 static bool map_rims(const placement *p, unsigned *faces)
 {
     *faces = 0;
@@ -59,7 +59,7 @@ static bool map_rims(const placement *p, unsigned *faces)
             along = k;
         }
         for (int high = 0; high < 2; high++) {
-            const bbox *ends = &p->part->rims;
+            const bbox *ends = &p->part->boundary_box;
             if (!isfinite(vec3_get(high ? ends->max : ends->min, axis))) continue;
             *faces |= 1u << (2 * along + ((p->to_world[along][axis] > 0) == high));
         }
@@ -94,12 +94,13 @@ placement *placement_new(const field *part, const double matrix[16], error *e)
     affine_invert(p->to_world, p->to_part);
     measure(p);
     if (!part->open || map_rims(p, &faces)) {
-        field_set_rims(&p->base, faces);
+        field_set_boundary(&p->base, faces);
         return p;
     }
-    error_set(e, ERROR_NOT_SUPPORTED,
-              "an open surface can only be transformed by a matrix that maps axes to axes: its rims lie "
-              "along them");
+    error_set(
+        e, ERROR_NOT_SUPPORTED,
+        "an open surface can only be transformed by a matrix that maps axes to axes: its boundaries lie "
+        "along them");
     placement_free(p);
     return NULL;
 }

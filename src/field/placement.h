@@ -9,7 +9,7 @@ typedef struct placement placement;
 
 /* World = `matrix` applied to the part's own space: 16 numbers, row-major, column vectors, last row 0 0 0 1,
  * invertible. `part` stays the caller's and outlives it. Errors: not_supported for an open part and a matrix
- * that turns it out of the world's axes, along which rims lie. */
+ * that turns it out of the world's axes, along which boundaries lie. */
 placement *placement_new(const field *part, const double matrix[16], error *e);
 void placement_free(placement *p);
 const field *placement_field(const placement *p);

@@ -65,7 +65,7 @@ static bool keep_cells(region *r, bbox box, bbox *all, bbox *kept, error *e)
     return true;
 }
 
-/* A face of the domain is a rim if cells reach it, and it is the box's face or one of the whole's rims. */
+/* A face of the domain cuts the surface if cells reach it and it is a face of the box or one that cuts the whole. */
 static unsigned find_rims(const region *r, bbox box, bbox kept)
 {
     bbox reached = bbox_grow(kept, BULGE * r->whole->cell_size), whole = r->whole->domain;
@@ -73,8 +73,10 @@ static unsigned find_rims(const region *r, bbox box, bbox kept)
     for (int axis = 0; axis < 3; axis++) {
         double low = vec3_get(box.min, axis), high = vec3_get(box.max, axis);
         double first = vec3_get(whole.min, axis), last = vec3_get(whole.max, axis);
-        bool low_open = low > first || (r->whole->open && vec3_get(r->whole->rims.min, axis) == first);
-        bool high_open = high < last || (r->whole->open && vec3_get(r->whole->rims.max, axis) == last);
+        bool low_open =
+            low > first || (r->whole->open && vec3_get(r->whole->boundary_box.min, axis) == first);
+        bool high_open =
+            high < last || (r->whole->open && vec3_get(r->whole->boundary_box.max, axis) == last);
         if (low_open && vec3_get(reached.min, axis) < fmax(low, first)) faces |= 1u << 2 * axis;
         if (high_open && vec3_get(reached.max, axis) > fmin(high, last)) faces |= 2u << 2 * axis;
     }
@@ -103,7 +105,7 @@ region *region_new(const field *whole, bbox box, error *e)
     r->base = *whole;
     r->base.ops = &region_ops;
     r->base.domain = bbox_common(whole->domain, box);
-    field_set_rims(&r->base, find_rims(r, box, kept));
+    field_set_boundary(&r->base, find_rims(r, box, kept));
     bool all_kept = r->count == whole->ops->cell_count(whole);
     bbox inner = bbox_grow(box, -BULGE * whole->cell_size);
     bool holds_all = bbox_contains(inner, all.min) && bbox_contains(inner, all.max);

@@ -1,7 +1,7 @@
 /* region: the part of a surface that lies in a box.
  *
  * Wraps a field: the same F, the cells that reach into the box, and a domain that ends at it. Where the
- * surface meets a face of the box it is open and has a rim there. The scale of curvature, `extent`, stays
+ * surface meets a face of the box it is open and has a boundary there. The scale of curvature, `extent`, stays
  * that of the whole surface: a part of it is graded as it is in the whole.
  */
 #ifndef HEXAD_FIELD_REGION_H

@@ -15,7 +15,10 @@
 #include "base/error.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "dense/exr_reader.h"
+#include "dense/header.h"
 #include "json/json.h"
+#include "mesh/mesh_reader.h"
 #include "packing/energy.h"
 #include "run/run.h"
 #include "spec/schema.h"
@@ -23,9 +26,6 @@
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
-#include "volume/exr_reader.h"
-#include "volume/header.h"
-#include "volume/mesh_reader.h"
 
 enum exit_code {
     EXIT_CONVERGED = 0,

@@ -34,8 +34,8 @@
 #include "queue/queue.h"
 #include "store/file.h"
 #include "store/inputs.h"
-#include "store/mapping.h"
 #include "store/output.h"
+#include "store/path_map.h"
 #include "store/root.h"
 #include "webhook/delivery.h"
 #include "webhook/hosts.h"
@@ -66,7 +66,7 @@ typedef struct service {
     char *inputs_dir;
     store_roots *roots;
     store_outputs outputs;
-    store_mappings *mappings;
+    path_map *mappings;
     webhook_hosts *webhook_hosts;
     delivery *delivery; /* NULL: no webhooks */
     executor *x;
@@ -289,13 +289,13 @@ static void fini_outputs(service *s)
 static bool init_mappings(service *s, error *e)
 {
     const config_list *given = &s->settings.path_mappings;
-    s->mappings = store_mappings_read((const char *const *)given->item, given->count, e);
+    s->mappings = path_map_read((const char *const *)given->item, given->count, e);
     return s->mappings != NULL;
 }
 
 static void fini_mappings(service *s)
 {
-    store_mappings_free(s->mappings);
+    path_map_free(s->mappings);
 }
 
 static executor_settings executor_settings_of(const service *s)

@@ -216,7 +216,7 @@ bool job_measure(job *j, solution *s, error *e)
                               sampler_spacing(s->sampler),
                               s->sizing != NULL,
                               j->source.field->open,
-                              j->source.field->rims};
+                              j->source.field->boundary_box};
     return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e);
 }
 

@@ -109,7 +109,7 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
 {
     const points *set = in->set;
     const triangulation_input sites = {set->count,   set->position,   set->normal,
-                                       set->spacing, in->field->open, in->field->rims};
+                                       set->spacing, in->field->open, in->field->boundary_box};
     triangulation made;
     points vertices = *set;
     bool ok = triangulation_make(&sites, pool, &made, e);

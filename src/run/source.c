@@ -6,9 +6,9 @@
 #include <unistd.h>
 
 #include "base/memory.h"
-#include "volume/coefficients.h"
-#include "volume/exr_stack.h"
-#include "volume/stored.h"
+#include "dense/coefficients.h"
+#include "dense/exr_stack.h"
+#include "dense/raw_volume.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
  */
@@ -162,8 +162,8 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
 static volume *open_stored(const spec_volume *v, int fd, const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
-    return open_dense(stored_open(fd, v->path, NULL, &files, e), v->path, v->isovalue, v->reconstruction, o,
-                      e);
+    return open_dense(raw_volume_open(fd, v->path, NULL, &files, e), v->path, v->isovalue, v->reconstruction,
+                      o, e);
 }
 
 static volume *open_exr(const spec_exr *x, const opening *o, error *e)

@@ -4,7 +4,7 @@
 #include "base/memory.h"
 #include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 static const double ALPHA_EXPONENT = 0.18;
 /* A finished particle is on the surface to this fraction of h, or it is replaced. */
@@ -35,14 +35,14 @@ static void requested_spacing(sampler *s, double *spacing)
  * h of the surface; one that would have to go much farther sits where Newton's method goes astray. */
 static bool settle_on_surface(const sampler *s, double h, double farthest, vec3 *x, vec3 *normal)
 {
-    const project_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
+    const projection_limits limits = {SETTLE_STEPS, 1e-9 * h, 1e-7 * h, WORST_RESIDUAL * h};
     vec3 q = *x, n = *normal;
-    if (project_point(s->setup.field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
+    if (projection_find(s->setup.field, &limits, &q, &n) && vec3_norm(vec3_sub(q, *x)) <= farthest) {
         *x = q;
         *normal = n;
         return true;
     }
-    return project_bisect(s->setup.field, *normal, farthest, x, normal);
+    return projection_bisect(s->setup.field, *normal, farthest, x, normal);
 }
 
 /* Puts particle i on the surface to rounding, and notes its residual, or that it is lost. */

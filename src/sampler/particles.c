@@ -95,5 +95,5 @@ void particles_mark_boundary(particles *p, const field *f, double h)
 {
     if (!f->open) return;
     for (size_t i = 0; i < p->count; i++)
-        p->near_boundary[i] = packing_is_near_boundary(f->rims, p->position[i], h * p->size[i]);
+        p->near_boundary[i] = packing_is_near_boundary(f->boundary_box, p->position[i], h * p->size[i]);
 }

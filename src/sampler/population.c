@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* A particle whose energy is one standard deviation off the mean is this much likelier, on the logarithm; and
  * no more than this many deviations count. A choice by rank alone would take whole clusters at once, and
@@ -62,15 +62,15 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
 
 bool population_split(const field *f, particles *p, size_t i, double offset, rng *r)
 {
-    const project_limits limits = {SPLIT_STEPS, SPLIT_ACCEPT * offset, SPLIT_ACCEPT * offset,
-                                   SPLIT_ACCEPT * offset};
+    const projection_limits limits = {SPLIT_STEPS, SPLIT_ACCEPT * offset, SPLIT_ACCEPT * offset,
+                                      SPLIT_ACCEPT * offset};
     vec3 axis1, axis2, x = p->position[i];
     vec3_frame(p->normal[i], &axis1, &axis2);
     for (int k = 0; k < SPLIT_DIRECTIONS; k++) {
         double turn = 2 * M_PI * rng_uniform(r);
         vec3 step = vec3_axpy(offset * cos(turn), axis1, vec3_scale(axis2, offset * sin(turn)));
         vec3 a = vec3_add(x, step), b = vec3_sub(x, step), normal_a, normal_b;
-        if (!project_point(f, &limits, &a, &normal_a) || !project_point(f, &limits, &b, &normal_b) ||
+        if (!projection_find(f, &limits, &a, &normal_a) || !projection_find(f, &limits, &b, &normal_b) ||
             vec3_norm(vec3_sub(a, x)) > SPLIT_FARTHEST * offset ||
             vec3_norm(vec3_sub(b, x)) > SPLIT_FARTHEST * offset)
             continue;

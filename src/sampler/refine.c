@@ -9,7 +9,7 @@
 #include "base/sets.h"
 #include "packing/voronoi.h"
 #include "sampler/random_streams.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* A middle lies within a few hundredths of h of the surface; one that is farther joins two sheets. */
 static const double MIDDLE_FARTHEST = 0.5;
@@ -256,10 +256,10 @@ static bool put_between(const middles *job, const edge *e, double share, size_t 
 {
     const voronoi_sites *sites = &job->m->sites;
     double spacing = fmin(sites->spacing[e->a], sites->spacing[e->b]), accept = MIDDLE_ACCEPT * spacing;
-    const project_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
+    const projection_limits limits = {5, accept, MIDDLE_SHORTCUT * spacing, accept};
     vec3 m = vec3_axpy(share, vec3_sub(sites->position[e->b], sites->position[e->a]), sites->position[e->a]);
     vec3 x = m, n;
-    if (!project_point(job->f, &limits, &x, &n) ||
+    if (!projection_find(job->f, &limits, &x, &n) ||
         vec3_norm2(vec3_sub(x, m)) >= MIDDLE_FARTHEST * MIDDLE_FARTHEST * spacing * spacing)
         return false;
     job->p->position[place] = x;
@@ -303,15 +303,15 @@ static bool draw_rest(const field *f, const surface *scan, const sizing_field *s
                       size_t count, double spacing, uint64_t seed, error *e)
 {
     rng r = rng_seed(seed, RANDOM_STREAM_REFINEMENT);
-    const project_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
-                                   MIDDLE_ACCEPT * spacing};
+    const projection_limits limits = {20, MIDDLE_ACCEPT * spacing, MIDDLE_ACCEPT * spacing,
+                                      MIDDLE_ACCEPT * spacing};
     for (int draws = 0; p->count < count; draws++) {
         vec3 x = sizing_field_draw(sizing, scan, rng_uniform(&r), &r), n;
         if (draws == MAX_DRAWS)
             return error_set(e, ERROR_NO_SURFACE,
                              "particle %zu of %zu does not reach the surface in %d draws", p->count + 1,
                              count, draws);
-        if (!project_point(f, &limits, &x, &n)) continue;
+        if (!projection_find(f, &limits, &x, &n)) continue;
         p->position[p->count] = x;
         p->normal[p->count++] = n;
         draws = 0;

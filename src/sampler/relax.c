@@ -11,7 +11,7 @@
 #include "packing/independent_sets.h"
 #include "packing/neighbours.h"
 #include "packing/pair.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
@@ -293,12 +293,12 @@ static double tolerance_scale(const attempt *a)
 static bool move(const attempt *a, double s1, double s2, vec3 *x, vec3 *normal)
 {
     double h = tolerance_scale(a);
-    const project_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
+    const projection_limits limits = {TRIAL_STEPS, TRIAL_ACCEPT * h, TRIAL_SHORTCUT * h, TRIAL_REJECT * h};
     double length = sqrt(s1 * s1 + s2 * s2), scale = length > a->bound ? a->bound / length : 1;
     vec3 q = vec3_axpy(scale * s1, a->axis1, vec3_axpy(scale * s2, a->axis2, a->x)), n;
     for (int axis = 0; axis < 3; axis++)
         if (a->boundary_axes >> axis & 1) vec3_set(&q, axis, vec3_get(a->x, axis));
-    if (!project_point(a->params->field, &limits, &q, &n)) return false;
+    if (!projection_find(a->params->field, &limits, &q, &n)) return false;
     /* what the projection adds must not carry it past its neighbour, nor past what the lists cover */
     if (vec3_norm(vec3_sub(q, a->x)) > a->limit) return false;
     *x = q;
@@ -324,8 +324,8 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
 static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
     double h = tolerance_scale(a);
-    const project_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
-    project_point(a->params->field, &limits, x, normal);
+    const projection_limits limits = {TRIAL_STEPS, STRAIGHT_ACCEPT * h, 0, TRIAL_REJECT * h};
+    projection_find(a->params->field, &limits, x, normal);
 }
 
 /* A particle that goes to x, `length` away, which is no farther than it is allowed. */
@@ -477,7 +477,7 @@ static void update_particle(const sweep_job *job, int worker, size_t i, block_su
                  .x = p->position[i],
                  .sigma = params->sigma * p->size[i],
                  .spacing = params->spacing * p->size[i],
-                 .boundary_axes = project_boundary_axes(params->field, p->position[i])};
+                 .boundary_axes = projection_boundary_axes(params->field, p->position[i])};
     pair_forces f;
     vec3_frame(p->normal[i], &a.axis1, &a.axis2);
     pair_forces_at(a.near, a.potential, a.x, a.axis1, a.axis2, a.sigma, &f);

@@ -12,7 +12,7 @@
 #include "sampler/sampler_internal.h"
 #include "sampler/start.h"
 #include "surface/boundary.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* For the estimate of progress: the share of a solve after which refined levels begin. */
 static const double FINE_BEGINS = 0.4;
@@ -210,7 +210,7 @@ static size_t count_on_boundary(const sampler *s)
 {
     size_t count = 0;
     for (size_t i = 0; i < s->state.p->count; i++)
-        count += project_boundary_axes(s->setup.field, s->state.p->position[i]) != 0;
+        count += projection_boundary_axes(s->setup.field, s->state.p->position[i]) != 0;
     return count;
 }
 

@@ -4,7 +4,7 @@
 #include "packing/packing.h"
 #include "sampler/random_streams.h"
 #include "surface/boundary.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* Points that start anywhere in the domain need a walk; those from cells are nearly there. */
 static const int WALK_STEPS = 50;
@@ -78,9 +78,9 @@ static bool is_degenerate(const field *f, vec3 x)
 static bool settle(const field *f, const sampler_params *params, double spacing, bbox near, vec3 *x,
                    vec3 *normal)
 {
-    const project_limits limits = {WALK_STEPS, START_ACCEPT * spacing, START_ACCEPT * spacing,
-                                   START_ACCEPT * spacing};
-    return project_point(f, &limits, x, normal) && bbox_contains(near, *x) &&
+    const projection_limits limits = {WALK_STEPS, START_ACCEPT * spacing, START_ACCEPT * spacing,
+                                      START_ACCEPT * spacing};
+    return projection_find(f, &limits, x, normal) && bbox_contains(near, *x) &&
            (params->start == SAMPLER_START_SURFACE || !is_degenerate(f, *x));
 }
 
@@ -105,7 +105,8 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
     double clear = BOUNDARY_CLEAR * boundary_spacing(request, x);
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(x, axis), n = vec3_get(normal, axis), slope = sqrt(fmax(1 - n * n, 0));
-        double height = fmin(at - vec3_get(f->rims.min, axis), vec3_get(f->rims.max, axis) - at);
+        double height =
+            fmin(at - vec3_get(f->boundary_box.min, axis), vec3_get(f->boundary_box.max, axis) - at);
         if (height < clear * slope) return true;
     }
     return false;

@@ -11,7 +11,7 @@
 #include "sampler/population.h"
 #include "sampler/random_streams.h"
 #include "sampler/sampler_internal.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* Lists reach this much farther than the widest Gaussian, of the mean radius. */
 static const double SKIN = 0.5;
@@ -224,10 +224,10 @@ static void place_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         double sigma = w->sigma[i], length = w->params.dt * vec3_norm(w->velocity[i]);
         double share = length > sigma ? sigma / length : 1;
-        const project_limits limits = {PROJECT_STEPS, OFF_SURFACE * sigma, 0, OFF_SURFACE * sigma};
+        const projection_limits limits = {PROJECT_STEPS, OFF_SURFACE * sigma, 0, OFF_SURFACE * sigma};
         vec3 old = s->state.p->position[i], x = vec3_axpy(share * w->params.dt, w->velocity[i], old);
         w->normal[i] = s->state.p->normal[i];
-        w->refused[i] = !project_point(s->setup.field, &limits, &x, &w->normal[i]) ||
+        w->refused[i] = !projection_find(s->setup.field, &limits, &x, &w->normal[i]) ||
                         vec3_norm(vec3_sub(x, old)) > RADIUS_FACTOR * sigma;
         if (w->refused[i]) x = old;
         w->place[i] = x;

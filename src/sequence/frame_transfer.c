@@ -13,7 +13,7 @@
 #include "sampler/random_streams.h"
 #include "sampler/relax.h"
 #include "sampler/schedule.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* On the surface to this fraction of the spacing; the relaxation does the rest. */
 static const double LANDED = 1e-3;
@@ -116,8 +116,8 @@ static bool candidates_make(candidates *c, error *e)
 static bool land(const candidates *c, vec3 *x, vec3 *normal)
 {
     double accept = LANDED * c->h;
-    const project_limits limits = {LANDING_STEPS, accept, accept, accept};
-    return project_point(c->f, &limits, x, normal) && bbox_contains(c->box, *x);
+    const projection_limits limits = {LANDING_STEPS, accept, accept, accept};
+    return projection_find(c->f, &limits, x, normal) && bbox_contains(c->box, *x);
 }
 
 /* A point that lay in a face of the domain stays in it. Points were written in single precision, perhaps. */
@@ -125,7 +125,7 @@ static vec3 keep_in_faces(const field *f, vec3 before, vec3 x)
 {
     for (int axis = 0; f->open && axis < 3; axis++) {
         float v = (float)vec3_get(before, axis);
-        double low = vec3_get(f->rims.min, axis), high = vec3_get(f->rims.max, axis);
+        double low = vec3_get(f->boundary_box.min, axis), high = vec3_get(f->boundary_box.max, axis);
         if (v == (float)low) vec3_set(&x, axis, low);
         if (v == (float)high) vec3_set(&x, axis, high);
     }
@@ -140,7 +140,7 @@ static void carry_chunk(void *context, int worker, size_t begin, size_t end)
         vec3 before = c->params->position[i],
              x = keep_in_faces(c->f, before, registration_apply(&c->motion, before));
         vec3 faced = registration_turn(&c->motion, c->params->normal[i]);
-        bool left = c->f->open && project_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
+        bool left = c->f->open && projection_boundary_axes(c->f, x) == 0 && !bbox_contains(c->f->domain, x);
         c->taken[i] = !left && land(c, &x, &c->normal[i]) && vec3_dot(faced, c->normal[i]) > OTHER_SHEET;
         c->position[i] = c->landed[i] = x;
         c->parent[i] = (uint32_t)i;
@@ -211,7 +211,7 @@ static bool carry_all(candidates *c, error *e)
     for (size_t i = 0; i < c->count; i++) c->taken[i] = false;
     for (int inner = 0; inner <= 1; inner++) /* who is on a boundary first: it is to stay closed */
         for (size_t i = 0; i < c->count; i++)
-            if (inner == (project_boundary_axes(c->f, c->position[i]) == 0))
+            if (inner == (projection_boundary_axes(c->f, c->position[i]) == 0))
                 c->taken[i] = !has_near(c, i, CROWDED, 0);
     close_gaps(c);
     return true;

@@ -439,7 +439,7 @@ const spec_row spec_rows[] = {
      UNSTORED,
      .prose = "A surface moved, turned, mirrored, scaled or sheared by a matrix. One that is open may only "
               "change its "
-              "axes' order, signs and scales, since rims lie along the world's axes."},
+              "axes' order, signs and scales, since boundaries lie along the world's axes."},
     {.pointer = "/surface/transform/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,

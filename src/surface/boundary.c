@@ -72,7 +72,7 @@ static bool add_segment(segments *all, const segment *s, error *e)
 {
     if (all->count == all->capacity) {
         size_t capacity = all->capacity ? 2 * all->capacity : 256;
-        segment *larger = mem_array(capacity, sizeof *larger, "the rims", e);
+        segment *larger = mem_array(capacity, sizeof *larger, "the boundary curves", e);
         if (!larger) return false;
         if (all->count) memcpy(larger, all->item, all->count * sizeof *larger);
         free(all->item);
@@ -138,8 +138,8 @@ static int compare_ends(const void *a, const void *b)
 
 static bool join_segments(segments *all, error *e)
 {
-    end *ends = mem_array(2 * all->count, sizeof *ends, "the rims", e);
-    all->partner = mem_array(2 * all->count, sizeof *all->partner, "the rims", e);
+    end *ends = mem_array(2 * all->count, sizeof *ends, "the boundary curves", e);
+    all->partner = mem_array(2 * all->count, sizeof *all->partner, "the boundary curves", e);
     if (!ends || !all->partner) {
         free(ends);
         return false;
@@ -262,9 +262,9 @@ typedef struct curves {
 
 static bool collect_curves(const boundary_request *r, const segments *all, curves *list, error *e)
 {
-    bool *seen = mem_array(all->count, sizeof *seen, "the rims", e);
-    vec3 *points = mem_array(all->count + 1, sizeof *points, "the rims", e);
-    curve *larger = mem_array(list->count + all->count, sizeof *larger, "the rims", e);
+    bool *seen = mem_array(all->count, sizeof *seen, "the boundary curves", e);
+    vec3 *points = mem_array(all->count + 1, sizeof *points, "the boundary curves", e);
+    curve *larger = mem_array(list->count + all->count, sizeof *larger, "the boundary curves", e);
     bool ok = seen && points && larger;
     if (ok) {
         if (list->count) memcpy(larger, list->item, list->count * sizeof *larger);
@@ -277,7 +277,7 @@ static bool collect_curves(const boundary_request *r, const segments *all, curve
             curve c = {.point = points};
             if (seen[k / 2] || (!closed && all->partner[k] != NONE)) continue;
             follow(r, all, k, seen, &c);
-            c.point = mem_array(c.count, sizeof *c.point, "the rims", e);
+            c.point = mem_array(c.count, sizeof *c.point, "the boundary curves", e);
             ok = c.point != NULL;
             if (!ok) break;
             memcpy(c.point, points, c.count * sizeof *c.point);
@@ -313,8 +313,8 @@ static bool place_all(const curves *list, placing *w, error *e)
     w->spacing = fmax(ROW_SPACING * w->request->spacing, length / most);
     double places = length / w->spacing + 3 * (double)list->count; /* two corners, and what rounding adds */
     w->capacity = (size_t)fmin(places, most);
-    w->out->position = mem_array(w->capacity, sizeof(vec3), "the rims", e);
-    w->out->normal = mem_array(w->capacity, sizeof(vec3), "the rims", e);
+    w->out->position = mem_array(w->capacity, sizeof(vec3), "the boundary curves", e);
+    w->out->normal = mem_array(w->capacity, sizeof(vec3), "the boundary curves", e);
     if (!w->out->position || !w->out->normal) return false;
     for (size_t k = 0; k < list->count; k++) place_corners(w, &list->item[k]);
     for (size_t k = 0; k < list->count; k++) place_row(w, &list->item[k]);
@@ -335,7 +335,7 @@ bool boundary_find(const surface *s, const boundary_request *request, boundary *
     *out = (boundary){0};
     if (!f->open || request->most == 0) return true;
     for (int face = 0; ok && face < 6; face++)
-        if (isfinite(vec3_get(face & 1 ? f->rims.max : f->rims.min, face >> 1)))
+        if (isfinite(vec3_get(face & 1 ? f->boundary_box.max : f->boundary_box.min, face >> 1)))
             ok = find_curves(s, request, face, &list, e);
     ok = ok && place_all(&list, &w, e);
     free_curves(&list);

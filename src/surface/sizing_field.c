@@ -6,7 +6,7 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 /* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
  * of the mean spacing, below which the request need not be told apart. */
@@ -92,12 +92,12 @@ static void request_cell(const request_job *job, size_t k)
     field_cell cell;
     surface_cell(job->scan, k, &cell);
     vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal;
-    const project_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size, SAMPLE_ACCEPT * f->cell_size,
-                                   SAMPLE_REJECT * f->cell_size};
+    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
+                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
     job->position[k] = middle;
     job->value[k] = NAN;
     field_sample s;
-    if (!project_point(f, &limits, &x, &normal) ||
+    if (!projection_find(f, &limits, &x, &normal) ||
         vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
         return;
     job->position[k] = x;

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 #define EDGES 64 /* an edge joins corners a < b: index 8 a + b */
 
@@ -61,11 +61,11 @@ typedef struct triangulation {
 /* A point near the surface, onto it, if that is within `reach`. */
 static void place_corner(const field *f, vec3 x, double reach, corner *c)
 {
-    const project_limits limits = {3, CORNER_TOLERANCE * f->cell_size, 10 * CORNER_TOLERANCE * f->cell_size,
-                                   0.05 * f->cell_size};
+    const projection_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
+                                      10 * CORNER_TOLERANCE * f->cell_size, 0.05 * f->cell_size};
     *c = (corner){.position = x, .known = true};
     vec3 p = x;
-    if (project_point(f, &limits, &p, &c->normal) && vec3_norm2(vec3_sub(p, x)) < reach * reach) {
+    if (projection_find(f, &limits, &p, &c->normal) && vec3_norm2(vec3_sub(p, x)) < reach * reach) {
         c->position = p;
         c->smooth = true;
     }

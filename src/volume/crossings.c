@@ -56,9 +56,9 @@ static unsigned all(const uint16_t *rows)
 static void note_open(crossings *c, const int32_t block[3], int x, int y, unsigned bits)
 {
     if (c->open_cells == 0) {
-        c->open_at[0] = block[0] * LATTICE_SIDE + x;
-        c->open_at[1] = block[1] * LATTICE_SIDE + y;
-        c->open_at[2] = block[2] * LATTICE_SIDE + __builtin_ctz(bits);
+        c->open_at[0] = block[0] * GRID_VIEW_SIDE + x;
+        c->open_at[1] = block[1] * GRID_VIEW_SIDE + y;
+        c->open_at[2] = block[2] * GRID_VIEW_SIDE + __builtin_ctz(bits);
     }
     c->open_cells += (unsigned)__builtin_popcount(bits);
 }
@@ -74,8 +74,8 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
     }
     crossing_block b = {{block[0], block[1], block[2]}, {8, 8, 8}, {0, 0, 0}, {0}};
     uint64_t cells = 0;
-    for (int x = 0; x < LATTICE_SIDE; x++)
-        for (int y = 0; y < LATTICE_SIDE; y++) {
+    for (int x = 0; x < GRID_VIEW_SIDE; x++)
+        for (int y = 0; y < GRID_VIEW_SIDE; y++) {
             const int row = CORNERS * x + y;
             unsigned bits = some(inside + row) & ~all(inside + row);
             if (c->known_only) bits &= all(known + row);
@@ -85,10 +85,10 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
                     return error_set(e, ERROR_INPUT_UNSUPPORTED,
                                      "has its surface at the limits of 32-bit index coordinates, near voxel "
                                      "%lld along axis %d: move the grid nearer to its origin",
-                                     (long long)block[axis] * LATTICE_SIDE, axis);
+                                     (long long)block[axis] * GRID_VIEW_SIDE, axis);
             unsigned open = known ? bits & ~all(known + row) : 0;
             if (open) note_open(c, block, x, y, open);
-            b.rows[LATTICE_SIDE * x + y] = (uint8_t)bits;
+            b.rows[GRID_VIEW_SIDE * x + y] = (uint8_t)bits;
             widen(&b, x, y, bits);
             cells += (unsigned)__builtin_popcount(bits);
         }
@@ -99,24 +99,25 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
 /* Copies the part of a neighbour that a block's cells touch: one layer where `upper` says so. */
 static void paste(const float *f, const uint64_t *bits, const int upper[3], float *corners, uint16_t *known)
 {
-    int nx = upper[0] ? 1 : LATTICE_SIDE, ny = upper[1] ? 1 : LATTICE_SIDE, nz = upper[2] ? 1 : LATTICE_SIDE;
+    int nx = upper[0] ? 1 : GRID_VIEW_SIDE, ny = upper[1] ? 1 : GRID_VIEW_SIDE,
+        nz = upper[2] ? 1 : GRID_VIEW_SIDE;
     for (int x = 0; x < nx; x++)
         for (int y = 0; y < ny; y++) {
-            int row = CORNERS * (x + LATTICE_SIDE * upper[0]) + y + LATTICE_SIDE * upper[1];
+            int row = CORNERS * (x + GRID_VIEW_SIDE * upper[0]) + y + GRID_VIEW_SIDE * upper[1];
             for (int z = 0; z < nz; z++)
-                corners[CORNERS * row + z + LATTICE_SIDE * upper[2]] = f[64 * x + 8 * y + z];
+                corners[CORNERS * row + z + GRID_VIEW_SIDE * upper[2]] = f[64 * x + 8 * y + z];
             unsigned byte = (unsigned)(bits[x] >> (8 * y)) & (upper[2] ? 1 : 0xFF);
-            known[row] = (uint16_t)(known[row] | byte << (LATTICE_SIDE * upper[2]));
+            known[row] = (uint16_t)(known[row] | byte << (GRID_VIEW_SIDE * upper[2]));
         }
 }
 
-static bool look_at(const lattice *l, const int32_t block[3], crossings *out, error *e)
+static bool look_at(const grid_view *l, const int32_t block[3], crossings *out, error *e)
 {
-    lattice_block near[8];
+    grid_view_block near[8];
     bool leaf = false, inside = false, outside = false;
     for (int k = 0; k < 8; k++) {
-        near[k] = lattice_find(l, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
-        if (near[k].leaf != BLOCKMAP_NONE)
+        near[k] = grid_view_find(l, block[0] + (k & 1), block[1] + (k >> 1 & 1), block[2] + (k >> 2));
+        if (near[k].leaf != BLOCK_MAP_NONE)
             leaf = true;
         else if (near[k].constant < 0)
             inside = true;
@@ -124,27 +125,27 @@ static bool look_at(const lattice *l, const int32_t block[3], crossings *out, er
             outside = true;
     }
     if (!leaf && !(inside && outside)) return true;
-    float f[LATTICE_VOXELS], corners[CORNERS * CORNERS * CORNERS];
-    uint64_t bits[LATTICE_SIDE];
+    float f[GRID_VIEW_VOXELS], corners[CORNERS * CORNERS * CORNERS];
+    uint64_t bits[GRID_VIEW_SIDE];
     uint16_t known[CORNERS * CORNERS] = {0};
     for (int k = 0; k < 8; k++) {
         const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
-        lattice_read(l, near[k], f, bits);
+        grid_view_read(l, near[k], f, bits);
         paste(f, bits, upper, corners, known);
     }
     return crossings_add(out, block, corners, known, e);
 }
 
 /* The blocks whose cells touch a face of a tile: in each axis the layer below it and its last one. */
-static bool add_shell(const vdb_tile *t, size_t most, blockmap *candidates, error *e)
+static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, error *e)
 {
-    int32_t low[3], side = t->side / LATTICE_SIDE;
+    int32_t low[3], side = t->side / GRID_VIEW_SIDE;
     for (int axis = 0; axis < 3; axis++) low[axis] = (t->origin[axis] >> 3) - 1;
     for (int32_t x = 0; x <= side; x++)
         for (int32_t y = 0; y <= side; y++) {
             bool edge = x == 0 || x == side || y == 0 || y == side;
             for (int32_t z = 0; z <= side; z += edge ? 1 : side)
-                if (!blockmap_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e)) return false;
+                if (!block_map_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e)) return false;
         }
     if (candidates->count > most)
         return error_set(
@@ -155,22 +156,22 @@ static bool add_shell(const vdb_tile *t, size_t most, blockmap *candidates, erro
     return true;
 }
 
-static bool add_candidates(const lattice *l, size_t memory_limit, blockmap *candidates, error *e)
+static bool add_candidates(const grid_view *l, size_t memory_limit, block_map *candidates, error *e)
 {
     for (uint32_t n = 0; n < l->leaves.count; n++) {
         const int32_t *b = l->leaves.blocks[n];
         for (int k = 0; k < 8; k++)
-            if (!blockmap_add(candidates, b[0] - (k & 1), b[1] - (k >> 1 & 1), b[2] - (k >> 2), NULL, e))
+            if (!block_map_add(candidates, b[0] - (k & 1), b[1] - (k >> 1 & 1), b[2] - (k >> 2), NULL, e))
                 return false;
     }
     /* The table doubles when it grows, and old and new exist side by side then. */
-    size_t most = memory_limit / (3 * blockmap_bytes(1024) / 1024);
+    size_t most = memory_limit / (3 * block_map_bytes(1024) / 1024);
     bool background_inside = l->background < 0;
     for (size_t i = 0; i < l->grid->tile_count; i++) {
         const vdb_tile *t = &l->grid->tiles[i];
         const int32_t *o = t->origin;
         /* A tile on the background's side matters only beside leaves and other tiles, which count. */
-        bool tile_inside = lattice_find(l, o[0] >> 3, o[1] >> 3, o[2] >> 3).constant < 0;
+        bool tile_inside = grid_view_find(l, o[0] >> 3, o[1] >> 3, o[2] >> 3).constant < 0;
         if (tile_inside == background_inside) continue;
         if (!add_shell(t, most, candidates, e)) return false;
     }
@@ -185,14 +186,14 @@ static int by_place(const void *a, const void *b)
     return 0;
 }
 
-bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error *e)
+bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, error *e)
 {
-    blockmap candidates;
-    crossings found = {.known_only = l->kind == LATTICE_DENSE};
-    bool ok = blockmap_init(&candidates, 2 * (size_t)l->leaves.count, e) &&
+    block_map candidates;
+    crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
+    bool ok = block_map_init(&candidates, 2 * (size_t)l->leaves.count, e) &&
               add_candidates(l, memory_limit, &candidates, e);
     for (uint32_t n = 0; ok && n < candidates.count; n++) ok = look_at(l, candidates.blocks[n], &found, e);
-    blockmap_free(&candidates);
+    block_map_free(&candidates);
     if (ok && found.count > 0) qsort(found.blocks, found.count, sizeof *found.blocks, by_place);
     if (ok)
         *out = found;

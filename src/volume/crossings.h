@@ -13,7 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "volume/lattice.h"
+#include "volume/grid_view.h"
 
 typedef struct crossing_block {
     int32_t block[3];
@@ -31,7 +31,7 @@ typedef struct crossings {
 } crossings;
 
 /* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
-bool crossings_find(const lattice *l, size_t memory_limit, crossings *out, error *e);
+bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, error *e);
 
 /* Adds a block whose corners are F at (x, y, z), 0..8 each, offset 81 x + 9 y + z; nothing is added
  * where no cell is crossed. `known`, bit z of known[9 x + y], may be NULL: all of them. */

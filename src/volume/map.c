@@ -6,14 +6,14 @@
 #include "base/memory.h"
 #include "geometry/affine.h"
 #include "vdb/vdb.h"
-#include "volume/choice.h"
-#include "volume/lattice.h"
+#include "volume/grid_selection.h"
+#include "volume/grid_view.h"
 
 struct map {
     double to_index[3][4];
     vdb_grid *grid;
-    lattice lattice; /* as a level set at 0: its values are the grid's own */
-    bool everywhere; /* the background is a value like any other */
+    grid_view grid_view; /* as a level set at 0: its values are the grid's own */
+    bool everywhere;     /* the background is a value like any other */
 };
 
 static bool check_finite(const vdb_grid *g, error *e)
@@ -40,7 +40,7 @@ static vdb_grid *load_grid(int fd, const char *request, size_t memory_limit, cha
 {
     vdb_class any;
     size_t index;
-    if (!choice_in_file(fd, request, &index, &any, name, e)) return NULL;
+    if (!grid_selection_find_in_file(fd, request, &index, &any, name, e)) return NULL;
     vdb_grid *grid = vdb_load_grid(fd, index, memory_limit, e);
     if (grid && check_finite(grid, e) && grid->active_voxels > 0) return grid;
     if (grid && grid->active_voxels == 0) error_set(e, ERROR_INPUT_UNSUPPORTED, "it has no active voxel");
@@ -67,7 +67,7 @@ map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, e
         m->everywhere = m->grid->background > 0;
         if (!m->everywhere) drop_inactive_tiles(m->grid);
     }
-    if (m->grid && lattice_init(&m->lattice, m->grid, LATTICE_LEVEL_SET, 0, e)) {
+    if (m->grid && grid_view_init(&m->grid_view, m->grid, GRID_VIEW_LEVEL_SET, 0, e)) {
         double to_world[3][4];
         for (int i = 0; i < 12; i++) to_world[i / 4][i % 4] = m->grid->index_to_world[i];
         affine_invert(to_world, m->to_index);
@@ -81,7 +81,7 @@ map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, e
 void map_close(map *m)
 {
     if (!m) return;
-    lattice_free(&m->lattice);
+    grid_view_free(&m->grid_view);
     vdb_grid_free(m->grid);
     free(m);
 }
@@ -96,9 +96,9 @@ size_t map_memory(const map *m)
 /* Whether a voxel counts, and its value. */
 static bool voxel(const map *m, const int32_t at[3], double *value)
 {
-    lattice_block b = lattice_find(&m->lattice, at[0] >> 3, at[1] >> 3, at[2] >> 3);
+    grid_view_block b = grid_view_find(&m->grid_view, at[0] >> 3, at[1] >> 3, at[2] >> 3);
     *value = (double)b.constant;
-    if (b.leaf == BLOCKMAP_NONE) return m->everywhere || b.constant != m->lattice.background;
+    if (b.leaf == BLOCK_MAP_NONE) return m->everywhere || b.constant != m->grid_view.background;
     size_t x = (size_t)(at[0] & 7), yz = (size_t)(8 * (at[1] & 7) + (at[2] & 7));
     *value = (double)m->grid->leaf_values[b.leaf * (size_t)VDB_LEAF_VOXELS + 64 * x + yz];
     return m->everywhere || m->grid->leaf_active[8 * (size_t)b.leaf + x] >> yz & 1;

@@ -14,7 +14,7 @@
 typedef struct map map;
 
 /* `fd` is open for reading and stays the caller's; `grid` as in volume_request; `path` is for messages only.
- * Errors: those of choice_find and vdb_load_grid, input_damaged for an active voxel that is not finite;
+ * Errors: those of grid_selection_find and vdb_load_grid, input_damaged for an active voxel that is not finite;
  * each names the file and the grid. */
 map *map_open(int fd, const char *path, const char *grid, size_t memory_limit, error *e);
 void map_close(map *m);

@@ -6,8 +6,8 @@
 
 #include "base/memory.h"
 
-#define SIDE LATTICE_SIDE
-#define VOXELS LATTICE_VOXELS
+#define SIDE GRID_VIEW_SIDE
+#define VOXELS GRID_VIEW_VOXELS
 
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
@@ -23,7 +23,7 @@ static int floor_div8(int v)
     return v >= 0 ? v / SIDE : -((SIDE - 1 - v) / SIDE);
 }
 
-bool samples_plan(const crossings *c, int reach, blockmap *map, error *e)
+bool samples_plan(const crossings *c, int reach, block_map *map, error *e)
 {
     for (size_t i = 0; i < c->count; i++) {
         const crossing_block *b = &c->blocks[i];
@@ -35,7 +35,7 @@ bool samples_plan(const crossings *c, int reach, blockmap *map, error *e)
         for (int x = first[0]; x <= last[0]; x++)
             for (int y = first[1]; y <= last[1]; y++)
                 for (int z = first[2]; z <= last[2]; z++)
-                    if (!blockmap_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e))
+                    if (!block_map_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e))
                         return false;
     }
     return true;
@@ -44,12 +44,12 @@ bool samples_plan(const crossings *c, int reach, blockmap *map, error *e)
 size_t samples_bytes(size_t count)
 {
     return count * (VOXELS * sizeof(float) + SIDE * sizeof(uint64_t) + 6 * sizeof(uint32_t)) +
-           blockmap_bytes(count);
+           block_map_bytes(count);
 }
 
 void samples_free(samples *s)
 {
-    blockmap_free(&s->map);
+    block_map_free(&s->map);
     free(s->f);
     free(s->known);
     free(s->near);
@@ -63,7 +63,7 @@ static void link_neighbours(samples *s)
             int32_t b[3];
             memcpy(b, s->map.blocks[n], sizeof b);
             b[k / 2] += k % 2 ? 1 : -1;
-            s->near[6 * (size_t)n + (size_t)k] = blockmap_find(&s->map, b[0], b[1], b[2]);
+            s->near[6 * (size_t)n + (size_t)k] = block_map_find(&s->map, b[0], b[1], b[2]);
         }
 }
 
@@ -84,7 +84,7 @@ static bool check_finite(const samples *s, error *e)
         b[2] * SIDE + (int)(v & 7));
 }
 
-bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
+bool samples_read(const grid_view *l, block_map *map, samples *out, error *e)
 {
     samples s = {.map = *map};
     memset(map, 0, sizeof *map);
@@ -96,7 +96,7 @@ bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
     if (ok) {
         for (size_t i = 0; i < n; i++) {
             const int32_t *b = s.map.blocks[i];
-            lattice_read(l, lattice_find(l, b[0], b[1], b[2]), s.f + i * VOXELS, s.known + i * SIDE);
+            grid_view_read(l, grid_view_find(l, b[0], b[1], b[2]), s.f + i * VOXELS, s.known + i * SIDE);
         }
         link_neighbours(&s);
         ok = check_finite(&s, e);
@@ -112,7 +112,7 @@ bool samples_read(const lattice *l, blockmap *map, samples *out, error *e)
 
 static uint64_t known_word(const samples *s, uint32_t block, int x)
 {
-    return block == BLOCKMAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
+    return block == BLOCK_MAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
 }
 
 /* The voxels of the layer x of a block that are not known but have a known one beside them: bit by
@@ -139,7 +139,7 @@ static inline bool peek(const samples *s, uint32_t block, const int at[3], int a
     int to = at[axis] + step;
     if (to < 0 || to >= SIDE) {
         block = s->near[6 * (size_t)block + (size_t)(2 * axis + (to >= SIDE))];
-        if (block == BLOCKMAP_NONE) return false;
+        if (block == BLOCK_MAP_NONE) return false;
         to &= SIDE - 1;
     }
     int offset = 64 * at[0] + 8 * at[1] + at[2] + (to - at[axis]) * stride_of[axis];
@@ -215,7 +215,7 @@ bool samples_extend(samples *s, error *e)
 static void copy_run(samples *s, int axis, uint32_t first, double *rows, bool back)
 {
     int along = stride_of[axis], a = stride_of[axis == 0 ? 1 : 0], b = stride_of[axis == 2 ? 1 : 2];
-    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
+    for (uint32_t n = first; n != BLOCK_MAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)]) {
         float *f = s->f + (size_t)n * VOXELS;
         for (int k = 0; k < SIDE; k++, rows += 64)
             for (int i = 0; i < SIDE; i++)
@@ -246,14 +246,14 @@ static void solve_run(double *rows, double *ratio, size_t length)
 static size_t run_length(const samples *s, int axis, uint32_t first)
 {
     size_t length = 0;
-    for (uint32_t n = first; n != BLOCKMAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)])
+    for (uint32_t n = first; n != BLOCK_MAP_NONE; n = s->near[6 * (size_t)n + (size_t)(2 * axis + 1)])
         length += SIDE;
     return length;
 }
 
 static bool starts_run(const samples *s, int axis, uint32_t n)
 {
-    return s->near[6 * (size_t)n + (size_t)(2 * axis)] == BLOCKMAP_NONE;
+    return s->near[6 * (size_t)n + (size_t)(2 * axis)] == BLOCK_MAP_NONE;
 }
 
 bool samples_prefilter(samples *s, error *e)
@@ -284,14 +284,14 @@ void samples_window(const samples *s, const int32_t block[3], int low, int side,
     uint32_t around[27];
     for (int k = 0; k < 27; k++)
         around[k] =
-            blockmap_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
+            block_map_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
     for (int x = low; x < low + side; x++)
         for (int y = low; y < low + side; y++) {
             int column = 9 * (floor_div8(x) + 1) + 3 * (floor_div8(y) + 1);
             size_t offset = (size_t)(64 * (x & 7) + 8 * (y & 7));
             for (int z = low; z < low + side; z++) {
                 uint32_t n = around[column + floor_div8(z) + 1];
-                *out++ = n == BLOCKMAP_NONE ? 0 : s->f[(size_t)n * VOXELS + offset + (size_t)(z & 7)];
+                *out++ = n == BLOCK_MAP_NONE ? 0 : s->f[(size_t)n * VOXELS + offset + (size_t)(z & 7)];
             }
         }
 }
@@ -328,8 +328,8 @@ void samples_known(const samples *s, const int32_t block[3], uint16_t known[81])
     memset(known, 0, 81 * sizeof *known);
     for (int k = 0; k < 8; k++) {
         const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
-        uint32_t n = blockmap_find(&s->map, block[0] + upper[0], block[1] + upper[1], block[2] + upper[2]);
-        for (int x = upper[0] * SIDE; n != BLOCKMAP_NONE && x < (upper[0] ? 9 : SIDE); x++)
+        uint32_t n = block_map_find(&s->map, block[0] + upper[0], block[1] + upper[1], block[2] + upper[2]);
+        for (int x = upper[0] * SIDE; n != BLOCK_MAP_NONE && x < (upper[0] ? 9 : SIDE); x++)
             for (int y = upper[1] * SIDE; y < (upper[1] ? 9 : SIDE); y++) {
                 unsigned row =
                     (unsigned)(s->known[(size_t)n * SIDE + (size_t)(x & 7)] >> (8 * (y & 7))) & 0xFF;

@@ -1,7 +1,7 @@
 /* samples: F at the voxels around the surface, block by block, and its turning into spline coefficients.
  *
  * The steps, each a function of its own: plan (which blocks), read, extend (level sets: continue the
- * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of lattice.h.
+ * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of grid_view.h.
  * Offsets, bits: see there. Threads: none; no shared state.
  */
 #ifndef HEXAD_VOLUME_SAMPLES_H
@@ -12,25 +12,25 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "volume/blockmap.h"
+#include "geometry/block_map.h"
 #include "volume/crossings.h"
-#include "volume/lattice.h"
+#include "volume/grid_view.h"
 
 typedef struct samples {
-    blockmap map;    /* by number */
+    block_map map;   /* by number */
     float *f;        /* 512 a block */
     uint64_t *known; /* 8 words a block */
     uint32_t *near;  /* 6 numbers a block: below and above along x, y, z */
 } samples;
 
 /* Adds to `map` every block with a voxel up to `reach` voxels from a corner of a crossed cell. */
-bool samples_plan(const crossings *c, int reach, blockmap *map, error *e);
+bool samples_plan(const crossings *c, int reach, block_map *map, error *e);
 
 /* Bytes that samples of `count` blocks take. */
 size_t samples_bytes(size_t count);
 
 /* Takes over the planned map (also when it fails). Values that are not finite are input_damaged. */
-bool samples_read(const lattice *l, blockmap *map, samples *out, error *e);
+bool samples_read(const grid_view *l, block_map *map, samples *out, error *e);
 void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear

@@ -9,12 +9,12 @@
 #include "base/memory.h"
 #include "field/spline.h"
 #include "geometry/affine.h"
+#include "mesh/mesh_file.h"
 #include "vdb/vdb.h"
-#include "volume/choice.h"
 #include "volume/crossings.h"
-#include "volume/dense.h"
-#include "volume/lattice.h"
-#include "volume/mesh_file.h"
+#include "volume/dense_grid.h"
+#include "volume/grid_selection.h"
+#include "volume/grid_view.h"
 #include "volume/samples.h"
 
 /* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
@@ -46,7 +46,7 @@ struct volume {
     field base; /* first: the field's functions get this pointer */
     double to_index[3][4], to_world[3][4];
     double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
-    blockmap map;
+    block_map map;
     float *coefficients; /* BRICK_SIZE a block of the map */
     uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
     uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
@@ -62,11 +62,11 @@ typedef struct loading {
     char name[300]; /* of what is read, for messages: `grid "NAME"` or `its level set` */
     size_t memory_limit;
     vdb_grid *grid;
-    lattice_kind kind;
-    dense_facts facts; /* of a dense volume */
-    lattice lattice;
+    grid_view_kind kind;
+    dense_grid_facts facts; /* of a dense volume */
+    grid_view grid_view;
     crossings crossings;
-    blockmap reach;
+    block_map reach;
     samples samples;
     bool smooth;
 } loading;
@@ -89,8 +89,8 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
         cell[axis] = i & 7;
         t[axis] = p[axis] - (double)i;
     }
-    uint32_t n = blockmap_find(&v->map, block[0], block[1], block[2]);
-    if (n == BLOCKMAP_NONE) return false;
+    uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
+    if (n == BLOCK_MAP_NONE) return false;
     const float *corner =
         v->coefficients + (size_t)n * BRICK_SIZE + cell[0] * BRICK_SLAB + cell[1] * BRICK_SIDE + cell[2];
     spline_jet jet;
@@ -129,11 +129,11 @@ static bool is_near(const volume *v, const int32_t cell[3])
     for (int32_t x = cell[0] - NEAR; x <= cell[0] + NEAR; x++)
         for (int32_t y = cell[1] - NEAR; y <= cell[1] + NEAR; y++)
             for (int32_t z = cell[2] - NEAR; z <= cell[2] + NEAR;) {
-                uint32_t n = blockmap_find(&v->map, x >> 3, y >> 3, z >> 3);
+                uint32_t n = block_map_find(&v->map, x >> 3, y >> 3, z >> 3);
                 int32_t end =
                     (z | 7) < cell[2] + NEAR ? z | 7 : cell[2] + NEAR; /* the row's last in this block */
                 unsigned row = (2u << (end & 7)) - (1u << (z & 7));
-                if (n != BLOCKMAP_NONE &&
+                if (n != BLOCK_MAP_NONE &&
                     v->crossed[64 * (size_t)n + 8 * (size_t)(x & 7) + (size_t)(y & 7)] & row)
                     return true;
                 z = end + 1;
@@ -159,8 +159,8 @@ static double side(const field *f, vec3 x)
     for (double k = 0; k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
         const int32_t at[3] = {(int32_t)floor(p.x), (int32_t)floor(p.y), (int32_t)floor(p.z)};
-        uint32_t n = blockmap_find(&v->map, at[0] >> 3, at[1] >> 3, at[2] >> 3);
-        if (n == BLOCKMAP_NONE) continue;
+        uint32_t n = block_map_find(&v->map, at[0] >> 3, at[1] >> 3, at[2] >> 3);
+        if (n == BLOCK_MAP_NONE) continue;
         if (k == 0 && is_near(v, at)) return 0;
         int bit = 8 * (at[1] & 7) + (at[2] & 7);
         return v->inside[8 * (size_t)n + (size_t)(at[0] & 7)] >> bit & 1 ? -1 : 1;
@@ -188,12 +188,12 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
     vdb_class class;
     size_t index;
-    if (!choice_in_file(r->fd, r->grid, &index, &class, v->info.grid, e)) return false;
+    if (!grid_selection_find_in_file(r->fd, r->grid, &index, &class, v->info.grid, e)) return false;
     snprintf(l->name, sizeof l->name, "grid \"%s\"", v->info.grid);
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     v->info.level_set = class == VDB_LEVEL_SET;
-    l->kind = v->info.level_set ? LATTICE_LEVEL_SET : LATTICE_FOG;
+    l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
     if (!v->info.level_set && !r->has_isovalue)
         return error_set(
             e, ERROR_ISOVALUE_REQUIRED,
@@ -234,7 +234,7 @@ static void set_transform(volume *v, const double m[16])
 
 static bool no_crossing(const loading *l, const volume *v, error *e)
 {
-    const lattice *a = &l->lattice;
+    const grid_view *a = &l->grid_view;
     if (v->info.triangles)
         return error_set(
             e, ERROR_NO_SURFACE,
@@ -251,13 +251,13 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
 
 static bool find_crossings(loading *l, volume *v, error *e)
 {
-    if (!lattice_init(&l->lattice, l->grid, l->kind, v->info.isovalue, e) ||
-        !crossings_find(&l->lattice, l->memory_limit, &l->crossings, e))
+    if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, e) ||
+        !crossings_find(&l->grid_view, l->memory_limit, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
-    if (l->kind == LATTICE_DENSE) { /* not those of the voxels beyond the data's end */
-        l->lattice.lowest = l->facts.lowest;
-        l->lattice.highest = l->facts.highest;
+    if (l->kind == GRID_VIEW_DENSE) { /* not those of the voxels beyond the data's end */
+        l->grid_view.lowest = l->facts.lowest;
+        l->grid_view.highest = l->facts.highest;
     }
     if (c->cells == 0) return no_crossing(l, v, e);
     if (c->open_cells == 0) return true;
@@ -274,13 +274,13 @@ static bool find_crossings(loading *l, volume *v, error *e)
 static size_t held_bytes(size_t bricks, size_t cells)
 {
     return sizeof(volume) + bricks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 64) +
-           blockmap_bytes(bricks) + cells * sizeof(crossed_cell);
+           block_map_bytes(bricks) + cells * sizeof(crossed_cell);
 }
 
 static bool plan(loading *l, volume *v, error *e)
 {
-    if (!blockmap_init(&v->map, 2 * l->crossings.count, e) ||
-        !blockmap_init(&l->reach, 4 * l->crossings.count, e) ||
+    if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
+        !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
         !samples_plan(&l->crossings, MARGIN, &v->map, e) || !samples_plan(&l->crossings, REACH, &l->reach, e))
         return error_prefix(e, "%s", l->name);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
@@ -300,7 +300,7 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
 {
     float corners[729];
     uint16_t known[81];
-    crossings found = {.known_only = l->kind == LATTICE_DENSE};
+    crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
     bool ok = true;
     for (uint32_t n = 0; ok && n < v->map.count; n++) {
         samples_corners(&l->samples, v->map.blocks[n], true, corners);
@@ -309,8 +309,8 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     }
     crossings_free(&l->crossings);
     l->crossings = found;
-    blockmap_free(&v->map);
-    if (!ok || !blockmap_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
+    block_map_free(&v->map);
+    if (!ok || !block_map_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
         return error_set(
@@ -322,11 +322,11 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
 
 static bool read_samples(loading *l, volume *v, error *e)
 {
-    bool ok = samples_read(&l->lattice, &l->reach, &l->samples, e);
-    lattice_free(&l->lattice);
+    bool ok = samples_read(&l->grid_view, &l->reach, &l->samples, e);
+    grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (l->kind == LATTICE_LEVEL_SET && !samples_extend(&l->samples, e)))
+    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_extend(&l->samples, e)))
         return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
@@ -339,13 +339,13 @@ static bool make_cells(loading *l, volume *v, error *e)
     for (size_t i = 0; i < l->crossings.count; i++) {
         const crossing_block *b = &l->crossings.blocks[i];
         samples_corners(&l->samples, b->block, l->smooth, corners);
-        for (int k = 0; k < LATTICE_VOXELS; k++) {
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
             int x = k >> 6, y = k >> 3 & 7, z = k & 7;
             if (!(b->rows[k >> 3] >> z & 1)) continue;
             crossed_cell *c = &v->cells[v->cell_count++];
-            c->at[0] = b->block[0] * LATTICE_SIDE + x;
-            c->at[1] = b->block[1] * LATTICE_SIDE + y;
-            c->at[2] = b->block[2] * LATTICE_SIDE + z;
+            c->at[0] = b->block[0] * GRID_VIEW_SIDE + x;
+            c->at[1] = b->block[1] * GRID_VIEW_SIDE + y;
+            c->at[2] = b->block[2] * GRID_VIEW_SIDE + z;
             for (int corner = 0; corner < 8; corner++)
                 c->value[corner] =
                     corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
@@ -361,14 +361,14 @@ static bool note_sides(const loading *l, volume *v, error *e)
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
     if (!v->inside || !v->crossed) return false;
     for (uint32_t n = 0; n < v->map.count; n++) {
-        float f[LATTICE_VOXELS];
-        samples_window(&l->samples, v->map.blocks[n], 0, LATTICE_SIDE, f);
-        for (int k = 0; k < LATTICE_VOXELS; k++)
+        float f[GRID_VIEW_VOXELS];
+        samples_window(&l->samples, v->map.blocks[n], 0, GRID_VIEW_SIDE, f);
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++)
             if (f[k] < 0) v->inside[8 * (size_t)n + (size_t)(k >> 6)] |= (uint64_t)1 << (k & 63);
     }
     for (size_t k = 0; k < l->crossings.count; k++) {
         const crossing_block *b = &l->crossings.blocks[k];
-        uint32_t n = blockmap_find(&v->map, b->block[0], b->block[1], b->block[2]);
+        uint32_t n = block_map_find(&v->map, b->block[0], b->block[1], b->block[2]);
         memcpy(v->crossed + 64 * (size_t)n, b->rows, sizeof b->rows);
     }
     return true;
@@ -387,8 +387,8 @@ static bool make_bricks(loading *l, volume *v, error *e)
         const int32_t *b = v->map.blocks[n];
         samples_window(&l->samples, b, -1, BRICK_SIDE, v->coefficients + (size_t)n * BRICK_SIZE);
         for (int axis = 0; axis < 3; axis++) {
-            v->low[axis] = fmin(v->low[axis], (double)b[axis] * LATTICE_SIDE);
-            v->high[axis] = fmax(v->high[axis], ((double)b[axis] + 1) * LATTICE_SIDE);
+            v->low[axis] = fmin(v->low[axis], (double)b[axis] * GRID_VIEW_SIDE);
+            v->high[axis] = fmax(v->high[axis], ((double)b[axis] + 1) * GRID_VIEW_SIDE);
         }
     }
     return true;
@@ -428,10 +428,10 @@ static bool build(loading *l, volume *v, error *e)
 
 static void loading_free(loading *l)
 {
-    lattice_free(&l->lattice);
+    grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     crossings_free(&l->crossings);
-    blockmap_free(&l->reach);
+    block_map_free(&l->reach);
     samples_free(&l->samples);
 }
 
@@ -464,7 +464,7 @@ static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh 
     const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit, r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
-    l->kind = LATTICE_LEVEL_SET;
+    l->kind = GRID_VIEW_LEVEL_SET;
     if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;
     double band = (double)l->grid->background, voxel = band / r->band_vox;
     if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
@@ -514,7 +514,7 @@ volume *volume_open_mesh(const volume_mesh_request *request, error *e)
 /* ---- dense volumes */
 
 /* Data whose corners stray this far, of a voxel, from a box aligned with the world's axes count as aligned:
- * matrices are stored in single precision, and a rim that is off by as much shows in no measure. */
+ * matrices are stored in single precision, and a boundary that is off by as much shows in no measure. */
 static const double stray_limit = 1e-3;
 
 /* Along which world axis each axis of the data lies, 0 to 2, or false. */
@@ -553,7 +553,7 @@ static unsigned faces_met(const volume *v, const crossed_cell *c)
 static void set_ends(volume *v)
 {
     int world_of[3];
-    unsigned met = 0, rims = 0;
+    unsigned met = 0, boundary = 0;
     for (size_t k = 0; k < v->cell_count; k++) met |= faces_met(v, &v->cells[k]);
     v->loose = !find_axes(v, world_of);
     for (int face = 0; face < 6 && !v->loose; face++) {
@@ -563,9 +563,9 @@ static void set_ends(volume *v)
                     (face & 1 ? v->to_world[along][axis] * (double)(v->info.size[axis] - 1) : 0);
         bool high = (v->to_world[along][axis] > 0) == (face & 1);
         vec3_set(high ? &v->base.domain.max : &v->base.domain.min, along, at);
-        rims |= 1u << (2 * along + high);
+        boundary |= 1u << (2 * along + high);
     }
-    field_set_rims(&v->base, rims);
+    field_set_boundary(&v->base, boundary);
 }
 
 size_t volume_loose_ends(const volume *v, bbox box)
@@ -584,7 +584,7 @@ size_t volume_loose_ends(const volume *v, bbox box)
 
 static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)
 {
-    const dense_facts *facts = &l->facts;
+    const dense_grid_facts *facts = &l->facts;
     const double *m = r->source->index_to_world;
     double to_world[3][4], to_index[3][4];
     for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = m[k];
@@ -593,14 +593,14 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
         return error_set(e, ERROR_INPUT_DAMAGED,
                          "has axes that lie in one plane: its orientation cannot be inverted");
     snprintf(l->name, sizeof l->name, "the volume");
-    l->kind = LATTICE_DENSE;
+    l->kind = GRID_VIEW_DENSE;
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
     v->info.isovalue = r->isovalue;
     memcpy(v->info.size, r->source->size, sizeof v->info.size);
     memcpy(v->info.format, r->source->format, sizeof v->info.format);
     memcpy(v->info.space, r->source->space, sizeof v->info.space);
-    l->grid = dense_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
+    l->grid = dense_grid_make(r->source, r->isovalue, r->memory_limit, &l->facts, e);
     if (!l->grid) return false;
     v->info.active_voxels = l->grid->active_voxels;
     if (*r->source->warning) warn(&v->info, "%s", r->source->warning);
@@ -632,7 +632,7 @@ volume *volume_open_dense(const volume_dense_request *request, error *e)
 void volume_close(volume *v)
 {
     if (!v) return;
-    blockmap_free(&v->map);
+    block_map_free(&v->map);
     free(v->coefficients);
     free(v->inside);
     free(v->crossed);

@@ -16,9 +16,9 @@
 #include "base/error.h"
 #include "base/isa.h"
 #include "base/threads.h"
+#include "dense/slices.h"
 #include "field/field.h"
-#include "volume/levelset.h"
-#include "volume/slices.h"
+#include "mesh/levelset.h"
 
 typedef struct volume volume;
 
@@ -92,14 +92,14 @@ volume *volume_open(const volume_request *request, error *e);
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 
-/* The same for a dense volume. Where the surface meets the end of the data it is open, with a rim on that
+/* The same for a dense volume. Where the surface meets the end of the data it is open, with a boundary on that
  * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).
  * Errors: those of the slices; no_surface; limit_memory; input_damaged for a transform that cannot be
  * inverted. */
 volume *volume_open_dense(const volume_dense_request *request, error *e);
 
 /* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
- * world's axes, so that rims cannot lie there. */
+ * world's axes: the sampler cannot follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "base/threads.h"
-#include "volume/mesh.h"
+#include "mesh/mesh.h"
 
 /* Two workers, for as long as the program runs. */
 threads *mesh_fixture_pool(void);

@@ -117,7 +117,7 @@ static void trace_face(face *f, const field *whole, int number, double h)
 {
     *f = (face){
         .field = whole, .axis = number >> 1, .u = ((number >> 1) + 1) % 3, .v = ((number >> 1) + 2) % 3};
-    f->plane = vec3_get(number & 1 ? whole->rims.max : whole->rims.min, f->axis);
+    f->plane = vec3_get(number & 1 ? whole->boundary_box.max : whole->boundary_box.min, f->axis);
     vec3 size = bbox_size(whole->domain);
     f->nu = (int)fmin(ceil(vec3_get(size, f->u) / h * SQUARES_PER_SPACING), SQUARES_MOST);
     f->nv = (int)fmin(ceil(vec3_get(size, f->v) / h * SQUARES_PER_SPACING), SQUARES_MOST);
@@ -241,7 +241,8 @@ static rim_rows measure_rims(const field *whole, const sampler_points *p, double
     rim_rows out = {0};
     for (int number = 0; number < 6; number++) {
         face f;
-        if (isinf(vec3_get(number & 1 ? whole->rims.max : whole->rims.min, number >> 1))) continue;
+        if (isinf(vec3_get(number & 1 ? whole->boundary_box.max : whole->boundary_box.min, number >> 1)))
+            continue;
         trace_face(&f, whole, number, h);
         size_t edges = 2 * (size_t)(f.nu + 1) * (size_t)(f.nv + 1);
         for (size_t edge = 0; edge < edges; edge++) {

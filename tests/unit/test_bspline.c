@@ -254,9 +254,9 @@ static void open_where_the_surface_meets_a_face(void **state)
     bspline_free(b);
     b = make(&x, along_x);
     assert_true(b->base.open);
-    assert_true(b->base.rims.min.x == -INFINITY && b->base.rims.max.x == INFINITY);
-    assert_true(b->base.rims.min.y == oblong.min.y && b->base.rims.max.y == oblong.max.y);
-    assert_true(b->base.rims.min.z == oblong.min.z && b->base.rims.max.z == oblong.max.z);
+    assert_true(b->base.boundary_box.min.x == -INFINITY && b->base.boundary_box.max.x == INFINITY);
+    assert_true(b->base.boundary_box.min.y == oblong.min.y && b->base.boundary_box.max.y == oblong.max.y);
+    assert_true(b->base.boundary_box.min.z == oblong.min.z && b->base.boundary_box.max.z == oblong.max.z);
     assert_true(b->base.extent == 4);
     error e = {0};
     threads *pool = threads_new(1, NULL, &e);

@@ -1,4 +1,4 @@
-/* Meshes as arrays: distances, insides, topology, and the level set against exact formulas. */
+/* Meshes as arrays: distances, insides, repair, and the level set against exact formulas. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,10 +12,10 @@
 
 #include "base/memory.h"
 #include "mesh_fixture.h"
-#include "volume/columns.h"
-#include "volume/levelset.h"
-#include "volume/topology.h"
-#include "volume/triangle.h"
+#include "mesh/levelset.h"
+#include "mesh/mesh_repair.h"
+#include "mesh/triangle.h"
+#include "mesh/winding_number.h"
 #include "volume_fixture.h"
 
 enum { SEED = 20260720 };
@@ -62,69 +62,69 @@ static void distance_from_triangles(void **state)
     }
 }
 
-static columns_point *fix_all(const mesh *m)
+static winding_point *fix_all(const mesh *m)
 {
-    columns_point *fixed = mem_array(m->vertex_count, sizeof *fixed, "test", NULL);
-    for (size_t n = 0; n < m->vertex_count; n++) fixed[n] = columns_fix(m->vertex[n]);
+    winding_point *fixed = mem_array(m->vertex_count, sizeof *fixed, "test", NULL);
+    for (size_t n = 0; n < m->vertex_count; n++) fixed[n] = winding_fix(m->vertex[n]);
     return fixed;
 }
 
 /* Boxes with corners, edges and faces on the lines themselves: each line is counted once all the same. */
-static void columns_through_corners(void **state)
+static void winding_through_corners(void **state)
 {
     (void)state;
     mesh m = mesh_fixture_box((vec3){8, 9, 10.25}, (vec3){5, 7, 6}, 0);
-    columns_point *fixed = fix_all(&m);
+    winding_point *fixed = fix_all(&m);
     const uint32_t first[2] = {0, 12};
-    columns c;
+    winding_columns c;
     error e = {0};
-    assert_true(columns_make(&m, fixed, first, 1, 1 << 24, &c, &e));
+    assert_true(winding_make(&m, fixed, first, 1, 1 << 24, &c, &e));
     int inside = 0;
     for (int x = -2; x < 20; x++)
         for (int y = -2; y < 20; y++)
             for (int z = -8; z < 32; z += 8) {
-                unsigned bits = columns_inside(&c, 0, false, x, y, z);
-                assert_int_equal(bits, columns_inside(&c, 0, true, x, y, z));
+                unsigned bits = winding_inside(&c, 0, false, x, y, z);
+                assert_int_equal(bits, winding_inside(&c, 0, true, x, y, z));
                 for (int k = 0; k < 8; k++) {
                     const int32_t at[3] = {x, y, z + k};
                     bool one_sided = false;
-                    assert_int_equal(bits >> k & 1, columns_covers(&c, &one_sided, NULL, 0, at));
+                    assert_int_equal(bits >> k & 1, winding_covers(&c, &one_sided, NULL, 0, at));
                 }
                 inside += __builtin_popcount(bits);
             }
     assert_int_equal(inside, 10 * 14 * 12); /* [3, 13) x [2, 16) x 5..16 */
-    columns_free(&c);
+    winding_free(&c);
     free(fixed);
     mesh_free(&m);
 }
 
-static void columns_of_a_ball(void **state)
+static void winding_of_a_ball(void **state)
 {
     (void)state;
     const vec3 center = {20, 20, 20};
     mesh m = mesh_fixture_ball(center, 15, 3);
-    columns_point *fixed = fix_all(&m);
+    winding_point *fixed = fix_all(&m);
     const uint32_t first[2] = {0, (uint32_t)m.triangle_count};
-    columns c;
+    winding_columns c;
     error e = {0};
-    assert_true(columns_make(&m, fixed, first, 1, 1 << 24, &c, &e));
+    assert_true(winding_make(&m, fixed, first, 1, 1 << 24, &c, &e));
     for (int x = 0; x < 40; x++)
         for (int y = 0; y < 40; y++)
             for (int z = 0; z < 40; z++) {
                 double r = vec3_norm(vec3_sub((vec3){x, y, z}, center));
-                bool inside = columns_inside(&c, 0, false, x, y, z) & 1;
+                bool inside = winding_inside(&c, 0, false, x, y, z) & 1;
                 if (r < 14.8 && !inside) fail_msg("(%d, %d, %d) is not inside", x, y, z);
                 if (r > 15 && inside) fail_msg("(%d, %d, %d) is inside", x, y, z);
             }
-    columns_free(&c);
+    winding_free(&c);
     error few = {0};
-    assert_false(columns_make(&m, fixed, first, 1, 1000, &c, &few));
+    assert_false(winding_make(&m, fixed, first, 1, 1000, &c, &few));
     assert_int_equal(few.code, ERROR_LIMIT_MEMORY);
     free(fixed);
     mesh_free(&m);
 }
 
-/* ---- topology */
+/* ---- mesh repair */
 
 typedef struct judgement {
     bool ok;
@@ -136,14 +136,14 @@ typedef struct judgement {
 static judgement judge(mesh m)
 {
     judgement j = {0};
-    topology t = {0};
+    mesh_solids t = {0};
     assert_true(mesh_weld(&m, &j.notes, &j.e));
-    columns_point *fixed = fix_all(&m);
-    j.ok = topology_settle(&m, fixed, &t, &j.notes, &j.e);
+    winding_point *fixed = fix_all(&m);
+    j.ok = mesh_repair_solids(&m, fixed, &t, &j.notes, &j.e);
     j.triangles = m.triangle_count;
     j.solids = t.solid_count;
     if (j.ok) assert_int_equal(t.first[t.solid_count], m.triangle_count);
-    topology_free(&t);
+    mesh_solids_free(&t);
     free(fixed);
     mesh_free(&m);
     return j;
@@ -628,8 +628,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(distance_from_triangles),
-        cmocka_unit_test(columns_through_corners),
-        cmocka_unit_test(columns_of_a_ball),
+        cmocka_unit_test(winding_through_corners),
+        cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
         cmocka_unit_test(holes_are_counted),
         cmocka_unit_test(walls_within_are_refused),

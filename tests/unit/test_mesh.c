@@ -17,7 +17,7 @@
 
 #include "base/memory.h"
 #include "mesh_fixture.h"
-#include "volume/mesh_reader.h"
+#include "mesh/mesh_reader.h"
 #include "volume_fixture.h"
 
 enum { SEED = 20260721, FAKES = 14 };

@@ -124,9 +124,9 @@ static void rims_are_where_the_surface_is_cut(void **state)
     part p;
     cut(&ball, (bbox){{-9, -9, 0.5}, {9, 0.25, 9}}, &p);
     assert_true(p.field->open);
-    assert_true(p.field->rims.min.x == -INFINITY && p.field->rims.max.x == INFINITY);
-    assert_true(p.field->rims.min.y == -INFINITY && p.field->rims.max.y == 0.25);
-    assert_true(p.field->rims.min.z == 0.5 && p.field->rims.max.z == INFINITY);
+    assert_true(p.field->boundary_box.min.x == -INFINITY && p.field->boundary_box.max.x == INFINITY);
+    assert_true(p.field->boundary_box.min.y == -INFINITY && p.field->boundary_box.max.y == 0.25);
+    assert_true(p.field->boundary_box.min.z == 0.5 && p.field->boundary_box.max.z == INFINITY);
     assert_true(p.field->domain.max.y == 0.25 && p.field->domain.min.z == 0.5);
     assert_true(p.field->domain.max.z == p.whole->base.domain.max.z);
     assert_true(p.field->extent == p.whole->base.extent);
@@ -135,11 +135,12 @@ static void rims_are_where_the_surface_is_cut(void **state)
     assert_close(p.scan->box.max.x, sqrt(0.75), 1e-3);
     assert_close(p.scan->box.max.z, 1, 1e-3);
     release(&p);
-    /* what the domain of the whole cuts stays a rim where the region reaches it */
+    /* what the domain of the whole cuts stays a boundary where the region reaches it */
     cut(&maze, (bbox){{0.25, -1, -1}, {0.5, 0.75, 9}}, &p);
-    const bbox *rims = &p.field->rims;
-    assert_true(rims->min.x == 0.25 && rims->max.x == 0.5 && rims->min.y == 0 && rims->max.y == 0.75);
-    assert_true(rims->min.z == 0 && rims->max.z == 1);
+    const bbox *boundary = &p.field->boundary_box;
+    assert_true(boundary->min.x == 0.25 && boundary->max.x == 0.5 && boundary->min.y == 0 &&
+                boundary->max.y == 0.75);
+    assert_true(boundary->min.z == 0 && boundary->max.z == 1);
     release(&p);
 }
 

@@ -10,7 +10,7 @@
 #include "close.h"
 #include "sequence/registration.h"
 #include "shapes.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 #include "surface/surface.h"
 
 enum { POINTS = 3000 };
@@ -28,11 +28,11 @@ static void scatter(const analytic_params *shape, vec3 out[POINTS])
     surface *scan = a && pool ? surface_scan(&a->base, pool, &e) : NULL;
     if (!scan) fail_msg("%s", e.message);
     rng r = rng_seed(test_seed(), 0);
-    const project_limits limits = {20, 1e-9, 1e-9, 1e-9};
+    const projection_limits limits = {20, 1e-9, 1e-9, 1e-9};
     for (int k = 0; k < POINTS; k++) {
         vec3 normal;
         out[k] = surface_point(scan, scan->area_before, (k + 0.5) / POINTS * scan->area, &r);
-        assert_true(project_point(&a->base, &limits, &out[k], &normal));
+        assert_true(projection_find(&a->base, &limits, &out[k], &normal));
     }
     surface_free(scan);
     threads_free(pool);

@@ -10,7 +10,7 @@
 #include "close.h"
 #include "sampler/relax.h"
 #include "shapes.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 #include "surface/surface.h"
 
 enum { COUNT = 600 };
@@ -28,7 +28,7 @@ static void set_up(bench *b, int shape, const fast_kernel *forces, uint64_t stre
 {
     error e = {0};
     rng r = rng_seed(test_seed(), stream);
-    const project_limits limits = {20, 1e-9, 1e-8, 1e-6};
+    const projection_limits limits = {20, 1e-9, 1e-8, 1e-6};
     b->a = analytic_new(&shapes[shape], NULL, &e);
     b->pool = threads_new(2, NULL, &e);
     b->scan = surface_scan(&b->a->base, b->pool, &e);
@@ -37,7 +37,7 @@ static void set_up(bench *b, int shape, const fast_kernel *forces, uint64_t stre
     assert_non_null(b->r);
     for (size_t i = 0; i < COUNT;) {
         vec3 x = surface_point(b->scan, b->scan->area_before, rng_uniform(&r) * b->scan->area, &r);
-        if (!project_point(&b->a->base, &limits, &x, &b->p->normal[i])) continue;
+        if (!projection_find(&b->a->base, &limits, &x, &b->p->normal[i])) continue;
         b->p->alpha[i] = forces ? 1 : 0.5 + rng_uniform(&r);
         b->p->position[i++] = x;
     }

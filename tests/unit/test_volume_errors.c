@@ -15,7 +15,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
-#include "volume/exr_stack.h"
+#include "dense/exr_stack.h"
 #include "volume_fixture.h"
 
 #define SEED 777u

@@ -11,7 +11,7 @@
 #include "close.h"
 #include "packing/voronoi.h"
 #include "shapes.h"
-#include "surface/project.h"
+#include "surface/projection.h"
 
 enum { SIDE = 24, SHEET = SIDE * SIDE, MOST = 3000 };
 
@@ -205,11 +205,11 @@ static void scatter(set *s, int shape, double spacing, double least, rng *r)
     error e = {0};
     analytic *a = analytic_new(&shapes[shape], NULL, &e);
     if (!a) fail_msg("%s", e.message);
-    const project_limits limits = {20, 1e-9, 1e-9, 1e-9};
+    const projection_limits limits = {20, 1e-9, 1e-9, 1e-9};
     s->count = 0;
     for (int draw = 0; draw < 20000 && s->count < MOST; draw++) {
         vec3 x = random_between(r, a->base.domain.min, a->base.domain.max), n;
-        if (!project_point(&a->base, &limits, &x, &n)) continue;
+        if (!projection_find(&a->base, &limits, &x, &n)) continue;
         bool free_place = true;
         for (size_t k = 0; k < s->count && free_place; k++)
             free_place = vec3_norm2(vec3_sub(x, s->position[k])) > least * least * spacing * spacing;

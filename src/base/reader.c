@@ -1,0 +1,75 @@
+#include "base/reader.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+bool reader_check_file(int fd, const char *what, off_t *size, error *e)
+{
+    static const char lfs[] = "version https://git-lfs";
+    struct stat st;
+    char head[sizeof lfs] = {0};
+    if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
+        return error_set(e, ERROR_INPUT_DAMAGED, "is not a regular file");
+    if (st.st_size == 0) return error_set(e, ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
+    if (pread(fd, head, sizeof lfs - 1, 0) < 0)
+        return error_set(e, ERROR_INPUT_DAMAGED, "cannot be read: %s", strerror(errno));
+    if (strcmp(head, lfs) == 0)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from",
+                         what);
+    *size = st.st_size;
+    return true;
+}
+
+bool reader_start(const reader_params *p, reader *out, error *e)
+{
+    char memory[32], seconds[32], program[] = "hexad-worker", *environment[] = {NULL};
+    snprintf(memory, sizeof memory, "%zu", p->memory_limit);
+    snprintf(seconds, sizeof seconds, "%u", p->seconds);
+    char *arguments[] = {program, (char *)p->command, (char *)p->argument, memory, seconds, NULL};
+    int ends[2]; /* ours, the process's */
+    bool talks = p->fd < 0;
+    if ((talks ? socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) : pipe2(ends, O_CLOEXEC)) != 0)
+        return error_set(e, ERROR_INTERNAL, "no pipe to read the file through: %s", strerror(errno));
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, talks ? ends[1] : p->fd, STDIN_FILENO);
+    posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
+    int why = posix_spawn(&out->pid, p->program ? p->program : "/proc/self/exe", &actions, NULL, arguments,
+                          environment);
+    posix_spawn_file_actions_destroy(&actions);
+    close(ends[1]);
+    if (why == 0 && (out->stream = fdopen(ends[0], "rb"))) return true;
+    close(ends[0]);
+    return error_set(e, ERROR_INTERNAL, "the process that reads the file could not be started: %s",
+                     strerror(why ? why : errno));
+}
+
+bool reader_end(reader *r, bool begun, bool ok, error *e)
+{
+    int status;
+    pid_t ended;
+    fclose(r->stream);
+    if (!ok && begun) kill(r->pid, SIGKILL);
+    do ended = waitpid(r->pid, &status, 0);
+    while (ended < 0 && errno == EINTR);
+    if (ended != r->pid) return error_set(e, ERROR_INTERNAL, "the process that reads the file was lost");
+    if (!ok && begun) return false;
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
+        return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to be read: its reader was ended");
+    if (WIFSIGNALED(status))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "made its reader crash (%s): it is damaged, or to be saved anew by another program",
+                         strsignal(WTERMSIG(status)));
+    return ok &&
+           (WEXITSTATUS(status) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end"));
+}

@@ -1,0 +1,59 @@
+/* What of reader.h runs in the process that reads, which may be a module of its own. */
+#include "base/reader.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+static rlim_t mapped_now(void)
+{
+    unsigned long pages = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (file && fscanf(file, "%lu", &pages) != 1) pages = 0;
+    if (file) fclose(file);
+    return (rlim_t)pages * (rlim_t)sysconf(_SC_PAGESIZE);
+}
+
+/* A limit can only be lowered: what is set already stays if it is less. */
+static void set_limit(int which, rlim_t soft, rlim_t hard)
+{
+    struct rlimit limit;
+    if (getrlimit(which, &limit) != 0) return;
+    if (limit.rlim_max < hard) hard = limit.rlim_max;
+    if (hard < soft) soft = hard;
+    limit = (struct rlimit){soft, hard};
+    setrlimit(which, &limit);
+}
+
+size_t reader_limit(int argc, char **argv, unsigned descriptors)
+{
+    if (argc != 4) return 0;
+    rlim_t memory = (rlim_t)strtoull(argv[2], NULL, 10), seconds = (rlim_t)strtoull(argv[3], NULL, 10);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    set_limit(RLIMIT_CORE, 0, 0);
+    set_limit(RLIMIT_CPU, seconds, seconds + 1); /* first a signal of its own, by which the parent knows */
+#ifdef __SANITIZE_ADDRESS__
+    (void)mapped_now; /* the sanitizer reserves more address space than any limit */
+#else
+    rlim_t most = memory + mapped_now();
+    set_limit(RLIMIT_AS, most, most);
+#endif
+    set_limit(RLIMIT_FSIZE, 0, 0); /* a pipe has no size */
+    set_limit(RLIMIT_NOFILE, descriptors, descriptors);
+    return (size_t)memory;
+}
+
+bool reader_write(const void *from, size_t count)
+{
+    for (const char *p = from; count > 0;) {
+        ssize_t done = write(STDOUT_FILENO, p, count);
+        if (done < 0 && errno == EINTR) continue;
+        if (done <= 0) return false;
+        p += done;
+        count -= (size_t)done;
+    }
+    return true;
+}

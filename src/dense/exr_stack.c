@@ -1,0 +1,276 @@
+#include "dense/exr_stack.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "base/reader.h"
+#include "dense/exr_reader.h"
+
+/* Processor time of the process that decodes: 100 times what a picture of a million pixels takes. */
+static const unsigned seconds_at_least = 60, seconds_per_slice = 2;
+
+/* One slice's data window. */
+typedef struct window {
+    int64_t low[2], high[2];
+} window;
+
+typedef struct exr_stack {
+    slices base; /* first: the slices' functions get this pointer */
+    exr_stack_params params;
+    char *names; /* as the reader wants them */
+    window *windows;
+    int64_t low[2]; /* of what the windows span */
+    size_t at;      /* the next slice */
+    float *pixels;  /* of a slice's own window, where that is not the whole */
+    bool running;
+    reader reader;
+} exr_stack;
+
+/* Slices of which something is wrong: their numbers, and the first one's error. */
+typedef struct faults {
+    size_t count;
+    char numbers[320];
+    int begin, last; /* the run of numbers at hand */
+    error first;
+} faults;
+
+static void close_run(faults *f)
+{
+    size_t n = strlen(f->numbers);
+    if (f->count == 0 || n + 40 > sizeof f->numbers)
+        return; /* the first thirty runs or so; the count says the rest */
+    if (f->begin == f->last)
+        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d", n ? ", " : "", f->begin);
+    else
+        snprintf(f->numbers + n, sizeof f->numbers - n, "%s%d-%d", n ? ", " : "", f->begin, f->last);
+}
+
+/* `before` is the number of the slice before this one. */
+static void add_fault(faults *f, int number, int before, const error *e)
+{
+    if (f->count == 0 || f->last != before) {
+        close_run(f);
+        f->begin = number;
+    }
+    f->last = number;
+    if (f->count++ == 0) f->first = *e;
+}
+
+static bool report_faults(faults *f, const char *what, error *e)
+{
+    if (f->count == 0) return true;
+    close_run(f);
+    return error_set(e, f->first.code, "%zu %s %s (slice%s %s), the first: %s", f->count,
+                     f->count == 1 ? "slice is" : "slices are", what, f->count == 1 ? "" : "s", f->numbers,
+                     f->first.message);
+}
+
+/* ---- talking to the process */
+
+static bool start(exr_stack *s, error *e)
+{
+    const reader_params params = {s->params.program,
+                                  EXR_READER_COMMAND,
+                                  s->names,
+                                  -1,
+                                  s->params.memory_limit,
+                                  seconds_at_least + seconds_per_slice * (unsigned)s->params.count};
+    return s->running || (s->running = reader_start(&params, &s->reader, e));
+}
+
+static bool send_request(exr_stack *s, char what, int fd, error *e)
+{
+    union {
+        char room[CMSG_SPACE(sizeof(int))];
+        struct cmsghdr align;
+    } control = {.room = {0}};
+    struct iovec text = {&what, 1};
+    struct msghdr message = {.msg_iov = &text,
+                             .msg_iovlen = 1,
+                             .msg_control = control.room,
+                             .msg_controllen = sizeof control.room};
+    struct cmsghdr *c = CMSG_FIRSTHDR(&message);
+    c->cmsg_level = SOL_SOCKET;
+    c->cmsg_type = SCM_RIGHTS;
+    c->cmsg_len = CMSG_LEN(sizeof fd);
+    memcpy(CMSG_DATA(c), &fd, sizeof fd);
+    return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1 ||
+           error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+}
+
+static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
+{
+    char text[EXR_READER_TEXT_MAX + 1] = "";
+    if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
+        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+    if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > EXR_READER_TEXT_MAX ||
+        fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+    for (char *p = text; *p; p++)
+        if ((unsigned char)*p < ' ') *p = ' ';
+    return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
+}
+
+/* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
+ */
+static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *pixels, error *e)
+{
+    if (!start(s, e)) return false;
+    int fd = s->params.files->open(s->params.files->context, s->params.paths[k], e);
+    if (fd < 0) return false;
+    off_t size;
+    bool ok = reader_check_file(fd, "image", &size, e), whole = true;
+    if (ok) {
+        const window *w = &s->windows[k];
+        *a = (exr_reader_answer){0};
+        ok = send_request(s, what, fd, e) && read_answer(s, a, e);
+        whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
+        if (ok && what == EXR_READER_PIXELS) {
+            size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
+            for (int axis = 0; axis < 2; axis++)
+                whole = whole && a->low[axis] == w->low[axis] && a->high[axis] == w->high[axis];
+            whole = whole && fread(pixels, sizeof *pixels, count, s->reader.stream) == count;
+        }
+    }
+    close(fd);
+    if (!whole) {
+        s->running = false;
+        if (ok) error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        ok = reader_end(&s->reader, false, false, e);
+    }
+    return ok || error_prefix(e, "%s", s->params.paths[k]);
+}
+
+/* Of all slices from `first` on; `pixels` NULL: only their windows. */
+static bool ask_all(exr_stack *s, size_t first, float *pixels, error *e)
+{
+    faults missing = {0}, broken = {0};
+    for (size_t k = first; k < s->params.count; k++) {
+        error fault = {0};
+        exr_reader_answer a;
+        window *w = &s->windows[k];
+        int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
+        if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, &fault)) {
+            for (int axis = 0; axis < 2 && !pixels; axis++) {
+                w->low[axis] = a.low[axis];
+                w->high[axis] = a.high[axis];
+            }
+        } else if (fault.code == ERROR_INPUT_MISSING) {
+            add_fault(&missing, number, before, &fault);
+        } else if (fault.code == ERROR_INPUT_DAMAGED) {
+            add_fault(&broken, number, before, &fault);
+        } else { /* what is wrong with one is wrong with all, or nothing can be read at all */
+            if (e) *e = fault;
+            return error_prefix(e, "slice %d", number);
+        }
+    }
+    return report_faults(&missing, "missing", e) && report_faults(&broken, "damaged", e);
+}
+
+/* ---- as slices */
+
+static bool exr_begin(slices *base, error *e)
+{
+    (void)e;
+    ((exr_stack *)base)->at = 0;
+    return true;
+}
+
+static void place_rows(const exr_stack *s, const window *w, float *values)
+{
+    int64_t width = w->high[0] - w->low[0] + 1;
+    memset(values, 0, (size_t)(s->base.size[0] * s->base.size[1]) * sizeof *values);
+    for (int64_t y = w->low[1]; y <= w->high[1]; y++)
+        memcpy(values + (y - s->low[1]) * s->base.size[0] + (w->low[0] - s->low[0]),
+               s->pixels + (y - w->low[1]) * width, (size_t)width * sizeof *values);
+}
+
+static bool exr_next(slices *base, float *values, error *e)
+{
+    exr_stack *s = (exr_stack *)base;
+    const window *w = &s->windows[s->at];
+    bool whole =
+        w->high[0] - w->low[0] + 1 == s->base.size[0] && w->high[1] - w->low[1] + 1 == s->base.size[1];
+    size_t count = (size_t)(s->base.size[0] * s->base.size[1]);
+    exr_reader_answer a;
+    error fault = {0};
+    if (!whole && !s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e)))
+        return false;
+    if (!ask(s, s->at, EXR_READER_PIXELS, &a, whole ? values : s->pixels, &fault)) {
+        float *rest = mem_array(count, sizeof *rest, "a slice", e);
+        bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
+        free(rest);
+        if (!told && e) *e = fault;
+        return false;
+    }
+    if (!whole) place_rows(s, w, values);
+    s->at++;
+    return true;
+}
+
+static void exr_close(slices *base)
+{
+    exr_stack *s = (exr_stack *)base;
+    if (s->running) {
+        error ignored = {0};
+        reader_end(&s->reader, true, true, &ignored);
+    }
+    free(s->names);
+    free(s->windows);
+    free(s->pixels);
+    free(s);
+}
+
+static const slices_ops exr_ops = {exr_begin, exr_next, exr_close};
+
+static bool span(exr_stack *s, error *e)
+{
+    bool differ = false;
+    int64_t high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        s->low[axis] = s->windows[0].low[axis];
+        high[axis] = s->windows[0].high[axis];
+        for (size_t k = 1; k < s->params.count; k++) {
+            const window *w = &s->windows[k];
+            differ |= w->low[axis] != s->windows[0].low[axis] || w->high[axis] != s->windows[0].high[axis];
+            if (w->low[axis] < s->low[axis]) s->low[axis] = w->low[axis];
+            if (w->high[axis] > high[axis]) high[axis] = w->high[axis];
+        }
+        s->base.size[axis] = high[axis] - s->low[axis] + 1;
+        if (s->base.size[axis] < 2)
+            return error_set(e, ERROR_NO_SURFACE,
+                             "its images are one pixel wide or high: a volume has two along each axis");
+    }
+    s->base.size[2] = (int64_t)s->params.count;
+    if (differ)
+        snprintf(s->base.warning, sizeof s->base.warning,
+                 "the slices' data windows differ: they span %lld x %lld pixels, and pixels outside of a "
+                 "slice's own are 0",
+                 (long long)s->base.size[0], (long long)s->base.size[1]);
+    return true;
+}
+
+slices *exr_stack_open(const exr_stack_params *params, error *e)
+{
+    exr_stack *s = mem_alloc(sizeof *s);
+    *s = (exr_stack){.base = {.ops = &exr_ops, .format = "EXR"}, .params = *params};
+    s->windows = mem_alloc(params->count * sizeof *s->windows);
+    s->names = mem_printf("%s%s\n%s%s", params->channel ? "=" : "*", params->channel ? params->channel : "",
+                          params->part ? "=" : "*", params->part ? params->part : "");
+    if (!ask_all(s, 0, NULL, e) || !span(s, e)) {
+        exr_close(&s->base);
+        return NULL;
+    }
+    double *m = s->base.index_to_world;
+    for (int k = 0; k < 3; k++) {
+        double size = vec3_get(params->voxel_size, k), first = k < 2 ? (double)s->low[k] : 0;
+        m[5 * k] = size;
+        m[4 * k + 3] = vec3_get(params->origin, k) + size * first;
+    }
+    m[15] = 1;
+    return &s->base;
+}

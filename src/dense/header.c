@@ -1,0 +1,85 @@
+#include "dense/header.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/reader.h"
+
+/* To parse a page of text, or to unpack one. */
+static const size_t memory_limit = (size_t)256 << 20;
+static const unsigned seconds = 10;
+
+/* A side longer than this is a header that lies. */
+static const int64_t largest_side = 1 << 20;
+/* And so is one with more samples; their bytes are far from the limits of 64 bits. */
+static const int64_t most_samples = (int64_t)1 << 50;
+
+static bool check_text(FILE *stream, const header *h, char **text, error *e)
+{
+    *text = mem_alloc((size_t)h->text_length + 1);
+    if (fread(*text, 1, h->text_length, stream) != h->text_length)
+        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+    (*text)[h->text_length] = '\0';
+    if (h->code == ERROR_NONE) return true;
+    for (char *p = *text; *p; p++)
+        if ((unsigned char)*p < ' ') *p = ' ';
+    return error_set(e, (error_code)h->code, "%s", *text);
+}
+
+static bool check_values(const header *h, error *e)
+{
+    for (int k = 0; k < 3; k++) {
+        if (h->size[k] < 1 || h->size[k] > largest_side)
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "claims %lld samples along axis %d: at most %lld are read",
+                             (long long)h->size[k], k, (long long)largest_side);
+        if (h->size[k] == 1)
+            return error_set(e, ERROR_NO_SURFACE,
+                             "is %lld x %lld x %lld samples: one slice encloses no surface",
+                             (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
+    }
+    if (h->size[0] * h->size[1] > most_samples / h->size[2])
+        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld x %lld x %lld samples", (long long)h->size[0],
+                         (long long)h->size[1], (long long)h->size[2]);
+    if (h->byte_skip > most_samples || h->byte_skip < -most_samples)
+        return error_set(e, ERROR_INPUT_DAMAGED, "claims that its data begin after %lld bytes",
+                         (long long)h->byte_skip);
+    for (int k = 0; k < 16; k++)
+        if (!isfinite(h->index_to_world[k]))
+            return error_set(e, ERROR_INPUT_DAMAGED, "has an orientation whose numbers are not finite");
+    return (h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT &&
+            memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
+           error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+}
+
+static bool check_answer(FILE *stream, header *h, char **text, error *e)
+{
+    if (fread(h, sizeof *h, 1, stream) != 1)
+        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+    if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+    return check_text(stream, h, text, e) && check_values(h, e);
+}
+
+bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e)
+{
+    const char *slash = strrchr(path, '/');
+    const reader_params params = {program, HEADER_COMMAND, slash ? slash + 1 : path,
+                                  fd,      memory_limit,   seconds};
+    header h = {0};
+    char *text = NULL;
+    reader r;
+    off_t size;
+    if (!reader_check_file(fd, "volume", &size, e) || !reader_start(&params, &r, e)) return false;
+    bool ok = check_answer(r.stream, &h, &text, e);
+    ok = reader_end(&r, h.magic == HEADER_MAGIC, ok, e);
+    if (!ok) {
+        free(text);
+        return false;
+    }
+    *out = h;
+    *files = text;
+    return true;
+}

@@ -1,0 +1,439 @@
+#include "dense/header.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <nifti2_io.h>
+#include <teem/nrrd.h>
+
+#include "base/reader.h"
+
+/* Headers are a page of text; more than this is none. */
+#define HEAD_MAX (1u << 20)
+/* Data files that one header may name. */
+static const long most_files = 65536;
+
+/* What the process answers; one, as it reads one file. */
+typedef struct answer {
+    header head;
+    char *text; /* with room for HEADER_TEXT_MAX */
+} answer;
+
+static bool refuse(answer *a, error_code code, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+static bool refuse(answer *a, error_code code, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    a->head.code = (uint32_t)code;
+    vsnprintf(a->text, sizeof((error *)0)->message, format, arguments);
+    a->head.text_length = (uint32_t)strlen(a->text);
+    va_end(arguments);
+    return false;
+}
+
+/* ---- the names of data files */
+
+static bool add_name(answer *a, const char *name, size_t length)
+{
+    if (length == 0 || a->head.text_length + length + 1 >= HEADER_TEXT_MAX ||
+        a->head.file_count == most_files)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED, "names more than %ld data files, or one without a name",
+                      most_files);
+    memcpy(a->text + a->head.text_length, name, length);
+    a->head.text_length += (uint32_t)length;
+    a->text[a->head.text_length++] = '\n';
+    a->head.file_count++;
+    return true;
+}
+
+/* One integer conversion of C's printf and nothing else of it: %d, %4d, %04d. */
+static bool is_pattern(const char *s)
+{
+    int conversions = 0;
+    for (; *s; s++) {
+        if (*s != '%') continue;
+        size_t digits = strspn(s + 1, "0123456789");
+        if (digits > 3 || (s[1 + digits] != 'd' && s[1 + digits] != 'u')) return false;
+        s += 1 + digits;
+        conversions++;
+    }
+    return conversions == 1;
+}
+
+static bool is_int32(long value)
+{
+    return value >= INT32_MIN && value <= INT32_MAX;
+}
+
+/* "FORMAT MIN MAX STEP [DIMENSION]", or one name, which may have spaces. */
+static bool add_names(answer *a, char *value)
+{
+    char pattern[256], name[512];
+    long first, last, step;
+    if (sscanf(value, "%255s %ld %ld %ld", pattern, &first, &last, &step) != 4 || !strchr(pattern, '%'))
+        return add_name(a, value, strlen(value));
+    if (!is_pattern(pattern) || step == 0 || !is_int32(first) || !is_int32(last) || !is_int32(step))
+        return refuse(a, ERROR_INPUT_DAMAGED,
+                      "its data files \"%.200s\" are not given as FORMAT MIN MAX STEP", value);
+    for (long k = first; step > 0 ? k <= last : k >= last; k += step) {
+        int length = snprintf(name, sizeof name, pattern, (int)k);
+        if (length >= (int)sizeof name)
+            return refuse(a, ERROR_INPUT_DAMAGED, "its data files \"%.200s\" have names beyond %zu bytes",
+                          value, sizeof name - 1);
+        if (!add_name(a, name, (size_t)length)) return false;
+    }
+    return a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "names no data file: \"%.200s\"", value);
+}
+
+/* ---- NRRD */
+
+/* The value of a field if that is the line's, by either of its names. */
+static char *field_of(char *line, const char *name, const char *other)
+{
+    size_t length = strcspn(line, ":");
+    bool is = line[length] && line[length + 1] != '=' &&
+              ((length == strlen(name) && strncmp(line, name, length) == 0) ||
+               (length == strlen(other) && strncmp(line, other, length) == 0));
+    if (!is) return NULL;
+    line += length + 1;
+    return line + strspn(line, " \t");
+}
+
+/* Takes out of the header's text where the data are: Teem opens the files and skips even when it is told to
+ * leave the data alone. */
+static bool take_places(answer *a, char *text, char *rest)
+{
+    bool listed = false;
+    for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) {
+        size_t length = strlen(line);
+        if (length > 0 && line[length - 1] == '\r') line[--length] = '\0';
+        char *value;
+        if (listed) {
+            if (length > 0 && !add_name(a, line, length)) return false;
+        } else if ((value = field_of(line, "data file", "datafile"))) {
+            listed = strncmp(value, "LIST", 4) == 0;
+            if (!listed && !add_names(a, value)) return false;
+        } else if ((value = field_of(line, "line skip", "lineskip"))) {
+            a->head.line_skip = (uint32_t)strtoul(value, NULL, 10);
+        } else if ((value = field_of(line, "byte skip", "byteskip"))) {
+            a->head.byte_skip = strtoll(value, NULL, 10);
+        } else {
+            rest = stpcpy(stpcpy(rest, line), "\n");
+        }
+    }
+    return !listed || a->head.file_count > 0 || refuse(a, ERROR_INPUT_DAMAGED, "lists no data file");
+}
+
+static bool type_of_nrrd(answer *a, int type)
+{
+    static const struct {
+        int nrrd;
+        header_type type;
+    } types[] = {{nrrdTypeChar, HEADER_INT8},   {nrrdTypeUChar, HEADER_UINT8},
+                 {nrrdTypeShort, HEADER_INT16}, {nrrdTypeUShort, HEADER_UINT16},
+                 {nrrdTypeInt, HEADER_INT32},   {nrrdTypeUInt, HEADER_UINT32},
+                 {nrrdTypeLLong, HEADER_INT64}, {nrrdTypeULLong, HEADER_UINT64},
+                 {nrrdTypeFloat, HEADER_FLOAT}, {nrrdTypeDouble, HEADER_DOUBLE}};
+    for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
+        if (types[k].nrrd == type) {
+            a->head.type = types[k].type;
+            return true;
+        }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "holds values of type \"%s\": only numbers are read",
+                  airEnumStr(nrrdType, type));
+}
+
+static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
+{
+    if (io->encoding == nrrdEncodingRaw)
+        a->head.encoding = HEADER_RAW;
+    else if (io->encoding == nrrdEncodingGzip)
+        a->head.encoding = HEADER_GZIP;
+    else if (io->encoding == nrrdEncodingAscii)
+        a->head.encoding = HEADER_ASCII;
+    else
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "has the encoding \"%s\": raw, gzip and ascii are read (`unu save -e gzip` converts)",
+                      io->encoding->name);
+    return true;
+}
+
+/* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
+static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    unsigned found = 0;
+    char sizes[160] = "";
+    for (unsigned k = 0; k < n->dim; k++) {
+        size_t used = strlen(sizes);
+        snprintf(sizes + used, sizeof sizes - used, "%s%zu", k ? " x " : "", n->axis[k].size);
+        if (n->dim > 3 && n->axis[k].size == 1) continue;
+        if (found < 3) axis[found] = &n->axis[k];
+        found++;
+    }
+    if (found != 3)
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "has the sizes %s: a volume has three axes of two samples or more, and others only with "
+            "one sample (`unu slice` takes one volume out of several)",
+            sizes);
+    for (int k = 0; k < 3; k++) {
+        int kind = axis[k]->kind;
+        if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
+            return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                          "has an axis of kind \"%s\" (%s): three axes of space are needed",
+                          airEnumStr(nrrdKind, kind), sizes);
+        a->head.size[k] = (int64_t)axis[k]->size;
+    }
+    return true;
+}
+
+/* Where there are no space directions: spacings, and the axes' least positions, edges of cells or samples. */
+static void place_by_spacings(answer *a, const NrrdAxisInfo *axis[3])
+{
+    double *m = a->head.index_to_world;
+    for (int k = 0; k < 3; k++) {
+        bool cells = axis[k]->center == nrrdCenterCell;
+        double steps = (double)axis[k]->size - (cells ? 0 : 1), spacing = axis[k]->spacing;
+        if (!isfinite(spacing)) spacing = (axis[k]->max - axis[k]->min) / steps;
+        if (!isfinite(spacing) || spacing == 0) spacing = 1;
+        m[5 * k] = spacing;
+        if (isfinite(axis[k]->min)) m[4 * k + 3] = axis[k]->min + (cells ? spacing / 2 : 0);
+    }
+}
+
+static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
+{
+    double *m = a->head.index_to_world;
+    int directed = 0;
+    for (int k = 0; k < 3; k++) directed += !isnan(axis[k]->spaceDirection[0]);
+    m[15] = 1;
+    if (n->space != nrrdSpaceUnknown)
+        snprintf(a->head.space, sizeof a->head.space, "%s", airEnumStr(nrrdSpace, n->space));
+    if (directed == 0) {
+        place_by_spacings(a, axis);
+        return true;
+    }
+    if (directed != 3 || n->spaceDim != 3)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "has space directions for %d of its axes in %u dimensions: three in three are needed",
+                      directed, n->spaceDim);
+    for (int row = 0; row < 3; row++) {
+        for (int k = 0; k < 3; k++) m[4 * row + k] = axis[k]->spaceDirection[row];
+        m[4 * row + 3] = isfinite(n->spaceOrigin[row]) ? n->spaceOrigin[row] : 0;
+    }
+    return true;
+}
+
+static bool describe_nrrd(answer *a, const Nrrd *n, const NrrdIoState *io)
+{
+    const NrrdAxisInfo *axis[3];
+    if (!axes_of_nrrd(a, n, axis) || !type_of_nrrd(a, n->type) || !encoding_of_nrrd(a, io) ||
+        !place_of_nrrd(a, n, axis))
+        return false;
+    a->head.swapped = io->encoding->endianMatters && nrrdTypeSize[n->type] > 1 && io->endian != airMyEndian();
+    strcpy(a->head.format, "NRRD");
+    return true;
+}
+
+/* The library's complaint, innermost line, without its own name. */
+static bool complain(answer *a, char *messages)
+{
+    char *last = messages ? messages : (char *)"";
+    for (char *line = strtok(messages, "\n"); line; line = strtok(NULL, "\n")) last = line;
+    char *words = strstr(last, "] ");
+    return refuse(a, ERROR_INPUT_DAMAGED, "its header cannot be read: %.400s", words ? words + 2 : last);
+}
+
+static bool read_nrrd(answer *a, char *head, size_t length)
+{
+    char *end = strstr(head, "\n\n"), *end_crlf = strstr(head, "\r\n\r\n"), *rest = malloc(length + 3);
+    size_t text = length;
+    if (end) text = (size_t)(end - head) + 2;
+    if (end_crlf && (!end || end_crlf < end)) text = (size_t)(end_crlf - head) + 4;
+    a->head.offset = (int64_t)text;
+    head[text] = '\0';
+    rest[0] = '\0';
+    if (!take_places(a, head, rest)) return false;
+    size_t kept = strlen(rest);
+    strcpy(rest + kept, "\n"); /* the empty line that ends a header */
+    FILE *stream = fmemopen(rest, kept + 1, "rb");
+    NrrdIoState *io = nrrdIoStateNew();
+    Nrrd *n = nrrdNew();
+    nrrdIoStateSet(io, nrrdIoStateSkipData, 1);
+    if (!stream || nrrdRead(n, stream, io)) return complain(a, biffGetDone(NRRD));
+    return describe_nrrd(a, n, io);
+}
+
+/* ---- NIfTI */
+
+static bool type_of_nifti(answer *a, int type)
+{
+    static const struct {
+        int nifti;
+        header_type type;
+    } types[] = {{DT_INT8, HEADER_INT8},     {DT_UINT8, HEADER_UINT8},   {DT_INT16, HEADER_INT16},
+                 {DT_UINT16, HEADER_UINT16}, {DT_INT32, HEADER_INT32},   {DT_UINT32, HEADER_UINT32},
+                 {DT_INT64, HEADER_INT64},   {DT_UINT64, HEADER_UINT64}, {DT_FLOAT32, HEADER_FLOAT},
+                 {DT_FLOAT64, HEADER_DOUBLE}};
+    for (size_t k = 0; k < sizeof types / sizeof types[0]; k++)
+        if (types[k].nifti == type) {
+            a->head.type = types[k].type;
+            return true;
+        }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "holds values of type %s: only real numbers are read",
+                  nifti_datatype_string(type));
+}
+
+/* sform before qform before the bare sizes of voxels, as the standard says. */
+static void place_of_nifti(answer *a, const nifti_image *n)
+{
+    const nifti_dmat44 *m = n->sform_code > 0 ? &n->sto_xyz : &n->qto_xyz;
+    a->head.index_to_world[15] = 1;
+    if (n->sform_code > 0 || n->qform_code > 0) {
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 4; j++) a->head.index_to_world[4 * i + j] = m->m[i][j];
+        strcpy(a->head.space, "right-anterior-superior");
+        return;
+    }
+    const double size[3] = {n->dx, n->dy, n->dz};
+    for (int k = 0; k < 3; k++)
+        a->head.index_to_world[5 * k] = isfinite(size[k]) && size[k] != 0 ? fabs(size[k]) : 1;
+}
+
+/* The name of the data beside a header called NAME.hdr. */
+static bool name_of_image(answer *a, const char *name)
+{
+    char image[300];
+    size_t length = strlen(name);
+    if (length < 4 || length > 256 || strcmp(name + length - 4, ".hdr") != 0)
+        return refuse(a, ERROR_INPUT_UNSUPPORTED,
+                      "is a header whose data are in another file: it must end in .hdr");
+    snprintf(image, sizeof image, "%.*s.img", (int)length - 4, name);
+    return add_name(a, image, strlen(image));
+}
+
+static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bool packed)
+{
+    const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
+    for (int k = 3; k < 7; k++)
+        if (size[k] > 1)
+            return refuse(
+                a, ERROR_INPUT_UNSUPPORTED,
+                "has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
+                (long long)size[k], k + 1, (long long)size[0], (long long)size[1], (long long)size[2]);
+    for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
+    if (!type_of_nifti(a, n->datatype)) return false;
+    place_of_nifti(a, n);
+    if (isfinite(n->scl_slope) && n->scl_slope != 0 && isfinite(n->scl_inter)) {
+        a->head.slope = n->scl_slope;
+        a->head.intercept = n->scl_inter;
+    }
+    a->head.swapped = n->nbyper > 1 && n->byteorder != nifti_short_order();
+    a->head.encoding = packed ? HEADER_GZIP : HEADER_RAW;
+    a->head.byte_skip = n->iname_offset > 0 ? n->iname_offset : 0;
+    strcpy(a->head.format, "NIfTI");
+    bool single = n->nifti_type == NIFTI_FTYPE_NIFTI1_1 || n->nifti_type == NIFTI_FTYPE_NIFTI2_1;
+    return single || name_of_image(a, name);
+}
+
+/* The library (3.0.1) believes what the second version says, and writes beyond its axes. */
+static bool has_axes(const nifti_2_header *h)
+{
+    int64_t count = h->dim[0];
+    if (NIFTI2_NEEDS_SWAP(*h)) nifti_swap_8bytes(1, &count);
+    return count >= 1 && count <= 7;
+}
+
+static bool read_nifti(answer *a, const char *head, size_t length, const char *name, bool packed)
+{
+    nifti_1_header first;
+    nifti_2_header second;
+    nifti_image *n = NULL;
+    char called[] = "a.nii", pair[] = "a.hdr";
+    nifti_set_debug_level(0);
+    int version = nifti_header_version(head, length);
+    if (version == 2) {
+        memcpy(&second, head, sizeof second);
+        if (has_axes(&second)) n = nifti_convert_n2hdr2nim(second, second.magic[1] == '+' ? called : pair);
+    } else {
+        memcpy(&first, head, sizeof first);
+        n = nifti_convert_n1hdr2nim(first, first.magic[1] == '+' ? called : pair);
+    }
+    if (!n) return refuse(a, ERROR_INPUT_DAMAGED, "its NIfTI header contradicts itself: it is damaged");
+    return describe_nifti(a, n, name, packed);
+}
+
+/* ---- the program */
+
+static size_t read_head(char *to, size_t size)
+{
+    size_t count = 0;
+    for (ssize_t got = 1; got > 0 && count < size;) {
+        got = pread(STDIN_FILENO, to + count, size - count, (off_t)count);
+        if (got < 0 && errno == EINTR)
+            got = 1;
+        else if (got > 0)
+            count += (size_t)got;
+    }
+    return count;
+}
+
+/* What the file may be instead. */
+static const char *guess(const char *head)
+{
+    if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file";
+    if (strstr(head, "<VTKFile")) return "a VTK XML file";
+    if (strstr(head, "NDims") || strstr(head, "ObjectType")) return "a MetaImage header";
+    if (memcmp(head, "v/1\001", 4) == 0) return "an EXR image (use surface.exr)";
+    return "no volume of a known format";
+}
+
+/* `head` is the file's first `length` bytes, with zeros behind them. */
+static bool read_header(answer *a, char *head, size_t length, const char *name)
+{
+    char front[sizeof(nifti_2_header)] = {0};
+    if (strncmp(head, "NRRD000", 7) == 0) return read_nrrd(a, head, length);
+    bool packed = (unsigned char)head[0] == 0x1f && (unsigned char)head[1] == 0x8b;
+    if (packed) {
+        gzFile stream = gzdopen(STDIN_FILENO, "rb");
+        int got = stream ? gzread(stream, front, sizeof front) : -1;
+        if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "cannot be unpacked: it is damaged");
+        length = (size_t)got;
+    } else {
+        memcpy(front, head, length < sizeof front ? length : sizeof front);
+    }
+    if (length >= sizeof(nifti_1_header)) {
+        int version = nifti_header_version(front, length);
+        if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
+            return read_nifti(a, front, length, name, packed);
+    }
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "is %s: NRRD and NIfTI files are read",
+                  packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
+}
+
+static bool read_file(answer *a, const char *name)
+{
+    char *head = calloc(1, HEAD_MAX + 1);
+    if (!head) return refuse(a, ERROR_LIMIT_MEMORY, "its header does not fit into memory");
+    bool ok = read_header(a, head, read_head(head, HEAD_MAX), name);
+    free(head);
+    return ok;
+}
+
+__attribute__((visibility("default"))) int header_reader_main(int argc, char **argv)
+{
+    answer a = {.head = {.magic = HEADER_MAGIC, .slope = 1}};
+    if (!reader_limit(argc, argv, STDERR_FILENO + 1) || !(a.text = malloc(HEADER_TEXT_MAX))) return 2;
+    read_file(&a, argv[1]);
+    bool written = fwrite(&a.head, sizeof a.head, 1, stdout) == 1 &&
+                   fwrite(a.text, 1, a.head.text_length, stdout) == a.head.text_length && fflush(stdout) == 0;
+    _exit(written ? 0 : 1); /* nothing is left to do but to free what the libraries built */
+}

@@ -1,0 +1,350 @@
+#include "dense/raw_volume.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include "base/memory.h"
+#include "dense/header.h"
+
+/* zlib packs a byte into 1/1032 of one at best. */
+static const int64_t most_packed = 1032;
+
+enum { BUFFER = 1 << 16 };
+
+typedef struct raw_volume {
+    slices base; /* first: the slices' functions get this pointer */
+    header head;
+    const char *path;
+    const slices_files *files;
+    int fd;          /* of the header's file, the caller's */
+    char *text;      /* names of the data files */
+    char **names;    /* each of them */
+    uint32_t at;     /* of the file that is open */
+    int64_t left;    /* values that it still has */
+    int data;        /* its descriptor, or -1 */
+    gzFile unpacked; /* or NULL */
+    int64_t offset;  /* of the next byte that is not unpacked */
+    size_t filled, used;
+    char buffer[BUFFER + 16];
+} raw_volume;
+
+static const int size_of[HEADER_TYPE_COUNT] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+
+static const char *name_at(const raw_volume *s)
+{
+    return s->head.file_count ? s->names[s->at] : s->path;
+}
+
+static bool damaged(const raw_volume *s, error *e, const char *what)
+{
+    return error_set(e, ERROR_INPUT_DAMAGED, "%s%s%s", s->head.file_count ? name_at(s) : "",
+                     s->head.file_count ? ": " : "", what);
+}
+
+static void close_data(raw_volume *s)
+{
+    if (s->unpacked)
+        gzclose(s->unpacked); /* its descriptor as well */
+    else if (s->data >= 0)
+        close(s->data);
+    s->unpacked = NULL;
+    s->data = -1;
+    s->filled = s->used = 0;
+}
+
+/* ---- bytes */
+
+/* As many bytes as there are, up to `count`; -1: cannot be read. */
+static int64_t fill(raw_volume *s, void *to, int64_t count)
+{
+    int64_t done = 0;
+    while (done < count) {
+        int64_t step = count - done < INT32_MAX / 2 ? count - done : INT32_MAX / 2, got;
+        if (s->unpacked)
+            got = gzread(s->unpacked, (char *)to + done, (unsigned)step);
+        else
+            got = pread(s->data, (char *)to + done, (size_t)step, (off_t)s->offset);
+        if (got < 0 && !s->unpacked && errno == EINTR) continue;
+        if (got < 0) return -1;
+        if (got == 0) break;
+        done += got;
+        s->offset += got;
+    }
+    return done;
+}
+
+static bool skip(raw_volume *s, int64_t count, error *e)
+{
+    if (!s->unpacked) {
+        s->offset += count;
+        return true;
+    }
+    while (count > 0) {
+        int64_t step = count < BUFFER ? count : BUFFER;
+        if (fill(s, s->buffer, step) != step)
+            return damaged(s, e, "ends before its data begin: it is damaged");
+        count -= step;
+    }
+    return true;
+}
+
+static bool skip_lines(raw_volume *s, error *e)
+{
+    uint32_t lines = s->head.line_skip;
+    while (lines > 0) {
+        int64_t got = fill(s, s->buffer, BUFFER);
+        if (got <= 0) return damaged(s, e, "has fewer lines than its header says are to be skipped");
+        char *p = s->buffer, *end = s->buffer + got;
+        while (lines > 0 && (p = memchr(p, '\n', (size_t)(end - p)))) {
+            p++;
+            if (--lines == 0) s->offset -= end - p;
+        }
+    }
+    return true;
+}
+
+static bool start_unpacking(raw_volume *s, error *e)
+{
+    int own = s->head.encoding == HEADER_GZIP ? dup(s->data) : -1;
+    if (s->head.encoding != HEADER_GZIP) return true;
+    if (own < 0 || lseek(own, (off_t)s->offset, SEEK_SET) < 0 || !(s->unpacked = gzdopen(own, "rb"))) {
+        if (own >= 0) close(own);
+        return error_set(e, ERROR_INTERNAL, "%s: cannot be unpacked: %s", name_at(s), strerror(errno));
+    }
+    gzbuffer(s->unpacked, 4 * BUFFER);
+    close(s->data);
+    s->data = -1;
+    s->offset = 0;
+    return true;
+}
+
+/* Length of what is packed, by unpacking it once; -1: it cannot be. */
+static int64_t unpacked_length(raw_volume *s)
+{
+    int64_t length = 0, got;
+    while ((got = fill(s, s->buffer, BUFFER)) > 0) length += got;
+    return got < 0 || gzrewind(s->unpacked) != 0 ? -1 : length;
+}
+
+/* To the first of `needed` bytes of data, which is told from the end when byte_skip is negative. */
+static bool skip_bytes(raw_volume *s, int64_t needed, error *e)
+{
+    struct stat st;
+    if (s->head.byte_skip >= 0) return skip(s, s->head.byte_skip, e);
+    int64_t length = 0, start = s->offset;
+    if (s->unpacked) {
+        length = unpacked_length(s);
+        start = 0;
+    } else if (fstat(s->data, &st) == 0) {
+        length = st.st_size;
+    }
+    s->offset = 0;
+    int64_t at = length - needed + s->head.byte_skip + 1;
+    return (at >= start && skip(s, at, e)) ||
+           damaged(s, e, "holds less data than its header says: it is damaged");
+}
+
+/* Whether the file can hold `values`, before any of them is read. */
+static bool check_length(const raw_volume *s, int64_t values, error *e)
+{
+    struct stat st;
+    if (fstat(s->data, &st) != 0) return damaged(s, e, "cannot be read");
+    int64_t have = st.st_size - s->offset, needed = values * size_of[s->head.type];
+    if (s->head.encoding == HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
+    if (s->head.encoding == HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
+    if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
+    if (have >= needed) return true;
+    char text[200];
+    snprintf(text, sizeof text,
+             "has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
+             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
+             (long long)needed, (long long)values);
+    return damaged(s, e, text);
+}
+
+static int64_t values_in_all(const raw_volume *s)
+{
+    return s->head.size[0] * s->head.size[1] * s->head.size[2];
+}
+
+static bool open_data(raw_volume *s, uint32_t index, error *e)
+{
+    close_data(s);
+    s->at = index;
+    s->left = values_in_all(s) / (s->head.file_count ? s->head.file_count : 1);
+    s->offset = s->head.file_count ? 0 : s->head.offset;
+    s->data = s->head.file_count ? s->files->open(s->files->context, s->names[index], e) : dup(s->fd);
+    if (s->data < 0)
+        return s->head.file_count ? false
+                                  : error_set(e, ERROR_INTERNAL, "cannot be read: %s", strerror(errno));
+    return skip_lines(s, e) && check_length(s, s->left, e) && start_unpacking(s, e) &&
+           skip_bytes(s, s->left * size_of[s->head.type], e);
+}
+
+/* ---- values */
+
+static double one_value(const unsigned char *p, header_type type)
+{
+    union {
+        int8_t i8;
+        uint8_t u8;
+        int16_t i16;
+        uint16_t u16;
+        int32_t i32;
+        uint32_t u32;
+        int64_t i64;
+        uint64_t u64;
+        float f;
+        double d;
+    } v;
+    memcpy(&v, p, (size_t)size_of[type]);
+    switch (type) {
+    case HEADER_INT8:
+        return v.i8;
+    case HEADER_UINT8:
+        return v.u8;
+    case HEADER_INT16:
+        return v.i16;
+    case HEADER_UINT16:
+        return v.u16;
+    case HEADER_INT32:
+        return v.i32;
+    case HEADER_UINT32:
+        return v.u32;
+    case HEADER_INT64:
+        return (double)v.i64;
+    case HEADER_UINT64:
+        return (double)v.u64;
+    case HEADER_FLOAT:
+        return (double)v.f;
+    default:
+        return v.d;
+    }
+}
+
+static bool read_numbers(raw_volume *s, float *values, int64_t count, error *e)
+{
+    const int size = size_of[s->head.type];
+    const double slope = s->head.slope, intercept = s->head.intercept;
+    while (count > 0) {
+        int64_t some = count < BUFFER / size ? count : BUFFER / size;
+        if (fill(s, s->buffer, some * size) != some * size)
+            return damaged(
+                s, e,
+                "ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
+        for (int64_t k = 0; k < some; k++) {
+            unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
+            for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
+            *values++ = (float)(slope * one_value(one, (header_type)s->head.type) + intercept);
+        }
+        count -= some;
+    }
+    return true;
+}
+
+/* The next word of a text, which ends with the file or a blank. */
+static bool next_word(raw_volume *s, char word[64])
+{
+    size_t length = 0;
+    for (;;) {
+        if (s->used == s->filled) {
+            int64_t got = fill(s, s->buffer, BUFFER);
+            if (got <= 0) break;
+            s->filled = (size_t)got;
+            s->used = 0;
+        }
+        char c = s->buffer[s->used++];
+        bool blank = c == ' ' || c == '\n' || c == '\t' || c == '\r' || c == ',';
+        if (blank && length > 0) break;
+        if (!blank && length == 63) return false;
+        if (!blank) word[length++] = c;
+    }
+    word[length] = '\0';
+    return length > 0;
+}
+
+static bool read_words(raw_volume *s, float *values, int64_t count, error *e)
+{
+    char word[64], *end;
+    for (int64_t k = 0; k < count; k++) {
+        if (!next_word(s, word))
+            return damaged(s, e, "ends before all of its values are there: it is damaged or cut off");
+        values[k] = (float)strtod(word, &end);
+        if (*end) return damaged(s, e, "holds text among its numbers: it is damaged");
+    }
+    return true;
+}
+
+static bool raw_volume_begin(slices *base, error *e)
+{
+    return open_data((raw_volume *)base, 0, e);
+}
+
+static bool raw_volume_next(slices *base, float *values, error *e)
+{
+    raw_volume *s = (raw_volume *)base;
+    for (int64_t wanted = s->head.size[0] * s->head.size[1]; wanted > 0;) {
+        if (s->left == 0 && !open_data(s, s->at + 1, e)) return false;
+        int64_t some = wanted < s->left ? wanted : s->left;
+        bool ok = s->head.encoding == HEADER_ASCII ? read_words(s, values, some, e)
+                                                   : read_numbers(s, values, some, e);
+        if (!ok) return false;
+        values += some;
+        wanted -= some;
+        s->left -= some;
+    }
+    return true;
+}
+
+static void raw_volume_close(slices *base)
+{
+    raw_volume *s = (raw_volume *)base;
+    close_data(s);
+    for (uint32_t k = 0; s->names && k < s->head.file_count; k++) free(s->names[k]);
+    free(s->names);
+    free(s->text);
+    free(s);
+}
+
+static const slices_ops raw_volume_ops = {raw_volume_begin, raw_volume_next, raw_volume_close};
+
+/* Names in a header are relative to its own place. */
+static bool place_files(raw_volume *s, error *e)
+{
+    const char *slash = strrchr(s->path, '/');
+    int folder = slash ? (int)(slash - s->path) + 1 : 0;
+    if (s->head.file_count == 0) return true;
+    if (values_in_all(s) % s->head.file_count)
+        return error_set(e, ERROR_INPUT_DAMAGED, "its %lld values cannot be spread evenly over %u data files",
+                         (long long)values_in_all(s), s->head.file_count);
+    s->names = mem_alloc(s->head.file_count * sizeof *s->names);
+    char *name = s->text;
+    for (uint32_t k = 0; k < s->head.file_count; k++) {
+        char *end = strchr(name, '\n');
+        if (!end) return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+        *end = '\0';
+        s->names[k] = mem_printf("%.*s%s", *name == '/' ? 0 : folder, s->path, name);
+        name = end + 1;
+    }
+    return true;
+}
+
+slices *raw_volume_open(int fd, const char *path, const char *program, const slices_files *files, error *e)
+{
+    raw_volume *s = mem_alloc(sizeof *s);
+    *s = (raw_volume){.base = {.ops = &raw_volume_ops}, .path = path, .files = files, .fd = fd, .data = -1};
+    if (!header_read(fd, path, program, &s->head, &s->text, e) || !place_files(s, e) || !open_data(s, 0, e)) {
+        raw_volume_close(&s->base);
+        return NULL;
+    }
+    memcpy(s->base.size, s->head.size, sizeof s->base.size);
+    memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
+    strcpy(s->base.format, s->head.format);
+    strcpy(s->base.space, s->head.space);
+    return &s->base;
+}

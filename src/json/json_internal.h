@@ -1,0 +1,15 @@
+/* json_internal: what the files of src/json share. Private to them. */
+#ifndef HEXAD_JSON_JSON_INTERNAL_H
+#define HEXAD_JSON_JSON_INTERNAL_H
+
+#include <stddef.h>
+
+#include <cjson/cJSON.h>
+
+/* Returns the node. Ends the program when it is NULL: memory is out (see base/memory.h). */
+cJSON *json_must(cJSON *node);
+
+/* Length of the well-formed UTF-8 sequence at s (Unicode 15, table 3-7); 0 if there is none. */
+size_t json_utf8_length(const unsigned char *s, size_t left);
+
+#endif

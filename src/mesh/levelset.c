@@ -1,0 +1,413 @@
+#include "mesh/levelset.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "geometry/bbox.h"
+#include "geometry/block_map.h"
+#include "mesh/mesh_repair.h"
+#include "mesh/triangle.h"
+#include "mesh/winding_number.h"
+
+#define SIDE VDB_LEAF_SIDE
+#define VOXELS VDB_LEAF_VOXELS
+#define TILE_BLOCKS 16 /* along a side of the larger of the two kinds of tiles that are used */
+
+/* Fewer voxels along the longest side show nothing of a shape. */
+static const double fewest_voxels = 8;
+/* The mesh begins so far from the grid's origin; half a voxel keeps faces along the axes off the voxels. */
+static const double origin_gap = 0.5;
+
+typedef struct making {
+    mesh *m;
+    mesh_notes *notes;
+    size_t limit;
+    double band, voxel_size;
+    winding_point *fixed;
+    mesh_solids solids;
+    winding_columns columns;
+    block_map map;        /* blocks within the band of a triangle */
+    uint32_t (*pairs)[2]; /* block and triangle, in the order of triangles */
+    size_t pair_count, pair_room;
+    size_t *first; /* triangles of block b: near[first[b]] .. near[first[b + 1]] */
+    uint32_t *near;
+    threads *pool;
+    uint32_t *stamps; /* of each worker, of a solid: the last block, plus one, that has triangles of it */
+    vdb_grid *out;
+} making;
+
+static bool may_go_on(const making *k, error *e)
+{
+    return !threads_stopped(k->pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+static bool over_limit(const making *k, size_t needed, error *e)
+{
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "its level set with voxels of %g needs more than %zu MB and the limit is %zu MB: raise "
+                     "limits.memory_mb or use larger voxels",
+                     k->voxel_size, needed >> 20, k->limit >> 20);
+}
+
+/* ---- into index space */
+
+static bool to_index_space(making *k, const levelset_params *p, double index_to_world[16], error *e)
+{
+    mesh *m = k->m;
+    bbox box = bbox_empty();
+    for (size_t n = 0; n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
+    double longest = m->vertex_count ? bbox_longest(box) : 0;
+    if (!(longest > 0))
+        return error_set(e, ERROR_NO_SURFACE, "has no extent: all of its triangles are points");
+    double size = p->voxel_size > 0 ? p->voxel_size : longest / p->resolution, voxels = longest / size;
+    if (!(voxels >= fewest_voxels && voxels <= WINDING_MOST_VOXELS - 2 * origin_gap))
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "a voxel_size of %g makes %.4g voxels along the longest side, %g, of the mesh: it "
+                         "must be %g to %d",
+                         size, voxels, longest, fewest_voxels, WINDING_MOST_VOXELS - 1);
+    k->voxel_size = size;
+    for (size_t n = 0; n < m->vertex_count; n++) {
+        vec3 d = vec3_sub(m->vertex[n], box.min);
+        m->vertex[n] = (vec3){d.x / size + origin_gap, d.y / size + origin_gap, d.z / size + origin_gap};
+    }
+    memset(index_to_world, 0, 16 * sizeof *index_to_world);
+    for (int axis = 0; axis < 3; axis++) {
+        index_to_world[5 * axis] = size;
+        index_to_world[4 * axis + 3] = vec3_get(box.min, axis) - origin_gap * size;
+    }
+    index_to_world[15] = 1;
+    return true;
+}
+
+/* ---- which blocks are near which triangles */
+
+static bool add_pair(making *k, const int32_t block[3], uint32_t n, error *e)
+{
+    uint32_t number;
+    if (k->pair_count == k->pair_room) {
+        size_t room = k->pair_room ? 2 * k->pair_room : 1 << 16;
+        size_t needed = room * 4 * sizeof *k->near + k->map.count * (size_t)(VOXELS * sizeof(float));
+        if (needed > k->limit) return over_limit(k, needed, e);
+        uint32_t(*larger)[2] = mem_array(room, sizeof *larger, "the blocks around the mesh", e);
+        if (!larger) return false;
+        if (k->pair_count) memcpy(larger, k->pairs, k->pair_count * sizeof *larger);
+        free(k->pairs);
+        k->pairs = larger;
+        k->pair_room = room;
+    }
+    if (!block_map_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
+    k->pairs[k->pair_count][0] = number;
+    k->pairs[k->pair_count++][1] = n;
+    return true;
+}
+
+static triangle corners_of(const making *k, uint32_t n)
+{
+    const uint32_t *t = k->m->triangle[n];
+    return (triangle){k->m->vertex[t[0]], k->m->vertex[t[1]], k->m->vertex[t[2]]};
+}
+
+static bool plan_triangle(making *k, uint32_t n, error *e)
+{
+    const triangle t = corners_of(k, n);
+    const bbox box = bbox_grow(triangle_box(&t), k->band);
+    const double reach = k->band + 0.5 * (SIDE - 1) * sqrt(3), reach2 = reach * reach;
+    int32_t low[3], high[3], b[3];
+    bool large = false;
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = (int32_t)floor(ceil(vec3_get(box.min, axis)) / SIDE);
+        high[axis] = (int32_t)floor(floor(vec3_get(box.max, axis)) / SIDE);
+        large |= high[axis] - low[axis] > 2;
+    }
+    for (b[0] = low[0]; b[0] <= high[0]; b[0]++)
+        for (b[1] = low[1]; b[1] <= high[1]; b[1]++)
+            for (b[2] = low[2]; b[2] <= high[2]; b[2]++) {
+                const double half = 0.5 * (SIDE - 1);
+                vec3 middle = {SIDE * b[0] + half, SIDE * b[1] + half, SIDE * b[2] + half};
+                if (large && triangle_distance2(&t, middle) > reach2) continue;
+                if (!add_pair(k, b, n, e)) return false;
+            }
+    return true;
+}
+
+/* Pairs into lists by block, which keep the order of the triangles and so of their solids. */
+static bool plan(making *k, error *e)
+{
+    if (!block_map_init(&k->map, 1024, e)) return false;
+    for (uint32_t n = 0; n < k->m->triangle_count; n++)
+        if (!plan_triangle(k, n, e)) return false;
+    size_t needed = k->map.count * (VOXELS * sizeof(float) + 128) + block_map_bytes(k->map.count) +
+                    k->pair_count * (sizeof *k->pairs + sizeof *k->near);
+    if (needed > k->limit) return over_limit(k, needed, e);
+    k->first = mem_array((size_t)k->map.count + 2, sizeof *k->first, "the blocks around the mesh", e);
+    k->near = mem_array(k->pair_count, sizeof *k->near, "the blocks around the mesh", e);
+    if (!k->first || !k->near) return false;
+    for (size_t n = 0; n < k->pair_count; n++) k->first[k->pairs[n][0] + 2]++;
+    for (size_t b = 2; b < (size_t)k->map.count + 2; b++) k->first[b] += k->first[b - 1];
+    for (size_t n = 0; n < k->pair_count; n++) k->near[k->first[k->pairs[n][0] + 1]++] = k->pairs[n][1];
+    free(k->pairs);
+    k->pairs = NULL;
+    return true;
+}
+
+/* ---- distances */
+
+static int32_t clip(double v)
+{
+    return v < 0 ? 0 : v > SIDE ? SIDE : (int32_t)v;
+}
+
+/* Lowers `nearest`, distances of the block's voxels from what was seen so far. Most of the work is spared
+ * by a ball around the triangle: a voxel is not nearer to the one than to the other. */
+static void approach(const triangle *t, const int32_t origin[3], double band, double nearest[VOXELS])
+{
+    const vec3 base = {origin[0], origin[1], origin[2]};
+    const triangle at = {vec3_sub(t->a, base), vec3_sub(t->b, base), vec3_sub(t->c, base)};
+    const bbox box = bbox_grow(triangle_box(&at), band);
+    const vec3 middle = vec3_scale(vec3_add(at.a, vec3_add(at.b, at.c)), 1.0 / 3);
+    const double radius =
+        sqrt(fmax(vec3_norm2(vec3_sub(at.a, middle)),
+                  fmax(vec3_norm2(vec3_sub(at.b, middle)), vec3_norm2(vec3_sub(at.c, middle)))));
+    const int32_t x1 = clip(floor(box.max.x) + 1), y1 = clip(floor(box.max.y) + 1),
+                  z1 = clip(floor(box.max.z) + 1);
+    for (int32_t x = clip(ceil(box.min.x)); x < x1; x++)
+        for (int32_t y = clip(ceil(box.min.y)); y < y1; y++)
+            for (int32_t z = clip(ceil(box.min.z)); z < z1; z++) {
+                double *to = &nearest[64 * x + 8 * y + z];
+                const vec3 p = {x, y, z};
+                double ball = *to + radius;
+                if (vec3_norm2(vec3_sub(p, middle)) >= ball * ball) continue;
+                double d2 = triangle_distance2(&at, p);
+                if (d2 < *to * *to) *to = sqrt(d2);
+            }
+}
+
+/* One solid's signed distance into `f`, the least of those of all solids. */
+static void unite(const making *k, uint32_t solid, const int32_t origin[3], const double nearest[VOXELS],
+                  double f[VOXELS])
+{
+    for (int row = 0; row < 64; row++) {
+        unsigned inside = winding_inside(&k->columns, solid, k->solids.one_sided[solid],
+                                         origin[0] + (row >> 3), origin[1] + (row & 7), origin[2]);
+        for (int z = 0; z < SIDE; z++) {
+            double d = nearest[8 * row + z];
+            f[8 * row + z] = fmin(f[8 * row + z], inside >> z & 1 ? -d : d);
+        }
+    }
+}
+
+/* The block's distances in voxels, clamped to the band. */
+static void fill_block(const making *k, uint32_t block, uint32_t *stamp, double f[VOXELS])
+{
+    const int32_t *b = k->map.blocks[block], origin[3] = {SIDE * b[0], SIDE * b[1], SIDE * b[2]};
+    double nearest[VOXELS];
+    uint32_t solid = 0;
+    for (int v = 0; v < VOXELS; v++) f[v] = k->band;
+    for (size_t n = k->first[block]; n < k->first[block + 1];) {
+        while (k->near[n] >= k->solids.first[solid + 1]) solid++;
+        for (int v = 0; v < VOXELS; v++) nearest[v] = k->band;
+        for (; n < k->first[block + 1] && k->near[n] < k->solids.first[solid + 1]; n++) {
+            triangle t = corners_of(k, k->near[n]);
+            approach(&t, origin, k->band, nearest);
+        }
+        stamp[solid] = block + 1;
+        unite(k, solid, origin, nearest, f);
+    }
+    if (!winding_covers(&k->columns, k->solids.one_sided, stamp, block + 1, origin)) return;
+    for (int v = 0; v < VOXELS; v++) f[v] = -k->band; /* deep within a solid that has no surface here */
+}
+
+static void store_block(const making *k, uint32_t block, const double f[VOXELS], vdb_grid *out)
+{
+    float *to = out->leaf_values + (size_t)block * VOXELS;
+    for (int axis = 0; axis < 3; axis++) out->leaf_origin[block][axis] = SIDE * k->map.blocks[block][axis];
+    for (int v = 0; v < VOXELS; v++) {
+        to[v] = (float)(f[v] * k->voxel_size);
+        if (!(fabs(f[v]) < k->band)) continue;
+        out->leaf_active[8 * (size_t)block + (size_t)(v >> 6)] |= (uint64_t)1 << (v & 63);
+    }
+}
+
+static void fill_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const making *k = context;
+    uint32_t *stamp = k->stamps + (size_t)worker * k->solids.solid_count;
+    for (size_t block = begin; block < end; block++) {
+        double f[VOXELS];
+        fill_block(k, (uint32_t)block, stamp, f);
+        store_block(k, (uint32_t)block, f, k->out);
+    }
+}
+
+static bool fill_leaves(making *k, vdb_grid *out, error *e)
+{
+    static const char leaves[] = "the band around the mesh";
+    out->leaf_count = k->map.count;
+    out->leaf_origin = mem_array(k->map.count, sizeof *out->leaf_origin, leaves, e);
+    out->leaf_values = mem_array((size_t)k->map.count * VOXELS, sizeof *out->leaf_values, leaves, e);
+    out->leaf_active = mem_array((size_t)k->map.count * 8, sizeof *out->leaf_active, leaves, e);
+    k->stamps =
+        mem_array((size_t)threads_count(k->pool) * k->solids.solid_count, sizeof *k->stamps, leaves, e);
+    if (!out->leaf_origin || !out->leaf_values || !out->leaf_active || !k->stamps) return false;
+    k->out = out;
+    threads_run(k->pool, k->map.count, 16, fill_chunk, k);
+    for (size_t word = 0; word < 8 * k->map.count; word++)
+        out->active_voxels += (uint64_t)__builtin_popcountll(out->leaf_active[word]);
+    return may_go_on(k, e);
+}
+
+/* ---- what is inside, away from the surface */
+
+typedef struct tiling {
+    vdb_tile *tiles;
+    size_t count, room;
+} tiling;
+
+/* Adds the block, or TILE_BLOCKS^3 of them, if it is inside; it has no leaf, so that one voxel tells of
+ * all. */
+static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_t side, error *e)
+{
+    if (!winding_covers(&k->columns, k->solids.one_sided, NULL, 0, origin)) return true;
+    if (t->count == t->room) {
+        size_t room = t->room ? 2 * t->room : 1024;
+        if (2 * room * sizeof *t->tiles > k->limit) return over_limit(k, 2 * room * sizeof *t->tiles, e);
+        vdb_tile *larger = mem_array(room, sizeof *larger, "the inside of the mesh", e);
+        if (!larger) return false;
+        if (t->count) memcpy(larger, t->tiles, t->count * sizeof *larger);
+        free(t->tiles);
+        t->tiles = larger;
+        t->room = room;
+    }
+    t->tiles[t->count++] =
+        (vdb_tile){{origin[0], origin[1], origin[2]}, side, (float)(-k->band * k->voxel_size), false};
+    return true;
+}
+
+static bool tile_region(const making *k, const block_map *regions, const int32_t at[3], tiling *t, error *e)
+{
+    const int32_t whole[3] = {at[0] * SIDE * TILE_BLOCKS, at[1] * SIDE * TILE_BLOCKS,
+                              at[2] * SIDE * TILE_BLOCKS};
+    if (block_map_find(regions, at[0], at[1], at[2]) == BLOCK_MAP_NONE)
+        return add_tile(k, t, whole, SIDE * TILE_BLOCKS, e);
+    for (int32_t n = 0; n < TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS; n++) {
+        const int32_t x = at[0] * TILE_BLOCKS + (n >> 8), y = at[1] * TILE_BLOCKS + (n >> 4 & 15),
+                      z = at[2] * TILE_BLOCKS + (n & 15);
+        const int32_t origin[3] = {x * SIDE, y * SIDE, z * SIDE};
+        if (block_map_find(&k->map, x, y, z) == BLOCK_MAP_NONE && !add_tile(k, t, origin, SIDE, e))
+            return false;
+    }
+    return true;
+}
+
+static bool fill_tiles(const making *k, vdb_grid *out, error *e)
+{
+    block_map regions = {0};
+    tiling t = {0};
+    int32_t high[3] = {0, 0, 0}, at[3]; /* what is inside has no negative coordinate */
+    bool ok = block_map_init(&regions, 64, e);
+    for (uint32_t n = 0; ok && n < k->map.count; n++) {
+        const int32_t *b = k->map.blocks[n];
+        ok = block_map_add(&regions, b[0] >> 4, b[1] >> 4, b[2] >> 4, NULL, e);
+        for (int axis = 0; axis < 3; axis++)
+            if (b[axis] >> 4 > high[axis]) high[axis] = b[axis] >> 4;
+    }
+    for (at[0] = 0; at[0] <= high[0]; at[0]++)
+        for (at[1] = 0; at[1] <= high[1]; at[1]++)
+            for (at[2] = 0; ok && at[2] <= high[2]; at[2]++) ok = tile_region(k, &regions, at, &t, e);
+    block_map_free(&regions);
+    out->tiles = t.tiles;
+    out->tile_count = t.count;
+    return ok;
+}
+
+/* ---- the whole */
+
+static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
+{
+    if (!mesh_weld(k->m, k->notes, e) || !to_index_space(k, p, out->index_to_world, e)) return false;
+    k->fixed = mem_array(k->m->vertex_count, sizeof *k->fixed, "the mesh", e);
+    if (!k->fixed) return false;
+    for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = winding_fix(k->m->vertex[n]);
+    out->grid_class = VDB_LEVEL_SET;
+    out->background = (float)(k->band * k->voxel_size);
+    return mesh_repair_solids(k->m, k->fixed, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
+           may_go_on(k, e) &&
+           winding_make(k->m, k->fixed, k->solids.first, k->solids.solid_count, k->limit, &k->columns, e) &&
+           fill_leaves(k, out, e) && fill_tiles(k, out, e);
+}
+
+vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, error *e)
+{
+    size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
+    making k = {.m = m, .notes = notes, .band = params->band_vox, .pool = params->pool};
+    k.limit = params->memory_limit > held ? params->memory_limit - held : 0;
+    vdb_grid *out = mem_alloc(sizeof *out);
+    bool ok = make(&k, params, out, e);
+    free(k.fixed);
+    mesh_solids_free(&k.solids);
+    winding_free(&k.columns);
+    block_map_free(&k.map);
+    free(k.pairs);
+    free(k.first);
+    free(k.near);
+    free(k.stamps);
+    if (ok) return out;
+    vdb_grid_free(out);
+    return NULL;
+}
+
+/* ---- comparing */
+
+/* Points per triangle: one for so many square voxels, and not more than so many. */
+static const double area_per_point = 4;
+static const int most_points = 256;
+/* How far from the mesh its two sides are looked at, in voxels: nearer, a sheet is thinner than a voxel. */
+static const double side_gap = 0.75;
+static const double close_vox = 0.05;
+
+/* The field's distance from its zero set, to first order, in voxels; NAN where there is none. */
+static double distance_at(const field *f, const double m[16], vec3 p)
+{
+    const vec3 world = {m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
+    field_sample s;
+    if (!field_sample_at(f, world, FIELD_GRADIENT, &s)) return NAN;
+    return s.value / (vec3_norm(s.gradient) * m[0]);
+}
+
+levelset_fidelity levelset_compare(const mesh *m, const double index_to_world[16], const field *f)
+{
+    double area = 0, followed = 0, near = 0, sum = 0;
+    for (size_t n = 0; n < m->triangle_count; n++) {
+        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
+        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
+        const double whole = 0.5 * vec3_norm(normal);
+        if (!(whole > DBL_EPSILON)) continue;
+        const vec3 step = vec3_scale(normal, 0.5 * side_gap / whole);
+        const int points = (int)fmin(1 + whole / area_per_point, most_points);
+        for (int k = 0; k < points; k++) {
+            /* the additive sequence of the plastic number, folded into the triangle; the first is its
+             * middle */
+            double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1),
+                   v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
+            if (u + v > 1) {
+                u = 1 - u;
+                v = 1 - v;
+            }
+            const vec3 p = vec3_axpy(u, ab, vec3_axpy(v, ac, a));
+            const double part = whole / points, d = distance_at(f, index_to_world, p);
+            area += part;
+            if (!(distance_at(f, index_to_world, vec3_add(p, step)) > 0 &&
+                  distance_at(f, index_to_world, vec3_sub(p, step)) < 0))
+                continue;
+            followed += part;
+            near += fabs(d) < close_vox ? part : 0;
+            sum += part * d * d;
+        }
+    }
+    const double size = index_to_world[0];
+    return (levelset_fidelity){area * size * size, followed > 0 ? sqrt(sum / followed) : 0,
+                               area > 0 ? near / area : 0, area > 0 ? 1 - followed / area : 0};
+}

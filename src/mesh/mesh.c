@@ -1,0 +1,201 @@
+#include "mesh/mesh.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+#define FREE UINT32_MAX
+
+static const char what[] = "the triangles of the mesh";
+
+void mesh_note(mesh_notes *notes, const char *format, ...)
+{
+    if (notes->count == MESH_MAX_NOTES) return;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(notes->text[notes->count++], sizeof notes->text[0], format, arguments);
+    va_end(arguments);
+}
+
+void mesh_free(mesh *m)
+{
+    if (!m) return;
+    free(m->vertex);
+    free(m->triangle);
+    *m = (mesh){0};
+}
+
+/* Per triangle: itself, a sorted copy, three edges of 12 bytes and the unions; per vertex: itself, its
+ * place in the table and fixed-point coordinates. */
+size_t mesh_bytes(size_t vertices, size_t triangles)
+{
+    return vertices * (sizeof(vec3) + 32) + triangles * 128;
+}
+
+static uint64_t hash_bytes(const void *bytes, size_t count)
+{
+    const unsigned char *p = bytes;
+    uint64_t h = 0xCBF29CE484222325u;
+    for (size_t i = 0; i < count; i += 4) {
+        uint32_t word;
+        memcpy(&word, p + i, sizeof word);
+        h = (h ^ word) * 0x9E3779B97F4A7C15u;
+        h ^= h >> 29;
+    }
+    return h;
+}
+
+/* A table that finds the first of equal items among `count` of `size` bytes, a multiple of 4, at a time. */
+typedef struct table {
+    const char *items;
+    size_t size, mask;
+    uint32_t *slots;
+} table;
+
+static bool table_init(table *t, const void *items, size_t size, size_t count, error *e)
+{
+    size_t room = 16;
+    while (room < 2 * count) room *= 2;
+    *t = (table){items, size, room - 1, mem_array(room, sizeof(uint32_t), what, e)};
+    if (!t->slots) return false;
+    memset(t->slots, 0xFF, room * sizeof(uint32_t));
+    return true;
+}
+
+static uint32_t table_first(table *t, uint32_t n)
+{
+    const char *item = t->items + n * t->size;
+    size_t k = hash_bytes(item, t->size) & t->mask;
+    while (t->slots[k] != FREE && memcmp(t->items + t->slots[k] * t->size, item, t->size) != 0)
+        k = (k + 1) & t->mask;
+    if (t->slots[k] == FREE) t->slots[k] = n;
+    return t->slots[k];
+}
+
+/* Every corner to the first vertex of its coordinates. */
+static bool join_vertices(mesh *m, error *e)
+{
+    table t;
+    for (size_t n = 0; n < m->vertex_count; n++) { /* -0 and 0 are equal but have different bytes */
+        m->vertex[n].x += 0.0;
+        m->vertex[n].y += 0.0;
+        m->vertex[n].z += 0.0;
+    }
+    if (!table_init(&t, m->vertex, sizeof(vec3), m->vertex_count, e)) return false;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) m->triangle[n][k] = table_first(&t, m->triangle[n][k]);
+    free(t.slots);
+    return true;
+}
+
+static void drop_unused(mesh *m, uint32_t *place)
+{
+    uint32_t count = 0;
+    memset(place, 0xFF, m->vertex_count * sizeof *place);
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) place[m->triangle[n][k]] = 0;
+    for (size_t n = 0; n < m->vertex_count; n++) {
+        if (place[n] == FREE) continue;
+        m->vertex[count] = m->vertex[n];
+        place[n] = count++;
+    }
+    m->vertex_count = count;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) m->triangle[n][k] = place[m->triangle[n][k]];
+}
+
+static size_t drop_degenerate(mesh *m)
+{
+    size_t kept = 0, all = m->triangle_count;
+    for (size_t n = 0; n < all; n++) {
+        const uint32_t *t = m->triangle[n];
+        if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
+        memmove(m->triangle[kept++], t, sizeof m->triangle[0]);
+    }
+    m->triangle_count = kept;
+    return all - kept;
+}
+
+/* The corners in ascending order; returns +1 for an even permutation, -1 for an odd one. */
+static int sort_corners(const uint32_t t[3], uint32_t out[3])
+{
+    int sign = 1;
+    memcpy(out, t, 3 * sizeof *out);
+    for (int k = 0; k < 3; k++) { /* three exchanges of neighbours sort three */
+        int i = k & 1;
+        if (out[i] <= out[i + 1]) continue;
+        uint32_t swap = out[i];
+        out[i] = out[i + 1];
+        out[i + 1] = swap;
+        sign = -sign;
+    }
+    return sign;
+}
+
+/* balance[n] of the first of equal triangles: how many more have its own orientation than the other one's. */
+static size_t keep_distinct(mesh *m, const uint32_t *first, const int32_t *balance, bool cancelled_too)
+{
+    size_t kept = 0;
+    for (uint32_t n = 0; n < m->triangle_count; n++) {
+        if (first[n] != n || (balance[n] == 0 && !cancelled_too)) continue;
+        uint32_t t[3] = {m->triangle[n][0], m->triangle[n][1], m->triangle[n][2]};
+        bool turned = balance[n] < 0;
+        uint32_t *to = m->triangle[kept++];
+        to[0] = t[0];
+        to[1] = t[turned ? 2 : 1];
+        to[2] = t[turned ? 1 : 2];
+    }
+    return kept;
+}
+
+static bool drop_repeated(mesh *m, size_t *dropped, error *e)
+{
+    size_t all = m->triangle_count, distinct = 0;
+    uint32_t(*sorted)[3] = mem_array(all, sizeof *sorted, what, e),
+    *first = mem_array(all, sizeof *first, what, e);
+    int32_t *balance = mem_array(all, sizeof *balance, what, e);
+    table t = {0};
+    bool ok = sorted && first && balance && table_init(&t, sorted, sizeof *sorted, all, e);
+    if (ok) {
+        int sign_of_first;
+        uint32_t unused[3];
+        for (uint32_t n = 0; n < all; n++) {
+            int sign = sort_corners(m->triangle[n], sorted[n]);
+            first[n] = table_first(&t, n);
+            sign_of_first = sort_corners(m->triangle[first[n]], unused);
+            balance[first[n]] += sign == sign_of_first ? 1 : -1;
+        }
+        for (uint32_t n = 0; n < all; n++) distinct += first[n] == n && balance[n] != 0;
+        m->triangle_count = keep_distinct(m, first, balance, distinct == 0);
+        *dropped = all - m->triangle_count;
+    }
+    free(sorted);
+    free(first);
+    free(balance);
+    free(t.slots);
+    return ok;
+}
+
+bool mesh_weld(mesh *m, mesh_notes *notes, error *e)
+{
+    size_t all = m->triangle_count, repeated = 0;
+    uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
+    bool ok = place && join_vertices(m, e);
+    if (ok) {
+        size_t degenerate = drop_degenerate(m);
+        ok = drop_repeated(m, &repeated, e);
+        if (ok) drop_unused(m, place);
+        if (degenerate)
+            mesh_note(notes, "%zu of %zu triangles have two equal corners: left out", degenerate, all);
+        if (repeated)
+            mesh_note(
+                notes,
+                "%zu of %zu triangles stand in the file again (coinciding shells or faces): each counts once",
+                repeated, all);
+    }
+    free(place);
+    return ok;
+}

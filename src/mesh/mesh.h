@@ -1,0 +1,42 @@
+/* mesh: triangles as plain arrays, and what was noticed about them.
+ *
+ * Units: as the file has them until levelset_make turns them into voxels. Ownership: mesh_free.
+ * Threads: none; no shared state.
+ */
+#ifndef HEXAD_MESH_MESH_H
+#define HEXAD_MESH_MESH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "geometry/vec3.h"
+
+typedef struct mesh {
+    size_t vertex_count, triangle_count;
+    vec3 *vertex;
+    uint32_t (*triangle)[3]; /* counter-clockwise seen from outside, if the file keeps to that */
+} mesh;
+
+#define MESH_MAX_NOTES 8
+
+/* Sentences for the report's warnings. */
+typedef struct mesh_notes {
+    size_t count;
+    char text[MESH_MAX_NOTES][256];
+} mesh_notes;
+
+void mesh_note(mesh_notes *notes, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+void mesh_free(mesh *m); /* NULL, and a zeroed one, will do */
+
+/* Bytes that a mesh takes while it is judged, edges and all: what a caller holds against a limit. */
+size_t mesh_bytes(size_t vertices, size_t triangles);
+
+/* Joins vertices of equal coordinates, drops vertices of no triangle, triangles with two equal corners, and
+ * triangles that stand more than once: of those that differ in orientation as many as cancel go, but where
+ * that leaves nothing at all (a mesh with every face twice) one of each stays. Order is kept. */
+bool mesh_weld(mesh *m, mesh_notes *notes, error *e);
+
+#endif

@@ -1,0 +1,145 @@
+#include "mesh/mesh_file.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/reader.h"
+#include "mesh/mesh_reader.h"
+
+/* Processor time of the reading process: measured at 10 MB a second and more for text; a tenth of that is
+ * granted. */
+static const unsigned seconds_at_least = 60;
+static const off_t bytes_per_second = 1 << 20;
+
+/* Squares of what is larger overflow long before the surface does anybody any good. */
+static const double largest_coordinate = 1e30;
+
+/* The ending of the file's name in lower case, if it looks like one. */
+static void ending_of(const char *path, char out[16])
+{
+    const char *dot = strrchr(path, '.');
+    size_t n = 0;
+    if (dot && !strchr(dot, '/'))
+        for (const char *p = dot + 1; *p && n < 15; p++) {
+            char c = *p >= 'A' && *p <= 'Z' ? (char)(*p + 'a' - 'A') : *p;
+            if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'))) break;
+            out[n++] = c;
+        }
+    out[n] = '\0';
+}
+
+/* Starts the process with the file as its input. */
+static bool start(const mesh_file *file, off_t size, reader *out, error *e)
+{
+    char ending[16];
+    ending_of(file->path, ending);
+    const reader_params params = {
+        file->program, MESH_READER_COMMAND, ending,
+        file->fd,      file->memory_limit,  seconds_at_least + (unsigned)(size / bytes_per_second)};
+    return reader_start(&params, out, e);
+}
+
+static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
+{
+    if (fread(to, size, count, stream) == count) return true;
+    return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+}
+
+static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
+{
+    char text[MESH_READER_TEXT_MAX + 1] = "";
+    if (!read_all(stream, h, sizeof *h, 1, e)) return false;
+    if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+    if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
+    for (char *p = text; *p; p++) /* it may quote the file */
+        if (*p < ' ' || *p > '~') *p = '?';
+    if (h->code != ERROR_NONE && !*text)
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader refuse it without a word");
+    return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
+}
+
+static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
+{
+    if (h->triangles == 0)
+        return error_set(e, ERROR_NO_SURFACE, "holds no triangle (%llu vertices, %llu points or lines)",
+                         (unsigned long long)h->vertices, (unsigned long long)h->others);
+    if (h->vertices >= UINT32_MAX || h->triangles >= UINT32_MAX / 3)
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "has %llu vertices and %llu triangles, too many for 32 bits",
+                         (unsigned long long)h->vertices, (unsigned long long)h->triangles);
+    size_t needed = mesh_bytes(h->vertices, h->triangles);
+    if (needed <= limit) return true;
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "its %llu triangles need %zu MB and the limit is %zu MB: raise limits.memory_mb",
+                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
+}
+
+static bool read_vertices(FILE *stream, mesh *m, error *e)
+{
+    for (size_t n = 0; n < m->vertex_count; n++) {
+        float at[3];
+        if (!read_all(stream, at, sizeof at, 1, e)) return false;
+        for (int k = 0; k < 3; k++)
+            if (!(fabs((double)at[k]) <= largest_coordinate))
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
+                                 largest_coordinate);
+        m->vertex[n] = (vec3){(double)at[0], (double)at[1], (double)at[2]};
+    }
+    return true;
+}
+
+static bool read_triangles(FILE *stream, mesh *m, error *e)
+{
+    if (!read_all(stream, m->triangle, sizeof m->triangle[0], m->triangle_count, e)) return false;
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++)
+            if (m->triangle[n][k] >= m->vertex_count)
+                return error_set(e, ERROR_INPUT_DAMAGED,
+                                 "has a triangle, number %zu, with a corner that is none of its %zu vertices",
+                                 n, m->vertex_count);
+    return true;
+}
+
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e)
+{
+    mesh m = {0};
+    bool ok = read_header(stream, header, e) && check_counts(header, memory_limit, e);
+    if (ok) {
+        m.vertex_count = header->vertices;
+        m.triangle_count = header->triangles;
+        m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
+        m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
+        ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e);
+    }
+    if (ok && fgetc(stream) != EOF)
+        ok = error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer more than it announced");
+    if (ok)
+        *out = m;
+    else
+        mesh_free(&m);
+    return ok;
+}
+
+bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
+{
+    mesh m = {0};
+    mesh_reader_header header = {0};
+    off_t size = 0;
+    reader r;
+    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, size, &r, e)) return false;
+    bool ok = mesh_file_parse(r.stream, file->memory_limit, &header, &m, e);
+    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
+    if (ok && header.others)
+        mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
+                  (unsigned long long)header.others);
+    if (ok)
+        *out = m;
+    else
+        mesh_free(&m);
+    return ok;
+}

@@ -1,0 +1,27 @@
+/* mesh_file: a mesh from an open file, read by a process of its own (see mesh_reader). */
+#ifndef HEXAD_MESH_MESH_FILE_H
+#define HEXAD_MESH_MESH_FILE_H
+
+#include <stddef.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "mesh/mesh.h"
+#include "mesh/mesh_reader.h"
+
+typedef struct mesh_file {
+    int fd;              /* open for reading, at any offset; stays the caller's */
+    const char *path;    /* its ending tells the format */
+    const char *program; /* what runs mesh_reader_main as its command read-mesh; NULL: this program itself */
+    size_t memory_limit; /* bytes, of the reading process and of the mesh */
+} mesh_file;
+
+/* Every count, number and index of what comes back is checked. Errors: input_damaged, also when the reading
+ * process dies of the file or takes too long; input_unsupported; no_surface when there is no triangle;
+ * limit_memory. They do not name the file. *out is untouched on failure, otherwise for mesh_free. */
+bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
+
+/* Of that the answer alone, from its first byte to its end: what is checked. *header is what was read of it. */
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e);
+
+#endif

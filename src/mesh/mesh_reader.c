@@ -1,0 +1,208 @@
+#include "mesh/mesh_reader.h"
+
+#include <errno.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <assimp/cfileio.h>
+#include <assimp/cimport.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include "base/error.h"
+#include "base/reader.h"
+
+/* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
+ * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
+ * made up. */
+static const size_t memory_per_byte = 64;
+/* Nodes within nodes; files of meshes have a handful. The walk is recursive. */
+static const int deepest_node = 200;
+
+typedef struct bytes {
+    char name[32]; /* what the file is called towards the library */
+    char *data;
+    size_t size, at;
+} bytes;
+
+/* ---- the library's view of the one file */
+
+static size_t read_some(struct aiFile *file, char *to, size_t size, size_t count)
+{
+    bytes *b = (bytes *)file->UserData;
+    size_t left = size ? (b->size - b->at) / size : 0;
+    if (count > left) count = left;
+    memcpy(to, b->data + b->at, size * count);
+    b->at += size * count;
+    return count;
+}
+
+static size_t write_nothing(struct aiFile *file, const char *from, size_t size, size_t count)
+{
+    (void)file, (void)from, (void)size, (void)count;
+    return 0;
+}
+
+static size_t tell(struct aiFile *file)
+{
+    return ((bytes *)file->UserData)->at;
+}
+static size_t file_size(struct aiFile *file)
+{
+    return ((bytes *)file->UserData)->size;
+}
+static void flush(struct aiFile *file)
+{
+    (void)file;
+}
+
+static enum aiReturn seek(struct aiFile *file, size_t offset, enum aiOrigin origin)
+{
+    bytes *b = (bytes *)file->UserData;
+    size_t base = origin == aiOrigin_SET ? 0 : origin == aiOrigin_CUR ? b->at : b->size, to = base + offset;
+    if (to > b->size) return aiReturn_FAILURE;
+    b->at = to;
+    return aiReturn_SUCCESS;
+}
+
+/* Materials and whatever else a mesh names are refused: only the file that was submitted is read. */
+static struct aiFile *open_file(struct aiFileIO *io, const char *name, const char *mode)
+{
+    bytes *b = (bytes *)io->UserData;
+    if (strcmp(name, b->name) != 0 || mode[0] != 'r') return NULL;
+    struct aiFile *file = malloc(sizeof *file);
+    if (!file) return NULL;
+    *file = (struct aiFile){read_some, write_nothing, tell, file_size, seek, flush, io->UserData};
+    b->at = 0;
+    return file;
+}
+
+static void close_file(struct aiFileIO *io, struct aiFile *file)
+{
+    (void)io;
+    free(file);
+}
+
+/* ---- answering */
+
+static int answer_fault(error_code code, const char *text)
+{
+    mesh_reader_header h = {
+        .magic = MESH_READER_MAGIC, .code = (uint32_t)code, .text_length = (uint32_t)strlen(text)};
+    if (h.text_length > MESH_READER_TEXT_MAX) h.text_length = MESH_READER_TEXT_MAX;
+    return reader_write(&h, sizeof h) && reader_write(text, h.text_length) ? 0 : 1;
+}
+
+/* The answer is written by a walk over the scene's nodes, three times: to count, vertices, triangles. */
+typedef struct walk {
+    const struct aiScene *scene;
+    enum { COUNT, VERTICES, TRIANGLES } pass;
+    mesh_reader_header header;
+    size_t first; /* of the vertices of the mesh at hand */
+    bool failed;
+} walk;
+
+static void visit_mesh(walk *w, const struct aiMesh *mesh, const struct aiMatrix4x4 *m)
+{
+    for (unsigned n = 0; w->pass == VERTICES && !w->failed && n < mesh->mNumVertices; n++) {
+        struct aiVector3D v = mesh->mVertices[n];
+        aiTransformVecByMatrix4(&v, m);
+        const float at[3] = {(float)v.x, (float)v.y, (float)v.z};
+        w->failed = fwrite(at, sizeof at, 1, stdout) != 1;
+    }
+    for (unsigned n = 0; w->pass != VERTICES && !w->failed && n < mesh->mNumFaces; n++) {
+        const struct aiFace *face = &mesh->mFaces[n];
+        bool triangle = face->mNumIndices == 3;
+        if (w->pass == COUNT) {
+            w->header.triangles += triangle;
+            w->header.others += !triangle;
+            continue;
+        }
+        if (!triangle) continue;
+        uint32_t corner[3];
+        for (int k = 0; k < 3; k++) {
+            uint64_t c = (uint64_t)w->first + face->mIndices[k];
+            corner[k] = face->mIndices[k] < mesh->mNumVertices && c < UINT32_MAX ? (uint32_t)c : UINT32_MAX;
+        }
+        w->failed = fwrite(corner, sizeof corner, 1, stdout) != 1;
+    }
+    if (w->pass == COUNT) w->header.vertices += mesh->mNumVertices;
+    w->first += mesh->mNumVertices;
+}
+
+static void visit(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, int depth)
+{
+    if (depth > deepest_node) w->failed = true;
+    if (w->failed) return;
+    aiMultiplyMatrix4(&m, &node->mTransformation);
+    for (unsigned n = 0; n < node->mNumMeshes; n++)
+        if (node->mMeshes[n] < w->scene->mNumMeshes) visit_mesh(w, w->scene->mMeshes[node->mMeshes[n]], &m);
+    for (unsigned n = 0; n < node->mNumChildren; n++) visit(w, node->mChildren[n], m, depth + 1);
+}
+
+static int answer_scene(const struct aiScene *scene)
+{
+    walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC}};
+    struct aiMatrix4x4 identity;
+    aiIdentityMatrix4(&identity);
+    for (w.pass = COUNT; w.pass <= TRIANGLES && !w.failed; w.pass++) {
+        w.first = 0;
+        visit(&w, scene->mRootNode, identity, 0);
+        if (w.pass == COUNT && fwrite(&w.header, sizeof w.header, 1, stdout) != 1) w.failed = true;
+    }
+    return w.failed || fflush(stdout) != 0 ? 1 : 0;
+}
+
+/* ---- the program */
+
+static bool read_bytes(bytes *b)
+{
+    struct stat st;
+    if (fstat(STDIN_FILENO, &st) != 0 || !(b->data = malloc((size_t)st.st_size + 1))) return false;
+    while (b->size < (size_t)st.st_size) {
+        ssize_t got = pread(STDIN_FILENO, b->data + b->size, (size_t)st.st_size - b->size, (off_t)b->size);
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) return got == 0;
+        b->size += (size_t)got;
+    }
+    return true;
+}
+
+/* What the library says of a file that it did not take. */
+static int answer_refusal(const bytes *b, size_t memory, const char *why)
+{
+    char text[MESH_READER_TEXT_MAX];
+    if (strstr(why, "bad_alloc") || strstr(why, "bad allocation") || strstr(why, "Out of memory")) {
+        if (b->size > memory / memory_per_byte)
+            return answer_fault(ERROR_LIMIT_MEMORY,
+                                "reading it takes more memory than the limit: raise limits.memory_mb");
+        return answer_fault(ERROR_INPUT_DAMAGED,
+                            "asks for far more memory than it has data for: it is damaged");
+    }
+    if (strstr(why, "No suitable reader")) {
+        return answer_fault(ERROR_INPUT_UNSUPPORTED,
+                            "is no mesh of a known format (PLY, OBJ, STL, OFF and others, told by "
+                            "the file's name and first bytes)");
+    }
+    snprintf(text, sizeof text, "cannot be read as a mesh: %s", *why ? why : "it is damaged");
+    return answer_fault(ERROR_INPUT_DAMAGED, text);
+}
+
+__attribute__((visibility("default"))) int mesh_reader_main(int argc, char **argv)
+{
+    bytes b = {0};
+    size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
+    if (!memory) return 2;
+    snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
+    if (!read_bytes(&b))
+        return answer_fault(ERROR_LIMIT_MEMORY, "is larger than the memory limit: raise limits.memory_mb");
+    struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
+    const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
+    int status =
+        scene && scene->mRootNode ? answer_scene(scene) : answer_refusal(&b, memory, aiGetErrorString());
+    _exit(status); /* nothing is left to do but to free what the library built */
+}

@@ -1,0 +1,35 @@
+/* mesh_reader: a mesh file as plain arrays, read by assimp; the only user of that library.
+ *
+ * It runs in a process of its own, started by mesh_file: the library can crash on a hostile file and take
+ * any amount of memory and time. It is given the bytes of one open file and nothing else: no other file is
+ * opened, and after the limits are set no descriptor can be.
+ *
+ * What it writes is a header, then `text_length` bytes of a message, then vertices (three floats each) and
+ * triangles (three uint32_t each), in the machine's own byte order, as both ends are one machine.
+ */
+#ifndef HEXAD_MESH_MESH_READER_H
+#define HEXAD_MESH_MESH_READER_H
+
+#include <stdint.h>
+
+#define MESH_READER_COMMAND "read-mesh"
+#define MESH_READER_MAGIC 0x3168736D64786568u /* "hexdmsh1" */
+#define MESH_READER_TEXT_MAX 512
+
+typedef struct mesh_reader_header {
+    uint64_t magic;
+    uint32_t code;        /* an error_code; ERROR_NONE: arrays follow */
+    uint32_t text_length; /* at most MESH_READER_TEXT_MAX */
+    uint64_t vertices, triangles;
+    uint64_t others; /* points and lines, which were left out */
+} mesh_reader_header;
+
+/* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`: reads the file on descriptor 0, writes to
+ * descriptor 1, takes at most so many bytes beyond what it starts with. Returns the exit status, 0 when the
+ * answer, good or bad, was written whole. */
+int mesh_reader_main(int argc, char **argv);
+
+/* The file of its own that it lies in where it is not linked in. */
+#define MESH_READER_MODULE "hexad-mesh.so"
+
+#endif

@@ -1,0 +1,21 @@
+/* triangle: the distance of a point from a triangle. */
+#ifndef HEXAD_MESH_TRIANGLE_H
+#define HEXAD_MESH_TRIANGLE_H
+
+#include "geometry/bbox.h"
+#include "geometry/vec3.h"
+
+typedef struct triangle {
+    vec3 a, b, c;
+} triangle;
+
+static inline bbox triangle_box(const triangle *t)
+{
+    return bbox_include(bbox_include(bbox_include(bbox_empty(), t->a), t->b), t->c);
+}
+
+/* Square of the distance. By the region that the point's foot falls into: corner, edge or face; a triangle
+ * without area has no face. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5. */
+double triangle_distance2(const triangle *t, vec3 p);
+
+#endif

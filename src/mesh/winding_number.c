@@ -1,0 +1,177 @@
+#include "mesh/winding_number.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+winding_point winding_fix(vec3 v)
+{
+    return (winding_point){(int32_t)lrint(ldexp(v.x, WINDING_BITS)), (int32_t)lrint(ldexp(v.y, WINDING_BITS)),
+                           v.z};
+}
+
+static int64_t turn(const winding_point *a, const winding_point *b, int64_t x, int64_t y)
+{
+    return ((int64_t)b->x - a->x) * (y - a->y) - ((int64_t)b->y - a->y) * (x - a->x);
+}
+
+/* Whether (x + eps, y + eps^2) lies to the left of the way from a to b; of an edge that is a point nobody
+ * asks. */
+static bool is_left(const winding_point *a, const winding_point *b, int64_t turned)
+{
+    if (turned != 0) return turned > 0;
+    return a->y != b->y ? b->y < a->y : b->x > a->x;
+}
+
+int winding_cross(const winding_point *a, const winding_point *b, const winding_point *c, int32_t x,
+                  int32_t y, double *z)
+{
+    int64_t at_c = turn(a, b, x, y), at_a = turn(b, c, x, y), at_b = turn(c, a, x, y),
+            area = at_a + at_b + at_c;
+    if (area == 0) return 0;
+    bool left = is_left(a, b, at_c);
+    if (is_left(b, c, at_a) != left || is_left(c, a, at_b) != left) return 0;
+    *z = ((double)at_a * a->z + (double)at_b * b->z + (double)at_c * c->z) / (double)area;
+    return left ? 1 : -1;
+}
+
+static int32_t least(int32_t a, int32_t b, int32_t c)
+{
+    int32_t m = a < b ? a : b;
+    return m < c ? m : c;
+}
+
+/* The lines from low to high, voxels; high < low: none. */
+static void range_of(int32_t a, int32_t b, int32_t c, int32_t *low, int32_t *high)
+{
+    int32_t min = least(a, b, c), max = -least(-a, -b, -c);
+    *low = (min + (1 << WINDING_BITS) - 1) >> WINDING_BITS;
+    *high = max >> WINDING_BITS;
+    if (*low < 0) *low = 0;
+}
+
+/* Calls of one triangle's crossings: counts them in c->first, or with `place` puts them there. */
+static void scan_triangle(winding_columns *c, const winding_point *p[3], uint32_t solid, bool place)
+{
+    int32_t x0, x1, y0, y1;
+    range_of(p[0]->x, p[1]->x, p[2]->x, &x0, &x1);
+    range_of(p[0]->y, p[1]->y, p[2]->y, &y0, &y1);
+    for (int32_t x = x0; x <= x1; x++)
+        for (int32_t y = y0; y <= y1; y++) {
+            double z;
+            int sign = winding_cross(p[0], p[1], p[2], x << WINDING_BITS, y << WINDING_BITS, &z);
+            if (!sign) continue;
+            uint64_t *first = &c->first[(size_t)x * (size_t)c->ny + (size_t)y];
+            if (place) c->crossings[first[0]] = (crossing){z, solid, sign};
+            first[0]++;
+        }
+}
+
+static void scan(winding_columns *c, const mesh *m, const winding_point *fixed,
+                 const uint32_t *first_of_solid, size_t solids, bool place)
+{
+    for (uint32_t s = 0; s < solids; s++)
+        for (uint32_t n = first_of_solid[s]; n < first_of_solid[s + 1]; n++) {
+            const uint32_t *t = m->triangle[n];
+            const winding_point *p[3] = {&fixed[t[0]], &fixed[t[1]], &fixed[t[2]]};
+            scan_triangle(c, p, s, place);
+        }
+}
+
+static int by_solid_upwards(const void *left, const void *right)
+{
+    const crossing *a = left, *b = right;
+    if (a->solid != b->solid) return a->solid < b->solid ? -1 : 1;
+    return (a->z > b->z) - (a->z < b->z);
+}
+
+bool winding_make(const mesh *m, const winding_point *fixed, const uint32_t *first_of_solid,
+                  size_t solid_count, size_t memory_limit, winding_columns *out, error *e)
+{
+    winding_columns c = {0};
+    for (size_t n = 0; n < m->vertex_count; n++) {
+        int32_t x = (fixed[n].x >> WINDING_BITS) + 1, y = (fixed[n].y >> WINDING_BITS) + 1;
+        if (x > c.nx) c.nx = x;
+        if (y > c.ny) c.ny = y;
+    }
+    size_t lines = (size_t)c.nx * (size_t)c.ny;
+    if ((lines + 1) * sizeof *c.first > memory_limit) goto too_large;
+    if (!(c.first = mem_array(lines + 1, sizeof *c.first, "the lines through the mesh", e))) return false;
+    scan(&c, m, fixed, first_of_solid, solid_count, false);
+    uint64_t total = 0;
+    for (size_t n = 0; n <= lines; n++) {
+        uint64_t count = c.first[n];
+        c.first[n] = total;
+        total += count;
+    }
+    if (total > (memory_limit - (lines + 1) * sizeof *c.first) / sizeof *c.crossings) goto too_large;
+    if (!(c.crossings = mem_array(total, sizeof *c.crossings, "the lines through the mesh", e))) {
+        winding_free(&c);
+        return false;
+    }
+    scan(&c, m, fixed, first_of_solid, solid_count, true); /* leaves first[n] where line n ends */
+    memmove(c.first + 1, c.first, lines * sizeof *c.first);
+    c.first[0] = 0;
+    for (size_t n = 0; n < lines; n++)
+        qsort(c.crossings + c.first[n], c.first[n + 1] - c.first[n], sizeof *c.crossings, by_solid_upwards);
+    *out = c;
+    return true;
+too_large:
+    winding_free(&c);
+    return error_set(e, ERROR_LIMIT_MEMORY,
+                     "the %zu lines through its voxels need more than the limit of %zu MB: raise "
+                     "limits.memory_mb or use larger voxels",
+                     lines, memory_limit >> 20);
+}
+
+void winding_free(winding_columns *c)
+{
+    free(c->first);
+    free(c->crossings);
+    *c = (winding_columns){0};
+}
+
+unsigned winding_inside(const winding_columns *c, uint32_t solid, bool by_parity, int32_t x, int32_t y,
+                        int32_t z0)
+{
+    if (x < 0 || y < 0 || x >= c->nx || y >= c->ny) return 0;
+    size_t line = (size_t)x * (size_t)c->ny + (size_t)y;
+    uint64_t low = c->first[line], end = c->first[line + 1];
+    for (uint64_t high = end; low < high;) { /* the first of the solid */
+        uint64_t middle = low + (high - low) / 2;
+        if (c->crossings[middle].solid < solid)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    unsigned inside = 0;
+    int winding = 0, z = 0; /* of the part below, negated: as much comes back above */
+    for (uint64_t n = low; z < 8; n++) {
+        bool last = n == end || c->crossings[n].solid != solid;
+        for (; z < 8 && (last || z0 + z < c->crossings[n].z); z++)
+            inside |= (unsigned)(by_parity ? winding & 1 : winding != 0) << z;
+        if (last) break;
+        winding += by_parity ? 1 : c->crossings[n].sign;
+    }
+    return inside;
+}
+
+bool winding_covers(const winding_columns *c, const bool *by_parity, const uint32_t *stamp, uint32_t stamped,
+                    const int32_t at[3])
+{
+    if (at[0] < 0 || at[1] < 0 || at[0] >= c->nx || at[1] >= c->ny) return false;
+    size_t line = (size_t)at[0] * (size_t)c->ny + (size_t)at[1];
+    for (uint64_t n = c->first[line]; n < c->first[line + 1];) {
+        uint32_t solid = c->crossings[n].solid;
+        int winding = 0, below = 0;
+        for (; n < c->first[line + 1] && c->crossings[n].solid == solid; n++)
+            if (c->crossings[n].z <= at[2]) {
+                winding += c->crossings[n].sign;
+                below++;
+            }
+        if ((by_parity[solid] ? below & 1 : winding != 0) && !(stamp && stamp[solid] == stamped)) return true;
+    }
+    return false;
+}

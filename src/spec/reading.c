@@ -1,0 +1,78 @@
+#include "spec/reading.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void *reading_target(reading *r, size_t offset)
+{
+    size_t first = offsetof(spec, surface);
+    if (offset >= first && offset < first + sizeof(spec_surface))
+        return (char *)r->surface + (offset - first);
+    return (char *)r->s + offset;
+}
+
+void reading_add_fault(reading *r, const json_at *at, const char *format, ...)
+{
+    r->total++;
+    if (r->faults.count == SPEC_MAX_FAULTS) return;
+    spec_fault *fault = &r->faults.item[r->faults.count++];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(fault->detail, sizeof fault->detail, format, arguments);
+    va_end(arguments);
+    json_pointer(at, fault->pointer, sizeof fault->pointer);
+    fault->code = ERROR_SPEC_INVALID;
+}
+
+void reading_shorten(const char *text, char out[READING_SHOWN_MAX + 4])
+{
+    size_t n = strlen(text);
+    if (n <= READING_SHOWN_MAX) {
+        memcpy(out, text, n + 1);
+        return;
+    }
+    n = READING_SHOWN_MAX;
+    while (n > 0 && ((unsigned char)text[n] & 0xC0) == 0x80) n--;
+    memcpy(out, text, n);
+    memcpy(out + n, "...", 4);
+}
+
+void reading_describe(json_at at, char out[READING_SHOWN_MAX + 8])
+{
+    char *text;
+    switch (json_type_of(at)) {
+    case JSON_OBJECT:
+        strcpy(out, "an object");
+        return;
+    case JSON_ARRAY:
+        snprintf(out, READING_SHOWN_MAX + 8, "an array of %zu", json_size(at));
+        return;
+    default:
+        text = json_print(at.node);
+        reading_shorten(text, out);
+        free(text);
+    }
+}
+
+static void describe_range(const spec_row *row, char *out, size_t size)
+{
+    if (row->low == row->high)
+        snprintf(out, size, "%.16g", row->low);
+    else if (row->flags & SPEC_LOW_OPEN)
+        snprintf(out, size, "above %.16g and at most %.16g", row->low, row->high);
+    else
+        snprintf(out, size, "from %.16g to %.16g", row->low, row->high);
+}
+
+void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind)
+{
+    char given[READING_SHOWN_MAX + 8], range[96];
+    reading_describe(*at, given);
+    describe_range(row, range, sizeof range);
+    if (row->low == row->high)
+        reading_add_fault(r, at, "must be %s (given %s)", range, given);
+    else
+        reading_add_fault(r, at, "must be %s %s (given %s)", kind, range, given);
+}

@@ -1,0 +1,320 @@
+#include "spec/rules.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/frames.h"
+#include "geometry/affine.h"
+#include "geometry/vec3.h"
+#include "spec/spec_table.h"
+#include "spec/surface.h"
+
+/* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
+static const double UPRIGHT_LEAST = 1e-6;
+
+static size_t least(size_t a, size_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Levenshtein's distance; texts longer than READING_SHOWN_MAX count as far. */
+static size_t edit_distance(const char *a, const char *b)
+{
+    size_t row[READING_SHOWN_MAX + 1], na = strlen(a), nb = strlen(b);
+    if (na > READING_SHOWN_MAX || nb > READING_SHOWN_MAX) return READING_SHOWN_MAX;
+    for (size_t j = 0; j <= nb; j++) row[j] = j;
+    for (size_t i = 1; i <= na; i++) {
+        size_t diagonal = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= nb; j++) {
+            size_t replaced = diagonal + (a[i - 1] != b[j - 1]);
+            diagonal = row[j];
+            row[j] = least(replaced, 1 + least(row[j], row[j - 1]));
+        }
+    }
+    return row[nb];
+}
+
+/* A member of the group with nearly that name, else a member of that name elsewhere, else NULL.
+ * Nearly: a third of the letters may differ, and two of a short name. */
+static const char *suggestion(const char *group, const char *key)
+{
+    const char *best = NULL, *elsewhere = NULL;
+    size_t best_distance = 1 + (strlen(key) / 3 > 2 ? strlen(key) / 3 : strlen(key) > 3 ? 2 : 1);
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const char *name = spec_row_key(&spec_rows[i]);
+        size_t distance = edit_distance(key, name);
+        if (spec_row_is_member(&spec_rows[i], group) && distance < best_distance) {
+            best = name;
+            best_distance = distance;
+        }
+        if (distance == 0 && !elsewhere) elsewhere = spec_rows[i].pointer;
+    }
+    return best ? best : elsewhere;
+}
+
+static void unknown_member(reading *r, const json_at *at, const char *group)
+{
+    char key[READING_SHOWN_MAX + 4];
+    const char *instead = suggestion(group, at->key);
+    reading_shorten(at->key, key);
+    if (instead)
+        reading_add_fault(r, at, "unknown member '%s': did you mean '%s'?", key, instead);
+    else
+        reading_add_fault(r, at, "unknown member '%s'", key);
+}
+
+/* Members that are unknown or not supported. An object's names differ, so after as many unknown
+ * ones as there are places for faults the rest need not be looked at. */
+static void check_names(reading *r, const json_at *at, const char *group)
+{
+    size_t unknown = 0;
+    for (size_t i = 0; i < json_size(*at) && unknown < SPEC_MAX_FAULTS; i++) {
+        json_at member = json_element(at, i);
+        const spec_row *row = spec_row_find(group, member.key);
+        if (!row) {
+            unknown_member(r, &member, group);
+            unknown++;
+        }
+    }
+}
+
+static void append(char *list, size_t size, const char *word)
+{
+    size_t n = strlen(list);
+    snprintf(list + n, size - n, "%s%s", n ? ", " : "", word);
+}
+
+static void check_choice(reading *r, const json_at *at, const char *group, spec_choice choice)
+{
+    char all[192] = "", given[192] = "";
+    size_t rows = 0, count = 0;
+    for (size_t i = 0; i < spec_row_count; i++) {
+        const spec_row *row = &spec_rows[i];
+        if (row->choice != choice || !spec_row_is_member(row, group)) continue;
+        rows++;
+        append(all, sizeof all, spec_row_key(row));
+        if (!json_member(at, spec_row_key(row)).node) continue;
+        append(given, sizeof given, spec_row_key(row));
+        count++;
+    }
+    bool may_be_none = choice >= SPEC_CHOICE_GRADING;
+    if (rows == 0 || count == 1 || (count == 0 && may_be_none)) return;
+    reading_add_fault(r, at, "needs %s one of %s (given %s)", may_be_none ? "at most" : "exactly", all,
+                      count ? given : "none");
+}
+
+/* What no single row can say; only of values that are good by themselves. */
+static void check_analytic(reading *r, const json_at *at)
+{
+    const spec_analytic *a = &r->surface->analytic;
+    json_at minor = json_member(at, "minor_radius"), axis = json_member(at, "axis"),
+            rounding = json_member(at, "rounding");
+    double smallest = fmin(a->half_size.x, fmin(a->half_size.y, a->half_size.z));
+    if (a->shape == SPEC_SHAPE_TORUS && a->minor_radius >= a->major_radius)
+        reading_add_fault(r, &minor, "must be less than major_radius, %.16g (given %.16g)", a->major_radius,
+                          a->minor_radius);
+    if (a->shape == SPEC_SHAPE_TORUS && !(vec3_norm2(a->axis) > 0))
+        reading_add_fault(r, &axis, "must not be the zero vector");
+    if (a->shape == SPEC_SHAPE_BOX && a->rounding > smallest)
+        reading_add_fault(r, &rounding, "must be at most the smallest half size, %.16g (given %.16g)",
+                          smallest, a->rounding);
+}
+
+static void check_sampling(reading *r, const json_at *at)
+{
+    static const char *const limits[] = {"min_spacing", "max_spacing", "gradation"};
+    const spec *s = r->s;
+    for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !s->has_curvature && !s->has_grid; k++) {
+        json_at limit = json_member(at, limits[k]);
+        if (limit.node)
+            reading_add_fault(r, &limit, "belongs to a grading: give curvature or grid, or leave it out");
+    }
+    json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
+            exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
+    json_at time = json_member(at, "time_s");
+    if (time.node && (s->min_spacing > 0 || s->max_spacing > 0))
+        reading_add_fault(r, &time, "needs to choose the count: leave out min_spacing and max_spacing");
+    if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
+        reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
+                          s->max_spacing);
+    if (exponent.node && !(s->curvature.ratio > 0)) reading_add_fault(r, &exponent, "belongs to ratio");
+    if (s->has_grid && s->surface.kind != SPEC_SURFACE_VDB)
+        reading_add_fault(r, &grid, "is a grid of the surface's VDB file: this surface has none");
+}
+
+static void check_control(reading *r, const json_at *at)
+{
+    const spec_control *c = &r->s->control;
+    json_at start = json_member(at, "start_count");
+    if (c->start_count > 0 && c->start_count < c->min_count)
+        reading_add_fault(r, &start, "must be at least min_count, %lld (given %lld)", (long long)c->min_count,
+                          (long long)c->start_count);
+}
+
+static void check_box(reading *r, const json_at *at, const spec_box *box)
+{
+    json_at max = json_member(at, "max");
+    for (int axis = 0; axis < 3; axis++) {
+        double low = vec3_get(box->min, axis), high = vec3_get(box->max, axis);
+        if (low < high) continue;
+        json_at side = json_element(&max, (size_t)axis); /* max itself where it is the default */
+        reading_add_fault(r, side.node ? &side : at,
+                          "the box begins at %.16g and ends at %.16g: max must be above min", low, high);
+    }
+}
+
+static void check_domain(reading *r, const json_at *at)
+{
+    check_box(r, at, &r->surface->bspline.domain);
+}
+
+static void check_region(reading *r, const json_at *at)
+{
+    check_box(r, at, &r->s->region);
+}
+
+static void check_bspline(reading *r, const json_at *at)
+{
+    const spec_bspline *b = &r->surface->bspline;
+    json_at coefficients = json_member(at, "coefficients");
+    double count = (double)b->dims[0] * b->dims[1] * b->dims[2];
+    if (b->coefficients && (double)b->coefficient_count != count)
+        reading_add_fault(r, &coefficients, "must be as many as dims says, %d x %d x %d = %.0f (given %zu)",
+                          b->dims[0], b->dims[1], b->dims[2], count, b->coefficient_count);
+}
+
+static void check_solver(reading *r, const json_at *at)
+{
+    json_at method = json_member(at, "method"), step = json_member(at, "step");
+    if (step.node && r->s->minimiser != SPEC_MINIMISER_GRADIENT)
+        reading_add_fault(r, &step, "belongs to the minimiser \"gradient\"");
+    if (r->s->has_alpha && r->s->method == SPEC_METHOD_SIZED)
+        reading_add_fault(
+            r, &method,
+            "sampling.alpha belongs to the methods \"paper\" and \"witkin-heckbert\" (given \"sized\")");
+    if ((r->s->has_curvature || r->s->has_grid) && r->s->method != SPEC_METHOD_SIZED)
+        reading_add_fault(r, &method, "sampling.%s belongs to the method \"sized\"",
+                          r->s->has_grid ? "grid" : "curvature");
+    if (r->s->has_control && r->s->method == SPEC_METHOD_WITKIN_HECKBERT)
+        reading_add_fault(
+            r, &method,
+            "sampling.control belongs to the methods \"sized\" and \"paper\" (given \"witkin-heckbert\")");
+}
+
+static void check_camera(reading *r, const json_at *at)
+{
+    const spec_camera *c = &r->s->camera;
+    json_at target = json_member(at, "target"), up = json_member(at, "up");
+    vec3 sight = vec3_sub(c->target, c->position);
+    if (!(vec3_norm2(sight) > 0))
+        reading_add_fault(r, &target, "must be another place than position");
+    else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
+        reading_add_fault(r, up.node ? &up : at,
+                          "up must not be zero, nor point along the line from position to target");
+}
+
+static void check_coherent(reading *r, const json_at *at)
+{
+    const spec *s = r->s;
+    json_at coherent = json_member(at, "coherent");
+    if (!s->coherent) return;
+    if (!s->frames) reading_add_fault(r, &coherent, "goes with queue.frames, which the job does not have");
+    if (s->method != SPEC_METHOD_SIZED)
+        reading_add_fault(
+            r, &coherent,
+            "goes with the method \"sized\" only (which alpha does not): grade by sampling.curvature "
+            "or grid");
+    if (s->time_s > 0)
+        reading_add_fault(
+            r, &coherent,
+            "does not go with sampling.time_s, as frames would differ in their counts: give a count or "
+            "spacing");
+}
+
+static void check_frames(reading *r, const json_at *at)
+{
+    spec *s = r->s;
+    json_at frames = json_member(at, "frames");
+    error e = {0};
+    bool any = false;
+    if (!s->frames) return;
+    if (!(s->frame = frames_parse(s->frames, &s->frame_count, &e))) {
+        reading_add_fault(r, &frames, "%s", e.message);
+        return;
+    }
+    spec_input input;
+    for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
+    if (!any)
+        reading_add_fault(
+            r, &frames,
+            "no path of the surface has a place for the frame's number: write it as #### or %%04d");
+    if (s->directory && !frames_is_pattern(s->directory))
+        reading_add_fault(
+            r, &frames,
+            "output.directory has no place for the frame's number, so that frames would replace each other:"
+            " write it as #### or %%04d");
+}
+
+static void check_exr(reading *r, const json_at *at)
+{
+    spec_exr *x = &r->surface->exr;
+    json_at slices = json_member(at, "slices"), path = json_member(at, "path");
+    if (!surface_parse_slices(x))
+        reading_add_fault(
+            r, &slices,
+            "must be the first and the last slice, 2 to %d of them, as in \"1-93\" or \"1-93x2\" "
+            "(given \"%s\")",
+            SURFACE_MOST_SLICES, x->slices);
+    else if (!surface_name_slices(x))
+        reading_add_fault(r, &path, "must have one #### or %%04d, the number of the slice");
+}
+
+static void check_transform(reading *r, const json_at *at)
+{
+    const double *m = r->surface->matrix;
+    json_at matrix = json_member(at, "matrix");
+    if (r->surface->matrix_count != 16) {
+        reading_add_fault(r, &matrix, "must be 16 numbers (given %zu)", r->surface->matrix_count);
+        return;
+    }
+    if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+        reading_add_fault(r, &matrix, "must end in 0, 0, 0, 1: it is row by row, for column vectors");
+    double to[3][4], back[3][4];
+    for (int k = 0; k < 12; k++) to[k / 4][k % 4] = m[k];
+    if (!isfinite(1 / affine_invert(to, back))) reading_add_fault(r, &matrix, "cannot be inverted");
+}
+
+void rules_check_names(reading *r, const json_at *at, const char *group)
+{
+    check_names(r, at, group);
+    for (spec_choice c = SPEC_CHOICE_SURFACE; c < SPEC_CHOICE_COUNT; c++) check_choice(r, at, group, c);
+}
+
+/* The surface and the method stand before the queue. */
+static void check_queue(reading *r, const json_at *at)
+{
+    check_frames(r, at);
+    check_coherent(r, at);
+}
+
+void rules_check_values(reading *r, const json_at *at, const char *group)
+{
+    static const struct {
+        const char *group;
+        void (*check)(reading *, const json_at *);
+    } rules[] = {{"/surface/analytic", check_analytic},
+                 {"/surface/bspline", check_bspline},
+                 {"/surface/bspline/domain", check_domain},
+                 {"/surface/exr", check_exr},
+                 {"/surface/transform", check_transform},
+                 {"/region", check_region},
+                 {"/sampling", check_sampling},
+                 {"/sampling/control", check_control},
+                 {"/solver", check_solver},
+                 {"/output/preview/camera", check_camera},
+                 {"/queue", check_queue}};
+    for (size_t k = 0; k < sizeof rules / sizeof rules[0]; k++)
+        if (strcmp(group, rules[k].group) == 0) rules[k].check(r, at);
+}

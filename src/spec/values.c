@@ -1,0 +1,244 @@
+#include "spec/values.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+_Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
+
+static bool is_number(json_at at, const spec_row *row, bool whole)
+{
+    if (json_type_of(at) != JSON_NUMBER) return false;
+    double value = json_number(at, 0);
+    if (!isfinite(value) || value > row->high || value < row->low) return false;
+    if (value == row->low && row->flags & SPEC_LOW_OPEN) return false;
+    return !whole || value == floor(value);
+}
+
+static void read_number(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    bool whole = row->type != SPEC_TYPE_NUMBER;
+    double value = json_number(*at, 0);
+    if (!is_number(*at, row, whole)) {
+        reading_add_wrong_value(r, at, row, whole ? "an integer" : "a number");
+        return;
+    }
+    if (value == 0) value = 0; /* -0 would print as such and be another text for the same job */
+    if (row->type == SPEC_TYPE_LARGE)
+        json_put_integer(normal, spec_row_key(row), (int64_t)value);
+    else
+        json_put_number(normal, spec_row_key(row), value);
+    if (row->has != SPEC_NOWHERE) *(bool *)reading_target(r, row->has) = true;
+    if (row->offset == SPEC_NOWHERE) return;
+    if (row->type == SPEC_TYPE_NUMBER) {
+        memcpy(reading_target(r, row->offset), &value, sizeof value);
+    } else if (row->type == SPEC_TYPE_INTEGER) {
+        int integer = (int)value;
+        memcpy(reading_target(r, row->offset), &integer, sizeof integer);
+    } else {
+        int64_t large = (int64_t)value;
+        memcpy(reading_target(r, row->offset), &large, sizeof large);
+    }
+}
+
+/* Three numbers, or three integers. */
+static void read_vector(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    bool whole = row->type == SPEC_TYPE_TRIPLE, good = true;
+    if (json_type_of(*at) != JSON_ARRAY || json_size(*at) != 3) {
+        reading_add_wrong_value(r, at, row,
+                                whole ? "an array of three integers" : "an array of three numbers");
+        return;
+    }
+    vec3 v = {0, 0, 0};
+    for (int i = 0; i < 3; i++) {
+        json_at element = json_element(at, (size_t)i);
+        if (is_number(element, row, whole)) {
+            double value = json_number(element, 0);
+            vec3_set(&v, i, value == 0 ? 0 : value);
+        } else {
+            reading_add_wrong_value(r, &element, row, whole ? "an integer" : "a number");
+            good = false;
+        }
+    }
+    if (!good) return;
+    if (whole) {
+        const int triple[3] = {(int)v.x, (int)v.y, (int)v.z};
+        memcpy(reading_target(r, row->offset), triple, sizeof triple);
+    } else {
+        memcpy(reading_target(r, row->offset), &v, sizeof v);
+    }
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (int i = 0; i < 3; i++) json_append_number(list, vec3_get(v, i));
+}
+
+/* Any number of them; of the bad ones the first is named. */
+static void read_numbers(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_ARRAY) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be an array of numbers (given %s)", given);
+        return;
+    }
+    size_t count = json_size(*at);
+    double *numbers = mem_alloc((count + 1) * sizeof *numbers);
+    *(double **)reading_target(r, row->offset) = numbers; /* given to the spec at once, which frees them */
+    size_t good = 0, read = json_numbers(*at, numbers, count);
+    while (good < read && numbers[good] >= row->low && numbers[good] <= row->high) good++;
+    if (good < count) {
+        json_at element = json_element(at, good);
+        reading_add_wrong_value(r, &element, row, "a number");
+        return;
+    }
+    *(size_t *)reading_target(r, row->has) = count;
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (size_t i = 0; i < count; i++) json_append_number(list, numbers[i] == 0 ? 0 : numbers[i]);
+}
+
+static void read_size(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    int size[2];
+    bool pair = json_type_of(*at) == JSON_ARRAY && json_size(*at) == 2, good = true;
+    if (!pair && !is_number(*at, row, true)) {
+        reading_add_wrong_value(r, at, row, "an integer, or an array [width, height] of integers,");
+        return;
+    }
+    for (size_t i = 0; i < 2; i++) {
+        json_at side = pair ? json_element(at, i) : *at;
+        if (!is_number(side, row, true)) {
+            reading_add_wrong_value(r, &side, row, "an integer");
+            good = false;
+        } else {
+            size[i] = (int)json_number(side, 0);
+        }
+    }
+    if (!good) return;
+    memcpy(reading_target(r, row->offset), size, sizeof size);
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (int i = 0; i < 2; i++) json_append_number(list, size[i]);
+}
+
+static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    char word[READING_SHOWN_MAX], allowed[256] = "", given[READING_SHOWN_MAX + 8];
+    const char *text = json_string(*at, "");
+    for (int i = 0; spec_word(row->words, (size_t)i, word, sizeof word); i++) {
+        if (strcmp(word, text) == 0) {
+            if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
+            if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;
+            json_put_string(normal, spec_row_key(row), word);
+            return;
+        }
+        size_t n = strlen(allowed);
+        snprintf(allowed + n, sizeof allowed - n, "%s\"%s\"", i ? ", " : "", word);
+    }
+    reading_describe(*at, given);
+    reading_add_fault(r, at, "must be %s%s (given %s)", strchr(allowed, ',') ? "one of " : "", allowed,
+                      given);
+}
+
+static void read_bool(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    if (json_type_of(*at) != JSON_BOOL) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be true or false (given %s)", given);
+        return;
+    }
+    bool value = json_bool(*at, false);
+    memcpy(reading_target(r, row->offset), &value, sizeof value);
+    json_put_bool(normal, spec_row_key(row), value);
+}
+
+static size_t characters(const char *text)
+{
+    size_t n = 0;
+    for (; *text; text++) n += ((unsigned char)*text & 0xC0) != 0x80;
+    return n;
+}
+
+static void read_string(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    const char *text = json_string(*at, NULL);
+    size_t length = text ? characters(text) : 0;
+    if (!text) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be a string (given %s)", given);
+    } else if ((double)length < row->low || (double)length > row->high) {
+        reading_add_fault(r, at, "must be a string of %.16g to %.16g characters (given %zu)", row->low,
+                          row->high, length);
+    } else {
+        *(char **)reading_target(r, row->offset) = mem_strdup(text);
+        json_put_string(normal, spec_row_key(row), text);
+    }
+}
+
+static void read_labels(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    size_t count = json_size(*at);
+    if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be an array of at most %.16g strings (given %s)", row->high, given);
+        return;
+    }
+    char **labels = mem_alloc(count * sizeof *labels);
+    *(char ***)reading_target(r, row->offset) = labels; /* given to the spec at once, which frees them */
+    json *list = json_put_array(normal, spec_row_key(row));
+    for (size_t i = 0; i < count; i++) {
+        json_at element = json_element(at, i);
+        const char *text = json_string(element, NULL);
+        if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
+            char given[READING_SHOWN_MAX + 8];
+            reading_describe(element, given);
+            reading_add_fault(r, &element, "must be a string of 1 to %d characters (given %s)",
+                              SPEC_LABEL_LENGTH_MAX, given);
+            continue;
+        }
+        labels[(*(size_t *)reading_target(r, row->has))++] = mem_strdup(text);
+        json_append_string(list, text);
+    }
+}
+
+void values_read(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    switch (row->type) {
+    case SPEC_TYPE_NUMBER:
+    case SPEC_TYPE_INTEGER:
+    case SPEC_TYPE_LARGE:
+        read_number(r, at, row, normal);
+        break;
+    case SPEC_TYPE_BOOL:
+        read_bool(r, at, row, normal);
+        break;
+    case SPEC_TYPE_WORD:
+        read_word(r, at, row, normal);
+        break;
+    case SPEC_TYPE_STRING:
+        read_string(r, at, row, normal);
+        break;
+    case SPEC_TYPE_VECTOR:
+    case SPEC_TYPE_TRIPLE:
+        read_vector(r, at, row, normal);
+        break;
+    case SPEC_TYPE_NUMBERS:
+        read_numbers(r, at, row, normal);
+        break;
+    case SPEC_TYPE_SIZE:
+        read_size(r, at, row, normal);
+        break;
+    case SPEC_TYPE_LABELS:
+        read_labels(r, at, row, normal);
+        break;
+    case SPEC_TYPE_SURFACE:
+    case SPEC_TYPE_SURFACES:
+    case SPEC_TYPE_GROUP:
+        break; /* have members, which spec.c reads */
+    }
+}

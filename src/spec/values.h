@@ -1,0 +1,13 @@
+/* values: reads the value of a single member: its type, its range, its place in struct spec. Private to src/spec. */
+#ifndef HEXAD_SPEC_VALUES_H
+#define HEXAD_SPEC_VALUES_H
+
+#include "json/json.h"
+#include "spec/reading.h"
+#include "spec/spec_table.h"
+
+/* Reads the value at this place, which is there, as the row says, and puts it into `normal`, the normalised object.
+ * A bad value is a fault and is not stored. Groups and surfaces are left out: they have members. */
+void values_read(reading *r, const json_at *at, const spec_row *row, json *normal);
+
+#endif

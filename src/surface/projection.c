@@ -1,0 +1,113 @@
+#include "surface/projection.h"
+
+/* Clamps x into the box and adds the axes that were clamped (bits 1, 2, 4) to *pinned. */
+static void clamp_to_domain(const field *f, vec3 *x, unsigned *pinned)
+{
+    if (!f->open) return;
+    for (int axis = 0; axis < 3; axis++) {
+        double v = vec3_get(*x, axis);
+        double inside = fmin(fmax(v, vec3_get(f->domain.min, axis)), vec3_get(f->domain.max, axis));
+        if (inside == v) continue;
+        vec3_set(x, axis, inside);
+        *pinned |= 1u << axis;
+    }
+}
+
+unsigned projection_boundary_axes(const field *f, vec3 x)
+{
+    unsigned axes = 0;
+    for (int axis = 0; f->open && axis < 3; axis++) {
+        double v = vec3_get(x, axis);
+        if (v == vec3_get(f->boundary_box.min, axis) || v == vec3_get(f->boundary_box.max, axis))
+            axes |= 1u << axis;
+    }
+    return axes;
+}
+
+/* The Newton step of a sample, within the faces that x is pinned to. */
+static bool newton_step(const field_sample *s, unsigned pinned, vec3 *step)
+{
+    vec3 g = s->gradient;
+    for (int axis = 0; axis < 3; axis++)
+        if (pinned >> axis & 1) vec3_set(&g, axis, 0);
+    double g2 = vec3_norm2(g);
+    if (!(g2 > 0)) return false;
+    *step = vec3_scale(g, -s->value / g2);
+    return true;
+}
+
+bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal)
+{
+    vec3 p = *x, step;
+    unsigned pinned = projection_boundary_axes(f, p);
+    clamp_to_domain(f, &p, &pinned);
+    for (int k = 0;; k++) {
+        field_sample s;
+        if (!field_sample_at(f, p, FIELD_GRADIENT, &s)) return false;
+        double length = vec3_norm(s.gradient);
+        if (!(length > 0)) return false;
+        double distance = fabs(s.value) / length;
+        bool done = distance <= limits->accept;
+        if (!done && k == limits->max_steps) {
+            if (!(distance <= limits->reject)) return false;
+            done = true;
+        }
+        if (!done) {
+            if (!newton_step(&s, pinned, &step)) return false;
+            p = vec3_add(p, step);
+            clamp_to_domain(f, &p, &pinned);
+            done = distance <= limits->shortcut && !pinned;
+        }
+        if (done) {
+            *x = p;
+            *normal = vec3_scale(s.gradient, 1 / length);
+            return true;
+        }
+    }
+}
+
+/* Steps in which the reach is searched for a change of sign, each way. */
+static const int SEARCH_STEPS = 32;
+/* Halvings: 2^-52 of a search step. */
+static const int HALVINGS = 52;
+
+/* The nearest interval [*a, *b] of `x + t along` with a change of sign. */
+static bool find_bracket(const field *f, vec3 x, vec3 along, double reach, double *a, double *b)
+{
+    field_sample s;
+    if (!field_sample_at(f, x, FIELD_GRADIENT, &s)) return false;
+    bool inside = s.value < 0;
+    for (int k = 1; k <= SEARCH_STEPS; k++)
+        for (int side = -1; side <= 1; side += 2) {
+            double t = side * reach * k / SEARCH_STEPS;
+            if (!field_sample_at(f, vec3_axpy(t, along, x), FIELD_GRADIENT, &s) || (s.value < 0) == inside)
+                continue;
+            *a = side * reach * (k - 1) / SEARCH_STEPS;
+            *b = t;
+            return true;
+        }
+    return false;
+}
+
+bool projection_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *normal)
+{
+    double a, b;
+    field_sample at_a, s;
+    if (!find_bracket(f, *x, along, reach, &a, &b) ||
+        !field_sample_at(f, vec3_axpy(a, along, *x), FIELD_GRADIENT, &at_a))
+        return false;
+    for (int k = 0; k < HALVINGS; k++) {
+        double middle = 0.5 * (a + b);
+        if (!field_sample_at(f, vec3_axpy(middle, along, *x), FIELD_GRADIENT, &s)) return false;
+        if ((s.value < 0) == (at_a.value < 0))
+            a = middle;
+        else
+            b = middle;
+    }
+    vec3 p = vec3_axpy(a, along, *x);
+    if (f->open && !bbox_contains(f->domain, p)) return false;
+    if (!field_sample_at(f, p, FIELD_GRADIENT, &s) || !(vec3_norm2(s.gradient) > 0)) return false;
+    *x = p;
+    *normal = vec3_unit(s.gradient);
+    return true;
+}

@@ -1,0 +1,32 @@
+/* projection: moves points onto the surface, by Newton's method along the gradient (9).
+ *
+ * Distances are |F| / |grad F|, world units. On an open surface a point that leaves the domain is
+ * put back on the face it crossed and the iteration goes on within that face, so that it ends on the
+ * boundary, if anywhere; so does a point that begins in such a face. Pure functions, safe in any thread.
+ */
+#ifndef HEXAD_SURFACE_PROJECTION_H
+#define HEXAD_SURFACE_PROJECTION_H
+
+#include "field/field.h"
+
+typedef struct projection_limits {
+    int max_steps;
+    double accept;   /* a sample this close to the surface ends the iteration */
+    double shortcut; /* a step from this close ends it unseen: the error left is quadratic in it */
+    double reject;   /* farther than this after the last step is failure */
+} projection_limits;
+
+/* The axes (bit k) of the faces that cut the surface and that x lies in, exactly: a particle on a boundary has
+ * some. */
+unsigned projection_boundary_axes(const field *f, vec3 x);
+
+/* Moves *x onto the surface and gives the unit normal there (of the last sample). False, outputs
+ * untouched, when the field is not defined on the way, its gradient vanishes, or the limit is missed. */
+bool projection_find(const field *f, const projection_limits *limits, vec3 *x, vec3 *normal);
+
+/* For points where Newton's method runs in circles, near a vanishing gradient: looks for a change of sign
+ * along the unit vector `along`, both ways and no farther than `reach`, and halves the interval until it is
+ * as short as doubles allow. False, outputs untouched, when there is none or no normal there. */
+bool projection_bisect(const field *f, vec3 along, double reach, vec3 *x, vec3 *normal);
+
+#endif

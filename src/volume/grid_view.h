@@ -1,0 +1,56 @@
+/* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any place.
+ *
+ * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. A
+ * voxel of a level set is known when it is active and not at the clamp, +-background; the others say
+ * only on which side they lie. Every voxel of a fog is known: outside the leaves it has its tile's or the
+ * background's value. Of the leaves of a dense volume the active voxels are known, and no others. Voxel
+ * (x, y, z) of a block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F
+ * in the grid's own unit.
+ * Threads: reading is safe in any number.
+ */
+#ifndef HEXAD_VOLUME_GRID_VIEW_H
+#define HEXAD_VOLUME_GRID_VIEW_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "geometry/block_map.h"
+#include "vdb/vdb.h"
+
+#define GRID_VIEW_SIDE 8
+#define GRID_VIEW_VOXELS 512
+#define GRID_VIEW_TILE_LEVELS 3
+
+typedef enum grid_view_kind { GRID_VIEW_LEVEL_SET, GRID_VIEW_FOG, GRID_VIEW_DENSE } grid_view_kind;
+
+typedef struct grid_view {
+    const vdb_grid *grid; /* the caller's, must outlive the view */
+    double isovalue;
+    grid_view_kind kind;
+    float clamp_below, clamp_above; /* active values from these on, outwards, are the clamp; or infinite */
+    float background;               /* as F */
+    block_map leaves;
+    block_map tiles[GRID_VIEW_TILE_LEVELS];
+    float *tile_values[GRID_VIEW_TILE_LEVELS]; /* as F */
+    float lowest, highest;                     /* of the grid's own finite values, background included */
+    uint64_t not_finite;                       /* voxels in leaves */
+} grid_view;
+
+/* A block that has one value everywhere, or a leaf. */
+typedef struct grid_view_block {
+    uint32_t leaf;  /* BLOCK_MAP_NONE: a constant block */
+    float constant; /* F */
+} grid_view_block;
+
+bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, double isovalue, error *e);
+void grid_view_free(grid_view *l);
+
+grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t z);
+
+/* F of all 512 voxels and which of them are known. */
+void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS],
+                    uint64_t known[GRID_VIEW_SIDE]);
+
+#endif
