@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs this sampler and its peers on the same surfaces, and writes what each took and how good its packing is.
 
-    bench/bench.py --built BUILD [--page doc/performance.md] [--results bench/results.json] [--surfaces torus,sphere]
+    bench/bench.py --built BUILD [--page doc/measured/performance.md] [--results bench/results.json] [--surfaces torus,sphere]
                    [--counts 1e3,1e5] [--tools hexad,teem,vtk] [--runs 5] [--budget SECONDS] [--continue]
 
 One run on one machine. What is not given is everything; a peer whose package is not installed is left out, and the
@@ -189,7 +189,7 @@ def chosen_tools(names, built, results):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--built", required=True, type=lambda p: pathlib.Path(p).resolve())
-    parser.add_argument("--page", default=HERE.parent / "doc" / "performance.md", type=pathlib.Path)
+    parser.add_argument("--page", default=HERE.parent / "doc" / "measured" / "performance.md", type=pathlib.Path)
     parser.add_argument("--results", default=HERE / "results.json", type=pathlib.Path)
     words = lambda text: text.split(",")  # noqa: E731
     parser.add_argument("--surfaces", default=list(inputs.SURFACES), type=words)

@@ -13,8 +13,8 @@ another machine has other seconds, and one that is busy with something else stre
 - `hexad` is the whole job, from a level set in a VDB file to a `points.ply` that was read again and verified. Teem and
   CGAL's Surface_mesher are given a dense volume of true distances of the same voxels, the others triangles of it
   whose corners lie on the surface, which are made for them beforehand and cost them nothing.
-- The measures come from the points alone, by [bench/packing.py](../bench/packing.py) on
-  [tools/measure.py](../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact
+- The measures come from the points alone, by [bench/packing.py](../../bench/packing.py) on
+  [tools/measure.py](../../tools/measure.py): the Delaunay triangulation restricted to the surface, with the exact
   surface's normals. Lengths are relative to the spacing that was asked for: even, or 1 / kappa within {ratio}:1.
   `residual` is the largest distance from the surface, in spacings. Beyond {most:.0e} points windows are measured.
 - Poisson-disk samplers throw darts: they are no packings, and are here for their cost.

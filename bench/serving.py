@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The daemon against the machine it runs on, as ratios in one run, and what small jobs cost it.
 
-    bench/serving.py --built BUILD [--page doc/service.md] [--place DIRECTORY] [--rounds 5] [--span SECONDS]
+    bench/serving.py --built BUILD [--page doc/measured/service.md] [--place DIRECTORY] [--rounds 5] [--span SECONDS]
                      [--waiting 100000] [--looks 500] [--streams 1000] [--jobs 100]
 
 Writes the page. --place: a directory of the disk to be measured. What is compared alternates, --rounds times
@@ -42,7 +42,7 @@ Claim = collections.namedtuple("Claim", "text wanted found met")
 SMALL = {"no preview": {"output": {"preview": False}}, "default outputs": {"output": {}}}
 HEAD = """# The service under load, measured
 
-Written by `make bench-service` ([bench/serving.py](../bench/serving.py)); do not edit. One run on one machine: {cpu}, \
+Written by `make bench-service` ([bench/serving.py](../../bench/serving.py)); do not edit. One run on one machine: {cpu}, \
 {cores} cores, {when},
 load average {load:.1f} at its start. What is compared took turns in that run, {rounds} times and more; figures are medians
 of the rounds, ratios medians of the rounds' ratios.
@@ -355,7 +355,7 @@ def measure(b):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--built", type=pathlib.Path, required=True)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE.parent / "doc" / "service.md")
+    parser.add_argument("--page", type=pathlib.Path, default=HERE.parent / "doc" / "measured" / "service.md")
     parser.add_argument("--place", type=pathlib.Path, default=None)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--span", type=float, default=2.0)

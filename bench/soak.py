@@ -2,7 +2,7 @@
 """A daemon under mixed load for long: what a job costs it, and what it holds, at the end as after the first tenth.
 
     bench/soak.py --built BUILD [--minutes 60] [--more 10000] [--rate 4] [--followers 100] [--untimed] [--seed 1]
-                  [--page doc/soak.md] [--figures soak.json] [--place DIRECTORY]
+                  [--page doc/measured/soak.md] [--figures soak.json] [--place DIRECTORY]
 
 Prints a line for each tenth, then all of them and the verdicts; writes the figures as JSON and, after a whole run, the
 page. --more: jobs that are in the queue at the end and wait; by default as many of 10 000 as the minutes are of an hour.
@@ -544,7 +544,7 @@ def main():
     parser.add_argument("--followers", type=float, default=100)
     parser.add_argument("--untimed", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--page", type=pathlib.Path, default=HERE.parent / "doc" / "soak.md")
+    parser.add_argument("--page", type=pathlib.Path, default=HERE.parent / "doc" / "measured" / "soak.md")
     parser.add_argument("--figures", type=pathlib.Path, default=pathlib.Path("soak.json"))
     parser.add_argument("--place", type=pathlib.Path, default=None)
     options = parser.parse_args()

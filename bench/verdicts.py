@@ -102,7 +102,7 @@ def table_of_verdicts(verdicts):
 
 HEAD = """# The service under mixed load for long
 
-Written by `make soak` ([bench/soak.py](../bench/soak.py)); do not edit. One run on one machine: {cpu}, {cores} cores, {when},
+Written by `make soak` ([bench/soak.py](../../bench/soak.py)); do not edit. One run on one machine: {cpu}, {cores} cores, {when},
 load average {load:.1f} at its start; {minutes:g} minutes of load. A daemon on its defaults (but for the cache of documents, \
 which
 is small enough to be full after the first tenth) is given {rate:g} jobs a second: small ones, sequences of three frames, ones

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Gives every file of a collection to the worker, and writes what became of each as a table (doc/inputs.md).
+"""Gives every file of a collection to the worker, and writes what became of each as a table (doc/measured/inputs.md).
 
-    tools/inputs.py --worker build/hexad-worker --output doc/inputs.md [--data DIRECTORY] [--only WORD ...]
+    tools/inputs.py --worker build/hexad-worker --output doc/measured/inputs.md [--data DIRECTORY] [--only WORD ...]
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Runs the cases of quality.json and writes what was measured as a table (doc/quality.md).
+"""Runs the cases of quality.json and writes what was measured as a table (doc/measured/quality.md).
 
-    tools/quality.py --worker build/hexad-worker --output doc/quality.md [--case NAME ...] [--long] [--seeds N]
+    tools/quality.py --worker build/hexad-worker --output doc/measured/quality.md [--case NAME ...] [--long] [--seeds N]
 
 Every figure comes from points.ply, the spec and an area that is a closed form or an integral of our own
 (measure.py, surfaces.py, meshes.py); report.json is only held against them. A case whose feature is not built,
@@ -296,9 +296,9 @@ def compare(case, middle, others):
 
 HEAD = """# Quality, measured
 
-Written by `make quality`; do not edit. Each row is one case of [tools/quality.json](../tools/quality.json): medians over
+Written by `make quality`; do not edit. Each row is one case of [tools/quality.json](../../tools/quality.json): medians over
 the seeds, and after ± half of the range over them. The measures are defined in SPEC and `src/packing/quality.h`, but
-computed here by [tools/measure.py](../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
+computed here by [tools/measure.py](../../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
 job's spec and an area that is a closed form or an integral of its own. Of the last columns, `area` is how far the report's
 area is from that one, `parts` the largest difference of edge_cv, area_cv and energy_excess from the report's, relative
 to it (2 % is allowed), over all seeds; counts agree exactly or the row says so.

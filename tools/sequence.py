@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Runs coherent sequences frame by frame and writes how well their points stay put (doc/sequences.md).
+"""Runs coherent sequences frame by frame and writes how well their points stay put (doc/measured/sequences.md).
 
-    tools/sequence.py --worker build/hexad-worker --output doc/sequences.md [--case NAME ...] [--short] [--keep DIR]
+    tools/sequence.py --worker build/hexad-worker --output doc/measured/sequences.md [--case NAME ...] [--short] [--keep DIR]
 
 Cases: a torus that moves, turns about a tilted axis and grows, as level sets; and, where HEXAD_SHARED has them, what
 lies between frames 2 and 3 of blender_smoke, which themselves have little to do with each other, and these alone. What

@@ -17,12 +17,10 @@ static const unsigned ITERATIONS = 10;
 
 int main(int argc, char **argv)
 {
-    if (argc != 6)
-        return 2;
+    if (argc != 6) return 2;
     Mesh mesh;
     std::ifstream input(std::string(argv[1]) + ".ply", std::ios::binary);
-    if (!CGAL::IO::read_PLY(input, mesh))
-        return 1;
+    if (!CGAL::IO::read_PLY(input, mesh)) return 1;
     CGAL::Polygon_mesh_processing::isotropic_remeshing(
         faces(mesh), EDGE * std::stod(argv[3]), mesh,
         CGAL::Polygon_mesh_processing::parameters::number_of_iterations(ITERATIONS));

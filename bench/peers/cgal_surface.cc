@@ -34,7 +34,8 @@ public:
         std::ifstream head(prefix + ".nhdr");
         std::string line;
         while (std::getline(head, line)) {
-            std::replace_if(line.begin(), line.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
+            std::replace_if(
+                line.begin(), line.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
             std::istringstream words(line.substr(line.find(':') + 1));
             if (line.rfind("sizes:", 0) == 0)
                 words >> size[0] >> size[1] >> size[2];
@@ -45,8 +46,7 @@ public:
         }
         values.resize(size[0] * size[1] * size[2]);
         std::ifstream raw(prefix + suffix, std::ios::binary);
-        if (!raw.read(reinterpret_cast<char *>(values.data()), values.size() * sizeof(float)))
-            values.clear();
+        if (!raw.read(reinterpret_cast<char *>(values.data()), values.size() * sizeof(float))) values.clear();
     }
 
     bool empty() const { return values.empty(); }
@@ -81,10 +81,10 @@ public:
         size_t least = std::min_element(values.begin(), values.end()) - values.begin();
         size_t i[3] = {least % size[0], least / size[0] % size[1], least / size[0] / size[1]};
         double squared = 0;
-        for (int a = 0; a < 3; a++)
-            squared += std::pow(voxel * std::max(i[a], size[a] - i[a]), 2);
+        for (int a = 0; a < 3; a++) squared += std::pow(voxel * std::max(i[a], size[a] - i[a]), 2);
         return Traits::Sphere_3(
-            Traits::Point_3(origin[0] + voxel * i[0], origin[1] + voxel * i[1], origin[2] + voxel * i[2]), squared);
+            Traits::Point_3(origin[0] + voxel * i[0], origin[1] + voxel * i[1], origin[2] + voxel * i[2]),
+            squared);
     }
 
 private:
@@ -115,8 +115,7 @@ private:
 
 int main(int argc, char **argv)
 {
-    if (argc != 6)
-        return 2;
+    if (argc != 6) return 2;
     CGAL::get_default_random() = CGAL::Random(std::stoul(argv[4]));
     const std::string prefix = argv[1];
     const Volume volume(prefix, ".raw"), relative(prefix, ".spacing");

@@ -7,6 +7,7 @@
 #include "base/memory.h"
 #include "run/plan.h"
 #include "run/watchdog.h"
+#include "spec/spec_table.h"
 #include "surface/surface.h"
 
 void job_free_solution(solution *s)
@@ -107,9 +108,12 @@ static bool start_sizing(const job *j, sizing_field **out, error *e)
     return *out != NULL;
 }
 
-static const char *const energy_names[] = {[SPEC_ENERGY_COTANGENT] = "cotangent",
-                                           [SPEC_ENERGY_GAUSSIAN] = "gaussian",
-                                           [SPEC_ENERGY_ELECTROSTATIC] = "electrostatic"};
+static const energy_function *energy_of(const spec *s)
+{
+    char word[32];
+    spec_word(spec_row_find("/solver", "energy")->words, s->energy, word, sizeof word);
+    return energy_find(word);
+}
 
 /* Places j->count particles: those of the frame before, if there are any. */
 bool job_place(job *j, solution *out, error *e)
@@ -122,7 +126,7 @@ bool job_place(job *j, solution *out, error *e)
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
-    const energy_function *energy = energy_find(energy_names[s->energy]);
+    const energy_function *energy = energy_of(s);
     const frame_transfer_params carry = {
         .count = j->count,
         .sizing = out->sizing,

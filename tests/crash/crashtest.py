@@ -1,4 +1,4 @@
-"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/reliability.md."""
+"""make crashtest: what is killed, filled, broken and cut off, and whether anything was lost; writes doc/measured/reliability.md."""
 import argparse
 import json
 import math

@@ -1,4 +1,4 @@
-"""doc/reliability.md out of the figures of the last runs."""
+"""doc/measured/reliability.md out of the figures of the last runs."""
 
 HEAD = """# What was killed, broken and cut off
 

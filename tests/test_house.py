@@ -1,0 +1,169 @@
+"""The rules of the house that a program can check: formatting, sizes, and names that lead nowhere.
+
+Each check returns a list of faults. It is run on the source tree, where the list must be empty, and on a small tree
+with one fault, where the list must name it. tests/layers checks which folder of src may include which.
+"""
+import os
+import re
+import shutil
+import subprocess
+
+import pytest
+
+CODE = ("src", "tests", "fuzz", "bench")
+CLANG_FORMAT = "clang-format-14"
+
+FILE_LINES, FOLDER_LINES = 800, 5000  # of code in src
+TABLES = re.compile(r"_(table|schemas)\.c$")  # rows, no logic: as long as there are rows
+
+PAGE_BYTES = {  # at most; the first pattern that matches the whole path counts
+    r"ARCHITECTURE\.md": 15_000,
+    r"README\.md": 6_000,
+    r"CONTRIBUTING\.md": 12_000,
+    r"NEWS\.md": 12_000,
+    r"bench/README\.md": 8_000,
+    r"doc/measured/inputs\.md": 100_000,  # one row for each file of a collection
+    r"doc/measured/.*": 16_000,
+    r"doc/.*": 16_000,
+}
+
+
+def files_of(root, folders, endings):
+    """Paths, relative to root, of the files that git tracks; in a tree without git, of all files."""
+    listed = subprocess.run(["git", "-C", root, "ls-files", "--", *folders], capture_output=True, text=True)
+    names = [n for n in listed.stdout.splitlines() if (root / n).is_file()]  # not those about to be removed
+    if not names:
+        names = [os.path.relpath(os.path.join(at, name), root) for folder in folders
+                 for at, _, found in os.walk(root / folder) if "node_modules" not in at for name in found]
+        names += [folder for folder in folders if (root / folder).is_file()]
+    return sorted(n for n in names if n.endswith(endings))
+
+
+def code_of(root, folders=CODE):
+    return files_of(root, folders, (".c", ".h", ".cc"))
+
+
+def pages_of(root):
+    return files_of(root, ("doc", "bench/README.md", *(p.name for p in root.glob("*.md"))), (".md",))
+
+
+def lines_of(root, name):
+    return (root / name).read_text().count("\n")
+
+
+# ---- the checks
+
+def unformatted(root):
+    done = subprocess.run([CLANG_FORMAT, "--dry-run", "-Werror", *code_of(root)], cwd=root, capture_output=True,
+                          text=True)
+    names = sorted({line.split(":")[0] for line in done.stderr.splitlines() if "[-Wclang-format-violations]" in line})
+    return [f"{name} is not formatted: {CLANG_FORMAT} -i {name}" for name in names] or done.stderr.splitlines()
+
+
+def long_pages(root):
+    faults = []
+    for name in pages_of(root):
+        most = next((size for pattern, size in PAGE_BYTES.items() if re.fullmatch(pattern, name)), None)
+        size = (root / name).stat().st_size
+        if most is None:
+            faults.append(f"{name} is not in the table of page sizes")
+        elif size > most:
+            faults.append(f"{name} has {size} bytes, of {most} at most")
+    return faults
+
+
+def long_files(root):
+    return [f"{name} has {lines_of(root, name)} lines, of {FILE_LINES} at most" for name in code_of(root, ("src",))
+            if not TABLES.search(name) and lines_of(root, name) > FILE_LINES]
+
+
+def large_folders(root):
+    lines = {}
+    for name in code_of(root, ("src",)):
+        folder = os.path.dirname(name)
+        lines[folder] = lines.get(folder, 0) + lines_of(root, name)
+    return [f"{folder} has {count} lines, of {FOLDER_LINES} at most" for folder, count in sorted(lines.items())
+            if count > FOLDER_LINES]
+
+
+def listed_sources(root):
+    """The names in Makefile.am's lists of files, without those of built files."""
+    text = re.sub(r"^\s*#.*|^\t(?=[$@\-]).*|^(?:CLEANFILES|.*_LDADD)\b.*", "", (root / "Makefile.am").read_text(),
+                  flags=re.M)
+    return set(re.findall(r"(?<![\w/)])((?:src|tests|fuzz|bench|tools|doc|etc|examples|systemd)/[\w./+-]+\."
+                          r"(?:c|h|cc|py|md|json|conf|in|yml|png|sh|dict))(?=[\s\\\\]|$)", text)) - {"bench/smoke.md"}
+
+
+def lost_sources(root):
+    """Names in Makefile.am that are nowhere, and code that Makefile.am does not name."""
+    listed = listed_sources(root)
+    return ([f"Makefile.am names {name}, which is nowhere" for name in sorted(listed) if not (root / name).is_file()]
+            + [f"Makefile.am does not name {name}" for name in code_of(root) if name not in listed])
+
+
+def lost_names(root):
+    """Links of pages to files that are nowhere, and modules (`folder/noun` in backticks) that are not in src."""
+    faults = []
+    folders = {p.name for p in (root / "src").iterdir() if p.is_dir()}
+    for name in pages_of(root):
+        text = (root / name).read_text()
+        here = (root / name).parent
+        for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+            if "://" not in link and not (here / link).exists():
+                faults.append(f"{name}: the link to {link} leads nowhere")
+        for path in re.findall(r"`(?:src/)?([a-z_]+/[a-z_]+)`", text):
+            if path.split("/")[0] in folders and not list((root / "src").glob(path + ".*")):
+                faults.append(f"{name}: there is no src/{path}")
+    return faults
+
+
+CHECKS = [unformatted, long_pages, long_files, large_folders, lost_sources, lost_names]
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
+def test_the_tree(source, check):
+    if check is unformatted and not shutil.which(CLANG_FORMAT):
+        pytest.skip(f"{CLANG_FORMAT} is not installed")
+    assert not check(source)
+
+
+# ---- what each check would catch
+
+@pytest.fixture
+def small(source, tmp_path):
+    """A tree of a module and its pages, without a fault."""
+    for name, text in {
+        "src/base/clock.c": "int one(void)\n{\n    return 1;\n}\n",
+        "tests/clock.h": "int one(void);\n",
+        "ARCHITECTURE.md": "See [the guide](doc/guide.md#start) for `base/clock` and `no/such`.\n",
+        "doc/guide.md": "[back](../ARCHITECTURE.md)\n",
+        "Makefile.am": "a_SOURCES = src/base/clock.c \\\n\ttests/clock.h\nEXTRA_DIST = doc/guide.md\n",
+        ".clang-format": (source / ".clang-format").read_text(),
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+FAULTS = [
+    (unformatted, "src/base/clock.c", "int one(void) { return 1; }\nint  two;\n", "src/base/clock.c is not formatted"),
+    (long_pages, "doc/guide.md", "word " * 3_300, "doc/guide.md has 16500 bytes"),
+    (long_pages, "PLANS.md", "A page nobody agreed to.\n", "PLANS.md is not in the table"),
+    (long_files, "src/base/clock.c", "\n" * 801, "src/base/clock.c has 801 lines"),
+    (large_folders, "src/base/words_table.c", "\n" * 5000, "src/base has 5004 lines"),
+    (lost_sources, "Makefile.am", "a_SOURCES = src/base/clock.c src/base/gone.c tests/clock.h\n",
+     "Makefile.am names src/base/gone.c"),
+    (lost_sources, "src/base/new.c", "int new;\n", "Makefile.am does not name src/base/new.c"),
+    (lost_names, "doc/guide.md", "[back](gone.md)\n", "doc/guide.md: the link to gone.md"),
+    (lost_names, "doc/guide.md", "`base/gone` tells the time\n", "doc/guide.md: there is no src/base/gone"),
+]
+
+
+@pytest.mark.parametrize("check, name, text, told", FAULTS, ids=[f[3].replace("/", " ") for f in FAULTS])
+def test_a_fault_is_found(small, check, name, text, told):
+    if check is unformatted and not shutil.which(CLANG_FORMAT):
+        pytest.skip(f"{CLANG_FORMAT} is not installed")
+    assert not check(small)
+    (small / name).write_text(text)
+    found = check(small)
+    assert len(found) == 1 and found[0].startswith(told), found
