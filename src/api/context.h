@@ -23,8 +23,8 @@ struct http_context {
     const store_roots *roots; /* of inputs too */
     store_inputs *inputs;
     const store_outputs *outputs;
-    const path_map *mappings; /* of paths; NULL: none */
-    const webhook_hosts *webhooks;  /* NULL: none */
+    const path_map *mappings;      /* of paths; NULL: none */
+    const webhook_hosts *webhooks; /* NULL: none */
     const char *state_dir;
     int max_attempts;              /* of a job that names no number */
     int64_t most_waiting;          /* jobs of one user; 0: any number */

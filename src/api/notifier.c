@@ -66,7 +66,8 @@ static bool wake_waiters(notifier *n)
         add_topic(&fresh, fresh.owner_topic[i]);
     }
     progress_ring_line *lines = NULL;
-    size_t line_count = progress_ring_list(n->progress, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
+    size_t line_count =
+        progress_ring_list(n->progress, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
     for (size_t i = 0; i < line_count; i++) add_topic(&fresh, lines[i].id);
     if (fresh.count) wait_list_wake(n->waiting, fresh.topic, fresh.count);
     free(page.events);
