@@ -297,6 +297,8 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
 static queue_ending make_ending(const settlement_place *place, const settlement *s,
                                 const engine_ending *ending)
 {
+    bool success =
+        s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is given to no job */
     return (queue_ending){
         .state = s->state,
         .outcome = s->outcome,
@@ -310,15 +312,15 @@ static queue_ending make_ending(const settlement_place *place, const settlement 
         .storage_fault = s->verdict == SETTLEMENT_RETRY_STORAGE,
         .host = place->host,
         .reason = s->reason,
-        .cached_from = s->cached_from,
+        .cached_from = success ? s->cached_from : NULL,
         .copied = s->copied,
-        .cache_key = s->cache_key,
-        .cache_inputs = s->cache_inputs,
+        .cache_key = success ? s->cache_key : NULL,
+        .cache_inputs = success ? s->cache_inputs : NULL,
     };
 }
 
-/* Moves the result into place, or removes what the attempt left. False when the disk is at fault, and not the job: then it is
- * to be called again. */
+/* Moves the result into place, or removes what the attempt left. False when the disk is at fault, and not the job: the
+ * caller tries again later. */
 static bool settle_directory(const settlement_place *place, const queue_claimed *c, const settlement *s,
                              const char *directory, error *e)
 {
