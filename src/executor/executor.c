@@ -16,7 +16,6 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/threads.h"
-#include "executor/cache.h"
 #include "executor/engine.h"
 #include "executor/host.h"
 #include "executor/kept_result.h"
@@ -24,13 +23,10 @@
 #include "executor/instance.h"
 #include "executor/inventory.h"
 #include "executor/local.h"
-#include "executor/publication.h"
-#include "executor/result.h"
 #include "executor/retention.h"
-#include "executor/input_permissions.h"
 #include "executor/settlement.h"
+#include "executor/slot.h"
 #include "executor/storage.h"
-#include "json/json.h"
 #include "executor/progress_ring.h"
 #include "store/file.h"
 
@@ -46,49 +42,16 @@
 /* The part of the machine's memory that is lent to attempts when the settings do not say. */
 #define HOST_MEMORY_SHARE 0.9
 
-typedef struct limits {
-    double timeout_s, stall_s; /* 0: none */
-} limits;
-
-/* A task that this executor has claimed. What stands first is guarded by the executor's mutex for
- * writing and for reading by others; the rest is the supervisor's own.
- */
-typedef struct slot {
-    bool used;
-    queue_claimed claimed;
-    int threads; /* what it takes of the host */
-    int64_t memory_mb;
-    char *progress;
-    bool cancel_wanted;
-
-    engine_attempt *attempt; /* NULL: not started, or ended */
-    char *directory;
-    limits limit;
-    int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
-    int64_t started_wall_ms;
-    int64_t ran_ms; /* once it has ended */
-    settlement_stop stop;
-    bool asked, forced;
-    int64_t force_ms;         /* when to end what was asked to end */
-    publication *publication; /* NULL: none is on its way */
-    char *copied;             /* the temporary file of one that was */
-    char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
-    bool decided;
-    settlement verdict;
-    engine_ending ending;
-    int64_t retry_ms; /* when to try the settlement again */
-} slot;
-
 struct executor {
     executor_settings settings;
     char *state_dir, *worker, **input_roots;
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
+    slot_context context;
     store_roots *roots; /* the input roots, open */
     int threads;        /* of all attempts */
     int64_t memory_mb;
     queue *q;
-    const engine *engine;
     progress_ring *progress;
     retention *retention;
     output_cleanup *cleanup;
@@ -99,12 +62,12 @@ struct executor {
     atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
-    pthread_mutex_t order;     /* over a claim until it has its slot, and over commands */
-    pthread_mutex_t mutex;     /* of the slots; never held over the queue's work */
-    executor_settings changed; /* guarded; what executor_change brought, for the supervisor to take */
+    pthread_mutex_t order;     /* held over a claim until a slot has it, and over commands */
+    pthread_mutex_t mutex;     /* of the next two */
+    executor_settings changed; /* what executor_change brought, for the supervisor to take */
     bool has_changed;
     size_t slot_count;
-    slot *slots;
+    slot **slots;
 
     bool look;             /* supervisor: something may be claimed that could not before */
     int64_t due_ms;        /* supervisor: when a task may be tried again, wall clock */
@@ -134,201 +97,20 @@ bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, er
     return retention_delete(x->retention, id, found, deleted, e);
 }
 
-static double limit_or(json_at limits_at, const char *key, double otherwise)
+/* Lets a slot do what it can do now, and draws the consequences for the others. */
+static void serve(executor *x, slot *s)
 {
-    double value = json_number(json_member(&limits_at, key), 0);
-    return value > 0 ? value : otherwise;
-}
-
-static limits read_limits(const executor *x, const char *spec)
-{
-    json *document = json_parse(spec, strlen(spec), NULL);
-    json_at root = json_root(document);
-    json_at at = json_member(&root, "limits");
-    limits l = {
-        .timeout_s = limit_or(at, "timeout_s", x->settings.timeout_s),
-        .stall_s = limit_or(at, "stall_s", x->settings.stall_s),
-    };
-    json_free(document);
-    return l;
-}
-
-/* Empties a slot; the mutex is not held. */
-static void slot_clear(executor *x, slot *s)
-{
-    free(s->directory);
-    free(s->ending.last_words);
-    free(s->cache_inputs);
-    free(s->copied);
-    pthread_mutex_lock(&x->mutex);
-    queue_claimed_clear(&s->claimed);
-    free(s->progress);
-    *s = (slot){0};
-    pthread_mutex_unlock(&x->mutex);
-    x->look = true;
-}
-
-static void slot_settle(executor *x, slot *s)
-{
-    error e = {0};
-    if (settlement_apply(&x->place, &s->claimed, &s->verdict, s->ending.last_words ? &s->ending : NULL, &e)) {
-        slot_clear(x, s);
-        retention_wake(x->retention); /* it may be kept for a short time only */
-        return;
+    unsigned news = slot_step(s);
+    if (news & SLOT_STARTED) x->start_wait_ms = 0;
+    if (news & SLOT_NOT_STARTED) {
+        /* what keeps this worker from starting probably keeps the next one from it, too */
+        x->start_wait_ms = x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
+        x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     }
-    /* once an attempt: it is tried until it works */
-    log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, "attempt not settled job=%s attempt=%d: %s",
-              s->claimed.job.id, s->claimed.task.attempt, e.message);
-    s->retry_ms = clock_monotonic_ms() + RETRY_MS;
-    /* when the daemon ends, the next start settles it as after a crash */
-    if (atomic_load(&x->draining)) slot_clear(x, s);
-}
-
-/* A result may be given to others if what it was made of is known. */
-static void slot_describe(executor *x, slot *s)
-{
-    const queue_claimed *c = &s->claimed;
-    if (!x->settings.cache || !s->verdict.deliver || c->task.frame != QUEUE_NO_FRAME ||
-        !cache_key(c->job.spec, s->cache_key))
-        return;
-    s->cache_inputs = cache_describe_inputs(x->roots, s->directory, s->started_wall_ms);
-    if (!s->cache_inputs) return;
-    s->verdict.cache_key = s->cache_key;
-    s->verdict.cache_inputs = s->cache_inputs;
-}
-
-/* A result is copied first to where its job wants it, if it does. False: there is nothing to wait for. */
-static bool slot_publish(executor *x, slot *s)
-{
-    char *path = s->verdict.deliver ? publication_path(s->claimed.job.spec, s->claimed.task.frame) : NULL;
-    if (path) s->publication = publication_start(x->q, &x->settings.outputs, s->directory, path, x->wake_fd);
-    free(path);
-    return s->publication != NULL;
-}
-
-static void slot_end_publication(executor *x, slot *s)
-{
-    error e = {0};
-    if (!publication_end(s->publication, &e)) settlement_decide_unpublished(&e, &s->verdict);
-    s->publication = NULL;
-    s->verdict.copied = s->copied = publication_temporary(s->directory);
-    s->decided = true;
-    slot_settle(x, s);
-}
-
-/* What becomes of an attempt that ended, and then that. */
-static void slot_decide(executor *x, slot *s)
-{
-    settlement_decide(&s->claimed, s->stop,
-                      s->stop == SETTLEMENT_STALLED ? s->limit.stall_s : s->limit.timeout_s, &s->ending,
-                      s->directory, &s->verdict);
-    s->verdict.ran_ms = s->ran_ms;
-    if (s->verdict.undecided) {
-        log_write(s->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR,
-                  "attempt not settled job=%s attempt=%d: %s", s->claimed.job.id, s->claimed.task.attempt,
-                  s->verdict.message);
-        s->retry_ms = clock_monotonic_ms() + RETRY_MS;
-        if (atomic_load(&x->draining)) slot_clear(x, s);
-        return;
+    if (news & SLOT_FREED) {
+        x->look = true;
+        retention_wake(x->retention); /* the job may be kept for a short time only */
     }
-    slot_describe(x, s);
-    if (slot_publish(x, s)) return;
-    s->decided = true;
-    slot_settle(x, s);
-}
-
-/* No worker is started: what was decided about the task is done at once. */
-static void slot_skip(executor *x, slot *s)
-{
-    s->decided = true;
-    slot_settle(x, s);
-}
-
-/* Gives the task the result of a job that asked for the same, when there is one and all inputs still are what
- * they were. False: it has to be run. */
-static bool slot_recall(executor *x, slot *s)
-{
-    error e = {0};
-    char *inputs = NULL;
-    bool found = false;
-    if (!x->settings.cache || s->claimed.task.frame != QUEUE_NO_FRAME ||
-        !cache_key(s->claimed.job.spec, s->cache_key) ||
-        !queue_recall(x->q, s->cache_key, s->cached_from, &inputs, &found, NULL) || !found)
-        return false;
-    char *from = result_directory(x->state_dir, s->cached_from, QUEUE_NO_FRAME);
-    found = cache_is_fresh(x->roots, inputs);
-    if (found && (!cache_link_result(from, s->directory, &e) ||
-                  !settlement_decide_cached(s->directory, s->cached_from, &s->verdict, &e))) {
-        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", s->claimed.job.id,
-                  s->cached_from, e.message);
-        store_remove(s->directory, NULL);
-        found = false;
-    }
-    free(from);
-    free(inputs);
-    return found;
-}
-
-static void slot_start(executor *x, slot *s)
-{
-    error e = {0};
-    const queue_job *job = &s->claimed.job;
-    const queue_task *task = &s->claimed.task;
-    s->directory = result_attempt_directory(x->state_dir, job->id, task->frame, task->attempt);
-    s->limit = read_limits(x, job->spec);
-    if (s->memory_mb > x->memory_mb) {
-        settlement_decide_too_large(&s->claimed, x->memory_mb, &s->verdict);
-        slot_skip(x, s);
-        return;
-    }
-    if (s->limit.timeout_s > 0 && (double)task->ran_ms >= 1000 * s->limit.timeout_s) {
-        settlement_decide_late(s->limit.timeout_s, &s->verdict);
-        slot_skip(x, s);
-        return;
-    }
-    if ((kept_result_take(x->state_dir, &s->claimed, s->directory) &&
-         settlement_decide_kept(s->directory, &s->verdict, NULL)) ||
-        slot_recall(x, s)) {
-        if (!slot_publish(x, s)) slot_skip(x, s);
-        return;
-    }
-    int before = s->claimed.previous;
-    size_t root_count = 0;
-    char **roots = input_permissions_list(job->spec, x->settings.inputs, (const char *const *)x->input_roots,
-                                          x->settings.input_root_count, &root_count);
-    char *previous = before == QUEUE_NO_FRAME ? NULL : result_directory(x->state_dir, job->id, before);
-    engine_request request = {
-        .worker = x->worker,
-        .command = "run",
-        .directory = s->directory,
-        .spec = job->spec,
-        .input_roots = (const char *const *)roots,
-        .input_root_count = root_count,
-        .memory_mb = s->memory_mb,
-        .threads = s->threads,
-        .frame = task->frame,
-        .previous = previous,
-        .file_mb = x->settings.file_mb,
-        .sandbox = x->settings.sandbox,
-    };
-    s->started_ms = s->moved_ms = clock_monotonic_ms();
-    s->started_wall_ms = clock_wall_ms();
-    if (store_directory_create(s->directory, &e)) s->attempt = x->engine->start(&request, &e);
-    free(previous);
-    input_permissions_free(roots, root_count);
-    if (s->attempt) {
-        x->start_wait_ms = 0;
-        log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id,
-                  task->number, task->attempt, x->engine->identify(s->attempt));
-        return;
-    }
-    log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
-              task->attempt, e.message);
-    settlement_decide_unstarted(&e, &s->verdict);
-    /* whatever keeps this one from starting would keep the next one, too */
-    x->start_wait_ms = x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
-    x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
-    slot_skip(x, s);
 }
 
 /* What the attempts that run leave. */
@@ -342,8 +124,9 @@ static queue_room find_room(const executor *x)
         .most_of_owner = x->settings.most_of_owner,
     };
     for (size_t i = 0; i < x->slot_count; i++) {
-        room.threads -= x->slots[i].threads;
-        room.memory_mb -= x->slots[i].memory_mb;
+        slot_usage usage = slot_get_usage(x->slots[i]);
+        room.threads -= usage.threads;
+        room.memory_mb -= usage.memory_mb;
     }
     return room;
 }
@@ -359,14 +142,10 @@ static bool claim(executor *x, slot *s)
     pthread_mutex_lock(&x->order);
     if (queue_claim(x->q, &room, &claimed, &found, &e)) {
         if (found) {
-            pthread_mutex_lock(&x->mutex);
-            s->claimed = claimed;
-            s->threads = claimed.job.threads;
-            s->memory_mb = claimed.job.memory_mb;
-            /* what does not fit is found out, and told, when it is started */
-            executor_size(x, &s->threads, &s->memory_mb, NULL);
-            s->used = true;
-            pthread_mutex_unlock(&x->mutex);
+            int width = claimed.job.threads;
+            int64_t memory_mb = claimed.job.memory_mb;
+            executor_size(x, &width, &memory_mb, NULL); /* the slot fails a task that can never fit */
+            slot_take(s, &claimed, width, memory_mb);
         }
     } else {
         log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue said it */
@@ -387,118 +166,20 @@ static void fill_slots(executor *x)
 {
     if (x->due_ms <= clock_wall_ms()) x->look = true;
     for (size_t i = 0; x->look && i < x->slot_count; i++) {
-        slot *s = &x->slots[i];
-        if (s->used) continue;
+        slot *s = x->slots[i];
+        if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
         if (!storage_has_room(&x->storage)) {
             x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
             return;
         }
         if (claim(x, s)) {
-            slot_start(x, s);
+            serve(x, s);
         } else {
             if (!x->claim_ms) note_due(x); /* else it could not be tried, and is again then */
             return;
         }
     }
-}
-
-static void keep_progress(executor *x, slot *s, const char *line)
-{
-    json *document = json_parse(line, strlen(line), NULL);
-    bool valid = json_type_of(json_root(document)) == JSON_OBJECT;
-    json_free(document);
-    if (!valid) return;
-    s->moved_ms = clock_monotonic_ms();
-    char *copy = mem_strdup(line);
-    pthread_mutex_lock(&x->mutex);
-    char *old = s->progress;
-    s->progress = copy;
-    pthread_mutex_unlock(&x->mutex);
-    free(old);
-    progress_ring_add(x->progress, s->claimed.job.id, s->claimed.task.frame, s->claimed.task.attempt, line);
-    queue_signal(x->q);
-}
-
-static int64_t after(int64_t from_ms, double seconds)
-{
-    return seconds > 0 && seconds < 1e12 ? from_ms + (int64_t)(seconds * 1000) : INT64_MAX;
-}
-
-/* When the time of the task is over, what attempts before took of it included. */
-static int64_t timeout_ms(const slot *s)
-{
-    return after(s->started_ms - s->claimed.task.ran_ms, s->limit.timeout_s);
-}
-
-/* Why the attempt has to be stopped now, if it has to. */
-static settlement_stop find_reason(executor *x, slot *s, int64_t now)
-{
-    pthread_mutex_lock(&x->mutex);
-    bool cancelled = s->cancel_wanted;
-    pthread_mutex_unlock(&x->mutex);
-    if (cancelled) return SETTLEMENT_CANCELLED;
-    if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
-    if (now >= after(s->moved_ms, s->limit.stall_s)) return SETTLEMENT_STALLED;
-    if (atomic_load(&x->draining) && now >= atomic_load(&x->drain_ms)) return SETTLEMENT_DRAINED;
-    return SETTLEMENT_NOT_STOPPED;
-}
-
-static void stop_if_due(executor *x, slot *s)
-{
-    int64_t now = clock_monotonic_ms();
-    settlement_stop why = find_reason(x, s, now);
-    if (s->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) s->stop = why;
-    if (s->stop == SETTLEMENT_NOT_STOPPED) return;
-    if (!s->asked) {
-        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", s->claimed.job.id,
-                  s->claimed.task.attempt);
-        x->engine->cancel(s->attempt, false);
-        s->asked = true;
-        s->force_ms = now + (int64_t)(x->settings.grace_s * 1000);
-    }
-    if (!s->forced && (now >= s->force_ms || atomic_load(&x->forcing))) {
-        x->engine->cancel(s->attempt, true);
-        s->forced = true;
-    }
-}
-
-static void slot_serve(executor *x, slot *s)
-{
-    if (s->publication) {
-        if (publication_has_ended(s->publication)) slot_end_publication(x, s);
-        return;
-    }
-    if (s->decided || !s->attempt) {
-        if (clock_monotonic_ms() < s->retry_ms) return;
-        if (s->decided)
-            slot_settle(x, s);
-        else
-            slot_decide(x, s);
-        return;
-    }
-    const char *progress;
-    bool ended = x->engine->poll(s->attempt, &progress);
-    if (progress) keep_progress(x, s, progress);
-    if (!ended) {
-        stop_if_due(x, s);
-        return;
-    }
-    s->ran_ms = clock_monotonic_ms() - s->started_ms;
-    x->engine->settle(s->attempt, &s->ending);
-    s->attempt = NULL;
-    slot_decide(x, s);
-}
-
-/* When the slot wants to be looked at again although none of its descriptors is ready. */
-static int64_t slot_due(executor *x, const slot *s)
-{
-    if (s->publication) return INT64_MAX;
-    if (s->decided || !s->attempt) return s->retry_ms;
-    if (s->forced) return INT64_MAX;
-    if (s->asked) return s->force_ms;
-    int64_t due = least(timeout_ms(s), after(s->moved_ms, s->limit.stall_s));
-    return atomic_load(&x->draining) ? least(due, atomic_load(&x->drain_ms)) : due;
 }
 
 /* Waits until something has to be done. */
@@ -509,11 +190,10 @@ static void wait_for_news(executor *x, struct pollfd *fds)
     bool room = false;
     fds[count++] = (struct pollfd){.fd = x->wake_fd, .events = POLLIN};
     for (size_t i = 0; i < x->slot_count; i++) {
-        slot *s = &x->slots[i];
-        room |= !s->used;
-        if (!s->used) continue;
-        due = least(due, slot_due(x, s));
-        if (s->attempt) count += x->engine->watch(s->attempt, &fds[count]);
+        slot *s = x->slots[i];
+        room |= slot_is_free(s);
+        due = least(due, slot_due(s));
+        count += slot_watch(s, &fds[count]);
     }
     if (room && executor_takes_jobs(x)) {
         if (x->look) due = least(due, x->claim_ms); /* 0: at once */
@@ -535,21 +215,28 @@ static void wait_for_news(executor *x, struct pollfd *fds)
 static bool is_idle(const executor *x)
 {
     for (size_t i = 0; i < x->slot_count; i++)
-        if (x->slots[i].used) return false;
+        if (!slot_is_free(x->slots[i])) return false;
     return true;
 }
 
+static void set_limits(slot_context *context, const executor_settings *settings)
+{
+    context->file_mb = settings->file_mb;
+    context->timeout_s = settings->timeout_s;
+    context->stall_s = settings->stall_s;
+    context->grace_s = settings->grace_s;
+}
+
+/* What other threads have asked for since the last turn; who asks wakes the supervisor afterwards. */
 static void take_changes(executor *x)
 {
     pthread_mutex_lock(&x->mutex);
-    if (x->has_changed) {
-        x->settings.file_mb = x->changed.file_mb;
-        x->settings.timeout_s = x->changed.timeout_s;
-        x->settings.stall_s = x->changed.stall_s;
-        x->settings.grace_s = x->changed.grace_s;
-        x->has_changed = false;
-    }
+    if (x->has_changed) set_limits(&x->context, &x->changed);
+    x->has_changed = false;
     pthread_mutex_unlock(&x->mutex);
+    x->context.forcing = atomic_load(&x->forcing);
+    x->context.draining = atomic_load(&x->draining);
+    x->context.drain_ms = atomic_load(&x->drain_ms);
 }
 
 static void *supervise(void *argument)
@@ -561,8 +248,7 @@ static void *supervise(void *argument)
         bool was_idle;
         atomic_fetch_add(&x->turns, 1);
         take_changes(x);
-        for (size_t i = 0; i < x->slot_count; i++)
-            if (x->slots[i].used) slot_serve(x, &x->slots[i]);
+        for (size_t i = 0; i < x->slot_count; i++) serve(x, x->slots[i]);
         fill_slots(x);
         was_idle = is_idle(x);
         if (was_idle && atomic_load(&x->draining)) signal_fd(x->drained_fd);
@@ -591,6 +277,7 @@ static void executor_free(executor *x)
     free(x->input_roots);
     free(x->state_dir);
     free(x->worker);
+    for (size_t i = 0; i < x->slot_count; i++) slot_free(x->slots[i]);
     free(x->slots);
     retention_stop(x->retention);
     output_cleanup_stop(x->cleanup);
@@ -614,6 +301,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
                                                 : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
     x->slot_count = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
+    for (size_t i = 0; i < x->slot_count; i++) x->slots[i] = slot_new(&x->context);
     host_name(x->host, sizeof x->host);
     x->storage = (storage){.state_dir = x->state_dir, .floor_bytes = settings->free_space_mb << 20};
     x->place = (settlement_place){
@@ -624,6 +312,28 @@ static void copy_settings(executor *x, const executor_settings *settings)
         .storage_retries = settings->storage_retries,
         .max_interruptions = settings->max_interruptions,
     };
+}
+
+/* Of what is there already; see executor_start. */
+static void set_context(executor *x)
+{
+    const executor_settings *settings = &x->settings;
+    x->context = (slot_context){
+        .place = &x->place,
+        .engine = &engine_local,
+        .worker = x->worker,
+        .input_roots = (const char *const *)x->input_roots,
+        .input_root_count = settings->input_root_count,
+        .roots = x->roots,
+        .inputs = settings->inputs,
+        .outputs = &settings->outputs,
+        .progress = x->progress,
+        .sandbox = settings->sandbox,
+        .cache = settings->cache,
+        .memory_mb = x->memory_mb,
+        .wake_fd = x->wake_fd,
+    };
+    set_limits(&x->context, settings);
 }
 
 /* Brings the queue and the state directory in line, before anything runs. */
@@ -656,7 +366,6 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
 {
     executor *x = mem_alloc(sizeof *x);
     x->q = q;
-    x->engine = &engine_local;
     copy_settings(x, settings);
     x->progress = progress_ring_new();
     x->look = true;
@@ -670,6 +379,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
+    set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
@@ -755,13 +465,8 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
 {
     pthread_mutex_lock(&x->order);
     bool ok = queue_tell(x->q, id, command, found, changed, now, e);
-    if (ok && *found && *now == QUEUE_CANCELLING) {
-        pthread_mutex_lock(&x->mutex);
-        for (size_t i = 0; i < x->slot_count; i++)
-            if (x->slots[i].used && strcmp(x->slots[i].claimed.job.id, id) == 0)
-                x->slots[i].cancel_wanted = true;
-        pthread_mutex_unlock(&x->mutex);
-    }
+    if (ok && *found && *now == QUEUE_CANCELLING)
+        for (size_t i = 0; i < x->slot_count; i++) slot_cancel(x->slots[i], id);
     pthread_mutex_unlock(&x->order);
     if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->state_dir, id);
     executor_wake(x);
@@ -771,12 +476,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
 char *executor_progress(executor *x, const char *id)
 {
     char *progress = NULL;
-    pthread_mutex_lock(&x->mutex);
-    for (size_t i = 0; !progress && i < x->slot_count; i++) {
-        const slot *s = &x->slots[i];
-        if (s->used && s->progress && strcmp(s->claimed.job.id, id) == 0) progress = mem_strdup(s->progress);
-    }
-    pthread_mutex_unlock(&x->mutex);
+    for (size_t i = 0; !progress && i < x->slot_count; i++) progress = slot_progress(x->slots[i], id);
     return progress;
 }
 
@@ -794,12 +494,11 @@ executor_load executor_get_load(executor *x)
 {
     executor_load load = {
         .workers = (int)x->slot_count, .all_threads = x->threads, .all_memory_mb = x->memory_mb};
-    pthread_mutex_lock(&x->mutex);
     for (size_t i = 0; i < x->slot_count; i++) {
-        load.attempts += x->slots[i].used;
-        load.threads += x->slots[i].threads;
-        load.memory_mb += x->slots[i].memory_mb;
+        slot_usage usage = slot_get_usage(x->slots[i]);
+        load.attempts += usage.attempts;
+        load.threads += usage.threads;
+        load.memory_mb += usage.memory_mb;
     }
-    pthread_mutex_unlock(&x->mutex);
     return load;
 }

@@ -1,5 +1,6 @@
 #include "executor/settlement.h"
 
+#include <assert.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -21,16 +22,24 @@ enum { EXIT_CONVERGED = 0, EXIT_CANCELLED = 6, EXIT_NOT_CONVERGED = 10 };
 
 static void set_end(settlement *s, queue_state state, const error *why)
 {
+    s->verdict = SETTLEMENT_END;
     s->state = state;
     s->code = why->code;
     snprintf(s->message, sizeof s->message, "%s", why->message);
 }
 
-/* A crash is worth another attempt, so long as there are any left. */
-static void set_retry(settlement *s, const queue_claimed *c, const error *why)
+static void set_success(settlement *s, const result *r)
+{
+    s->verdict = SETTLEMENT_SUCCEED;
+    s->state = QUEUE_SUCCEEDED;
+    s->outcome = r->outcome;
+}
+
+/* The task of a crashed attempt is tried again while it has attempts left. */
+static void set_crashed(settlement *s, const queue_claimed *c, const error *why)
 {
     if (c->task.spent < c->job.max_attempts) {
-        s->requeue = s->counts = true;
+        s->verdict = SETTLEMENT_RETRY_CRASHED;
         return;
     }
     error e = *why;
@@ -50,26 +59,18 @@ bool settlement_read_last_words(const char *words, error *said)
     return ok;
 }
 
-/* A crash is not tried again at once: what made it may still be there. */
-static void set_retry_later(settlement *s, const queue_claimed *c, const error *why)
-{
-    set_retry(s, c, why);
-    s->wait = s->requeue;
-}
-
 static void decide_success(const char *directory, settlement *s)
 {
     result r = {0};
     error e = {0};
     if (result_read(directory, &r, &e)) {
-        s->deliver = true;
-        s->state = QUEUE_SUCCEEDED;
-        s->outcome = r.outcome;
+        set_success(s, &r);
         result_clear(&r);
         return;
     }
-    if (e.code == ERROR_INTERNAL) { /* a job that is done must not fail because we cannot look just now */
-        s->undecided = true;
+    if (e.code ==
+        ERROR_INTERNAL) { /* a finished job must not fail because its result cannot be read at the moment */
+        s->verdict = SETTLEMENT_UNDECIDED;
         snprintf(s->message, sizeof s->message, "%s", e.message);
         return;
     }
@@ -78,11 +79,11 @@ static void decide_success(const char *directory, settlement *s)
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* The host's fault, and not the job's: tried again, without counting, as long as settlement_apply allows. */
+/* A fault of the host, not of the job. settlement_apply limits the number of retries. */
 static void set_storage(settlement *s, const error *why)
 {
-    set_end(s, QUEUE_FAILED, why);
-    s->requeue = s->wait = s->storage = true;
+    set_end(s, QUEUE_FAILED, why); /* this is how the task ends when no retry is left */
+    s->verdict = SETTLEMENT_RETRY_STORAGE;
     snprintf(s->reason, sizeof s->reason, "%s: %.120s", error_code_name(why->code), why->message);
 }
 
@@ -91,9 +92,9 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
     error said = {0};
     bool spoke = settlement_read_last_words(ending->last_words, &said);
     if (ending->exit_status == EXIT_CANCELLED) {
-        /* nobody here asked for it: a signal from outside, as good as a crash */
+        /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
         error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
-        set_retry_later(s, c, &said);
+        set_crashed(s, c, &said);
         return;
     }
     if (!spoke)
@@ -111,7 +112,7 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
     const char *name = sigabbrev_np(ending->signal);
     error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
               name ? name : "?");
-    set_retry_later(s, c, &e);
+    set_crashed(s, c, &e);
 }
 
 static bool is_success(const engine_ending *ending)
@@ -158,7 +159,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
     case SETTLEMENT_DRAINED:
         describe(ending, "drained: ", s);
         if (is_success(ending)) break;
-        s->requeue = true;
+        s->verdict = SETTLEMENT_RETRY;
         return;
     case SETTLEMENT_NOT_STOPPED:
         describe(ending, "", s);
@@ -174,7 +175,7 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
 
 void settlement_decide_unstarted(const error *why, settlement *s)
 {
-    *s = (settlement){.requeue = true};
+    *s = (settlement){.verdict = SETTLEMENT_RETRY};
     snprintf(s->reason, sizeof s->reason, "not started: %.140s", why->message);
 }
 
@@ -201,7 +202,8 @@ bool settlement_decide_cached(const char *directory, const char *from, settlemen
 {
     result r = {0};
     if (!result_read(directory, &r, e)) return false;
-    *s = (settlement){.deliver = true, .state = QUEUE_SUCCEEDED, .outcome = r.outcome, .cached_from = from};
+    *s = (settlement){.cached_from = from};
+    set_success(s, &r);
     snprintf(s->reason, sizeof s->reason, "the result of %s", from);
     result_clear(&r);
     return true;
@@ -211,7 +213,8 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
 {
     result r = {0};
     if (!result_read(directory, &r, e)) return false;
-    *s = (settlement){.deliver = true, .state = QUEUE_SUCCEEDED, .outcome = r.outcome};
+    *s = (settlement){0};
+    set_success(s, &r);
     snprintf(s->reason, sizeof s->reason, "the result of an attempt before");
     result_clear(&r);
     return true;
@@ -219,7 +222,6 @@ bool settlement_decide_kept(const char *directory, settlement *s, error *e)
 
 void settlement_decide_unpublished(const error *why, settlement *s)
 {
-    s->deliver = false;
     s->outcome = QUEUE_NO_OUTCOME;
     s->keep = error_is_of_storage(why->code);
     if (s->keep)
@@ -232,24 +234,26 @@ void settlement_decide_unpublished(const error *why, settlement *s)
 static void bound_storage(const settlement_place *place, const queue_claimed *c, settlement *s)
 {
     error e = {.code = s->code};
-    if (!s->storage || c->task.storage_faults < place->storage_retries) return;
+    if (s->verdict != SETTLEMENT_RETRY_STORAGE || c->task.storage_faults < place->storage_retries) return;
     error_set(&e, s->code, "%s (the last of %d tries, setting storage_retries)", s->message,
               c->task.storage_faults + 1);
-    s->requeue = s->wait = s->storage = s->keep = false;
+    s->keep = false;
     set_end(s, QUEUE_FAILED, &e);
 }
 
-static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, bool storage)
+/* When the task may be tried again, wall clock; 0: at once. */
+static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, settlement_verdict verdict)
 {
+    if (verdict != SETTLEMENT_RETRY_CRASHED && verdict != SETTLEMENT_RETRY_STORAGE) return 0;
     double wait_s = place->backoff.first_s;
-    int times = storage ? c->task.storage_faults + 1 : c->task.spent;
+    int times = verdict == SETTLEMENT_RETRY_STORAGE ? c->task.storage_faults + 1 : c->task.spent;
     for (int i = 1; i < times && wait_s < place->backoff.most_s; i++) wait_s *= 2;
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
 /* Moves the result into place, for certain: that it already is there is what a repetition finds, after a
  * flush that failed, and what a start finds. */
-static bool deliver(const char *state_dir, const char *from, const char *to, bool in_place, error *e)
+static bool move_result(const char *state_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
     char *attempts = mem_printf("%s/attempts", state_dir), *results = mem_printf("%s/results", state_dir);
@@ -289,14 +293,13 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
     return true;
 }
 
-bool settlement_apply(const settlement_place *place, const queue_claimed *c, const settlement *decided,
-                      const engine_ending *ending, error *e)
+/* What the queue is told of the end of the attempt. */
+static queue_ending make_ending(const settlement_place *place, const settlement *s,
+                                const engine_ending *ending)
 {
-    bool accepted = false, current = true;
-    settlement bounded = *decided, *s = &bounded;
-    bound_storage(place, c, s);
-    if (s->deliver && !check_fence(place->q, c, &current, e)) return false;
-    queue_ending end = {
+    bool success =
+        s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is given to no job */
+    return (queue_ending){
         .state = s->state,
         .outcome = s->outcome,
         .error_code = s->code == ERROR_NONE ? NULL : error_code_name(s->code),
@@ -305,29 +308,46 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         .signal = ending ? ending->signal : -1,
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
         .ran_ms = s->ran_ms,
-        .interrupted = s->interrupted,
+        .interrupted = s->verdict == SETTLEMENT_RETRY_INTERRUPTED,
+        .storage_fault = s->verdict == SETTLEMENT_RETRY_STORAGE,
         .host = place->host,
         .reason = s->reason,
-        .cached_from = s->cached_from,
-        .storage_fault = s->storage,
+        .cached_from = success ? s->cached_from : NULL,
         .copied = s->copied,
-        .cache_key = s->cache_key,
-        .cache_inputs = s->cache_inputs,
+        .cache_key = success ? s->cache_key : NULL,
+        .cache_inputs = success ? s->cache_inputs : NULL,
     };
-    const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
-    char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);
-    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
-    if (s->deliver && current && !deliver(place->state_dir, directory, results, s->in_place, e)) {
-        free(directory);
+}
+
+/* Moves the result into place, or removes what the attempt left. False when the disk is at fault, and not the job: the
+ * caller tries again later. */
+static bool settle_directory(const settlement_place *place, const queue_claimed *c, const settlement *s,
+                             const char *directory, error *e)
+{
+    bool current = true, deliver = s->verdict == SETTLEMENT_SUCCEED;
+    if (deliver && !check_fence(place->q, c, &current, e)) return false;
+    if (deliver && current) {
+        char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
+        bool ok = move_result(place->state_dir, directory, results, s->in_place, e);
         free(results);
-        return false; /* the disk's fault, not the job's: to be tried again */
+        return ok;
     }
-    if ((!s->deliver && !s->keep) || !current) settlement_remove_leftovers(directory);
-    bool ok = s->requeue ? queue_requeue(place->q, &fence, s->counts,
-                                         s->wait ? next_try_ms(place, c, s->storage) : 0, &end, &accepted, e)
-                         : queue_finish(place->q, &fence, &end, &accepted, e);
-    if (ok && !accepted && s->requeue) {
-        /* cancelled between the decision and now: the cancellation was promised */
+    if (!s->keep) settlement_remove_leftovers(directory);
+    return true;
+}
+
+/* Tells the queue, which decides on a requeued task by its fence: one that was cancelled meanwhile ends. */
+static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
+                        const engine_ending *ending, const char *directory, error *e)
+{
+    bool requeue = s->verdict >= SETTLEMENT_RETRY, accepted = false;
+    queue_ending end = make_ending(place, s, ending);
+    const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
+    bool ok = requeue ? queue_requeue(place->q, &fence, s->verdict == SETTLEMENT_RETRY_CRASHED,
+                                      next_try_ms(place, c, s->verdict), &end, &accepted, e)
+                      : queue_finish(place->q, &fence, &end, &accepted, e);
+    if (ok && !accepted && requeue) {
+        requeue = false;
         end.state = QUEUE_CANCELLED;
         end.error_code = error_code_name(ERROR_CANCELLED);
         end.error_message = "cancelled while it ran";
@@ -338,10 +358,20 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
         log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
                   "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s", c->job.id,
                   c->task.number, c->task.attempt, s->reason,
-                  s->requeue && end.state != QUEUE_CANCELLED ? "queued" : queue_state_name(end.state),
-                  end.error_code ? " code=" : "", end.error_code ? end.error_code : "");
+                  requeue ? "queued" : queue_state_name(end.state), end.error_code ? " code=" : "",
+                  end.error_code ? end.error_code : "");
+    return ok;
+}
+
+bool settlement_apply(const settlement_place *place, const queue_claimed *c, const settlement *decided,
+                      const engine_ending *ending, error *e)
+{
+    settlement s = *decided;
+    assert(s.verdict != SETTLEMENT_UNDECIDED);
+    bound_storage(place, c, &s);
+    char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);
+    bool ok = settle_directory(place, c, &s, directory, e) && settle_task(place, c, &s, ending, directory, e);
     free(directory);
-    free(results);
     return ok;
 }
 
@@ -355,7 +385,7 @@ static void decide_interrupted(const settlement_place *place, const queue_claime
     snprintf(s->reason, sizeof s->reason, "the %s during the attempt",
              restarted ? "host restarted" : "daemon ended");
     if (place->max_interruptions <= 0 || times <= place->max_interruptions) {
-        s->requeue = s->interrupted = true;
+        s->verdict = SETTLEMENT_RETRY_INTERRUPTED;
         return;
     }
     error_set(
@@ -395,15 +425,13 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
         return error_prefix(e, "the result of job %s", c->job.id);
     }
     if (good) {
-        s.deliver = s.in_place = true;
-        s.state = QUEUE_SUCCEEDED;
-        s.outcome = r.outcome;
+        set_success(&s, &r);
+        s.in_place = true;
         result_clear(&r);
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
-        decide_interrupted(place, c, restarted, &s); /* the reason */
-        s.requeue = s.interrupted = false;
+        decide_interrupted(place, c, restarted, &s); /* for the reason */
         set_end(&s, QUEUE_CANCELLED, &why);
     } else {
         decide_interrupted(place, c, restarted, &s);

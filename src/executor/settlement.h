@@ -22,24 +22,32 @@ typedef enum settlement_stop {
     SETTLEMENT_DRAINED
 } settlement_stop;
 
+/* What becomes of the task. */
+typedef enum settlement_verdict {
+    SETTLEMENT_UNDECIDED, /* the result cannot be read at the moment (message says why): decide again later */
+    SETTLEMENT_SUCCEED, /* the attempt's directory is a result: it is delivered and the task has succeeded */
+    SETTLEMENT_END,     /* the task ends without a result, in `state` */
+    SETTLEMENT_RETRY,   /* queued again; the attempt does not count */
+    SETTLEMENT_RETRY_INTERRUPTED, /* the same, because the daemon or the host ended during the attempt */
+    SETTLEMENT_RETRY_CRASHED,     /* queued again after a wait; the attempt counts */
+    SETTLEMENT_RETRY_STORAGE /* queued again after a wait, because a disk was full or failed, as code and message
+                                     say; it does not count, but the number of such retries is limited */
+} settlement_verdict;
+
 typedef struct settlement {
-    bool undecided;       /* the result cannot be looked at just now (message): decide again later */
-    bool deliver;         /* the directory is a result */
-    bool in_place;        /* with `deliver`: it stands where it belongs already */
-    bool requeue, counts; /* back into the queue; whether the attempt counts */
-    bool interrupted;     /* with `requeue`: ended with the daemon or the host */
-    bool wait;            /* before the next attempt: it crashed */
-    bool storage;         /* with `requeue`: a disk was full or failed, as code and message say */
-    bool keep;            /* with `requeue`: the directory holds a result, for the next attempt to deliver */
-    int64_t ran_ms;       /* how long the attempt ran; 0: not known */
-    queue_state state;    /* otherwise: the task's end */
-    queue_outcome outcome;
-    error_code code; /* ERROR_NONE: no error */
+    settlement_verdict verdict;
+    queue_state
+        state; /* the task's final state, with SUCCEED, END, and RETRY_STORAGE when no retry is left */
+    queue_outcome outcome; /* with SUCCEED */
+    error_code code;       /* ERROR_NONE: no error */
     char message[sizeof((error *)0)->message];
-    char reason[160];                     /* for the attempt's record */
-    const char *copied;                   /* as queue_ending's */
-    const char *cached_from;              /* with `deliver`: the job whose result it is, or NULL */
-    const char *cache_key, *cache_inputs; /* with `deliver`: as queue_ending's */
+    char reason[160];        /* for the attempt's record */
+    int64_t ran_ms;          /* how long the attempt ran; 0: not known */
+    bool in_place;           /* with SUCCEED: the result is already in results/ */
+    bool keep;               /* with RETRY_STORAGE: the directory holds a result for the next attempt */
+    const char *copied;      /* as queue_ending's */
+    const char *cached_from; /* with SUCCEED: the job that computed the result, or NULL */
+    const char *cache_key, *cache_inputs; /* with SUCCEED: as queue_ending's */
 } settlement;
 
 /* What a worker says in its last line, when that is the JSON object of the contract. */

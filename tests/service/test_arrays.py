@@ -151,3 +151,15 @@ def test_a_repeat_is_given_the_result(new_service, footage, tmp_path):
     aged(file)
     later = run()
     assert later["cached_from"] is None and run()["cached_from"] == later["id"]
+
+
+def test_a_failed_job_names_no_job_that_its_result_is_from(new_service, tmp_path):
+    """The result of an equal job was taken, but could not be copied to output.directory."""
+    taken = tmp_path / "taken"
+    taken.write_text("no directory")
+    service = new_service("--output_roots", tmp_path).start()
+    spec = sphere()
+    first = service.wait_state(service.submit(spec), "succeeded")
+    failed = service.wait_state(service.submit({**spec, "output": {**spec["output"], "directory": str(taken)}}), "failed")
+    assert failed["attempts"][0]["reason"].endswith(first["id"])  # it was taken
+    assert failed["cached_from"] is None

@@ -570,7 +570,7 @@ static void test_waits_double(void **state)
         assert_true(queue_claim(p->q, &room, &claimed, &found, NULL));
         assert_true(found);
         claimed.task.spent = i + 1;
-        settlement s = {.requeue = true, .counts = true, .wait = true};
+        settlement s = {.verdict = SETTLEMENT_RETRY_CRASHED};
         int64_t before = clock_wall_ms();
         assert_true(settlement_apply(&where, &claimed, &s, NULL, NULL));
         queue_task *task;

@@ -1,0 +1,512 @@
+#include "executor/slot.h"
+
+#include <assert.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "executor/cache.h"
+#include "executor/input_permissions.h"
+#include "executor/kept_result.h"
+#include "executor/publication.h"
+#include "executor/result.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* Between two tries to decide or to settle: long enough not to spin, short enough to recover. */
+#define RETRY_MS 1000
+
+typedef struct limits {
+    double timeout_s, stall_s; /* 0: none */
+} limits;
+
+/* All that belongs to the task in hand; zero in a free slot. */
+typedef struct work {
+    /* written by the supervisor under the mutex */
+    queue_claimed claimed;
+    int threads; /* what the attempt takes of the host */
+    int64_t memory_mb;
+    char *progress;     /* the newest progress line */
+    bool cancel_wanted; /* written by any thread */
+
+    /* the supervisor's own */
+    char *directory; /* of the attempt */
+    limits limit;
+    engine_attempt *attempt; /* in RUNNING and STOPPING */
+    int64_t started_wall_ms;
+    int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
+    settlement_stop stop;         /* why the worker was stopped */
+    int64_t force_ms;             /* when it is killed, monotonic */
+    bool forced;                  /* it was killed */
+    engine_ending ending;         /* with `has_ended` */
+    bool has_ended;               /* a worker ran, and has ended */
+    int64_t ran_ms;               /* once it has ended */
+    publication *publication;     /* in PUBLISHING */
+    settlement verdict;
+    int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
+    /* what the verdict points to */
+    char *copied;
+    char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
+} work;
+
+struct slot {
+    const slot_context *context;
+    pthread_mutex_t mutex; /* never held while the queue or the disk works */
+    slot_phase phase;      /* written by the supervisor under the mutex */
+    work w;
+};
+
+static int64_t least(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
+static int64_t after(int64_t from_ms, double seconds)
+{
+    return seconds > 0 && seconds < 1e12 ? from_ms + (int64_t)(seconds * 1000) : INT64_MAX;
+}
+
+static void enter(slot *s, slot_phase phase)
+{
+    pthread_mutex_lock(&s->mutex);
+    s->phase = phase;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+slot *slot_new(const slot_context *context)
+{
+    slot *s = mem_alloc(sizeof *s);
+    s->context = context;
+    pthread_mutex_init(&s->mutex, NULL);
+    return s;
+}
+
+void slot_free(slot *s)
+{
+    if (!s) return;
+    assert(s->phase == SLOT_FREE);
+    pthread_mutex_destroy(&s->mutex);
+    free(s);
+}
+
+bool slot_is_free(const slot *s)
+{
+    return s->phase == SLOT_FREE;
+}
+
+void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb)
+{
+    assert(s->phase == SLOT_FREE);
+    pthread_mutex_lock(&s->mutex);
+    s->w.claimed = *claimed;
+    s->w.threads = width;
+    s->w.memory_mb = memory_mb;
+    s->phase = SLOT_STARTING;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* Empties the slot. */
+static unsigned release(slot *s)
+{
+    work *w = &s->w;
+    assert(!w->attempt && !w->publication);
+    free(w->directory);
+    free(w->ending.last_words);
+    free(w->cache_inputs);
+    free(w->copied);
+    pthread_mutex_lock(&s->mutex);
+    queue_claimed_clear(&w->claimed);
+    free(w->progress);
+    *w = (work){0};
+    s->phase = SLOT_FREE;
+    pthread_mutex_unlock(&s->mutex);
+    return SLOT_FREED;
+}
+
+/* Deciding or settling has failed and is tried again. In a drain the next start settles the task, as after a crash. */
+static unsigned try_later(slot *s, const char *why)
+{
+    work *w = &s->w;
+    log_write(w->retry_ms ? LOG_LEVEL_DEBUG : LOG_LEVEL_ERROR, /* an error once per attempt */
+              "attempt not settled job=%s attempt=%d: %s", w->claimed.job.id, w->claimed.task.attempt, why);
+    w->retry_ms = clock_monotonic_ms() + RETRY_MS;
+    return s->context->draining ? release(s) : SLOT_NO_NEWS;
+}
+
+/* ---- starting */
+
+static double limit_or(json_at limits_at, const char *key, double otherwise)
+{
+    double value = json_number(json_member(&limits_at, key), 0);
+    return value > 0 ? value : otherwise;
+}
+
+static limits read_limits(const slot_context *x, const char *spec)
+{
+    json *document = json_parse(spec, strlen(spec), NULL);
+    json_at root = json_root(document);
+    json_at at = json_member(&root, "limits");
+    limits l = {
+        .timeout_s = limit_or(at, "timeout_s", x->timeout_s),
+        .stall_s = limit_or(at, "stall_s", x->stall_s),
+    };
+    json_free(document);
+    return l;
+}
+
+/* With a result in the attempt's directory: it is first copied to output.directory, if the job names one. */
+static void publish_or_settle(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    char *path = w->verdict.verdict == SETTLEMENT_SUCCEED
+                     ? publication_path(w->claimed.job.spec, w->claimed.task.frame)
+                     : NULL;
+    if (path) w->publication = publication_start(x->place->q, x->outputs, w->directory, path, x->wake_fd);
+    free(path);
+    enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
+}
+
+static bool is_cacheable(const slot *s, char key[STORE_HASH_SIZE])
+{
+    const queue_claimed *c = &s->w.claimed;
+    return s->context->cache && c->task.frame == QUEUE_NO_FRAME && cache_key(c->job.spec, key);
+}
+
+/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker has to
+ * compute it. */
+static bool take_cached(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    error e = {0};
+    char *inputs = NULL;
+    bool found = false;
+    if (!is_cacheable(s, w->cache_key) ||
+        !queue_recall(x->place->q, w->cache_key, w->cached_from, &inputs, &found, NULL) || !found)
+        return false;
+    char *from = result_directory(x->place->state_dir, w->cached_from, QUEUE_NO_FRAME);
+    found = cache_is_fresh(x->roots, inputs);
+    if (found && (!cache_link_result(from, w->directory, &e) ||
+                  !settlement_decide_cached(w->directory, w->cached_from, &w->verdict, &e))) {
+        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", w->claimed.job.id,
+                  w->cached_from, e.message);
+        store_remove(w->directory, NULL);
+        found = false;
+    }
+    free(from);
+    free(inputs);
+    return found;
+}
+
+static bool take_kept(slot *s)
+{
+    work *w = &s->w;
+    return kept_result_take(s->context->place->state_dir, &w->claimed, w->directory) &&
+           settlement_decide_kept(w->directory, &w->verdict, NULL);
+}
+
+static bool start_worker(slot *s, error *e)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    const queue_claimed *c = &w->claimed;
+    size_t root_count = 0;
+    char **roots =
+        input_permissions_list(c->job.spec, x->inputs, x->input_roots, x->input_root_count, &root_count);
+    char *previous =
+        c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->state_dir, c->job.id, c->previous);
+    engine_request request = {
+        .worker = x->worker,
+        .command = "run",
+        .directory = w->directory,
+        .spec = c->job.spec,
+        .input_roots = (const char *const *)roots,
+        .input_root_count = root_count,
+        .memory_mb = w->memory_mb,
+        .threads = w->threads,
+        .frame = c->task.frame,
+        .previous = previous,
+        .file_mb = x->file_mb,
+        .sandbox = x->sandbox,
+    };
+    w->started_ms = w->moved_ms = clock_monotonic_ms();
+    w->started_wall_ms = clock_wall_ms();
+    if (store_directory_create(w->directory, e)) w->attempt = x->engine->start(&request, e);
+    free(previous);
+    input_permissions_free(roots, root_count);
+    return w->attempt != NULL;
+}
+
+/* The next phase is SETTLING with a verdict already, RUNNING, or PUBLISHING. */
+static unsigned step_starting(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    const queue_job *job = &w->claimed.job;
+    const queue_task *task = &w->claimed.task;
+    error e = {0};
+    w->directory = result_attempt_directory(x->place->state_dir, job->id, task->frame, task->attempt);
+    w->limit = read_limits(x, job->spec);
+    if (w->memory_mb > x->memory_mb) {
+        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->verdict);
+        enter(s, SLOT_SETTLING);
+        return SLOT_NO_NEWS;
+    }
+    if (w->limit.timeout_s > 0 && (double)task->ran_ms >= 1000 * w->limit.timeout_s) {
+        settlement_decide_late(w->limit.timeout_s, &w->verdict);
+        enter(s, SLOT_SETTLING);
+        return SLOT_NO_NEWS;
+    }
+    if (take_kept(s) || take_cached(s)) {
+        publish_or_settle(s);
+        return SLOT_NO_NEWS;
+    }
+    if (!start_worker(s, &e)) {
+        log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
+                  task->attempt, e.message);
+        settlement_decide_unstarted(&e, &w->verdict);
+        enter(s, SLOT_SETTLING);
+        return SLOT_NOT_STARTED;
+    }
+    log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
+              task->attempt, x->engine->identify(w->attempt));
+    enter(s, SLOT_RUNNING);
+    return SLOT_STARTED;
+}
+
+/* ---- running and stopping */
+
+static void keep_progress(slot *s, const char *line)
+{
+    work *w = &s->w;
+    json *document = json_parse(line, strlen(line), NULL);
+    bool valid = json_type_of(json_root(document)) == JSON_OBJECT;
+    json_free(document);
+    if (!valid) return;
+    w->moved_ms = clock_monotonic_ms();
+    char *copy = mem_strdup(line);
+    pthread_mutex_lock(&s->mutex);
+    char *old = w->progress;
+    w->progress = copy;
+    pthread_mutex_unlock(&s->mutex);
+    free(old);
+    progress_ring_add(s->context->progress, w->claimed.job.id, w->claimed.task.frame, w->claimed.task.attempt,
+                      line);
+    queue_signal(s->context->place->q);
+}
+
+/* When the task has used up its time, that of earlier attempts included. */
+static int64_t timeout_ms(const work *w)
+{
+    return after(w->started_ms - w->claimed.task.ran_ms, w->limit.timeout_s);
+}
+
+static int64_t stall_ms(const work *w)
+{
+    return after(w->moved_ms, w->limit.stall_s);
+}
+
+static bool is_cancelled(slot *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    bool cancelled = s->w.cancel_wanted;
+    pthread_mutex_unlock(&s->mutex);
+    return cancelled;
+}
+
+/* Why the worker has to be stopped now, if it has to. */
+static settlement_stop find_reason(slot *s, int64_t now)
+{
+    const slot_context *x = s->context;
+    if (is_cancelled(s)) return SETTLEMENT_CANCELLED;
+    if (now >= timeout_ms(&s->w)) return SETTLEMENT_TIMED_OUT;
+    if (now >= stall_ms(&s->w)) return SETTLEMENT_STALLED;
+    if (x->draining && now >= x->drain_ms) return SETTLEMENT_DRAINED;
+    return SETTLEMENT_NOT_STOPPED;
+}
+
+static void stop_if_due(slot *s)
+{
+    work *w = &s->w;
+    int64_t now = clock_monotonic_ms();
+    settlement_stop why = find_reason(s, now);
+    if (w->stop == SETTLEMENT_NOT_STOPPED || why == SETTLEMENT_CANCELLED) w->stop = why;
+    if (w->stop == SETTLEMENT_NOT_STOPPED) return;
+    if (s->phase == SLOT_RUNNING) {
+        log_write(LOG_LEVEL_INFO, "attempt is asked to end job=%s attempt=%d", w->claimed.job.id,
+                  w->claimed.task.attempt);
+        s->context->engine->cancel(w->attempt, false);
+        w->force_ms = now + (int64_t)(s->context->grace_s * 1000);
+        enter(s, SLOT_STOPPING);
+    }
+    if (!w->forced && (now >= w->force_ms || s->context->forcing)) {
+        s->context->engine->cancel(w->attempt, true);
+        w->forced = true;
+    }
+}
+
+/* Of RUNNING and STOPPING. */
+static void step_running(slot *s)
+{
+    work *w = &s->w;
+    const char *progress;
+    bool ended = s->context->engine->poll(w->attempt, &progress);
+    if (progress) keep_progress(s, progress);
+    if (!ended) {
+        stop_if_due(s);
+        return;
+    }
+    w->ran_ms = clock_monotonic_ms() - w->started_ms;
+    s->context->engine->settle(w->attempt, &w->ending);
+    w->attempt = NULL;
+    w->has_ended = true;
+    enter(s, SLOT_DECIDING);
+}
+
+/* ---- deciding, publishing, settling */
+
+/* The result may be given to other jobs if it is known what it was made of. */
+static void describe_for_cache(slot *s)
+{
+    work *w = &s->w;
+    if (w->verdict.verdict != SETTLEMENT_SUCCEED || !is_cacheable(s, w->cache_key)) return;
+    w->cache_inputs = cache_describe_inputs(s->context->roots, w->directory, w->started_wall_ms);
+    if (!w->cache_inputs) return;
+    w->verdict.cache_key = w->cache_key;
+    w->verdict.cache_inputs = w->cache_inputs;
+}
+
+static unsigned step_deciding(slot *s)
+{
+    work *w = &s->w;
+    settlement_decide(&w->claimed, w->stop,
+                      w->stop == SETTLEMENT_STALLED ? w->limit.stall_s : w->limit.timeout_s, &w->ending,
+                      w->directory, &w->verdict);
+    w->verdict.ran_ms = w->ran_ms;
+    if (w->verdict.verdict == SETTLEMENT_UNDECIDED) return try_later(s, w->verdict.message);
+    describe_for_cache(s);
+    publish_or_settle(s);
+    return SLOT_NO_NEWS;
+}
+
+static void step_publishing(slot *s)
+{
+    work *w = &s->w;
+    error e = {0};
+    if (!publication_has_ended(w->publication)) return;
+    if (!publication_end(w->publication, &e)) settlement_decide_unpublished(&e, &w->verdict);
+    w->publication = NULL;
+    w->verdict.copied = w->copied = publication_temporary(w->directory);
+    enter(s, SLOT_SETTLING);
+}
+
+static unsigned step_settling(slot *s)
+{
+    work *w = &s->w;
+    error e = {0};
+    if (settlement_apply(s->context->place, &w->claimed, &w->verdict, w->has_ended ? &w->ending : NULL, &e))
+        return release(s);
+    return try_later(s, e.message);
+}
+
+/* ---- the machine */
+
+static unsigned step_once(slot *s)
+{
+    switch (s->phase) {
+    case SLOT_FREE:
+        break;
+    case SLOT_STARTING:
+        return step_starting(s);
+    case SLOT_RUNNING:
+    case SLOT_STOPPING:
+        step_running(s);
+        break;
+    case SLOT_DECIDING:
+        return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_deciding(s);
+    case SLOT_PUBLISHING:
+        step_publishing(s);
+        break;
+    case SLOT_SETTLING:
+        return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_settling(s);
+    }
+    return SLOT_NO_NEWS;
+}
+
+/* A worker that was just started, or asked to end, has nothing to tell yet: the next step comes when it has. */
+unsigned slot_step(slot *s)
+{
+    unsigned news = SLOT_NO_NEWS;
+    slot_phase before;
+    do {
+        before = s->phase;
+        news |= step_once(s);
+    } while (s->phase != before && s->phase != SLOT_FREE && s->phase != SLOT_RUNNING &&
+             s->phase != SLOT_STOPPING);
+    return news;
+}
+
+int64_t slot_due(const slot *s)
+{
+    const slot_context *x = s->context;
+    const work *w = &s->w;
+    int64_t due;
+    switch (s->phase) {
+    case SLOT_STARTING:
+        return 0;
+    case SLOT_RUNNING:
+        due = least(timeout_ms(w), stall_ms(w));
+        return x->draining ? least(due, x->drain_ms) : due;
+    case SLOT_STOPPING:
+        return w->forced ? INT64_MAX : w->force_ms;
+    case SLOT_DECIDING:
+    case SLOT_SETTLING:
+        return w->retry_ms;
+    case SLOT_FREE:
+    case SLOT_PUBLISHING: /* which writes to wake_fd when it has ended */
+        break;
+    }
+    return INT64_MAX;
+}
+
+size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS])
+{
+    return s->w.attempt ? s->context->engine->watch(s->w.attempt, fds) : 0;
+}
+
+/* ---- any thread */
+
+/* Under the mutex. */
+static bool holds(const slot *s, const char *id)
+{
+    return s->phase != SLOT_FREE && strcmp(s->w.claimed.job.id, id) == 0;
+}
+
+void slot_cancel(slot *s, const char *id)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.cancel_wanted = true;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+char *slot_progress(slot *s, const char *id)
+{
+    char *progress = NULL;
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id) && s->w.progress) progress = mem_strdup(s->w.progress);
+    pthread_mutex_unlock(&s->mutex);
+    return progress;
+}
+
+slot_usage slot_get_usage(slot *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    slot_usage usage = {
+        .attempts = s->phase != SLOT_FREE, .threads = s->w.threads, .memory_mb = s->w.memory_mb};
+    pthread_mutex_unlock(&s->mutex);
+    return usage;
+}

@@ -1,0 +1,109 @@
+/* slot: one place of the executor, which takes a claimed task from its claim to its settlement.
+ *
+ * A slot is a state machine. slot_take starts it, slot_step drives it, and slot_due and slot_watch tell when the next
+ * step is useful:
+ *
+ *     free -> starting -> running -> (stopping) -> deciding -> (publishing) -> settling -> free
+ *                |                                                 ^              ^
+ *                +-- the result exists already --------------------+              |
+ *                +-- no worker is started ----------------------------------------+
+ *
+ * deciding and settling are tried again after a while when the disk or the database is at fault. The supervisor thread
+ * calls these functions, except for those at the end of this file.
+ */
+#ifndef HEXAD_EXECUTOR_SLOT_H
+#define HEXAD_EXECUTOR_SLOT_H
+
+#include <poll.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/sandbox.h"
+#include "executor/engine.h"
+#include "executor/progress_ring.h"
+#include "executor/settlement.h"
+#include "queue/queue.h"
+#include "store/inputs.h"
+#include "store/output.h"
+#include "store/root.h"
+
+typedef enum slot_phase {
+    SLOT_FREE,
+    SLOT_STARTING, /* a task was taken; its worker is to be started, unless the result exists or cannot be */
+    SLOT_RUNNING,  /* the worker runs */
+    SLOT_STOPPING, /* the worker was asked to end, and is killed when the grace time is over */
+    SLOT_DECIDING, /* the worker has ended; what it left is to be read */
+    SLOT_PUBLISHING, /* the result is copied to output.directory */
+    SLOT_SETTLING    /* the verdict is to be carried out and stored in the queue */
+} slot_phase;
+
+/* What all slots share. The supervisor may change the second part between two steps. Everything that is pointed to
+ * outlives the slots. */
+typedef struct slot_context {
+    const settlement_place *place; /* the queue and the state directory, too */
+    const engine *engine;
+    const char *worker; /* path of hexad-worker */
+    const char *const *input_roots;
+    size_t input_root_count;
+    const store_roots *roots;     /* the input roots and the directory of uploads, open */
+    store_inputs *inputs;         /* uploads; NULL: none */
+    const store_outputs *outputs; /* where copies of results may go */
+    progress_ring *progress;
+    sandbox_mode sandbox;
+    bool cache;        /* a job is given the result of an equal job */
+    int64_t memory_mb; /* of all attempts together */
+    int wake_fd;       /* an eventfd that is written to when a step has become useful */
+
+    int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
+    double timeout_s, stall_s; /* of jobs that name no limit; 0: none */
+    double grace_s;            /* between SIGTERM and SIGKILL */
+    int64_t drain_ms;          /* monotonic: when running workers are stopped because of a drain */
+    bool draining, forcing;    /* forcing: without the grace time */
+} slot_context;
+
+/* What slot_step has done, as a set. */
+typedef enum slot_news {
+    SLOT_NO_NEWS = 0,
+    SLOT_STARTED = 1,     /* a worker was started */
+    SLOT_NOT_STARTED = 2, /* a worker could not be started: others probably cannot, either */
+    SLOT_FREED = 4        /* the task is settled (in a drain: left to the next start), the slot is free */
+} slot_news;
+
+typedef struct slot slot;
+
+slot *slot_new(const slot_context *context);
+void slot_free(slot *s); /* it must be free; accepts NULL */
+
+bool slot_is_free(const slot *s);
+
+/* A free slot takes over the claim. `width` threads and `memory_mb` are what the attempt takes of the host. */
+void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
+
+/* Does what can be done now, through as many phases as need no wait. Returns a set of slot_news. */
+unsigned slot_step(slot *s);
+
+/* When the slot wants its next step though nothing it watches is ready, monotonic; INT64_MAX: never. */
+int64_t slot_due(const slot *s);
+
+/* Writes the descriptors to wait for, and returns how many. */
+size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS]);
+
+/* ---- any thread */
+
+/* The worker is to be stopped if the slot holds a task of this job. The next step does it. */
+void slot_cancel(slot *s, const char *id);
+
+/* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */
+char *slot_progress(slot *s, const char *id);
+
+/* What the attempt in the slot takes of the host; all zero when the slot is free. */
+typedef struct slot_usage {
+    int attempts; /* 0 or 1 */
+    int threads;
+    int64_t memory_mb;
+} slot_usage;
+
+slot_usage slot_get_usage(slot *s);
+
+#endif
