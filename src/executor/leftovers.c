@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -81,10 +82,8 @@ bool leftovers_start(queue *q, const store_outputs *outputs, leftovers **made, e
     l->outputs = outputs;
     pthread_mutex_init(&l->mutex, NULL);
     pthread_cond_init(&l->stopping, NULL);
-    int why = 0;
     bool ok = queue_list_copies(q, &l->copies, &l->count, e);
-    if (ok && l->count && (why = pthread_create(&l->thread, NULL, run, l)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for what copies have left: %s", strerror(why));
+    if (ok && l->count) ok = background_start(&l->thread, run, l, "what copies have left behind", e);
     *made = ok && l->count ? l : NULL;
     if (!*made) release(l);
     return ok;
