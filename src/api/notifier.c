@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -103,12 +104,7 @@ notifier *notifier_start(queue *q, executor *x, wait_list *l, error *e)
     n->q = q;
     n->progress = executor_progress_ring(x);
     n->waiting = l;
-    int why = 0;
-    if (catch_up(n, e)) {
-        why = pthread_create(&n->thread, NULL, run, n);
-        if (why == 0) return n;
-        error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
-    }
+    if (catch_up(n, e) && background_start(&n->thread, run, n, "the server", e)) return n;
     free(n);
     return NULL;
 }

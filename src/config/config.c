@@ -1,5 +1,6 @@
 #include "config/config.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -24,6 +25,11 @@ typedef struct source {
 
 _Static_assert(sizeof((source *)0)->seen >= 32, "one flag per setting");
 
+static const char *default_of(const config_row *row)
+{
+    return row->default_text ? row->default_text : "";
+}
+
 static bool bad(error *e, const config_row *row, const char *value, const char *expected)
 {
     return error_set(e, ERROR_SPEC_INVALID, "%s: \"%s\" is not %s", row->key, value, expected);
@@ -34,7 +40,7 @@ static bool set_number(const config_row *row, const char *value, void *at, error
     char expected[96], *end = NULL;
     bool whole = row->type == CONFIG_INTEGER;
     snprintf(expected, sizeof expected, "%sa%s number from %.10g to %.10g%s%s", row->or_zero ? "0 or " : "",
-             whole ? " whole" : "", row->low, row->high, *row->unit ? " " : "", row->unit);
+             whole ? " whole" : "", row->low, row->high, row->unit ? " " : "", row->unit ? row->unit : "");
     errno = 0;
     double number = whole ? (double)strtoll(value, &end, 10) : strtod(value, &end);
     if (errno || end == value || *end || !isfinite(number) || number > row->high ||
@@ -236,7 +242,7 @@ bool config_parse(int argc, char *const *argv, config *c, config_action *action,
     config_action what = CONFIG_RUN;
     bool ok = true;
     for (size_t i = 0; ok && i < config_table_size; i++)
-        ok = set_value(&read, &config_table[i], config_table[i].otherwise, &mine);
+        ok = set_value(&read, &config_table[i], default_of(&config_table[i]), &mine);
     ok = ok && read_options(argc, argv, true, &s, &what) && read_options(argc, argv, false, &s, &what);
     if (!ok) {
         config_clear(&read);
@@ -290,6 +296,8 @@ void config_take_over(config *c, const config *fresh)
         void *at = (char *)c + row->offset;
         const void *from = (const char *)fresh + row->offset;
         if (are_equal(row, at, from)) continue;
+        assert(!row->reloads ||
+               (row->type != CONFIG_TEXT && !is_list(row))); /* others hold pointers into these */
         if (row->reloads) memcpy(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
                   row->reloads ? "has changed" : "has changed in the file, which a new start takes over");
@@ -345,8 +353,8 @@ static void print_wrapped(FILE *file, const char *prefix, const char *prose)
 
 static void print_facts(FILE *file, const char *prefix, const config_row *row)
 {
-    fprintf(file, "%sDefault: %s", prefix, *row->otherwise ? row->otherwise : "empty");
-    if (*row->unit) fprintf(file, " %s", row->unit);
+    fprintf(file, "%sDefault: %s", prefix, row->default_text ? row->default_text : "empty");
+    if (row->unit) fprintf(file, " %s", row->unit);
     if (row->high > row->low)
         fprintf(file, " (%s%.10g to %.10g)", row->or_zero ? "0 or " : "", row->low, row->high);
     fputs(row->reloads ? ". SIGHUP reloads it.\n" : ".\n", file);
@@ -381,7 +389,7 @@ void config_print_help(FILE *file)
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fprintf(file, "\n  --%s\n", row->key);
-        print_wrapped(file, "      ", row->prose);
+        print_wrapped(file, "      ", row->help);
         print_facts(file, "      ", row);
     }
 }
@@ -394,8 +402,8 @@ void config_print_sample(FILE *file)
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         fputc('\n', file);
-        print_wrapped(file, "# ", row->prose);
+        print_wrapped(file, "# ", row->help);
         print_facts(file, "# ", row);
-        fprintf(file, "#%s =%s%s\n", row->key, *row->otherwise ? " " : "", row->otherwise);
+        fprintf(file, "#%s =%s%s\n", row->key, row->default_text ? " " : "", default_of(row));
     }
 }

@@ -15,16 +15,17 @@ typedef enum config_type {
     CONFIG_LEVEL    /* log_level */
 } config_type;
 
+/* Members that a row does not name are empty: no default, no unit, not reloaded. */
 typedef struct config_row {
     const char *key;
-    config_type type;
-    const char *otherwise; /* the default, as it would be written */
-    double low, high;      /* of numbers; inclusive */
-    const char *unit;      /* "" for none */
-    const char *prose;
     size_t offset; /* in config */
-    bool reloads;  /* SIGHUP takes a new value over; other settings need a new start */
-    bool or_zero;  /* 0 may be given, too, which is below `low` */
+    config_type type;
+    const char *default_text; /* as it would be written; NULL: empty */
+    double low, high;         /* of numbers; inclusive */
+    bool or_zero;             /* 0 is allowed, too, although it is below `low` */
+    const char *unit;         /* NULL: none */
+    bool reloads;             /* SIGHUP takes a new value over; other settings need a restart */
+    const char *help;
 } config_row;
 
 extern const config_row config_table[];

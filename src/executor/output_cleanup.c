@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -83,10 +84,8 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     c->outputs = outputs;
     pthread_mutex_init(&c->mutex, NULL);
     pthread_cond_init(&c->stopping, NULL);
-    int why = 0;
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
-    if (ok && c->count && (why = pthread_create(&c->thread, NULL, run, c)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for what copies have left: %s", strerror(why));
+    if (ok && c->count) ok = background_start(&c->thread, run, c, "what copies have left behind", e);
     *made = ok && c->count ? c : NULL;
     if (!*made) release(c);
     return ok;

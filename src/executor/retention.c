@@ -6,6 +6,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -237,9 +238,7 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
     pthread_cond_init(&r->woken, NULL);
-    int why = pthread_create(&r->thread, NULL, keep, r);
-    if (why == 0) return r;
-    error_set(e, ERROR_INTERNAL, "no thread for what is to be forgotten: %s", strerror(why));
+    if (background_start(&r->thread, keep, r, "the removal of expired jobs", e)) return r;
     release(r);
     return NULL;
 }

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <time.h>
 
 #include "auth/scope.h"
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/memory.h"
 
@@ -328,19 +328,6 @@ const address *connections_address(const client_connection *which)
     return &which->from;
 }
 
-static void wait_at_most(connections *p, int64_t ms)
-{
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_sec += ms / 1000;
-    until.tv_nsec += ms % 1000 * 1000000;
-    if (until.tv_nsec >= 1000000000) {
-        until.tv_nsec -= 1000000000;
-        until.tv_sec++;
-    }
-    pthread_cond_timedwait(&p->changed, &p->mutex, &until);
-}
-
 static void *close_overdue(void *argument)
 {
     connections *p = argument;
@@ -355,7 +342,8 @@ static void *close_overdue(void *argument)
             end(p, one);
         }
         if (p->first)
-            wait_at_most(p, limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS);
+            background_wait_until(&p->changed, &p->mutex,
+                                  now + (limit_ms < 4 * WATCH_MS ? limit_ms / 4 + 1 : WATCH_MS));
         else
             pthread_cond_wait(&p->changed, &p->mutex);
     }
@@ -377,15 +365,9 @@ connections *connections_start(const connections_settings *settings, access_cont
     unsigned half = settings->connection_limit / 2;
     p->reserve = settings->admin_reserve < half ? settings->admin_reserve : half;
     p->access = access;
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&p->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    background_init_condition(&p->changed);
     pthread_mutex_init(&p->mutex, NULL);
-    int why = pthread_create(&p->watcher, NULL, close_overdue, p);
-    if (why == 0) return p;
-    error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    if (background_start(&p->watcher, close_overdue, p, "the server", e)) return p;
     connections_free(p);
     return NULL;
 }

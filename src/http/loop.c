@@ -13,6 +13,7 @@
 
 #include <microhttpd.h>
 
+#include "base/background.h"
 #include "base/memory.h"
 
 struct loop {
@@ -68,12 +69,14 @@ bool loop_start(struct MHD_Daemon *daemon, loop **made, error *e)
     l->listening = -1;
     l->signal = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     *made = l;
-    int why = l->signal < 0 ? errno : pthread_create(&l->thread, NULL, serve, l);
-    if (why == 0) return true;
+    if (l->signal < 0)
+        error_set(e, ERROR_INTERNAL, "the server cannot make an eventfd: %s", strerror(errno));
+    else if (background_start(&l->thread, serve, l, "the server", e))
+        return true;
     *made = NULL;
     if (l->signal >= 0) close(l->signal);
     free(l);
-    return error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    return false;
 }
 
 void loop_resume(loop *l, struct MHD_Connection *connection)

@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <microhttpd.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -644,11 +644,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     server *s = mem_alloc(sizeof *s);
     s->settings = *settings;
     s->access = access;
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&s->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    background_init_condition(&s->changed);
     pthread_mutex_init(&s->mutex, NULL);
     s->connections = connections_start(&settings->connections, access, e);
     s->pool = s->connections ? thread_pool_start(POOL_THREADS + settings->estimates, e) : NULL;
@@ -672,11 +668,9 @@ failed:
 /* Waits until no request is being answered, but not for ever. */
 static void wait_for_replies(server *s)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_sec += STOP_MS / 1000;
+    int64_t until_ms = clock_monotonic_ms() + STOP_MS;
     pthread_mutex_lock(&s->mutex);
-    while (s->busy && pthread_cond_timedwait(&s->changed, &s->mutex, &until) == 0) {
+    while (s->busy && background_wait_until(&s->changed, &s->mutex, until_ms)) {
     }
     pthread_mutex_unlock(&s->mutex);
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/background.h"
 #include "base/memory.h"
 
 struct thread_pool {
@@ -40,9 +41,7 @@ thread_pool *thread_pool_start(unsigned threads, error *e)
     pthread_mutex_init(&p->mutex, NULL);
     pthread_cond_init(&p->changed, NULL);
     for (; p->count < threads; p->count++) {
-        int why = pthread_create(&p->thread[p->count], NULL, run_work, p);
-        if (why == 0) continue;
-        error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+        if (background_start(&p->thread[p->count], run_work, p, "the server", e)) continue;
         thread_pool_stop(p);
         return NULL;
     }

@@ -3,10 +3,10 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include <microhttpd.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/memory.h"
 
@@ -60,13 +60,8 @@ static void *resume_overdue(void *argument)
     wait_list *l = argument;
     pthread_mutex_lock(&l->mutex);
     while (!l->dismissed) {
-        struct timespec until;
-        clock_gettime(CLOCK_MONOTONIC, &until);
-        until.tv_nsec += TICK_MS * 1000000;
-        until.tv_sec += until.tv_nsec / 1000000000;
-        until.tv_nsec %= 1000000000;
         if (l->first)
-            pthread_cond_timedwait(&l->changed, &l->mutex, &until);
+            background_wait_until(&l->changed, &l->mutex, clock_monotonic_ms() + TICK_MS);
         else
             pthread_cond_wait(&l->changed, &l->mutex);
         resume_waiters(l, NULL, 0);
@@ -78,15 +73,9 @@ static void *resume_overdue(void *argument)
 wait_list *wait_list_open(error *e)
 {
     wait_list *l = mem_alloc(sizeof *l);
-    pthread_condattr_t monotonic;
-    pthread_condattr_init(&monotonic);
-    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&l->changed, &monotonic);
-    pthread_condattr_destroy(&monotonic);
+    background_init_condition(&l->changed);
     pthread_mutex_init(&l->mutex, NULL);
-    int why = pthread_create(&l->thread, NULL, resume_overdue, l);
-    if (why == 0) return l;
-    error_set(e, ERROR_INTERNAL, "no thread for the server: %s", strerror(why));
+    if (background_start(&l->thread, resume_overdue, l, "the server", e)) return l;
     pthread_cond_destroy(&l->changed);
     pthread_mutex_destroy(&l->mutex);
     free(l);

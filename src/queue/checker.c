@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -99,9 +100,7 @@ checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e
 {
     checker *c = mem_alloc(sizeof *c);
     *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes};
-    int why = pthread_create(&c->thread, NULL, run, c);
-    if (why == 0) return c;
-    error_set(e, ERROR_INTERNAL, "no thread for checks of the database: %s", strerror(why));
+    if (background_start(&c->thread, run, c, "checks of the database", e)) return c;
     free(c);
     return NULL;
 }

@@ -15,6 +15,7 @@
 
 #include "config.h"
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -296,9 +297,8 @@ static bool start_caller(delivery *c, caller *r, error *e)
     r->c = c;
     r->curl = curl_easy_init();
     if (!r->curl) return error_set(e, ERROR_INTERNAL, "libcurl does not start");
-    int why = pthread_create(&r->thread, NULL, make_calls, r);
-    r->started = why == 0;
-    return r->started || error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
+    r->started = background_start(&r->thread, make_calls, r, "webhooks", e);
+    return r->started;
 }
 
 delivery *delivery_start(const delivery_settings *settings, queue *q, error *e)
@@ -312,9 +312,7 @@ delivery *delivery_start(const delivery_settings *settings, queue *q, error *e)
     c->secret = read_secret(settings->secret_file, e);
     bool ok = c->secret != NULL;
     for (int i = 0; ok && i < settings->calls; i++) ok = start_caller(c, &c->callers[i], e);
-    int why = ok ? pthread_create(&c->thread, NULL, run, c) : 0;
-    if (why) ok = error_set(e, ERROR_INTERNAL, "no thread for webhooks: %s", strerror(why));
-    if (ok) return c;
+    if (ok && background_start(&c->thread, run, c, "webhooks", e)) return c;
     release(c);
     return NULL;
 }
