@@ -7,6 +7,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/result.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -56,7 +57,7 @@ static bool read_report(const char *directory, restored *j, int64_t *finished_ms
 {
     struct stat info;
     size_t length = 0;
-    char *path = mem_printf("%s/" RESULT_REPORT_NAME, directory);
+    char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
     char *text = stat(path, &info) == 0 ? store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL) : NULL;
     json *report = text ? json_parse(text, length, NULL) : NULL;
     json_at root = json_root(report), spec = json_member(&root, "spec");

@@ -8,6 +8,7 @@
 #include "config.h"
 
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/result.h"
 #include "json/json.h"
 #include "store/inputs.h"
@@ -89,7 +90,7 @@ static json *describe_file(const store_roots *roots, const char *path, const cha
 
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms)
 {
-    char *path = mem_printf("%s/" RESULT_REPORT_NAME, directory);
+    char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
     size_t length = 0;
     char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL), *found = NULL;
     json *report = text ? json_parse(text, length, NULL) : NULL, *list = json_new_array();
@@ -147,7 +148,7 @@ bool cache_link_result(const char *from, const char *to, error *e)
     if (!result_read(from, &r, e)) return false;
     bool ok = store_directory_create(to, e);
     for (size_t i = 0; ok && i < r.output_count; i++) ok = link_file(from, to, r.output[i].name, e);
-    ok = ok && link_file(from, to, RESULT_REPORT_NAME, e) && store_directory_sync(to, e);
+    ok = ok && link_file(from, to, WORKER_REPORT_NAME, e) && store_directory_sync(to, e);
     result_clear(&r);
     return ok;
 }

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/engine.h"
 #include "executor/local.h"
 #include "executor/input_permissions.h"
@@ -80,7 +81,7 @@ static bool await(const estimator *m, engine_attempt *attempt)
 static char *read_document(const char *directory)
 {
     size_t length = 0;
-    char *path = mem_printf("%s/estimate.json", directory);
+    char *path = mem_printf("%s/" WORKER_ESTIMATE_NAME, directory);
     char *text = store_file_read(path, LONGEST_BYTES, &length, NULL);
     json *document = text ? json_parse(text, length, NULL) : NULL;
     if (json_type_of(json_root(document)) != JSON_OBJECT) {
@@ -94,7 +95,8 @@ static char *read_document(const char *directory)
 
 static estimator_verdict decide(const engine_ending *ending, const char *directory, char **document, error *e)
 {
-    if (ending->exit_status == 0 && (*document = read_document(directory))) return ESTIMATOR_MADE;
+    if (ending->exit_status == WORKER_EXIT_CONVERGED && (*document = read_document(directory)))
+        return ESTIMATOR_MADE;
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
         e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
@@ -132,7 +134,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int t
                                               settings->input_root_count, &root_count);
         engine_request request = {
             .worker = settings->worker,
-            .command = "estimate",
+            .command = WORKER_COMMAND_ESTIMATE,
             .directory = directory,
             .spec = spec,
             .input_roots = (const char *const *)roots,

@@ -17,6 +17,8 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "base/worker_contract.h"
+#include "executor/result.h"
 #include "store/file.h"
 
 #define PROGRESS_FD 3
@@ -152,32 +154,32 @@ static char **make_arguments(const engine_request *request)
     char **a = mem_alloc((20 + 2 * request->input_root_count) * sizeof *a);
     a[count++] = mem_strdup(request->worker);
     a[count++] = mem_strdup(request->command);
-    a[count++] = mem_strdup("-");
-    a[count++] = mem_strdup("--output");
+    a[count++] = mem_strdup(WORKER_SPEC_ON_STDIN);
+    a[count++] = mem_strdup("--" WORKER_OPTION_OUTPUT);
     a[count++] = mem_strdup(request->directory);
-    a[count++] = mem_strdup("--progress-fd");
+    a[count++] = mem_strdup("--" WORKER_OPTION_PROGRESS_FD);
     a[count++] = mem_printf("%d", PROGRESS_FD);
-    a[count++] = mem_strdup("--memory-mb");
+    a[count++] = mem_strdup("--" WORKER_OPTION_MEMORY_MB);
     a[count++] = mem_printf("%" PRId64, request->memory_mb);
-    a[count++] = mem_strdup("--sandbox");
+    a[count++] = mem_strdup("--" WORKER_OPTION_SANDBOX);
     a[count++] = mem_strdup(sandbox_mode_name(request->sandbox));
-    a[count++] = mem_strdup("--threads");
+    a[count++] = mem_strdup("--" WORKER_OPTION_THREADS);
     a[count++] = mem_printf("%d", request->threads);
     if (request->frame != QUEUE_NO_FRAME) {
-        a[count++] = mem_strdup("--frame");
+        a[count++] = mem_strdup("--" WORKER_OPTION_FRAME);
         a[count++] = mem_printf("%d", request->frame);
     }
     if (request->previous) {
-        a[count++] = mem_strdup("--previous");
+        a[count++] = mem_strdup("--" WORKER_OPTION_PREVIOUS);
         a[count++] = mem_strdup(request->previous);
     }
     for (size_t i = 0; i < request->input_root_count; i++) {
-        a[count++] = mem_strdup("--input-root");
+        a[count++] = mem_strdup("--" WORKER_OPTION_INPUT_ROOT);
         a[count++] = mem_strdup(request->input_roots[i]);
     }
     if (!request->input_root_count) {
         /* without a root the worker would open any path: give it one that holds no input */
-        a[count++] = mem_strdup("--input-root");
+        a[count++] = mem_strdup("--" WORKER_OPTION_INPUT_ROOT);
         a[count++] = mem_strdup(request->directory);
     }
     return a;
@@ -366,7 +368,7 @@ static char *find_last_words(const engine_attempt *a)
 static void write_log(const engine_attempt *a)
 {
     size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
-    char *path = mem_printf("%s/worker.log", a->directory);
+    char *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     error e = {0};
     if (!store_file_write(path, a->log + a->log_used - kept, kept, &e))
         log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);

@@ -9,6 +9,7 @@
 
 #include "base/frames.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/result.h"
 #include "json/json.h"
 
@@ -48,7 +49,7 @@ static bool copy(publication *p)
     if (!result_read(p->directory, &r, &p->fault)) return false;
     const char **names = mem_alloc((r.output_count + 1) * sizeof *names);
     for (size_t i = 0; i < r.output_count; i++) names[i] = r.output[i].name;
-    names[r.output_count] = RESULT_REPORT_NAME;
+    names[r.output_count] = WORKER_REPORT_NAME;
     bool ok = queue_note_copy(p->q, p->path, p->temporary, &p->fault) &&
               store_output_copy(p->outputs, p->directory, names, r.output_count + 1, p->path, p->temporary,
                                 &p->fault);

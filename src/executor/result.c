@@ -11,6 +11,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "json/json.h"
 #include "store/file.h"
 
@@ -155,7 +156,7 @@ done:
 
 bool result_read(const char *directory, result *r, error *e)
 {
-    return read_named(directory, RESULT_REPORT_NAME, r, e);
+    return read_named(directory, WORKER_REPORT_NAME, r, e);
 }
 
 /* Adds report.json to the outputs. */
@@ -163,13 +164,13 @@ static bool append_report(const char *directory, result *r, error *e)
 {
     result_output own = {0};
     uint64_t hashed = 0;
-    int fd = result_open_file(directory, RESULT_REPORT_NAME, &own.bytes, e);
+    int fd = result_open_file(directory, WORKER_REPORT_NAME, &own.bytes, e);
     if (fd < 0) return false;
     bool ok = store_file_hash(fd, own.sha256, &hashed, e);
     close(fd);
     if (!ok) return false;
     own.bytes = (int64_t)hashed;
-    own.name = mem_strdup(RESULT_REPORT_NAME);
+    own.name = mem_strdup(WORKER_REPORT_NAME);
     r->output = mem_resize(r->output, (r->output_count + 1) * sizeof *r->output);
     r->output[r->output_count++] = own;
     return true;

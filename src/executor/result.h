@@ -14,7 +14,7 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-#define RESULT_REPORT_NAME "report.json"
+#define RESULT_LOG_NAME "worker.log" /* written by the engine: what the worker wrote to standard error */
 
 typedef struct result_output {
     char *name; /* a plain file name */

@@ -12,13 +12,11 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/lost_found.h"
 #include "executor/result.h"
 #include "json/json.h"
 #include "store/file.h"
-
-/* The worker's exit codes, ARCHITECTURE.md. */
-enum { EXIT_CONVERGED = 0, EXIT_CANCELLED = 6, EXIT_NOT_CONVERGED = 10 };
 
 static void set_end(settlement *s, queue_state state, const error *why)
 {
@@ -91,7 +89,7 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
 {
     error said = {0};
     bool spoke = settlement_read_last_words(ending->last_words, &said);
-    if (ending->exit_status == EXIT_CANCELLED) {
+    if (ending->exit_status == WORKER_EXIT_CANCELLED) {
         /* the executor did not ask for it, so another process sent the signal: it counts as a crash */
         error_set(&said, ERROR_INTERNAL, "the worker was stopped from outside");
         set_crashed(s, c, &said);
@@ -117,7 +115,7 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
 
 static bool is_success(const engine_ending *ending)
 {
-    return ending->exit_status == EXIT_CONVERGED || ending->exit_status == EXIT_NOT_CONVERGED;
+    return ending->exit_status == WORKER_EXIT_CONVERGED || ending->exit_status == WORKER_EXIT_NOT_CONVERGED;
 }
 
 static void describe(const engine_ending *ending, const char *prefix, settlement *s)
@@ -268,7 +266,7 @@ static bool move_result(const char *state_dir, const char *from, const char *to,
  * (executor/inventory), and no result that anybody was told of lies in here. */
 void settlement_remove_leftovers(const char *directory)
 {
-    char *log = mem_printf("%s/worker.log", directory);
+    char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);
     size_t length = 0;
     error e = {0};
     char *text = store_file_read(log, 1 << 20, &length, NULL);

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/cache.h"
 #include "executor/input_permissions.h"
 #include "executor/kept_result.h"
@@ -221,7 +222,7 @@ static bool start_worker(slot *s, error *e)
         c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->state_dir, c->job.id, c->previous);
     engine_request request = {
         .worker = x->worker,
-        .command = "run",
+        .command = WORKER_COMMAND_RUN,
         .directory = w->directory,
         .spec = c->job.spec,
         .input_roots = (const char *const *)roots,

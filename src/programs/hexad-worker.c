@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
+#include "base/worker_contract.h"
 #include "dense/exr_reader.h"
 #include "dense/header.h"
 #include "json/json.h"
@@ -26,18 +27,6 @@
 #include "store/file.h"
 #include "store/root.h"
 #include "volume/example.h"
-
-enum exit_code {
-    EXIT_CONVERGED = 0,
-    EXIT_INTERNAL = 1,
-    EXIT_SPEC = 2,
-    EXIT_INPUT = 3,
-    EXIT_SURFACE = 4,
-    EXIT_LIMIT = 5,
-    EXIT_CANCELLED = 6,
-    EXIT_STORAGE = 7,
-    EXIT_NOT_CONVERGED = 10
-};
 
 /* A spec is text that somebody wrote; more than this is a mistake. */
 static const size_t SPEC_LIMIT = 16u << 20;
@@ -86,12 +75,12 @@ static const char help_text[] =
     "file, 4 no surface found, 5 limits exceeded, 6 cancelled, 7 a disk is full or fails, 1 anything\n"
     "else. The last line on standard error of a failed run is a JSON object with code and message.\n";
 
-static int exit_code_of(error_code code)
+static worker_exit exit_code_of(error_code code)
 {
     switch (code) {
     case ERROR_SPEC_INVALID:
     case ERROR_NOT_SUPPORTED:
-        return EXIT_SPEC;
+        return WORKER_EXIT_SPEC;
     case ERROR_PATH_FORBIDDEN:
     case ERROR_INPUT_MISSING:
     case ERROR_INPUT_DAMAGED:
@@ -99,20 +88,20 @@ static int exit_code_of(error_code code)
     case ERROR_GRID_MISSING:
     case ERROR_GRID_AMBIGUOUS:
     case ERROR_ISOVALUE_REQUIRED:
-        return EXIT_INPUT;
+        return WORKER_EXIT_INPUT;
     case ERROR_NO_SURFACE:
-        return EXIT_SURFACE;
+        return WORKER_EXIT_SURFACE;
     case ERROR_LIMIT_MEMORY:
     case ERROR_LIMIT_TIME:
     case ERROR_STALLED:
-        return EXIT_LIMIT;
+        return WORKER_EXIT_LIMIT;
     case ERROR_CANCELLED:
-        return EXIT_CANCELLED;
+        return WORKER_EXIT_CANCELLED;
     case ERROR_STORAGE_FULL:
     case ERROR_STORAGE_FAILED:
-        return EXIT_STORAGE;
+        return WORKER_EXIT_STORAGE;
     default:
-        return EXIT_INTERNAL;
+        return WORKER_EXIT_INTERNAL;
     }
 }
 
@@ -184,12 +173,16 @@ static bool choose_frame(spec *s, long frame, bool previous, error *e)
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
 {
-    static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'},      {"progress", no_argument, NULL, 'p'},
-        {"progress-fd", required_argument, NULL, 'f'}, {"input-root", required_argument, NULL, 'r'},
-        {"memory-mb", required_argument, NULL, 'm'},   {"previous", required_argument, NULL, 'v'},
-        {"threads", required_argument, NULL, 't'},     {"frame", required_argument, NULL, 'n'},
-        {"sandbox", required_argument, NULL, 's'},     {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{WORKER_OPTION_OUTPUT, required_argument, NULL, 'o'},
+                                            {"progress", no_argument, NULL, 'p'},
+                                            {WORKER_OPTION_PROGRESS_FD, required_argument, NULL, 'f'},
+                                            {WORKER_OPTION_INPUT_ROOT, required_argument, NULL, 'r'},
+                                            {WORKER_OPTION_MEMORY_MB, required_argument, NULL, 'm'},
+                                            {WORKER_OPTION_PREVIOUS, required_argument, NULL, 'v'},
+                                            {WORKER_OPTION_THREADS, required_argument, NULL, 't'},
+                                            {WORKER_OPTION_FRAME, required_argument, NULL, 'n'},
+                                            {WORKER_OPTION_SANDBOX, required_argument, NULL, 's'},
+                                            {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
     for (int c; (c = getopt_long(argc, argv, "", options, NULL)) != -1;) {
@@ -202,17 +195,17 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         else if (c == 'r')
             a->roots[a->root_count++] = optarg;
         else if (c == 'f') {
-            if (!parse_number("progress-fd", optarg, 0, &a->progress_fd, e)) return false;
+            if (!parse_number(WORKER_OPTION_PROGRESS_FD, optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
-            if (!parse_number("memory-mb", optarg, 1, &a->memory_mb, e)) return false;
+            if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, 1, &a->memory_mb, e)) return false;
         } else if (c == 's') {
             if (!sandbox_mode_from_name(optarg, &a->sandbox))
                 return error_set(e, ERROR_SPEC_INVALID,
                                  "--sandbox takes required, available or off, not '%s'", optarg);
         } else if (c == 't') {
-            if (!parse_number("threads", optarg, 1, &a->threads, e)) return false;
+            if (!parse_number(WORKER_OPTION_THREADS, optarg, 1, &a->threads, e)) return false;
         } else if (c == 'n') {
-            if (!parse_number("frame", optarg, 0, &a->frame, e)) return false;
+            if (!parse_number(WORKER_OPTION_FRAME, optarg, 0, &a->frame, e)) return false;
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
@@ -310,20 +303,20 @@ static int run(const spec *s, const run_options *options, error *e)
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
            summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
            summary.total_s);
-    return summary.converged ? EXIT_CONVERGED : EXIT_NOT_CONVERGED;
+    return summary.converged ? WORKER_EXIT_CONVERGED : WORKER_EXIT_NOT_CONVERGED;
 }
 
 static int estimate(const spec *s, const run_options *options, error *e)
 {
     json *document = run_estimate(s, options, e);
     if (!document) return -1;
-    char *text = json_print(document), *path = mem_printf("%s/estimate.json", options->output);
+    char *text = json_print(document), *path = mem_printf("%s/" WORKER_ESTIMATE_NAME, options->output);
     bool ok = store_directory_create(options->output, e) && store_file_write(path, text, strlen(text), e);
     if (ok) puts(text);
     free(path);
     free(text);
     json_free(document);
-    return ok ? EXIT_SUCCESS : -1;
+    return ok ? WORKER_EXIT_CONVERGED : -1;
 }
 
 static int obey(int argc, char **argv, command *what)
@@ -407,8 +400,8 @@ int main(int argc, char **argv)
     if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
     if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
-    if (strcmp(name, "run") == 0) return obey(argc - 1, argv + 1, run);
-    if (strcmp(name, "estimate") == 0) return obey(argc - 1, argv + 1, estimate);
+    if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);
+    if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
     if (strcmp(name, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(name, "energies") == 0) return print_energies();
@@ -418,5 +411,5 @@ int main(int argc, char **argv)
         return 0;
     }
     fputs(help_text, strcmp(name, "--help") == 0 ? stdout : stderr);
-    return strcmp(name, "--help") == 0 ? 0 : EXIT_SPEC;
+    return strcmp(name, "--help") == 0 ? 0 : WORKER_EXIT_SPEC;
 }

@@ -1,0 +1,42 @@
+/* worker_contract: what hexad-worker promises the programs that start it: the executor, a farm manager, a script.
+ *
+ * hexad-worker and src/executor both include this header, so the two sides cannot differ. ARCHITECTURE.md explains the
+ * contract. The phases of progress lines are listed in run/progress.h. These values are public: changing one breaks
+ * callers of hexad-worker.
+ */
+#ifndef HEXAD_BASE_WORKER_CONTRACT_H
+#define HEXAD_BASE_WORKER_CONTRACT_H
+
+/* The exit status of the commands run and estimate. */
+typedef enum worker_exit {
+    WORKER_EXIT_CONVERGED = 0, /* for estimate: succeeded */
+    WORKER_EXIT_INTERNAL = 1,  /* any error without a code of its own */
+    WORKER_EXIT_SPEC = 2,      /* the spec is not valid or asks for something not supported */
+    WORKER_EXIT_INPUT = 3,     /* an input file is missing, damaged, forbidden or not understood */
+    WORKER_EXIT_SURFACE = 4,   /* there is no surface */
+    WORKER_EXIT_LIMIT = 5,     /* a limit of memory or time was exceeded */
+    WORKER_EXIT_CANCELLED = 6, /* by SIGTERM or SIGINT */
+    WORKER_EXIT_STORAGE = 7,   /* a disk is full or failed */
+    WORKER_EXIT_NOT_CONVERGED = 10
+} worker_exit;
+
+/* Commands: hexad-worker COMMAND SPEC|- [OPTION VALUE]... */
+#define WORKER_COMMAND_RUN "run"
+#define WORKER_COMMAND_ESTIMATE "estimate"
+#define WORKER_SPEC_ON_STDIN "-"
+
+/* Names of options, without the two dashes. */
+#define WORKER_OPTION_OUTPUT "output"           /* the directory that takes the results */
+#define WORKER_OPTION_PROGRESS_FD "progress-fd" /* a descriptor that takes progress as JSON lines */
+#define WORKER_OPTION_INPUT_ROOT "input-root"   /* may be repeated */
+#define WORKER_OPTION_MEMORY_MB "memory-mb"
+#define WORKER_OPTION_THREADS "threads"
+#define WORKER_OPTION_FRAME "frame"
+#define WORKER_OPTION_PREVIOUS "previous" /* the results of the frame before */
+#define WORKER_OPTION_SANDBOX "sandbox"
+
+/* Files in the output directory. run writes the report last: a directory without it is not a result. */
+#define WORKER_REPORT_NAME "report.json"
+#define WORKER_ESTIMATE_NAME "estimate.json"
+
+#endif
