@@ -1,7 +1,7 @@
-/* backup: whole copies of a queue's database, and what a check finds in one.
+/* backup: complete copies of a queue's database, and checks of such copies.
  *
- * A copy is one file without a write-ahead log beside it, which SQLite's own program reads, and which can be put in the
- * place of queue.db. Any thread.
+ * A copy is one file without a write-ahead log. The sqlite3 program can read it, and it can replace queue.db. Any
+ * thread.
  */
 #ifndef HEXAD_QUEUE_BACKUP_H
 #define HEXAD_QUEUE_BACKUP_H
@@ -13,34 +13,37 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-/* Copies the database of an open queue into a file that is empty or not there; what was acknowledged before the call is in
- * it. The queue is used meanwhile: it is held for a fraction of a millisecond at a time. Neither flushed to disk nor checked.
- * Damage that SQLite notices is noted in the queue's health. An error (storage_full) when less than `free_bytes` would be
- * left on the disk. */
+/* Copies the database of an open queue into a file that is empty or does not exist. The copy contains every change
+ * that was acknowledged before the call. The queue stays usable: it is locked for a fraction of a millisecond at a
+ * time. The copy is neither flushed to disk nor checked. Damage that two copies show is recorded in the queue's
+ * health. An error (storage_full) when less than `free_bytes` would stay free on the disk. */
 bool backup_make(queue *q, const char *path, int64_t free_bytes, error *e);
 
-/* Makes a copy in the state directory, checks it as backup_check does, and removes it. Damage that two copies show is damage
- * of the database. False when no copy could be checked: with the error database_damaged when it cannot be copied. */
+/* Makes a copy in the state directory, checks it like backup_check, and removes it. A copy that shows damage is made
+ * and checked a second time. False when no copy could be checked; the error is database_damaged when the database is
+ * too damaged to be copied. */
 bool backup_make_checked(queue *q, int64_t free_bytes, bool full, char **findings, error *e);
 
-/* Such a copy in the state directory, as a descriptor at its beginning; the file has no name any more. */
+/* Makes such a copy in the state directory and returns a descriptor at its beginning. The file is already unlinked.
+ * -1 on failure. */
 int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e);
 
-/* The same of a directory that no daemon uses, whose lock the caller holds (queue/lock.h); changes nothing there. */
+/* Copies the database of a directory that no daemon uses. The caller holds its lock (queue/lock.h). The directory is
+ * not changed. */
 bool backup_make_idle(const char *state_dir, const char *path, error *e);
 
-/* Reads all of a copy: its pages, and that rows keep what the tables promise; if `full` also that indexes hold what the
- * tables hold, references, and that all tables are there. *findings are lines, one for each fault (a hundred at most), "" when
- * there is none, to be freed. False when the file cannot be read, or (cancelled) when the flag was raised meanwhile;
- * `stop` may be NULL. */
+/* Checks a whole copy: its pages, and the constraints of its tables. With `full` also that indexes match their
+ * tables, that references are valid, and that the schema is complete. *findings has one line per fault (at most a
+ * hundred), is "" without faults, and is to be freed. False when the file cannot be read, or (cancelled) when *stop
+ * became true. `stop` may be NULL. */
 bool backup_check(const char *path, bool full, const atomic_bool *stop, char **findings, error *e);
 
-/* A queue in a copy, to be read; of an older version it is carried over first. */
+/* Opens a copy as a queue for reading. An older version is migrated first, in the copy. */
 queue *backup_open_queue(const char *path, error *e);
 
-/* The directory below the state directory where copies are made, which is emptied at each start; to be freed. */
+/* The directory in the state directory where copies are made. It is emptied at each start. To be freed. */
 char *backup_directory(const char *state_dir);
-/* Makes it, if it is not there. Made by root it belongs to whom the state directory belongs. */
+/* Creates it if it does not exist. Created by root, it gets the owner of the state directory. */
 bool backup_make_directory(const char *state_dir, error *e);
 
 #endif

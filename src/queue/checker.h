@@ -1,8 +1,9 @@
-/* checker: the thread that looks for damage in the database.
+/* checker: the thread that checks the database for damage.
  *
- * It copies the database and checks the copy, so that the queue is held for moments only and what is checked does not
- * change. A quick check comes at once; a full one every `interval_s` seconds, put off while the queue is busy, for that long
- * again at most. A fault of reading is followed by a full check at once. What is found stands in queue_get_health.
+ * It copies the database and checks the copy. So the queue is locked for short moments only, and the checked data
+ * does not change. A quick check runs at the start, and a full check every `interval_s` seconds. A full check waits
+ * while the queue is busy, but for one more interval at most. After a read error a full check runs at once.
+ * queue_get_health returns the findings.
  */
 #ifndef HEXAD_QUEUE_CHECKER_H
 #define HEXAD_QUEUE_CHECKER_H
@@ -14,10 +15,10 @@
 
 typedef struct checker checker;
 
-/* interval_s 0: no check but the first, and those after faults. A copy leaves so many bytes of the disk free, or is not
- * made. The queue must outlive the checker. */
+/* With interval_s 0 only the first check runs, and those after read errors. No copy is made when less than `free_bytes`
+ * would stay free on the disk. The queue must outlive the checker. */
 checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e);
-void checker_stop(
-    checker *c); /* accepts NULL; a check under way is broken off between two steps of its copy */
+/* Interrupts a running check. Accepts NULL. */
+void checker_stop(checker *c);
 
 #endif

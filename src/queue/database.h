@@ -1,10 +1,10 @@
 /* database: the queue's connection to SQLite, and transactions that threads share.
  *
- * Private to src/queue. Who reads holds the connection between database_lock and database_unlock.
- * Who changes something hands in a `change`: one thread of those that wait takes all changes that
- * have come, applies each in turn within one transaction, and commits; then all of them return. So a
- * flush to disk is paid once for all of them, and readers never see a change that may yet be lost. A change
- * that fails is taken back alone (a savepoint); when the commit fails, all have failed.
+ * Private to src/queue. To read, hold the connection between database_lock and database_unlock. To write, pass a
+ * `change` to database_change. One of the waiting threads takes all changes that have arrived, applies them one after
+ * the other in a single transaction, and commits. Then all of these threads return. So they share one flush to disk,
+ * and readers never see a change that could still be lost. Each change has a savepoint: one that fails is rolled back
+ * alone. When the commit fails, all changes of the transaction fail.
  */
 #ifndef HEXAD_QUEUE_DATABASE_H
 #define HEXAD_QUEUE_DATABASE_H
@@ -24,19 +24,20 @@ void database_unlock(database *d);
 
 typedef struct change change;
 struct change {
-    /* Runs inside the transaction; may run in another thread. Outputs go into what surrounds the change. */
+    /* Runs inside the transaction, possibly in another thread. The change is the first member of a larger struct, which
+     * takes the outputs. */
     bool (*apply)(database *d, change *c);
     error fault;
     bool done, ok;
     change *next;
 };
 
-/* Returns once the change is on disk, or failed: then *e says why. */
+/* Returns when the change is on disk, or has failed: then *e tells why. */
 bool database_change(database *d, change *c, error *e);
 
 /* One value of a statement's parameters. */
 typedef struct value {
-    const char *text; /* NULL with !integer: binds NULL; lives until the statement is over */
+    const char *text; /* NULL with !integer: binds NULL; must live until the statement ends */
     int64_t number;
     bool integer;
 } value;
@@ -51,28 +52,28 @@ static inline value integer(int64_t n)
     return (value){.number = n, .integer = true};
 }
 
-/* NULL unless it is known. */
+/* Binds NULL unless the number is known. */
 static inline value integer_if(int64_t n, bool known)
 {
     return (value){.number = n, .integer = known};
 }
 
-/* Statements are string constants of the program: each is prepared once, known by its address. */
+/* `sql` must be a string constant: a statement is prepared once and found again by the address of its text. */
 sqlite3_stmt *database_ask(database *d, const char *sql, const value *values, size_t count, error *e);
 bool database_run(database *d, const char *sql, const value *values, size_t count, error *e);
 
 #define VALUES(...) (const value[]){__VA_ARGS__}, sizeof((const value[]){__VA_ARGS__}) / sizeof(value)
-/* A statement that gives rows, to be read by database_next; NULL on failure. */
+/* A statement that returns rows, to be read with database_next. NULL on failure. */
 #define ASK(d, e, sql, ...) database_ask(d, sql, VALUES(__VA_ARGS__), e)
-/* A statement that gives none. */
+/* A statement that returns no rows. */
 #define RUN(d, e, sql, ...) database_run(d, sql, VALUES(__VA_ARGS__), e)
 
-/* True: there is a row. False: *ok says whether that was the end of them; the statement is over. */
+/* True: there is a row. False: the statement has ended; *ok is true when it returned all rows, and false on failure. */
 bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e);
-/* Ends a statement whose other rows are not wanted. */
+/* Ends a statement before its last row. */
 void database_end(sqlite3_stmt *s);
 
-/* Whether the disk has as much room for another job as is set aside for the queue (queue_reserve). */
+/* Whether at least as much disk space is free as queue_reserve has reserved. A new job needs that. */
 bool database_has_room(database *d);
 
 int database_changes(database *d); /* rows that the last RUN changed */
@@ -80,8 +81,8 @@ int64_t database_last_row(database *d);
 
 char *database_text(sqlite3_stmt *s, int column); /* to be freed; NULL for NULL */
 
-/* What claims remember between them: the job that did not fit and how often it was passed by. Under the
- * lock. */
+/* What claims remember from one to the next: the job that did not fit, and how often others have overtaken it. Under
+ * the lock. */
 typedef struct overtaken {
     int64_t seq;
     int times;
@@ -91,10 +92,10 @@ overtaken *database_overtaken(database *d);
 /* ---- for copies and checks (queue/backup, queue/checker) */
 
 struct health;
-sqlite3 *database_connection(database *d); /* to be used under the lock */
+sqlite3 *database_connection(database *d); /* use it under the lock only */
 struct health *database_health(database *d);
 const char *database_directory(database *d); /* the state directory */
-uint64_t database_change_count(database *d); /* rows that were changed since the start */
+uint64_t database_change_count(database *d); /* number of rows changed since the start */
 char *database_copy_path(database *d);       /* where a copy may be made; to be freed */
 
 #endif

@@ -1,6 +1,6 @@
-/* filesystem: whether files can be trusted with SQLite where they lie.
+/* filesystem: checks that SQLite can be used safely on the file system of a directory.
  *
- * Private to src/queue. Over a network locks and flushes are not what they seem, and WAL needs shared memory.
+ * Private to src/queue. Network file systems do not guarantee locks and flushes, and WAL needs shared memory.
  */
 #ifndef HEXAD_QUEUE_FILESYSTEM_H
 #define HEXAD_QUEUE_FILESYSTEM_H
@@ -10,10 +10,10 @@
 
 #include "base/error.h"
 
-/* The name of a network file system by the number that statfs(2) gives, NULL for any other. */
+/* The name of a network file system by the f_type of statfs(2). NULL for any other file system. */
 const char *filesystem_network_name(uint64_t type);
 
-/* An error when the directory lies on one. */
+/* An error when the directory is on a network file system. */
 bool filesystem_check(const char *directory, error *e);
 
 #endif

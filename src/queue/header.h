@@ -1,6 +1,6 @@
-/* header: the first bytes of the database's file, held against its length, before SQLite is let at it.
+/* header: checks the header of the database file against the file's length, before SQLite opens it.
  *
- * Private to src/queue. SQLite itself reads a file that was cut off as if it ended with zeros.
+ * Private to src/queue. The check is needed because SQLite reads a truncated file as if it ended with zeros.
  */
 #ifndef HEXAD_QUEUE_HEADER_H
 #define HEXAD_QUEUE_HEADER_H
@@ -9,8 +9,8 @@
 
 #include "base/error.h"
 
-/* An error (database_damaged) when the file is not a database, or not as long as it says. A file that is missing or
- * empty passes, and so does one with a write-ahead log, which may hold better than what stands in the file. */
+/* An error (database_damaged) when the file is not a database, or its length does not fit its header. A missing or empty
+ * file passes. A file with a write-ahead log passes, too, because the log may hold newer pages. */
 bool header_check(const char *path, error *e);
 
 #endif

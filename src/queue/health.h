@@ -1,7 +1,7 @@
-/* health: what is known of the database's soundness: the damage that was found, and the last check.
+/* health: whether the database is damaged, and the result of the last check.
  *
- * Private to src/queue. Any thread. A database that is damaged is not written to any more, since a change that follows
- * a wrong page may spoil others. A fault of reading counts as damage until a check has read all of the database.
+ * Private to src/queue. Any thread. A damaged database is not written to, because a write that follows a wrong page may
+ * damage others. A read error counts as damage until a check has read the whole database.
  */
 #ifndef HEXAD_QUEUE_HEALTH_H
 #define HEXAD_QUEUE_HEALTH_H
@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-/* What an operator is told to do about damage. */
+/* What the messages tell an operator to do about damage. */
 #define HEALTH_WAY_OUT                                                                                      \
     "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt" \
     " without one; doc/operations.md says how"
@@ -23,20 +23,21 @@ typedef struct health health;
 health *health_new(void);
 void health_free(health *h); /* accepts NULL */
 
-/* Damage was found, by "statement", "quick_check" or "integrity_check"; the first is logged and kept. A doubt, which is
- * a fault of reading, is taken back by a check that finds none. */
+/* Records damage. `found_by` is "statement", "copy", "quick_check" or "integrity_check". Only the first damage is
+ * logged and kept. `doubt` marks a read error: the next check that finds no damage clears it. */
 void health_note_damage(health *h, const char *found_by, const char *what, bool doubt);
 
-/* False when it is damaged: then the error (database_damaged) says how and what to do. */
+/* False when the database is damaged. The error (database_damaged) tells what is damaged and what to do. */
 bool health_allows_changes(health *h, error *e);
 
 void health_begin_check(health *h);
-/* `what` is NULL when nothing was found; `done` false: it could not be made. */
+/* `what` is the damage that was found, or NULL. `done` is false when the check could not be made. */
 void health_end_check(health *h, const char *name, bool done, const char *what);
 
 void health_get(health *h, queue_health *known);
 
-/* Waits until the time (monotonic), or until there is a doubt that wants a check: then *doubt is true. False: to end. */
+/* Waits until `until_ms` (monotonic), or until a read error requires a check: then *doubt is true. False after
+ * health_stop. */
 bool health_wait(health *h, int64_t until_ms, bool *doubt);
 void health_stop(health *h); /* ends health_wait */
 const atomic_bool *health_stop_flag(const health *h);

@@ -1,27 +1,25 @@
-/* queue: jobs, their tasks and attempts, and the record of what happened to them, durable. The only
- * user of SQLite.
+/* queue: the durable store of jobs, their tasks and attempts, and their events. The only user of SQLite.
  *
- * One process owns the database (a lock on the state directory says so, and SQLite's exclusive
- * locking keeps other programs out) over one connection. Any thread may call any function. A function
- * that returns true has its change on disk (WAL, synchronous=FULL); changes that threads make at
- * the same time share one transaction and its flush, and nobody sees a change before it is durable.
- * Database trouble is an error with code internal; outputs are then untouched. That changes cannot
- * be stored is logged, when it begins and when it ends.
+ * One process owns the database. It holds a lock on the state directory, and SQLite's exclusive locking keeps other
+ * programs out. There is one connection. Any thread may call any function. When a function returns true, its change is
+ * on disk (WAL, synchronous=FULL). Changes that threads make at the same time share one transaction and one flush. No
+ * reader sees a change before it is durable. When the database fails, the error has the code internal and no output is
+ * written. The log tells when changes begin to fail and when they succeed again.
  *
- * A job has one task, or one for each frame. A task is tried by attempts. Every claim of a task raises its
- * attempt number, which is a fence: what an older attempt reports is not accepted. `spent` counts
- * the attempts that weigh against max_attempts; one that the service itself gave back does not.
+ * A job has one task, or one task per frame. A task is tried by attempts. Every claim of a task raises its attempt
+ * number. This number is a fence: the queue rejects what an older attempt reports. `spent` counts the attempts that
+ * count against max_attempts. An attempt that the service itself put back does not count.
  *
- * The state of a job follows from its tasks and from what was asked of it, always in the transaction
- * that changes them:
- *     queued      waits for its turn; between two frames a job stays running
+ * The state of a job follows from its tasks and from the commands it was given. It is updated in the transaction that
+ * changes them:
+ *     queued      waits for a claim; between two frames a job stays running
  *     blocked     waits for the jobs that it depends on
- *     paused      starts no attempt until it is resumed; what runs goes on, and the job is running meanwhile
+ *     paused      no attempt is started until the job is resumed; while earlier attempts still run, the job is running
  *     running     an attempt runs
- *     cancelling  an attempt runs and is to end
- *     succeeded, failed, timed_out, cancelled: every task has ended. Of different ends the first of
- *                 failed, timed_out, cancelled counts; a job that was cancelled is cancelled.
- * A task is queued, running, or has ended. Final states are left by a retry only.
+ *     cancelling  an attempt runs and was asked to end
+ *     succeeded, failed, timed_out, cancelled: every task has ended. When tasks ended differently, the job takes the
+ *                 first of failed, timed_out, cancelled. A job that was cancelled is cancelled.
+ * A task is queued, running, or in a final state. Only a retry leaves a final state.
  */
 #ifndef HEXAD_QUEUE_QUEUE_H
 #define HEXAD_QUEUE_QUEUE_H
@@ -58,34 +56,34 @@ bool queue_state_from_name(const char *name, queue_state *state);
 bool queue_state_is_final(queue_state state);
 const char *queue_outcome_name(queue_outcome outcome); /* NULL for no outcome */
 
-/* Opens or makes the queue in a directory that exists. Fails when another process holds it (the
- * message says so), when it lies on a network file system, or when a newer version of the program made it. */
+/* Opens or creates the queue in an existing directory. Fails when another process holds the directory (the message says
+ * so), when it is on a network file system, or when a newer version of the program created the database. */
 queue *queue_open(const char *state_dir, error *e);
 void queue_close(queue *q); /* accepts NULL */
 
-/* Sets so many bytes of the disk aside for the database, so that jobs can be cancelled, deleted and ended when it is
- * full; jobs are then accepted only while as much is free besides. 0: none. Where the disk cannot do that, or is full
- * already, a warning is logged. */
+/* Reserves `bytes` of disk space for the database, so that jobs can still be cancelled, deleted and ended when the disk
+ * is full. New jobs are then accepted only while the same amount is free in addition. 0: no reserve. When the space
+ * cannot be reserved, a warning is logged. */
 void queue_reserve(queue *q, int64_t bytes);
-/* Whether there is a database that holds anything, so that queue_open does not make a new one. */
+/* Whether a database that is not empty exists: then queue_open does not create one. */
 bool queue_exists(const char *state_dir);
 
-/* Whose database it is: which instance of the service, in which state directory (executor/instance.h), and which
- * start of the host the daemon ran in last. */
+/* The service instance that the database belongs to (executor/instance.h), and the boot of the host in which the daemon
+ * ran last. */
 typedef struct queue_instance {
-    char id[ULID_SIZE]; /* "": carried over from a version that gave none */
+    char id[ULID_SIZE]; /* "": the database comes from a version without instance ids */
     char boot_id[40];   /* "": not known */
 } queue_instance;
 
-/* *found false: of none; the database is new. */
+/* *found is false when the database is new. */
 bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *e);
 bool queue_set_instance(queue *q, const queue_instance *instance, error *e);
 
 /* ---- health */
 
-/* Of the database. What is damaged is not written to any more, so that it is not made worse: changes fail with code
- * database_damaged, and reads go on as far as they can. A new start ends that, or, where it was a fault of
- * reading, a check that reads all (queue/checker). */
+/* The health of the database. A damaged database is not written to, so that the damage does not spread: changes fail
+ * with code database_damaged, and reads still work as far as possible. This lasts until the next start. After a read
+ * error it ends earlier, when a check has read the whole database (queue/checker). */
 typedef struct queue_health {
     bool damaged, checking;
     int64_t damaged_ms;    /* wall clock: when it was found */
@@ -97,7 +95,7 @@ typedef struct queue_health {
 
 void queue_get_health(queue *q, queue_health *known);
 
-/* False when it is damaged: the error says how, and what an operator has to do. */
+/* False when the database is damaged. The error tells what is damaged and what an operator has to do. */
 bool queue_allows_changes(queue *q, error *e);
 
 /* ---- jobs */
@@ -112,9 +110,9 @@ typedef struct queue_job {
     char id[ULID_SIZE];
     int64_t seq;      /* order of arrival */
     uint64_t stamp;   /* of queue_get: see queue_stamp */
-    int64_t revision; /* raised by every change of what stands here */
+    int64_t revision; /* raised by every change of a member of this struct */
     char *name;       /* NULL: none */
-    char *owner;      /* the user; "" when nobody is known */
+    char *owner;      /* the user; "": unknown */
     char *labels;     /* a JSON array of strings */
     char *trace;      /* traceparent; NULL: none */
     char *spec;       /* opaque to the queue; NULL in a listing */
@@ -132,7 +130,7 @@ typedef struct queue_job {
     int64_t created_ms, started_ms, finished_ms; /* wall clock; 0: not yet */
     int64_t retention_s;                         /* after its end; 0: for ever */
     char *error_code, *error_message;            /* NULL: none */
-    char *cached_from; /* the job whose result this one was given; NULL: it was run */
+    char *cached_from; /* the job whose result was reused; NULL: this job computed its own */
 } queue_job;
 
 void queue_job_clear(queue_job *job); /* frees what it holds; accepts an empty one */
@@ -144,21 +142,21 @@ typedef struct queue_submission {
     const char *labels; /* a JSON array of strings */
     const char *trace;  /* may be NULL */
     const char *spec;
-    const char *paths; /* opaque: which of the spec's paths were asked for by other names; may be NULL */
+    const char *paths; /* opaque: the paths of the spec as the client wrote them; may be NULL */
     int priority, max_attempts, threads;
     int64_t memory_mb, retention_s;
     const int *frames; /* a task for each, in this order, none twice; NULL: one task */
     size_t frame_count;
-    /* The tasks run one after the other, each told of the result before it. One that does not succeed ends
-     * those behind it, unless it failed of no_surface: then they do without it. */
+    /* The tasks run one after the other, and each begins with the result of the task before. A task that does not
+     * succeed ends the later ones. One that fails with no_surface is skipped instead. */
     bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
-    const char *const *inputs; /* names of files that it reads and that queue_wants_input is asked for */
+    const char *const *inputs; /* names of the uploaded files that it reads, for queue_wants_input */
     size_t input_count;
-    const char *webhook;         /* may be NULL: an address that is told of the job's end */
-    const char *key, *body_hash; /* idempotency: both or none; keys of different owners are different */
-    int64_t most_waiting;        /* of the owner's jobs that have not ended; 0: any number */
+    const char *webhook;         /* a URL that is notified of the job's end; may be NULL */
+    const char *key, *body_hash; /* idempotency: both or none; each owner has keys of its own */
+    int64_t most_waiting;        /* how many unfinished jobs the owner may have; 0: any number */
 } queue_submission;
 
 typedef enum queue_verdict {
@@ -178,15 +176,14 @@ typedef struct queue_receipt {
     size_t dependency;
 } queue_receipt;
 
-/* Stores a job unless the verdict is another than created. */
+/* Stores the job if the verdict is QUEUE_CREATED, and nothing otherwise. */
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e);
 
-/* *found false: no such job. The caller clears *job. */
+/* *found is false when there is no such job. The caller clears *job. */
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 
-/* Another number after every change of the job with this seq, and now and then after one of another's: as
- * long as it is what queue_get gave with the job, no change of what that gave has been acknowledged, nor of
- * the job's attempts. Does not look into the database. */
+/* A number that changes with every change of the job `seq` or of its attempts, and sometimes with a change of another
+ * job. While it equals the stamp that queue_get returned, that job is still up to date. Does not read the database. */
 uint64_t queue_stamp(queue *q, int64_t seq);
 
 typedef struct queue_filter {
@@ -206,15 +203,15 @@ bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
 
 typedef enum queue_command {
-    QUEUE_CANCEL, /* tasks that wait are cancelled, those that run are asked to end */
+    QUEUE_CANCEL, /* waiting tasks are cancelled; running ones are asked to end */
     QUEUE_PAUSE,
     QUEUE_RESUME,
-    QUEUE_RETRY /* tasks that have ended without success wait again, with all their attempts; of a job
-                 * that has ended */
+    QUEUE_RETRY /* of a job that has ended: its tasks without success are queued again, with all their
+                 * attempts to spend */
 } queue_command;
 
-/* *now is the state afterwards; *changed whether this call changed anything: it does not where the
- * command makes no sense (cancel of a job that has ended, retry where a job that it depends on failed). */
+/* *now is the state afterwards. *changed is false when the command does not apply, as a cancellation of a job that has
+ * ended, or a retry of a job that depends on a failed one. */
 bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bool *changed, queue_state *now,
                 error *e);
 
@@ -226,12 +223,12 @@ typedef struct queue_edit {
 
 typedef enum queue_edited { QUEUE_EDITED, QUEUE_NOT_THERE, QUEUE_STALE } queue_edited;
 
-/* Stale, and nothing changed, when the job's revision is not `revision`; -1: any. */
+/* When the job has another revision than `revision` (-1: any), nothing changes and *edited is QUEUE_STALE. */
 bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *edit, queue_edited *edited,
                   error *e);
 
-/* Forgets a job that has ended, with all that belongs to it, and notes what is to be removed of it (see
- * queue_removal). *deleted false: it has not ended. */
+/* Deletes a job that has ended from the queue, and notes its directories for removal (see queue_removal). *deleted is
+ * false when the job has not ended. */
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e);
 
 /* The ids of at most `limit` jobs whose retention is over, oldest first, in one array to be freed. */
@@ -249,9 +246,9 @@ typedef struct queue_task {
     queue_outcome outcome;
     int attempt;           /* number of the last claim; 0: none */
     int spent;             /* attempts that count */
-    int storage_faults;    /* attempts that do not, since a disk was full or failed */
-    int interrupted;       /* attempts that the end of the daemon or of its host ended */
-    int64_t ran_ms;        /* how long those ran that count and were put back */
+    int storage_faults;    /* attempts that do not count, because a disk was full or failed */
+    int interrupted;       /* attempts that ended because the daemon or its host did */
+    int64_t ran_ms;        /* running time of the attempts that count and were put back */
     int64_t not_before_ms; /* queued: no attempt before; 0: at once */
     int64_t started_ms, finished_ms;
     char *error_code, *error_message; /* NULL: none */
@@ -260,8 +257,8 @@ typedef struct queue_task {
 void queue_task_clear(queue_task *task);
 void queue_tasks_free(queue_task *tasks, size_t count);
 
-/* In the order of their numbers, those with numbers above `after` (-1: all). An id that is not there has
- * none. */
+/* Tasks in the order of their numbers, from the one behind `after` (-1: all). The list is empty when there is no such
+ * job. */
 bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
                       error *e);
 bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool *found, error *e);
@@ -275,7 +272,7 @@ typedef struct queue_attempt {
     char *reason; /* may be NULL */
 } queue_attempt;
 
-/* By task and number. An id that is not there has none. */
+/* Sorted by task and number. The list is empty when there is no such job. */
 bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e);
 void queue_attempts_free(queue_attempt *attempts, size_t count);
 
@@ -284,31 +281,31 @@ void queue_attempts_free(queue_attempt *attempts, size_t count);
 typedef struct queue_claimed {
     queue_job job;
     queue_task task;
-    int previous; /* of a job in order: the last frame before that has succeeded; QUEUE_NO_FRAME: none */
+    int previous; /* of an ordered job: the last earlier frame that has succeeded; QUEUE_NO_FRAME: none */
 } queue_claimed;
 
 void queue_claimed_clear(queue_claimed *claimed);
 void queue_claimed_free(queue_claimed *claimed, size_t count);
 
-/* What is free, and all there is. A job that asks for more threads than there are gets those; one that
- * asks for more memory is claimed at once, so that it can be told that it will never fit. */
+/* What is free on this host, and what there is in all. A job that asks for more threads than there are gets all of
+ * them. A job that asks for more memory than there is gets claimed at once, so that the executor can fail it. */
 typedef struct queue_room {
     int threads, all_threads;
     int64_t memory_mb, all_memory_mb;
     int most_of_owner; /* tasks of one owner that may run at once; 0: any number */
 } queue_room;
 
-/* So many claims may pass by a job that does not fit at the moment; then all wait for it. */
+/* How many later claims may overtake a job that does not fit at the moment. After that all others wait for it. */
 #define QUEUE_OVERTAKE_MOST 16
 
-/* A task of the job of the highest priority, among equals the oldest, that fits into the room,
- * becomes running under a new attempt number. *found false: none may run now. */
+/* Claims a task of the job with the highest priority, the oldest among equals, that fits into the room. The task
+ * becomes running under a new attempt number. *found is false when no task may run now. */
 bool queue_claim(queue *q, const queue_room *room, queue_claimed *claimed, bool *found, error *e);
 
-/* The first task of one job that is queued, whatever the room. */
+/* Claims the first queued task of one job, whatever the room. */
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e);
 
-/* When the next task that waits before it is tried again may be, wall clock; INT64_MAX: there is none. */
+/* When the next delayed task may be tried again, wall clock; INT64_MAX: there is none. */
 bool queue_next_due(queue *q, int64_t *wall_ms, error *e);
 
 /* Tasks that the queue holds as running. At a start these are the ones that a crash left. Oldest first. */
@@ -325,33 +322,33 @@ typedef struct queue_ending {
     bool interrupted;                       /* for queue_requeue: by the end of the daemon or of its host */
     const char *host;                       /* may be NULL */
     const char *reason;                     /* one line for the attempt's record; may be NULL */
-    const char *cached_from;                /* NULL: the attempt made its result itself */
+    const char *cached_from;                /* the job whose result was reused; may be NULL */
     bool storage_fault;                     /* for queue_requeue: a disk was full or failed */
-    const char *copied;                     /* a name of queue_note_copy that is done with; may be NULL */
+    const char *copied;                     /* a name of queue_note_copy to be forgotten; may be NULL */
     const char *cache_key,
-        *cache_inputs; /* both or none: the result may be given to others, see queue_recall */
+        *cache_inputs; /* both or none: the result may be reused by other jobs, see queue_recall */
 } queue_ending;
 
-/* Which attempt. */
+/* Names one attempt. */
 typedef struct queue_fence {
     const char *id;
     int task, attempt;
 } queue_fence;
 
-/* Ends a task. *accepted false, and nothing changed, when the attempt is not its current one or the
- * task does not run. */
+/* Ends a task. When the attempt is not the current one or the task does not run, nothing changes and *accepted is
+ * false. */
 bool queue_finish(queue *q, const queue_fence *fence, const queue_ending *ending, bool *accepted, error *e);
 
-/* Puts a running task back; `counts` says whether the attempt weighs against max_attempts, and its time
- * against that of the task, and no other attempt starts before `not_before_ms` (wall clock; 0: at once).
- * *accepted as above; a job that is cancelling is not accepted. */
+/* Queues a running task again. `counts` tells whether the attempt counts against max_attempts, and its time against the
+ * time limit. The next attempt starts at `not_before_ms` (wall clock; 0: at once) or later. *accepted as above; it is
+ * also false when the job is cancelling. */
 bool queue_requeue(queue *q, const queue_fence *fence, bool counts, int64_t not_before_ms,
                    const queue_ending *ending, bool *accepted, error *e);
 
-/* The job whose result was stored last under this key, and what was stored with it, to be freed. */
+/* Finds the job whose result was stored last under this key, and the inputs that were stored with it, to be freed. */
 bool queue_recall(queue *q, const char *key, char id[ULID_SIZE], char **inputs, bool *found, error *e);
 
-/* ---- temporary files of copies of results, in directories of others */
+/* ---- temporary files of copies of results, in output directories */
 
 typedef struct queue_copy {
     char *directory, *name;
@@ -359,7 +356,7 @@ typedef struct queue_copy {
 
 void queue_copies_free(queue_copy *copies, size_t count);
 
-/* Writes down that a file of this name, used once, may be made in the directory. */
+/* Notes that a temporary file of this name may be created in the directory. A name is used once. */
 bool queue_note_copy(queue *q, const char *directory, const char *name, error *e);
 bool queue_forget_copy(queue *q, const char *name, error *e);
 bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e);
@@ -380,7 +377,7 @@ const char *queue_event_type_name(queue_event_type type); /* "state", ... */
 #define QUEUE_OWNER_SIZE 65
 
 typedef struct queue_event {
-    int64_t seq; /* rises over all jobs, never used twice */
+    int64_t seq; /* one rising sequence for all jobs; no number is used twice */
     int64_t at_ms;
     char id[ULID_SIZE];           /* of the job */
     char owner[QUEUE_OWNER_SIZE]; /* of the job */
@@ -391,11 +388,11 @@ typedef struct queue_event {
     int attempt;           /* 0: none */
 } queue_event;
 
-/* As `after_seq`: only what comes from now on. */
+/* A value of `after_seq`: only events from now on. */
 #define QUEUE_EVENTS_FROM_NOW (-1)
 
 typedef struct queue_event_filter {
-    const char *id, *owner, *label; /* NULL: any; the labels are those that the job has now */
+    const char *id, *owner, *label; /* NULL: any; the job must have the label now */
     int64_t after_seq;
     int limit;
 } queue_event_filter;
@@ -403,35 +400,35 @@ typedef struct queue_event_filter {
 typedef struct queue_event_page {
     queue_event *events; /* oldest first, to be freed */
     size_t count;
-    int64_t position; /* every event up to this number was looked at; where the next page begins */
-    bool more;      /* there may be more behind it now: the page is full, or a bounded number was looked at */
-    int64_t newest; /* number of any event so far; a page asked for behind it is empty and stands there */
-    /* Events up to this number were removed with their jobs, not necessarily all; 0: none, or the page is of one job,
-     * whose events go together. */
+    int64_t position; /* the next page begins here: all events up to this number were looked at */
+    bool more;        /* there may be more events now: the page is full, or the bound was reached */
+    int64_t newest;   /* the highest number so far; a page behind it is empty, with this position */
+    /* Some events up to this number were removed, together with their jobs. 0: none were, or the page is of one job,
+     * whose events are removed together. */
     int64_t removed_up_to;
 } queue_event_page;
 
-/* Looks at a bounded number of events, in the order of their numbers; of one job only at its own. So a filter may
- * leave a page empty although there is more. The events of a job go with it. */
+/* Looks at a bounded number of events in the order of their numbers (with a job id: only at those of that job). So a
+ * page may be empty although more events follow. The events of a job are deleted with it. */
 bool queue_list_events(queue *q, const queue_event_filter *filter, queue_event_page *page, error *e);
 
-/* ---- directories of tasks: what is to be removed, and what was found */
+/* ---- directories of tasks: those to be removed, and those found at a start */
 
-/* A task that was forgotten, whose result and attempts 1 .. `attempts` are to be removed. It is noted by the
- * transaction that forgets the job, and nothing else gives the right to remove a result. */
+/* A deleted task, whose result and attempts 1 .. `attempts` are to be removed. The transaction that deletes the job
+ * notes it. Results are removed because of such a note, and for no other reason. */
 typedef struct queue_removal {
     int64_t number; /* rises */
     char id[ULID_SIZE];
     int frame, attempts;
 } queue_removal;
 
-/* Those with numbers above `after`, of one job or (id NULL) of all; to be freed. */
+/* Lists removals with numbers above `after`, of one job or (id NULL) of all jobs. To be freed. */
 bool queue_list_removals(queue *q, const char *id, int64_t after, int limit, queue_removal **removals,
                          size_t *count, error *e);
-/* They have been removed. */
+/* Deletes the notes, after the directories were removed. */
 bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, error *e);
 
-/* A directory whose name says that it belongs to a task, and what the queue says to that. */
+/* A directory that belongs to a task by its name, and what the queue knows of that task. */
 typedef struct queue_directory {
     char id[ULID_SIZE];
     int frame;
@@ -442,14 +439,14 @@ typedef struct queue_directory {
     int last_attempt;
 } queue_directory;
 
-/* Fills in what the queue says. Costs a look into an index for each. */
+/* Fills in what the queue knows. Costs one index lookup per directory. */
 bool queue_find_directories(queue *q, queue_directory *directories, size_t count, error *e);
 
-/* Ends a task that waits since its result is there: the database is older than the result. *accepted false: the
- * task does not wait. */
+/* Ends a waiting task whose result was found: the database is older than the result. *accepted is false when the task
+ * does not wait. */
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e);
 
-/* A job that has succeeded and is not in the queue, as far as its results tell. */
+/* A job that is not in the queue, as its results describe it. It has succeeded. */
 typedef struct queue_adopted_task {
     int frame; /* QUEUE_NO_FRAME: the only task */
     queue_outcome outcome;
@@ -467,12 +464,12 @@ typedef struct queue_adoption {
     size_t task_count;
 } queue_adoption;
 
-/* Puts them into the queue, all or none, owned by "" and kept until they are deleted. */
+/* Puts the jobs into the queue, all or none. Their owner is "" and they are kept until somebody deletes them. */
 bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e);
 
 /* ---- webhooks */
 
-/* That a job with a webhook has ended; put into the outbox with the end itself, once for each end. */
+/* The notification that a job with a webhook has ended. The transaction that ends the job puts it into the outbox. */
 typedef struct queue_delivery {
     int64_t number;
     char id[ULID_SIZE]; /* of the job */
@@ -480,23 +477,24 @@ typedef struct queue_delivery {
     queue_state state;
     queue_outcome outcome;
     int tries;      /* that failed */
-    int64_t due_ms; /* wall clock: not to be tried before */
+    int64_t due_ms; /* the earliest time of the next try, wall clock */
 } queue_delivery;
 
 void queue_delivery_clear(queue_delivery *delivery);
 
-/* The one that is due first, which may lie ahead; it stays until it is ended. Passes by those whose address begins
- * with an item of `but`, a JSON array of texts: to mean a host and no other, these end with the slash behind it. */
+/* The delivery that is due first, possibly in the future. It stays in the outbox until queue_end_delivery. Deliveries
+ * whose URL begins with an item of `but`, a JSON array of texts, are skipped. An item that means one host ends with the
+ * slash behind the host. */
 bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bool *found, error *e);
 
-/* It is delivered or given up; with again_ms > 0 it is to be tried again then. */
+/* Removes a delivery that was made or given up. With again_ms > 0 it is tried again at that time instead. */
 bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e);
 
-/* ---- news */
+/* ---- waiting for changes */
 
-/* Waits until something happened since *seen (0 at the beginning): changes were stored, or somebody
- * called queue_signal; or until the deadline (monotonic). True, and *seen brought up to date, when
- * something did. No event is missed by who waits first and lists then. */
+/* Waits until changes were stored or queue_signal was called since *seen (0 at first), or until the deadline
+ * (monotonic). Returns true and updates *seen when something happened. A caller that waits first and lists afterwards
+ * misses no event. */
 bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms);
 void queue_signal(queue *q);
 

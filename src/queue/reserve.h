@@ -1,10 +1,11 @@
-/* reserve: room on the disk that is set aside for the database's log (SQLite's WAL).
+/* reserve: disk space that is reserved for the database's log (SQLite's WAL).
  *
- * Private to src/queue. A full disk must not keep jobs from being cancelled, deleted and ended, so the log has its
- * blocks before it needs them: `reserve` in the state directory is a second name of the file queue.db-wal, with as
- * many bytes allocated as were asked for (fallocate) and what the log usually takes. SQLite removes its name when the queue is closed; the other one
- * keeps the blocks, and the next start gives the file back to SQLite, emptied. Nobody else can take them meanwhile,
- * as they could from a file that is deleted when room is needed.
+ * Private to src/queue. Jobs must still be cancelled, deleted and ended when the disk is full, so the log gets its
+ * blocks before it needs them. The file `reserve` in the state directory is a second hard link to queue.db-wal. The
+ * file has the requested number of bytes allocated (fallocate), plus what the log usually takes. SQLite unlinks
+ * queue.db-wal when the queue is closed; the second link keeps the blocks. The next start empties the file and gives
+ * it back to SQLite. No other program can take the blocks meanwhile, as it could from a file that is deleted when
+ * space is needed.
  */
 #ifndef HEXAD_QUEUE_RESERVE_H
 #define HEXAD_QUEUE_RESERVE_H
@@ -12,11 +13,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Before the database in the directory is opened: what was set aside becomes its log, unless there is one. */
+/* Call it before the database is opened: the reserved file becomes its log, unless there is a log already. */
 void reserve_lend(const char *state_dir);
 
-/* After it was opened: allocates so many bytes for the log besides what it usually takes; 0: none are. False, after a warning in the log,
- * when that cannot be. */
+/* Call it after the database was opened: allocates `bytes` for the log, in addition to what it usually takes. 0: no
+ * reserve. False, after a warning in the service's log, when the space cannot be allocated. */
 bool reserve_keep(const char *state_dir, int64_t bytes);
 
 #endif

@@ -1,4 +1,4 @@
-/* ulid: identifiers that sort by the time they were made.
+/* ulid: identifiers that sort by creation time.
  *
  * 48 bits of wall-clock milliseconds and 80 random bits as 26 characters of Crockford's base 32, in
  * lower case (https://github.com/ulid/spec). Any thread.
@@ -13,10 +13,10 @@
 
 void ulid_make(int64_t wall_ms, char text[ULID_SIZE]);
 
-/* The time that a valid one was made for, below 2^48. */
+/* The wall-clock time in a valid ULID, below 2^48. */
 int64_t ulid_time_ms(const char *text);
 
-/* Whether a text has the form of one; anything else is nobody's identifier. */
+/* Whether the text is a well-formed ULID. */
 bool ulid_is_valid(const char *text);
 
 #endif
