@@ -214,7 +214,7 @@ static char *copy(const char *text)
 
 static void refuse_position(reply *r)
 {
-    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is no number");
+    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not a number");
 }
 
 /* Begins here, not when the first bytes are sent: what happens after the client has the answer's head is told. */
@@ -316,7 +316,7 @@ static bool may_select(const http_context *c, const http_request *request, const
     queue_job job = {0};
     if (s->owner && !access_is_owner(request->caller, s->owner)) {
         reply_set_problem(r, "forbidden", NULL,
-                          "events of jobs of %s are told to that user and to admins only", s->owner);
+                          "only %s and administrators may read the events of these jobs", s->owner);
         return false;
     }
     if (!s->id) return true;

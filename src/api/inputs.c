@@ -20,15 +20,17 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
         break;
     case STORE_UPLOAD_TOO_LARGE:
         reply_set_problem(r, "body_too_large", NULL,
-                          "an input may not be that long (setting upload_limit_bytes)");
+                          "the file is longer than an upload may be (setting upload_limit_bytes)");
         break;
     case STORE_UPLOAD_NO_ROOM:
-        reply_set_problem(r, "storage_full", NULL,
-                          "there is no room for it (setting upload_total_bytes, or the disk)");
+        reply_set_problem(
+            r, "storage_full", NULL,
+            "there is no room for the file: the uploads reach the setting upload_total_bytes, or"
+            " the disk is full");
         break;
     case STORE_UPLOAD_MISMATCH:
         reply_set_problem(r, "digest_mismatch", NULL,
-                          "the bytes that came have another SHA-256 than the path says");
+                          "the received bytes do not have the SHA-256 that the path names");
         break;
     case STORE_UPLOAD_FAILED:
         reply_set_error(r, why, NULL);
@@ -41,7 +43,8 @@ static const char *read_hash(const http_request *request, reply *r)
 {
     const char *hex = request->parameter[0];
     if (store_inputs_is_hash(hex)) return hex;
-    reply_set_problem(r, "request_invalid", NULL, "%.100s is not a SHA-256: 64 digits, lower case", hex);
+    reply_set_problem(r, "request_invalid", NULL,
+                      "%.100s is not a SHA-256: use 64 hexadecimal digits in lower case", hex);
     return NULL;
 }
 

@@ -84,7 +84,7 @@ static void check_names(json_at patch, json *errors)
         while (job_commands_patch_members[k] && strcmp(job_commands_patch_members[k], member.key) != 0) k++;
         if (job_commands_patch_members[k]) continue;
         reply_append_fault(errors, json_pointer(&member, pointer, sizeof pointer),
-                           "cannot be changed: only priority, labels and retention_s can");
+                           "cannot be changed; only priority, labels and retention_s can");
     }
 }
 
@@ -108,7 +108,8 @@ static void apply(const http_context *c, const http_request *request, const queu
     } else if (edited == QUEUE_NOT_THERE) {
         reply_set_problem(r, "not_found", NULL, "there is no job %s", job->id);
     } else if (edited == QUEUE_STALE) {
-        reply_set_problem(r, "precondition_failed", NULL, "the job %s has changed since: look at it again",
+        reply_set_problem(r, "precondition_failed", NULL,
+                          "the job %s has changed in the meantime: get it again and repeat the change",
                           job->id);
     } else {
         executor_wake(c->x);
@@ -138,7 +139,7 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
         reply_append_fault(errors, "", "must be an object");
     }
     if (json_size(json_root(errors)) > 0) {
-        reply_set_problem(r, "spec_invalid", errors, "the change is not valid");
+        reply_set_problem(r, "spec_invalid", errors, "the change is not valid; `errors` lists the faults");
         errors = NULL;
         goto done;
     }

@@ -17,7 +17,9 @@ bool job_lookup_find_own(const http_context *c, const http_request *request, que
 {
     if (!job_lookup_find(c, request, job, r)) return false;
     if (access_is_owner(request->caller, job->owner)) return true;
-    reply_set_problem(r, "forbidden", NULL, "the job %s belongs to %s", job->id, job->owner);
+    reply_set_problem(r, "forbidden", NULL,
+                      "the job %s belongs to %s; only the owner and administrators may do this", job->id,
+                      job->owner);
     queue_job_clear(job);
     return false;
 }

@@ -125,7 +125,7 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
     const char *asked = paths_asked(o->paths, pointer);
     error told = *why;
     if (asked)
-        error_set(&told, why->code, "%s (asked for as %s; see the setting path_mappings)", why->message,
+        error_set(&told, why->code, "%s (the job named it %s; see the setting path_mappings)", why->message,
                   asked);
     json *errors = json_new_array();
     reply_append_fault(errors, pointer, told.message);
@@ -243,7 +243,8 @@ static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], co
         if ((unsigned char)*t < 0x20 || (unsigned char)*t > 0x7E) length = 0;
     if (length == 0 || length > KEY_LENGTH_MOST) {
         reply_set_problem(r, "request_invalid", NULL,
-                          "an Idempotency-Key has 1 to %d printable ASCII characters", KEY_LENGTH_MOST);
+                          "the Idempotency-Key must have 1 to %d printable ASCII characters",
+                          KEY_LENGTH_MOST);
         return false;
     }
     store_hash(request->body, request->length, hash);
@@ -279,18 +280,18 @@ static void answer_receipt(const http_context *c, const http_request *request, c
         break;
     case QUEUE_MISMATCH:
         reply_set_problem(r, "idempotency_mismatch", NULL,
-                          "this Idempotency-Key came with another body, for the job %s", receipt->id);
+                          "this Idempotency-Key was used with another body, for the job %s", receipt->id);
         break;
     case QUEUE_TOO_MANY:
         reply_set_problem(r, "too_many_jobs", NULL,
-                          "%s has %lld jobs that have not ended, which is the limit", put->owner,
+                          "%s has %lld unfinished jobs, which is the limit (setting user_queued)", put->owner,
                           (long long)put->most_waiting);
         reply_add_header(r, "Retry-After", "5");
         break;
     case QUEUE_NO_ROOM:
         reply_set_storage_full(
-            r, "the disk of the service is full: no job is accepted until there is room (setting"
-               " reserve_mb)");
+            r,
+            "the disk of the service is full: it accepts jobs again when there is room (setting reserve_mb)");
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
         refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
@@ -369,7 +370,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
 void jobs_submit(const http_context *c, const http_request *request, reply *r)
 {
     if (!executor_takes_jobs(c->x)) {
-        reply_set_unavailable(r, "the service drains and takes no jobs now");
+        reply_set_unavailable(r, "the service is draining and accepts no jobs");
         return;
     }
     order o = {0};
@@ -392,14 +393,14 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         return false;
     }
     if (!(request->caller->scopes & SCOPE_SUBMIT)) {
-        error_set(&e, ERROR_NONE, "it needs the scope %s", scope_name(SCOPE_SUBMIT));
+        error_set(&e, ERROR_NONE, "an estimate needs the scope %s", scope_name(SCOPE_SUBMIT));
     } else if (c->estimator) {
         char *text = json_print(o->s->normalised);
         verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
                                 memory_mb, &found, &e);
         free(text);
     } else {
-        error_set(&e, ERROR_NONE, "the service makes none (setting estimates)");
+        error_set(&e, ERROR_NONE, "the service makes no estimates (setting estimates)");
     }
     job_json_put_stored(document, "estimate", found);
     json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);

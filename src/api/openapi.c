@@ -12,11 +12,12 @@
 #include "base/memory.h"
 #include "spec/schema.h"
 
-#define STREAM_PROSE                                                                                                         \
-    "Server-Sent Events. `id` is the event's number, `event` its type, `data` an Event. A stream of all jobs begins with "   \
-    "an event `position`, whose `id` and `data.seq` say behind which number it goes on; another one follows where a filter " \
-    "has left out many, or where events are missing: `removed_up_to` and `reset` in its data mean what they do in an "       \
-    "EventPage. One job's stream has events `progress` between the others, without an `id`, and ends with the job."
+#define STREAM_PROSE                                                                                          \
+    "Server-Sent Events. `id` is the number of the event, `event` its type, `data` an Event. A stream of all" \
+    " jobs begins with an event `position`: its `id` and `data.seq` are the number after which the stream"    \
+    " continues. Further `position` events follow where a filter skipped many events, or where events are"    \
+    " missing; `removed_up_to` and `reset` in their data mean the same as in an EventPage. The stream of one" \
+    " job also has events `progress`, without an `id`, and ends with the job."
 
 /* openapi_schemas.json, byte by byte; the Makefile makes this text of it. */
 static const char answer_schemas[] = {
@@ -118,10 +119,10 @@ static void put_answer(json *responses, const char *word)
     const char *schema = word + 4;
     json *answer = json_put_object(responses, status);
     json_put_string(answer, "description",
-                    strcmp(status, "304") == 0   ? "The client has it."
+                    strcmp(status, "304") == 0   ? "The known version is still valid."
                     : strcmp(status, "204") == 0 ? "Done."
-                    : strcmp(status, "206") == 0 ? "The part that was asked for."
-                                                 : "As asked.");
+                    : strcmp(status, "206") == 0 ? "The requested part."
+                                                 : "Success.");
     if (strcmp(schema, "file") == 0)
         put_content(answer, "*/*", schema);
     else if (strcmp(schema, "text") == 0)
@@ -255,10 +256,9 @@ json *openapi_new(void)
     json_put_string(info, "title", PACKAGE_NAME);
     json_put_string(info, "version", PACKAGE_VERSION);
     json_put_string(info, "summary", "Sampling of implicit surfaces as a batch service.");
-    json_put_string(
-        info, "description",
-        "Jobs are submitted, wait in a durable queue and are run by worker processes. Every error that the"
-        " service gives is a problem document (RFC 9457) with a stable `code`.");
+    json_put_string(info, "description",
+                    "Clients submit jobs, which wait in a durable queue until worker processes run them."
+                    " Every error of the service is a problem document (RFC 9457) with a stable `code`.");
     json_put_string(json_append_object(json_put_array(document, "servers")), "url", "/");
     json *paths = json_put_object(document, "paths");
     for (size_t i = 0; i < api_routes.count; i++) put_operation(paths, &api_routes.row[i]);
@@ -272,7 +272,7 @@ json *openapi_new(void)
     json *bearer = json_put_object(json_put_object(components, "securitySchemes"), "bearer");
     json_put_string(bearer, "type", "http");
     json_put_string(bearer, "scheme", "bearer");
-    json_put_string(bearer, "description", "A token of `hexadctl token add`.");
+    json_put_string(bearer, "description", "A token created by `hexadctl token add`.");
     return document;
 }
 

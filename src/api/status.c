@@ -29,7 +29,7 @@ static void look_at_jobs(const http_context *c, finding *f)
     if (executor_takes_jobs(c->x)) return;
     f->state = "draining";
     f->code = "unavailable";
-    snprintf(f->detail, sizeof f->detail, "the service drains and takes no jobs now");
+    snprintf(f->detail, sizeof f->detail, "the service is draining and accepts no jobs");
 }
 
 static void look_at_database(const http_context *c, finding *f)
@@ -52,11 +52,10 @@ static void look_at_storage(const http_context *c, finding *f)
     if (space.free_bytes >= space.floor_bytes) return;
     f->state = "full";
     f->code = "unavailable";
-    snprintf(
-        f->detail, sizeof f->detail,
-        "storage_full: %lld MiB are free on the disk of state_dir, and %lld MiB are wanted before a job is"
-        " started (setting free_space_mb)",
-        (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
+    snprintf(f->detail, sizeof f->detail,
+             "storage_full: %lld MiB are free on the disk of state_dir; jobs start again at %lld"
+             " MiB (setting free_space_mb)",
+             (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
 }
 
 static const struct condition {
@@ -108,17 +107,17 @@ static void put_jobs(const http_context *c, FILE *out)
 static void put_load(const http_context *c, FILE *out)
 {
     executor_load load = executor_get_load(c->x);
-    put_figure(out, "hexad_attempts_running", "gauge", "Attempts that run.");
+    put_figure(out, "hexad_attempts_running", "gauge", "Running attempts.");
     fprintf(out, "hexad_attempts_running %d\n", load.attempts);
     put_figure(out, "hexad_attempts_limit", "gauge", "Attempts that may run at once.");
     fprintf(out, "hexad_attempts_limit %d\n", load.workers);
-    put_figure(out, "hexad_threads_used", "gauge", "Threads of the attempts that run.");
+    put_figure(out, "hexad_threads_used", "gauge", "Threads of the running attempts.");
     fprintf(out, "hexad_threads_used %d\n", load.threads);
-    put_figure(out, "hexad_threads_limit", "gauge", "Threads that attempts may have.");
+    put_figure(out, "hexad_threads_limit", "gauge", "Threads that attempts may use.");
     fprintf(out, "hexad_threads_limit %d\n", load.all_threads);
-    put_figure(out, "hexad_memory_reserved_bytes", "gauge", "Memory set aside for the attempts that run.");
+    put_figure(out, "hexad_memory_reserved_bytes", "gauge", "Memory reserved for the running attempts.");
     fprintf(out, "hexad_memory_reserved_bytes %lld\n", (long long)load.memory_mb << 20);
-    put_figure(out, "hexad_memory_limit_bytes", "gauge", "Memory that attempts may have.");
+    put_figure(out, "hexad_memory_limit_bytes", "gauge", "Memory that attempts may use.");
     fprintf(out, "hexad_memory_limit_bytes %lld\n", (long long)load.all_memory_mb << 20);
 }
 
@@ -129,7 +128,7 @@ static void put_database(const http_context *c, FILE *out)
     put_figure(out, "hexad_database_damaged", "gauge", "Whether damage was found in the database.");
     fprintf(out, "hexad_database_damaged %d\n", health.damaged);
     put_figure(out, "hexad_database_last_check_timestamp_seconds", "gauge",
-               "When the last check of the database ended; 0: there was none.");
+               "When the last check of the database ended; 0: none has ended yet.");
     fprintf(out, "hexad_database_last_check_timestamp_seconds %.3f\n", (double)health.checked_ms / 1000);
     put_figure(out, "hexad_database_last_check_duration_seconds", "gauge", "How long that check took.");
     fprintf(out, "hexad_database_last_check_duration_seconds %.3f\n", (double)health.check_took_ms / 1000);
@@ -139,9 +138,9 @@ static void put_storage(const http_context *c, FILE *out)
 {
     executor_space space = executor_get_space(c->x);
     put_figure(out, "hexad_storage_free_bytes", "gauge",
-               "Free on the disk of the state directory that has least.");
+               "Free space on the fullest disk of the state directory.");
     fprintf(out, "hexad_storage_free_bytes %lld\n", (long long)space.free_bytes);
-    put_figure(out, "hexad_storage_floor_bytes", "gauge", "With less free there no job is started.");
+    put_figure(out, "hexad_storage_floor_bytes", "gauge", "No job starts with less free space.");
     fprintf(out, "hexad_storage_floor_bytes %lld\n", (long long)space.floor_bytes);
 }
 
@@ -151,11 +150,11 @@ void status_metrics(const http_context *c, const http_request *request, reply *r
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
-    put_figure(out, "hexad_build_info", "gauge", "What is running.");
+    put_figure(out, "hexad_build_info", "gauge", "The running version.");
     fprintf(out, "hexad_build_info{version=\"%s\"} 1\n", PACKAGE_VERSION);
     put_figure(out, "hexad_start_time_seconds", "gauge", "When the service was started.");
     fprintf(out, "hexad_start_time_seconds %.3f\n", (double)c->started_ms / 1000);
-    put_figure(out, "hexad_draining", "gauge", "Whether the service takes no more jobs.");
+    put_figure(out, "hexad_draining", "gauge", "Whether the service accepts no jobs.");
     fprintf(out, "hexad_draining %d\n", !executor_takes_jobs(c->x));
     put_jobs(c, out);
     put_load(c, out);
@@ -165,9 +164,10 @@ void status_metrics(const http_context *c, const http_request *request, reply *r
     for (int i = 2; i < 6; i++)
         fprintf(out, "hexad_http_answers_total{class=\"%dxx\"} %llu\n", i,
                 (unsigned long long)c->counters->answers[i]);
-    put_figure(out, "hexad_http_connections", "gauge", "Connections that are open.");
+    put_figure(out, "hexad_http_connections", "gauge", "Open connections.");
     fprintf(out, "hexad_http_connections %llu\n", (unsigned long long)c->counters->connections);
-    put_figure(out, "hexad_http_refused_connections_total", "counter", "Connections over a limit.");
+    put_figure(out, "hexad_http_refused_connections_total", "counter",
+               "Connections that were refused because of a limit.");
     fprintf(out, "hexad_http_refused_connections_total %llu\n", (unsigned long long)c->counters->refused);
     fclose(out);
     reply_set_text(r, "text/plain; version=0.0.4; charset=utf-8", text);

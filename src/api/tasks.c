@@ -103,8 +103,8 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
         if (fd >= 0)
             reply_set_file(r, "text/plain", fd, bytes);
         else
-            reply_set_problem(r, "not_found", NULL, "the job %s has no log of that attempt (any more)",
-                              job.id);
+            reply_set_problem(r, "not_found", NULL,
+                              "the job %s has no log of this attempt, or it was removed", job.id);
     }
     queue_job_clear(&job);
 }

@@ -66,7 +66,7 @@ static bool resolve(const access_names *names, const char *what, resolver *by_na
         else if (by_name(name, &out->item[out->count]))
             out->count++;
         else
-            return error_set(e, ERROR_SPEC_INVALID, "there is no %s %s", what, name);
+            return error_set(e, ERROR_SPEC_INVALID, "the %s %s does not exist", what, name);
     }
     return true;
 }

@@ -141,12 +141,12 @@ const token *token_set_add(token_set *set, const char *user, unsigned scopes, ch
     uint8_t secret[SECRET_BYTES];
     token t = {.scopes = scopes, .created_ms = clock_wall_ms()};
     if (!is_user(user)) {
-        error_set(e, ERROR_SPEC_INVALID, "a user is 1 to %d letters, digits and \"._@-\"",
+        error_set(e, ERROR_SPEC_INVALID, "a user name must have 1 to %d letters, digits and \"._@-\"",
                   TOKEN_USER_SIZE - 1);
         return NULL;
     }
     if (getrandom(secret, sizeof secret, 0) != sizeof secret) {
-        error_set(e, ERROR_INTERNAL, "no random numbers: %s", strerror(errno));
+        error_set(e, ERROR_INTERNAL, "the system gives no random numbers: %s", strerror(errno));
         return NULL;
     }
     strcpy(text, TOKEN_PREFIX);

@@ -31,8 +31,8 @@ client *client_open(const char *server, const char *token, error *e)
 {
     const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
     if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, "https://", 8) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "server %s: not unix:/path, http://HOST:PORT or https://HOST:PORT",
-                  server);
+        error_set(e, ERROR_SPEC_INVALID,
+                  "server %s: must be unix:/path, http://HOST:PORT or https://HOST:PORT", server);
         return NULL;
     }
     client *c = mem_alloc(sizeof *c);

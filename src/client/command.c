@@ -23,7 +23,7 @@
 char *command_job_path(const char *id, const char *rest)
 {
     if (!*id || strspn(id, "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ") != strlen(id)) {
-        print_failure("that is not the id of a job");
+        print_failure("this is not the id of a job");
         return NULL;
     }
     return mem_printf("/v1/jobs/%s%s", id, rest);
@@ -254,7 +254,7 @@ int command_list(client *c, const char *argument, const command_options *options
                "NAME");
         for (size_t i = 0; i < json_size(jobs); i++) print_row(json_element(&jobs, i));
         if (json_type_of(json_member(&root, "next")) == JSON_STRING)
-            fputs("hexadctl: there are more; see --limit\n", stderr);
+            fputs("hexadctl: there are more jobs; see --limit\n", stderr);
     }
     client_reply_clear(&reply);
     free(path);
@@ -292,7 +292,7 @@ static int fetch_file(client *c, const char *directory, json_at item, error *e)
     }
     if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
     if (strcmp(hex, wanted) != 0) {
-        error_set(e, ERROR_INPUT_DAMAGED, "%s: what arrived has another hash than what was sent", name);
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: the received bytes do not have the announced SHA-256", name);
         goto done;
     }
     if (store_file_commit(&file, e)) code = COMMAND_OK;

@@ -43,7 +43,7 @@ int command_priority(client *c, const char *argument, const command_options *opt
     long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
     int code = COMMAND_USAGE;
     if (!options->priority || !*options->priority || *end) {
-        print_failure("say the priority: hexadctl priority ID --priority N");
+        print_failure("the priority is missing: hexadctl priority ID --priority N");
     } else if (path) {
         char *body = mem_printf("{\"priority\":%ld}", priority);
         code = ask(c, "PATCH", path, body, &document);

@@ -51,7 +51,8 @@ int command_token_add(client *c, const char *argument, const command_options *op
     bool ok = false;
     const char *wanted = options->scopes ? options->scopes : default_scopes;
     if (!scope_parse(wanted, &scopes)) {
-        error_set(&e, ERROR_SPEC_INVALID, "--scopes %s: not a list of read, submit, cancel, admin", wanted);
+        error_set(&e, ERROR_SPEC_INVALID, "--scopes %s: must be a list of read, submit, cancel, admin",
+                  wanted);
         return fail(&e);
     }
     int lock = lock_file(options, &e);
@@ -61,7 +62,7 @@ int command_token_add(client *c, const char *argument, const command_options *op
     ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
-        fprintf(stderr, "hexadctl: token %s of %s; it is shown this once\n", t->id, t->user);
+        fprintf(stderr, "hexadctl: token %s of %s; it is shown only once\n", t->id, t->user);
         puts(text);
     }
     token_set_clear(&set);

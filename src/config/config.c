@@ -166,7 +166,7 @@ static bool read_file(config *c, const char *path, error *e)
     if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
-        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: this is neither a setting nor a section", path, line);
     if (mine.code && e) *e = mine;
     return !mine.code;
 }
@@ -300,7 +300,7 @@ void config_take_over(config *c, const config *fresh)
                (row->type != CONFIG_TEXT && !is_list(row))); /* others hold pointers into these */
         if (row->reloads) memcpy(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
-                  row->reloads ? "has changed" : "has changed in the file, which a new start takes over");
+                  row->reloads ? "has changed" : "has changed in the file; a restart applies it");
     }
 }
 
@@ -366,25 +366,27 @@ void config_print_help(FILE *file)
           "       hexad [--config FILE] [--KEY VALUE]... --backup FILE | --check\n"
           "\n"
           "Serves sampling jobs over HTTP, keeps them in a durable queue and runs each in a worker\n"
-          "process. SIGTERM and SIGINT drain and end with 0; a second one ends at once. SIGHUP reads\n"
-          "the settings again.\n"
+          "process. SIGTERM and SIGINT stop it after a drain, with exit status 0; a second one stops\n"
+          "it at once. SIGHUP reloads the settings.\n"
           "\n"
-          "  --config FILE    settings from a file (etc/hexad.conf explains each)\n"
-          "  --adopt          takes the database in state_dir, whosever it is, or a new one where it is\n"
-          "                   lost, and reads results that it does not know back into it; for one start\n"
-          "  --backup FILE    copies the queue's database to FILE, which it replaces, and checks the copy;\n"
-          "                   whether hexad runs or not. One that runs is asked at $HEXAD_SERVER, else\n"
-          "                   where the settings say; over TCP with the token $HEXAD_TOKEN, of scope admin\n"
+          "  --config FILE    reads settings from a file (etc/hexad.conf explains each)\n"
+          "  --adopt          for one start: takes over the database in state_dir from another instance, or\n"
+          "                   creates a new one where it is lost, and registers results that it lacks\n"
+          "  --backup FILE    copies the queue's database to FILE, replacing it, and checks the"
+          " copy. It works\n"
+          "                   whether hexad runs or not. A running hexad is found at $HEXAD_SERVER,\n"
+          "                   otherwise where the settings say; over TCP it needs a token of the scope\n"
+          "                   admin in $HEXAD_TOKEN\n"
           "  --check          checks the database for damage and, when hexad does not run, the results of\n"
-          "                   all jobs; changes nothing, and prints a line for each thing that is wrong\n"
-          "  --print-config   a sample of that file\n"
-          "  --help           this text\n"
-          "  --version        the version\n"
+          "                   all jobs. It changes nothing and prints a line for each fault\n"
+          "  --print-config   prints a sample of the settings file\n"
+          "  --help           prints this text\n"
+          "  --version        prints the version\n"
           "\n"
           "Exit status: 0 drained, 1 failure, 2 bad settings. Of --backup: 0 done, 1 failure, and FILE is\n"
-          "as it was. Of --check: 0 all is sound, 1 trouble was found, or it could not be looked for.\n"
+          "unchanged. Of --check: 0 no fault, 1 a fault was found, or the check could not be made.\n"
           "\n"
-          "Settings, as options and as keys of the file; options win:\n",
+          "Settings, as options and as keys of the file; options take precedence:\n",
           file);
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];

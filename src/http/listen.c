@@ -80,7 +80,7 @@ static bool open_tcp(const char *where, listen_socket *s, error *e)
     int fd = -1, one = 1;
     listen_reach reach = LISTEN_LOOPBACK;
     if (!split(where, &host, &port))
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: not HOST:PORT or unix:/path", where);
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: must be HOST:PORT or unix:/path", where);
     int why = getaddrinfo(host, port, &hints, &found);
     if (why != 0) {
         error_set(e, ERROR_SPEC_INVALID, "listen %s: %s", where, gai_strerror(why));
@@ -109,7 +109,7 @@ static bool remove_stale(const struct sockaddr_un *address, const char *where, e
     struct stat info;
     if (lstat(address->sun_path, &info) != 0) return true;
     if (!S_ISSOCK(info.st_mode))
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: there is something that is not a socket", where);
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: the path exists and is not a socket", where);
     int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (probe < 0) return fail(e, where, "socket");
     bool alive =
@@ -124,8 +124,8 @@ static bool open_unix(const char *where, bool shared, listen_socket *s, error *e
     const char *path = where + strlen("unix:");
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     if (*path != '/' || strlen(path) >= sizeof address.sun_path)
-        return error_set(e, ERROR_SPEC_INVALID, "listen %s: not an absolute path of at most %zu bytes", where,
-                         sizeof address.sun_path - 1);
+        return error_set(e, ERROR_SPEC_INVALID, "listen %s: must be an absolute path of at most %zu bytes",
+                         where, sizeof address.sun_path - 1);
     strcpy(address.sun_path, path);
     if (!remove_stale(&address, where, e)) return false;
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -157,7 +157,7 @@ bool listen_adopt(int fd, listen_socket *s, error *e)
     if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &flag_size) != 0 ||
         getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &flag_size) != 0 || !listens || type != SOCK_STREAM ||
         getsockname(fd, &a.any, &size) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "the socket that was handed over is no stream socket that listens");
+        error_set(e, ERROR_SPEC_INVALID, "the socket that systemd passed is not a listening stream socket");
     } else if (a.any.sa_family == AF_UNIX) {
         *s = (listen_socket){fd, mem_printf("unix:%s", a.local.sun_path), LISTEN_UNIX, NULL};
         return true;

@@ -51,11 +51,11 @@ bool parameter_check_query(const parameter_table *table, const char *names, cons
         const char *key = request->query[i].key, *value = request->query[i].value;
         const char *fault = NULL;
         for (size_t other = 0; other < i; other++)
-            if (strcmp(key, request->query[other].key) == 0) fault = "stands twice";
+            if (strcmp(key, request->query[other].key) == 0) fault = "is given twice";
         if (!is_listed(names, key))
-            fault = "is not known here";
+            fault = "is not a parameter of this path";
         else if (!is_good(find(table, key), value))
-            fault = "cannot be that";
+            fault = "has an invalid value";
         if (!fault) continue;
         reply_set_problem(r, "request_invalid", NULL, "query %.100s=%.100s: %.100s %s", key,
                           value ? value : "", key, fault);

@@ -261,9 +261,9 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
 {
     static const char *const why[] = {
         [CONNECTION_TOO_MANY_OF_CLIENT] =
-            "this client has as many connections as one may have without a token",
-        [CONNECTION_TOO_MANY_OF_USER] = "this user has as many connections as one may have",
-        [CONNECTION_TOO_MANY] = "there are as many connections as there may be",
+            "this client has too many connections without a token (setting client_connection_limit)",
+        [CONNECTION_TOO_MANY_OF_USER] = "this user has too many connections (setting user_connection_limit)",
+        [CONNECTION_TOO_MANY] = "the service has too many connections (setting connection_limit)",
     };
     client_connection *p = connection_of(x->connection);
     bool is_user = x->known && (f->authorization || connections_access(p)->local);
@@ -285,21 +285,20 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     const pages *allowed = x->s->settings.pages;
     if (from->local || !from->scopes || (f->authorization && x->known)) return false;
     if (f->hosts > 1 || (f->hosts && !pages_is_host(allowed, f->host))) {
-        reply_set_problem(
-            r, "misdirected_request", NULL,
-            "the host %.200s is not this service's: ask for the address that it listens on, or name"
-            " an origin with that host in the setting page_origins",
-            f->host);
+        reply_set_problem(r, "misdirected_request", NULL,
+                          "this service is not at the host %.200s: use the address that it listens on, or add"
+                          " an origin with this host to the setting page_origins",
+                          f->host);
         return true;
     }
     const char *site = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, "Sec-Fetch-Site");
     bool foreign = f->origins ? f->origins > 1 || !pages_is_welcome(allowed, f->origin)
                               : site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0;
     if (!foreign) return false;
-    reply_set_problem(
-        r, "origin_forbidden", NULL,
-        "pages of %.200s may not ask this service: the setting page_origins names those that may",
-        f->origins ? f->origin : "another site");
+    reply_set_problem(r, "origin_forbidden", NULL,
+                      "pages of %.200s may not send requests to this service: the setting page_origins"
+                      " names those that may",
+                      f->origins ? f->origin : "another site");
     return true;
 }
 
@@ -326,8 +325,9 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
     if (match->found && !match->found->scope) return false; /* open to all */
     if (!x->known) {
         reply_set_problem(r, "unauthorized", NULL,
-                          f->authorization ? "the token is not known: it may have been revoked"
-                                           : "a token is needed here: Authorization: Bearer TOKEN");
+                          f->authorization
+                              ? "the token is unknown; it may have been revoked"
+                              : "this needs a token: send the header Authorization: Bearer TOKEN");
         reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
                          f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
                                           : "Bearer realm=\"hexad\"");
@@ -344,13 +344,15 @@ static bool refuse_body(const exchange *x, const fields *f, reply *r)
     size_t limit = x->s->settings.body_limit_bytes;
     if (x->route.found->opener) return false;
     if (f->length && strtoull(f->length, NULL, 10) > limit) {
-        reply_set_problem(r, "body_too_large", NULL, "the body has %.24s bytes and the limit is %zu",
-                          f->length, limit);
+        reply_set_problem(r, "body_too_large", NULL,
+                          "the body has %.24s bytes; the limit is %zu (setting body_limit_bytes)", f->length,
+                          limit);
         return true;
     }
     if (x->route.found->body &&
         !is_json(MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE))) {
-        reply_set_problem(r, "media_type_unsupported", NULL, "the body must be application/json");
+        reply_set_problem(r, "media_type_unsupported", NULL,
+                          "the body must be JSON: send the header Content-Type: application/json");
         return true;
     }
     return false;
@@ -404,11 +406,12 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     const route_match *match = &x->route;
     if (refuse_caller(x, f, r)) return true;
     if (!match->known) {
-        reply_set_problem(r, "not_found", NULL, "nothing is served at %.200s", path);
+        reply_set_problem(r, "not_found", NULL, "the path %.200s does not exist", path);
         return true;
     }
     if (!match->found) {
-        reply_set_problem(r, "method_not_allowed", NULL, "%.32s does not apply to %.200s", method, path);
+        reply_set_problem(r, "method_not_allowed", NULL, "the method %.32s is not allowed at %.200s", method,
+                          path);
         reply_add_header(r, MHD_HTTP_HEADER_ALLOW, match->allow);
         return true;
     }
@@ -428,7 +431,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     if (f.lengths > 1 || f.codings > 1 || (f.lengths && f.codings) || (f.codings && !f.chunked)) {
         reply_set_problem(r, "request_invalid", NULL,
-                          "the length of the body is given more than once or not at all");
+                          "the length of the body is missing, or given more than once");
         *early = true;
     } else if (refuse_connection(x, &f, r) || refuse_page(x, &f, r)) {
         *early = true;
@@ -509,7 +512,8 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 static bool read_body(exchange *x, reply *r)
 {
     if (x->too_large) {
-        reply_set_problem(r, "body_too_large", NULL, "the body is longer than the limit of %zu bytes",
+        reply_set_problem(r, "body_too_large", NULL,
+                          "the body is longer than the limit of %zu bytes (setting body_limit_bytes)",
                           x->s->settings.body_limit_bytes);
         reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
         return false;
@@ -653,7 +657,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
     if (!daemon) {
-        error_set(e, ERROR_INTERNAL, "the HTTP server does not start on %s: %s", socket->address,
+        error_set(e, ERROR_INTERNAL, "the HTTP server cannot start on %s: %s", socket->address,
                   strerror(errno));
         if (fd >= 0) close(fd);
         goto failed;

@@ -179,7 +179,7 @@ static bool init_socket(service *s, error *e)
     if (fd >= 0) {
         bool adopted = listen_adopt(fd, &s->socket, e);
         if (adopted && *c->listen)
-            log_write(LOG_LEVEL_WARNING, "listen = %s is not served: %s was handed over by a socket unit",
+            log_write(LOG_LEVEL_WARNING, "listen = %s is ignored: a socket unit of systemd passed %s",
                       c->listen, s->socket.address);
         return adopted;
     }
@@ -203,20 +203,19 @@ static bool check_reach(const service *s, error *e)
     const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
     bool open = strcmp(s->settings.tcp_without_tokens, OPEN_TCP) == 0;
     if (!open && *s->settings.tcp_without_tokens)
-        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only words for it are " OPEN_TCP);
+        return error_set(e, ERROR_SPEC_INVALID, "tcp_without_tokens: the only value is " OPEN_TCP);
     if (s->socket.reach == LISTEN_UNIX || access_has_tokens(s->access)) return true;
     if (s->socket.reach == LISTEN_NETWORK)
-        return error_set(
-            e, ERROR_SPEC_INVALID,
-            "listen %s: other machines reach that, and there are no tokens: make some with hexadctl"
-            " token add (setting token_file), or listen on unix:/path",
-            where);
-    return open ||
-           error_set(e, ERROR_SPEC_INVALID,
-                     "listen %s: every user of this machine reaches that, and there are no tokens: make some"
-                     " with hexadctl token add (setting token_file), listen on unix:/path, or set"
-                     " tcp_without_tokens = " OPEN_TCP,
-                     where);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "listen %s: other machines can reach this address, and there are no tokens: create"
+                         " tokens with hexadctl token add (setting token_file), or listen on unix:/path",
+                         where);
+    return open || error_set(e, ERROR_SPEC_INVALID,
+                             "listen %s: every user of this machine can reach this address, and there are no"
+                             " tokens: create tokens with hexadctl token add (setting token_file), listen on"
+                             " unix:/path, or set"
+                             " tcp_without_tokens = " OPEN_TCP,
+                             where);
 }
 
 static access_names names_of(const config_list *list)
@@ -267,7 +266,7 @@ static bool init_outputs(service *s, error *e)
                          "output_mode %s: must be octal and give the owner read and write", c->output_mode);
     const struct group *group = *c->output_group ? getgrnam(c->output_group) : NULL;
     if (*c->output_group && !group)
-        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: there is no such group", c->output_group);
+        return error_set(e, ERROR_SPEC_INVALID, "output_group %s: the group does not exist", c->output_group);
     for (size_t i = 0; i < c->output_roots.count; i++)
         if (c->output_roots.item[i][0] != '/')
             return error_set(e, ERROR_SPEC_INVALID, "output_roots: %s must be an absolute path",
@@ -523,7 +522,8 @@ static void tell_manager(service *s)
     s->turns = turns;
     executor_wake(s->x);
     if (stuck && !s->stuck)
-        log_write(LOG_LEVEL_ERROR, "the supervisor is stuck: no sign of life to the service manager");
+        log_write(LOG_LEVEL_ERROR,
+                  "the supervisor is stuck: the watchdog of the service manager is no longer pinged");
     s->stuck = stuck;
     if (stuck) {
         manager_tell_status("stuck");
@@ -557,7 +557,7 @@ static void reload(service *s)
         executor_change(s->x, &settings);
         log_write(LOG_LEVEL_INFO, "settings reloaded");
     } else {
-        log_write(LOG_LEVEL_ERROR, "settings stay as they were: %s", e.message);
+        log_write(LOG_LEVEL_ERROR, "the settings are unchanged: %s", e.message);
     }
     config_clear(&fresh);
     manager_tell_ready();

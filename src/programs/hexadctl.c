@@ -22,40 +22,40 @@
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
-    "  submit SPEC.json|- [--wait]      queue a job; prints its id\n"
-    "  list [--state STATE] [--limit N] the newest jobs\n"
-    "  show ID                          state of a job; all of it with --json\n"
-    "  wait ID                          wait for the end of a job, showing its progress\n"
-    "  cancel ID                        take a job out of the queue, or stop it\n"
-    "  fetch ID [--output DIR]          the results, verified; into DIR, else into ./ID\n"
+    "  submit SPEC.json|- [--wait]      submit a job and print its id\n"
+    "  list [--state STATE] [--limit N] list the newest jobs\n"
+    "  show ID                          print the state of a job; everything with --json\n"
+    "  wait ID                          wait for the end of a job and show its progress\n"
+    "  cancel ID                        cancel a job, whether it waits or runs\n"
+    "  fetch ID [--output DIR]          download and verify the results, into DIR or ./ID\n"
     "\n"
-    "  pause ID, resume ID              start no attempt of a job; and again\n"
-    "  retry ID                         run what failed of a job again\n"
-    "  delete ID                        forget a job that has ended, with its results\n"
-    "  priority ID --priority N         change its place in the queue\n"
-    "  watch ID                         what happens to a job, as it happens; a JSON object a line\n"
-    "  log ID                           what its last worker said\n"
-    "  workers                          what runs, and what may\n"
-    "  drain, undrain                   take no more jobs and start none; and again\n"
-    "  token add USER [--scopes LIST]   make a token for the REST interface; prints it, once\n"
-    "  token list                       the tokens that there are\n"
-    "  token revoke ID                  forget a token; holds at once\n"
+    "  pause ID, resume ID              start no further attempt of a job; start them again\n"
+    "  retry ID                         run the failed tasks of a job again\n"
+    "  delete ID                        delete a job that has ended, with its results\n"
+    "  priority ID --priority N         change the priority of a job\n"
+    "  watch ID                         print the events of a job as they happen, as lines of JSON\n"
+    "  log ID                           print the log of the last attempt of a job\n"
+    "  workers                          list the running attempts, and the limits\n"
+    "  drain, undrain                   accept and start no more jobs; accept and start them again\n"
+    "  token add USER [--scopes LIST]   create a token for the REST interface and print it, once\n"
+    "  token list                       list the tokens\n"
+    "  token revoke ID                  revoke a token; it is refused at once\n"
     "\n"
-    "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, else\n"
-    "                 unix:" SYSTEM_SOCKET " if it is there, else unix:" STATE_SOCKET "\n"
+    "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
+    "                 unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
+    "                 unix:" STATE_SOCKET "\n"
     "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
-    "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS ", of the service that\n"
-    "                 systemd runs, if there is a group " SYSTEM_GROUP ", else " STATE_TOKENS "\n"
-    "  --json         print documents as the server gives them\n"
+    "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS " (of the service that\n"
+    "                 systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
+    "                 " STATE_TOKENS "\n"
+    "  --json         print the JSON documents of the server\n"
     "  --help, --version\n"
     "\n"
-    "A token to be shown to the server is taken from $HEXAD_TOKEN.\n"
+    "A server that needs a token gets the one in $HEXAD_TOKEN.\n"
     "\n"
-    "Exit status: 0 done (a job waited for: succeeded and converged), 1 the job failed or ran out "
-    "of\n"
-    "time, 2 bad usage or a spec that is refused, 3 no server answers, 4 no such job or no "
-    "results,\n"
-    "6 the job was cancelled, 10 the job succeeded but did not converge.\n";
+    "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
+    "timed out, 2 bad usage or a spec that the server refuses, 3 no server answers, 4 no such job or\n"
+    "no results, 6 the job was cancelled, 10 the job succeeded but did not converge.\n";
 
 static const struct entry {
     const char *name;
@@ -190,7 +190,7 @@ int main(int argc, char **argv)
     for (int i = 1; i < argc; i++) {
         bool option = argv[i][0] == '-' && argv[i][1];
         if (option ? take_option(&l, argc, argv, &i) : take_word(&l, argv[i])) continue;
-        fprintf(stderr, "hexadctl: %s is not understood; see --help\n", argv[i]);
+        fprintf(stderr, "hexadctl: unknown argument %s; see --help\n", argv[i]);
         return COMMAND_USAGE;
     }
     if (!l.entry || (l.entry->argument && !l.argument)) {

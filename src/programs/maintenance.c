@@ -110,7 +110,7 @@ static bool check_whole(const char *path, error *e)
     bool whole = !*findings;
     if (!whole)
         error_set(e, ERROR_DATABASE_DAMAGED,
-                  "the database is damaged (%.*s): no backup is made of it; hexad --check tells more",
+                  "the database is damaged (%.*s) and is not copied; hexad --check tells more",
                   (int)strcspn(findings, "\n"), findings);
     free(findings);
     return whole;
@@ -123,8 +123,7 @@ int maintenance_back_up(const config *settings)
     struct stat info;
     int lock = -1;
     if (stat(settings->backup, &info) == 0 && !S_ISREG(info.st_mode)) {
-        error_set(&e, ERROR_INTERNAL, "%s is no file but a directory or a device: name a file",
-                  settings->backup);
+        error_set(&e, ERROR_INTERNAL, "%s is not a regular file: name a file", settings->backup);
         return fail(&e);
     }
     store_file_clear(settings->backup); /* of one that was killed */

@@ -72,7 +72,8 @@ static char *read_secret(const char *path, error *e)
     if (strlen(secret) >= SECRET_LEAST) return secret;
     free(secret);
     error_set(e, ERROR_SPEC_INVALID,
-              "webhook_secret_file %s: a secret has at least %d characters, in one line", path, SECRET_LEAST);
+              "webhook_secret_file %s: the secret must have at least %d characters, in one line", path,
+              SECRET_LEAST);
     return NULL;
 }
 

@@ -91,8 +91,7 @@ static bool is_listed(const webhook_hosts *hosts, const char *scheme, const char
 bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e)
 {
     if (!hosts || hosts->count == 0)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "this service calls no webhooks: its setting webhook_hosts is empty");
+        return error_set(e, ERROR_SPEC_INVALID, "the service calls no webhooks (setting webhook_hosts)");
     CURLU *address = curl_url();
     CURLUcode code =
         address ? curl_url_set(address, CURLUPART_URL, url, CURLU_DISALLOW_USER) : CURLUE_OUT_OF_MEMORY;
@@ -104,13 +103,13 @@ bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e)
         port = take_part(address, CURLUPART_PORT, CURLU_DEFAULT_PORT);
     }
     if (!ok)
-        error_set(e, ERROR_SPEC_INVALID, "must be an address of http or https, without a user: %s",
+        error_set(e, ERROR_SPEC_INVALID, "must be an http or https URL without a user: %s",
                   curl_url_strerror(code));
     else if (!(ok = scheme && (strcmp(scheme, "http") == 0 || strcmp(scheme, "https") == 0) && name && port))
-        error_set(e, ERROR_SPEC_INVALID, "must be an address of http or https");
+        error_set(e, ERROR_SPEC_INVALID, "must be an http or https URL");
     else if (!(ok = is_listed(hosts, scheme, name, port)))
-        error_set(e, ERROR_SPEC_INVALID,
-                  "%s:%s is not in the service's list of hosts (setting webhook_hosts)", name, port);
+        error_set(e, ERROR_SPEC_INVALID, "the service does not call %s:%s (setting webhook_hosts)", name,
+                  port);
     free(scheme);
     free(name);
     free(port);

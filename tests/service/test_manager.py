@@ -95,14 +95,14 @@ def test_settings_are_read_again(new_service, manager, tmp_path):
     manager.hear("READY=1")
     log = service.log.read_text()
     assert "setting stall_s has changed\n" in log and "setting grace_s has changed\n" in log
-    assert "setting max_attempts has changed in the file, which a new start takes over" in log
+    assert "setting max_attempts has changed in the file; a restart applies it" in log
     assert log.count(" setting ") == 3
     job = service.submit(sphere())
     assert service.wait_state(job, "failed", "timed_out")["error"]["code"] == "stalled"
     file.write_text("stall_s = soon\n")
     service.process.send_signal(signal.SIGHUP)
     manager.hear("READY=1")
-    assert f"settings stay as they were: {file}:1: stall_s" in service.log.read_text()
+    assert f"the settings are unchanged: {file}:1: stall_s" in service.log.read_text()
     assert service.end() == 0
 
 
@@ -145,7 +145,7 @@ def test_a_socket_is_handed_over(build, tmp_path, family):
             client.sendall(f"GET /healthz HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n".encode())
             assert client.recv(4096).startswith(b"HTTP/1.1 200 ")
         process.send_signal(signal.SIGTERM)
-        assert f"listen = 127.0.0.1:0 is not served: {address}" in process.communicate(timeout=PATIENCE_S)[1]
+        assert f"listen = 127.0.0.1:0 is ignored: a socket unit of systemd passed {address}" in process.communicate(timeout=PATIENCE_S)[1]
         assert process.returncode == 0
         assert family == "inet" or (tmp_path / "socket").exists()  # which is not the daemon's to remove
     finally:
@@ -157,7 +157,7 @@ def test_a_socket_is_handed_over(build, tmp_path, family):
 def test_sockets_that_cannot_be_served(build, tmp_path):
     listening = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
     silent = socket.socket()
-    for given, word in ((listening, "one is served"), ([silent], "no stream socket that listens")):
+    for given, word in ((listening, "but hexad serves one"), ([silent], "not a listening stream socket")):
         process = start_with_sockets(build, tmp_path, *given)
         assert word in process.communicate(timeout=PATIENCE_S)[1]
         assert process.returncode == 2
