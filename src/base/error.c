@@ -5,29 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char *const names[ERROR_CODE_COUNT] = {
-    [ERROR_NONE] = "none",
-    [ERROR_SPEC_INVALID] = "spec_invalid",
-    [ERROR_NOT_SUPPORTED] = "not_supported",
-    [ERROR_PATH_FORBIDDEN] = "path_forbidden",
-    [ERROR_INPUT_MISSING] = "input_missing",
-    [ERROR_INPUT_DAMAGED] = "input_damaged",
-    [ERROR_INPUT_UNSUPPORTED] = "input_unsupported",
-    [ERROR_GRID_MISSING] = "grid_missing",
-    [ERROR_GRID_AMBIGUOUS] = "grid_ambiguous",
-    [ERROR_ISOVALUE_REQUIRED] = "isovalue_required",
-    [ERROR_NO_SURFACE] = "no_surface",
-    [ERROR_LIMIT_MEMORY] = "limit_memory",
-    [ERROR_LIMIT_TIME] = "limit_time",
-    [ERROR_STALLED] = "stalled",
-    [ERROR_CANCELLED] = "cancelled",
-    [ERROR_DEPENDENCY_FAILED] = "dependency_failed",
-    [ERROR_STORAGE_FULL] = "storage_full",
-    [ERROR_STORAGE_FAILED] = "storage_failed",
-    [ERROR_INTERRUPTED] = "interrupted",
-    [ERROR_DATABASE_DAMAGED] = "database_damaged",
-    [ERROR_INTERNAL] = "internal",
-};
+static const char *const names[] = {ERROR_LIST(WORDS_TEXT, )};
 
 /* A message that vsnprintf cut may end inside a UTF-8 sequence: drop the incomplete tail, and keep
  * the message on one line, since it travels as a line of JSON and as a log record. */

@@ -13,30 +13,32 @@
 
 #include <stdbool.h>
 
-typedef enum error_code {
-    ERROR_NONE = 0,
-    ERROR_SPEC_INVALID,
-    ERROR_NOT_SUPPORTED,
-    ERROR_PATH_FORBIDDEN,
-    ERROR_INPUT_MISSING,
-    ERROR_INPUT_DAMAGED,
-    ERROR_INPUT_UNSUPPORTED,
-    ERROR_GRID_MISSING,
-    ERROR_GRID_AMBIGUOUS,
-    ERROR_ISOVALUE_REQUIRED,
-    ERROR_NO_SURFACE,
-    ERROR_LIMIT_MEMORY,
-    ERROR_LIMIT_TIME,
-    ERROR_STALLED,
-    ERROR_CANCELLED,
-    ERROR_DEPENDENCY_FAILED,
-    ERROR_STORAGE_FULL,   /* no space is left on a disk, or within a quota */
-    ERROR_STORAGE_FAILED, /* a disk does not read or write */
-    ERROR_INTERRUPTED,
-    ERROR_DATABASE_DAMAGED,
-    ERROR_INTERNAL,
-    ERROR_CODE_COUNT
-} error_code;
+#include "base/words.h"
+
+#define ERROR_LIST(ENTRY, prefix)                                                                       \
+    ENTRY(prefix, NONE, "none")                                                                         \
+    ENTRY(prefix, SPEC_INVALID, "spec_invalid")                                                         \
+    ENTRY(prefix, NOT_SUPPORTED, "not_supported")                                                       \
+    ENTRY(prefix, PATH_FORBIDDEN, "path_forbidden")                                                     \
+    ENTRY(prefix, INPUT_MISSING, "input_missing")                                                       \
+    ENTRY(prefix, INPUT_DAMAGED, "input_damaged")                                                       \
+    ENTRY(prefix, INPUT_UNSUPPORTED, "input_unsupported")                                               \
+    ENTRY(prefix, GRID_MISSING, "grid_missing")                                                         \
+    ENTRY(prefix, GRID_AMBIGUOUS, "grid_ambiguous")                                                     \
+    ENTRY(prefix, ISOVALUE_REQUIRED, "isovalue_required")                                               \
+    ENTRY(prefix, NO_SURFACE, "no_surface")                                                             \
+    ENTRY(prefix, LIMIT_MEMORY, "limit_memory")                                                         \
+    ENTRY(prefix, LIMIT_TIME, "limit_time")                                                             \
+    ENTRY(prefix, STALLED, "stalled")                                                                   \
+    ENTRY(prefix, CANCELLED, "cancelled")                                                               \
+    ENTRY(prefix, DEPENDENCY_FAILED, "dependency_failed")                                               \
+    ENTRY(prefix, STORAGE_FULL, "storage_full")     /* no space is left on a disk, or within a quota */ \
+    ENTRY(prefix, STORAGE_FAILED, "storage_failed") /* a disk does not read or write */                 \
+    ENTRY(prefix, INTERRUPTED, "interrupted")                                                           \
+    ENTRY(prefix, DATABASE_DAMAGED, "database_damaged")                                                 \
+    ENTRY(prefix, INTERNAL, "internal")
+
+typedef enum error_code { ERROR_LIST(WORDS_ENUMERATOR, ERROR) ERROR_CODE_COUNT } error_code;
 
 typedef struct error {
     error_code code;

@@ -25,6 +25,6 @@ isa isa_best(void)
 
 const char *isa_name(isa which)
 {
-    static const char *const names[ISA_COUNT] = {"portable", "avx2", "avx512"};
+    static const char *const names[ISA_COUNT] = {ISA_LIST(WORDS_TEXT, )};
     return names[which];
 }

@@ -5,7 +5,14 @@
 
 #include <stdbool.h>
 
-typedef enum isa { ISA_PORTABLE, ISA_AVX2, ISA_AVX512, ISA_COUNT } isa;
+#include "base/words.h"
+
+#define ISA_LIST(ENTRY, prefix)         \
+    ENTRY(prefix, PORTABLE, "portable") \
+    ENTRY(prefix, AVX2, "avx2")         \
+    ENTRY(prefix, AVX512, "avx512")
+
+typedef enum isa { ISA_LIST(WORDS_ENUMERATOR, ISA) ISA_COUNT } isa;
 
 isa isa_best(void); /* of those that this machine has */
 bool isa_available(isa which);

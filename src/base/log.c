@@ -8,12 +8,7 @@
 #include "base/clock.h"
 #include "base/manager.h"
 
-static const char *const names[] = {
-    [LOG_LEVEL_ERROR] = "error",
-    [LOG_LEVEL_WARNING] = "warning",
-    [LOG_LEVEL_INFO] = "info",
-    [LOG_LEVEL_DEBUG] = "debug",
-};
+static const char *const names[] = {LOG_LEVEL_LIST(WORDS_TEXT, )};
 
 static atomic_int threshold = LOG_LEVEL_INFO;
 
@@ -24,7 +19,7 @@ void log_set_level(log_level level)
 
 bool log_level_from_name(const char *name, log_level *level)
 {
-    for (int i = 0; i < (int)(sizeof names / sizeof *names); i++) {
+    for (int i = 0; i < LOG_LEVEL_COUNT; i++) {
         if (strcmp(names[i], name) == 0) {
             *level = (log_level)i;
             return true;

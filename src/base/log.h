@@ -13,7 +13,15 @@
 #include <stdarg.h>
 #include <stdbool.h>
 
-typedef enum log_level { LOG_LEVEL_ERROR, LOG_LEVEL_WARNING, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG } log_level;
+#include "base/words.h"
+
+#define LOG_LEVEL_LIST(ENTRY, prefix) \
+    ENTRY(prefix, ERROR, "error")     \
+    ENTRY(prefix, WARNING, "warning") \
+    ENTRY(prefix, INFO, "info")       \
+    ENTRY(prefix, DEBUG, "debug")
+
+typedef enum log_level { LOG_LEVEL_LIST(WORDS_ENUMERATOR, LOG_LEVEL) LOG_LEVEL_COUNT } log_level;
 
 /* Records above the level are dropped; info at the start. */
 void log_set_level(log_level level);

@@ -28,12 +28,11 @@
 #define SANITIZED 0
 #endif
 
-static const char *const mode_names[] = {
-    [SANDBOX_OFF] = "off", [SANDBOX_AVAILABLE] = "available", [SANDBOX_REQUIRED] = "required"};
+static const char *const mode_names[] = {SANDBOX_LIST(WORDS_TEXT, )};
 
 bool sandbox_mode_from_name(const char *name, sandbox_mode *mode)
 {
-    for (size_t i = 0; i < sizeof mode_names / sizeof *mode_names; i++) {
+    for (size_t i = 0; i < SANDBOX_MODES; i++) {
         if (strcmp(mode_names[i], name) == 0) {
             *mode = (sandbox_mode)i;
             return true;

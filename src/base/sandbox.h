@@ -17,12 +17,15 @@
 #include <stddef.h>
 
 #include "base/error.h"
+#include "base/words.h"
 
-typedef enum sandbox_mode {
-    SANDBOX_OFF,
-    SANDBOX_AVAILABLE, /* what the kernel has */
-    SANDBOX_REQUIRED   /* an error where it lacks Landlock or filters */
-} sandbox_mode;
+/* available: what the kernel has; required: an error where it lacks Landlock or filters */
+#define SANDBOX_LIST(ENTRY, prefix)       \
+    ENTRY(prefix, OFF, "off")             \
+    ENTRY(prefix, AVAILABLE, "available") \
+    ENTRY(prefix, REQUIRED, "required")
+
+typedef enum sandbox_mode { SANDBOX_LIST(WORDS_ENUMERATOR, SANDBOX) SANDBOX_MODES } sandbox_mode;
 
 typedef struct sandbox_places {
     const char *const *readable; /* files that can be read, and directories below which all can */

@@ -47,8 +47,9 @@ static bool fits_memory(const job *j, double count, error *e)
 /* The instruction set that the spec asks for. */
 static bool choose_isa(const spec *s, isa *out, error *e)
 {
-    static const isa named[] = {
-        [SPEC_ISA_PORTABLE] = ISA_PORTABLE, [SPEC_ISA_AVX2] = ISA_AVX2, [SPEC_ISA_AVX512] = ISA_AVX512};
+#define NAMED(prefix, name, word) [SPEC_ISA_##name] = prefix##_##name,
+    static const isa named[] = {ISA_LIST(NAMED, ISA)};
+#undef NAMED
     *out = s->isa == SPEC_ISA_AUTO ? isa_best() : named[s->isa];
     return isa_available(*out) ||
            error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine has no %s: use \"auto\"",
@@ -108,13 +109,6 @@ static bool start_sizing(const job *j, sizing_field **out, error *e)
     return *out != NULL;
 }
 
-static const energy_function *energy_of(const spec *s)
-{
-    char word[32];
-    spec_word(spec_row_find("/solver", "energy")->words, s->energy, word, sizeof word);
-    return energy_find(word);
-}
-
 /* Places j->count particles: those of the frame before, if there are any. */
 bool job_place(job *j, solution *out, error *e)
 {
@@ -126,7 +120,7 @@ bool job_place(job *j, solution *out, error *e)
     const spec_witkin_heckbert *w = &s->witkin_heckbert;
     const witkin_heckbert_params swarm = {w->alpha, w->e_hat, w->rho, w->phi,   w->beta,
                                           w->dt,    w->gamma, w->nu,  w->delta, w->sigma_max};
-    const energy_function *energy = energy_of(s);
+    const energy_function *energy = energy_find(spec_energy_name(s->energy));
     const frame_transfer_params carry = {
         .count = j->count,
         .sizing = out->sizing,

@@ -11,7 +11,7 @@
 #include "base/clock.h"
 #include "json/json.h"
 
-const char *const progress_phase_names[PROGRESS_PHASES] = {"load", "start", "relax", "measure", "write"};
+const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_TEXT, )};
 
 static const int64_t INTERVAL_MS = 100;
 

@@ -12,14 +12,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
-typedef enum progress_phase {
-    PROGRESS_LOAD,
-    PROGRESS_START,
-    PROGRESS_RELAX,
-    PROGRESS_MEASURE,
-    PROGRESS_WRITE,
-    PROGRESS_PHASES
-} progress_phase;
+#include "base/words.h"
+
+#define PROGRESS_LIST(ENTRY, prefix)  \
+    ENTRY(prefix, LOAD, "load")       \
+    ENTRY(prefix, START, "start")     \
+    ENTRY(prefix, RELAX, "relax")     \
+    ENTRY(prefix, MEASURE, "measure") \
+    ENTRY(prefix, WRITE, "write")
+
+typedef enum progress_phase { PROGRESS_LIST(WORDS_ENUMERATOR, PROGRESS) PROGRESS_PHASES } progress_phase;
 
 extern const char *const progress_phase_names[PROGRESS_PHASES];
 

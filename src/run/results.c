@@ -156,9 +156,9 @@ static bool write_png(const char *directory, const char *name, const canvas *pic
 
 static bool write_exr(const char *directory, const spec *s, const image *picture, json *outputs, error *e)
 {
-    static const preview_exr_packing packings[] = {[SPEC_COMPRESSION_NONE] = PREVIEW_EXR_NONE,
-                                                   [SPEC_COMPRESSION_RLE] = PREVIEW_EXR_RLE,
-                                                   [SPEC_COMPRESSION_ZIPS] = PREVIEW_EXR_ZIPS};
+#define PACKING(prefix, name, word) [SPEC_COMPRESSION_##name] = prefix##_##name,
+    static const preview_exr_packing packings[] = {SPEC_COMPRESSION_LIST(PACKING, PREVIEW_EXR)};
+#undef PACKING
     preview_exr_packing packing = packings[s->preview_compression];
     char *path = mem_printf("%s/preview.exr", directory);
     store_file file = {0};
@@ -192,11 +192,9 @@ static bool write_turntable(const char *directory, int frames, const points *set
 static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool,
                           json *outputs, error *e)
 {
-    static const quantity shown[] = {[SPEC_COLOR_ALPHA] = QUANTITY_ALPHA,
-                                     [SPEC_COLOR_CURVATURE] = QUANTITY_CURVATURE,
-                                     [SPEC_COLOR_ENERGY] = QUANTITY_ENERGY,
-                                     [SPEC_COLOR_SPACING] = QUANTITY_SPACING,
-                                     [SPEC_COLOR_DEGREE] = QUANTITY_DEGREE};
+#define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
+    static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
+#undef SHOWN
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
     const preview_options options = {s->preview_width, s->preview_height, shown[s->preview_color],

@@ -36,11 +36,9 @@ static int open_input(void *context, const char *path, error *e)
 
 static analytic_shape shape_of(spec_shape shape)
 {
-    static const analytic_shape shapes[] = {
-        [SPEC_SHAPE_SPHERE] = ANALYTIC_SPHERE,   [SPEC_SHAPE_TORUS] = ANALYTIC_TORUS,
-        [SPEC_SHAPE_BOX] = ANALYTIC_BOX,         [SPEC_SHAPE_ELLIPSOID] = ANALYTIC_ELLIPSOID,
-        [SPEC_SHAPE_QUARTIC] = ANALYTIC_QUARTIC, [SPEC_SHAPE_GYROID] = ANALYTIC_GYROID,
-    };
+#define SHAPE(prefix, name, word) [SPEC_SHAPE_##name] = prefix##_##name,
+    static const analytic_shape shapes[] = {SPEC_SHAPE_LIST(SHAPE, ANALYTIC)};
+#undef SHAPE
     return shapes[shape];
 }
 

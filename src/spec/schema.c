@@ -22,9 +22,8 @@ static void put_bounds(json *schema, const spec_row *row)
 
 static void put_words(json *schema, const spec_row *row)
 {
-    char word[64];
     json *list = json_put_array(schema, "enum");
-    for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++) json_append_string(list, word);
+    for (const char *const *word = row->words; *word; word++) json_append_string(list, *word);
 }
 
 static void put_items(json *schema, const char *type, const spec_row *row, int count)
@@ -169,21 +168,17 @@ static void put_members(json *schema, const char *group, int shape)
         json_append_string(required, spec_row_key(row));
     }
     if (shape < 0) return;
-    char word[64];
     json *name = json_new_object();
-    spec_word(spec_row_find(group, "shape")->words, (size_t)shape, word, sizeof word);
-    json_put_string(name, "const", word);
+    json_put_string(name, "const", spec_row_find(group, "shape")->words[shape]);
     json_put(properties, "shape", name);
 }
 
 static void put_group(json *schema, const char *group)
 {
-    char word[64];
     if (strcmp(group, analytic) == 0) {
         json *list = json_put_array(schema, "oneOf");
         const spec_row *shapes = spec_row_find(group, "shape");
-        for (size_t i = 0; spec_word(shapes->words, i, word, sizeof word); i++)
-            put_members(json_append_object(list), group, (int)i);
+        for (int i = 0; shapes->words[i]; i++) put_members(json_append_object(list), group, i);
         return;
     }
     put_members(schema, group, -1);

@@ -13,6 +13,18 @@
 
 static void read_group(reading *r, const json_at *at, const char *group, json *normal);
 
+/* Sets the kind of surface that a member of /surface makes; false if it makes none. */
+static bool set_surface_kind(reading *r, const char *key)
+{
+    static const char *const keys[] = {SPEC_SURFACE_LIST(WORDS_TEXT, )};
+    for (size_t k = 0; k < sizeof keys / sizeof keys[0]; k++) {
+        if (strcmp(key, keys[k]) != 0) continue;
+        r->surface->kind = (spec_surface_kind)k;
+        return true;
+    }
+    return false;
+}
+
 /* One more part of the surface at hand. */
 static void read_part(reading *r, const json_at *at, json *normal)
 {
@@ -37,12 +49,6 @@ static void read_part(reading *r, const json_at *at, json *normal)
 
 static void read_parts(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
-    static const struct {
-        const char *key;
-        spec_surface_kind kind;
-    } kinds[] = {{"union", SPEC_SURFACE_UNION},
-                 {"intersection", SPEC_SURFACE_INTERSECTION},
-                 {"difference", SPEC_SURFACE_DIFFERENCE}};
     size_t count = json_size(*at);
     if (json_type_of(*at) != JSON_ARRAY || (double)count < row->low || (double)count > row->high) {
         char given[READING_SHOWN_MAX + 8];
@@ -51,8 +57,7 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
                           given);
         return;
     }
-    for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++)
-        if (strcmp(spec_row_key(row), kinds[k].key) == 0) r->surface->kind = kinds[k].kind;
+    set_surface_kind(r, spec_row_key(row));
     json *list = json_put_array(normal, spec_row_key(row));
     for (size_t k = 0; k < count; k++) {
         json_at element = json_element(at, k);
@@ -114,8 +119,7 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
 {
     json_at at = json_member(group, spec_row_key(row));
     if (row->methods && !(row->methods & 1u << r->s->method)) {
-        char method[READING_SHOWN_MAX] = "";
-        spec_word(spec_row_find("/solver", "method")->words, r->s->method, method, sizeof method);
+        const char *method = spec_row_find("/solver", "method")->words[r->s->method];
         if (at.node) reading_add_fault(r, &at, "is no member of the method \"%s\"", method);
         return;
     }
@@ -126,9 +130,8 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
     if (row->shapes) {
         if (!r->shape_known) return; /* what belongs here is not known; the shape's fault says so */
         if (!(row->shapes & 1u << r->surface->analytic.shape)) {
-            char shape[READING_SHOWN_MAX] = "";
-            spec_word(spec_row_find("/surface/analytic", "shape")->words, r->surface->analytic.shape, shape,
-                      sizeof shape);
+            const char *shape =
+                spec_row_find("/surface/analytic", "shape")->words[r->surface->analytic.shape];
             if (at.node) reading_add_fault(r, &at, "is no member of the shape \"%s\"", shape);
             return;
         }
@@ -141,25 +144,16 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
         read_default(r, group, row, normal);
 }
 
-/* Which kind of surface a member of /surface makes, and the input file that it names. */
+/* Notes which kind of surface a member of /surface makes, and the input file that it names. */
 static void note_surface(reading *r, const json_at *at, const char *group)
 {
-    static const struct {
-        const char *group;
-        spec_surface_kind kind;
-    } kinds[] = {
-        {"/surface/vdb", SPEC_SURFACE_VDB},           {"/surface/mesh", SPEC_SURFACE_MESH},
-        {"/surface/analytic", SPEC_SURFACE_ANALYTIC}, {"/surface/bspline", SPEC_SURFACE_BSPLINE},
-        {"/surface/volume", SPEC_SURFACE_VOLUME},     {"/surface/exr", SPEC_SURFACE_EXR},
-        {"/surface/offset", SPEC_SURFACE_OFFSET},     {"/surface/transform", SPEC_SURFACE_TRANSFORM}};
+    static const char prefix[] = "/surface/";
+    if (strncmp(group, prefix, strlen(prefix)) != 0) return;
+    if (!set_surface_kind(r, group + strlen(prefix))) return;
     json_at path = json_member(at, "path");
-    for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; k++) {
-        if (strcmp(group, kinds[k].group) != 0) continue;
-        r->surface->kind = kinds[k].kind;
-        if (!path.node || r->surface->input_pointer) return;
-        r->surface->input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
-        json_pointer(&path, r->surface->input_pointer, sizeof((spec_fault *)0)->pointer);
-    }
+    if (!path.node || r->surface->input_pointer) return;
+    r->surface->input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
+    json_pointer(&path, r->surface->input_pointer, sizeof((spec_fault *)0)->pointer);
 }
 
 /* Reads the members of a group; a place without a node stands for an object without members. */
@@ -234,4 +228,10 @@ void spec_free(spec *s)
     free(s->webhook);
     json_free(s->normalised);
     free(s);
+}
+
+const char *spec_energy_name(spec_energy energy)
+{
+    static const char *const names[] = {SPEC_ENERGY_LIST(WORDS_TEXT, )};
+    return names[energy];
 }

@@ -15,25 +15,7 @@
 #include "base/error.h"
 #include "geometry/vec3.h"
 #include "json/json.h"
-
-typedef enum spec_surface_kind {
-    SPEC_SURFACE_VDB,
-    SPEC_SURFACE_ANALYTIC,
-    SPEC_SURFACE_BSPLINE,
-    SPEC_SURFACE_MESH,
-    SPEC_SURFACE_VOLUME,
-    SPEC_SURFACE_EXR,
-    SPEC_SURFACE_UNION,
-    SPEC_SURFACE_INTERSECTION,
-    SPEC_SURFACE_DIFFERENCE,
-    SPEC_SURFACE_OFFSET,
-    SPEC_SURFACE_TRANSFORM
-} spec_surface_kind;
-
-typedef enum spec_reconstruction {
-    SPEC_RECONSTRUCTION_INTERPOLATING,
-    SPEC_RECONSTRUCTION_SMOOTHING
-} spec_reconstruction;
+#include "spec/spec_words.h"
 
 typedef struct spec_vdb {
     char *path;        /* as given; "" is refused */
@@ -68,15 +50,6 @@ typedef struct spec_mesh {
     int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size */
     int band_vox;
 } spec_mesh;
-
-typedef enum spec_shape {
-    SPEC_SHAPE_SPHERE,
-    SPEC_SHAPE_TORUS,
-    SPEC_SHAPE_BOX,
-    SPEC_SHAPE_ELLIPSOID,
-    SPEC_SHAPE_QUARTIC,
-    SPEC_SHAPE_GYROID
-} spec_shape;
 
 /* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis
  * (0, 0, 1); a box' rounding 0; the quartic's r 0.13; the gyroid's size (1, 1, 1). */
@@ -134,14 +107,10 @@ typedef struct spec_curvature { /* the grading by curvature; one of chord_error 
     double chord_error, ratio, exponent;
 } spec_curvature;
 
-typedef enum spec_map_kind { SPEC_MAP_SPACING, SPEC_MAP_DENSITY } spec_map_kind;
-
 typedef struct spec_grid { /* the grading by a map */
     char *name;
     spec_map_kind kind;
 } spec_grid;
-
-typedef enum spec_selection { SPEC_SELECTION_BIASED, SPEC_SELECTION_RANDOM } spec_selection;
 
 typedef struct spec_control { /* 6.1 */
     int64_t min_count;
@@ -154,31 +123,6 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
     double alpha, e_hat, rho, phi, beta, dt, gamma, nu, delta;
     double sigma_max; /* 0: from the surface's size */
 } spec_witkin_heckbert;
-
-typedef enum spec_method { SPEC_METHOD_SIZED, SPEC_METHOD_PAPER, SPEC_METHOD_WITKIN_HECKBERT } spec_method;
-typedef enum spec_energy {
-    SPEC_ENERGY_COTANGENT,
-    SPEC_ENERGY_GAUSSIAN,
-    SPEC_ENERGY_ELECTROSTATIC
-} spec_energy;
-typedef enum spec_minimiser { SPEC_MINIMISER_LM, SPEC_MINIMISER_GRADIENT } spec_minimiser;
-typedef enum spec_isa { SPEC_ISA_AUTO, SPEC_ISA_PORTABLE, SPEC_ISA_AVX2, SPEC_ISA_AVX512 } spec_isa;
-typedef enum spec_init { SPEC_INIT_SURFACE, SPEC_INIT_RANDOM } spec_init;
-typedef enum spec_ply_format { SPEC_PLY_BINARY, SPEC_PLY_ASCII } spec_ply_format;
-typedef enum spec_precision { SPEC_PRECISION_FLOAT, SPEC_PRECISION_DOUBLE } spec_precision;
-typedef enum spec_color {
-    SPEC_COLOR_ALPHA,
-    SPEC_COLOR_CURVATURE,
-    SPEC_COLOR_ENERGY,
-    SPEC_COLOR_SPACING,
-    SPEC_COLOR_DEGREE
-} spec_color;
-
-typedef enum spec_compression {
-    SPEC_COMPRESSION_NONE,
-    SPEC_COMPRESSION_RLE,
-    SPEC_COMPRESSION_ZIPS
-} spec_compression;
 
 typedef struct spec_camera {
     vec3 position, target, up; /* up is no multiple of target - position, which is not zero */
@@ -286,6 +230,9 @@ bool spec_input_at(const spec *s, size_t index, spec_input *out);
 /* Puts the number of a frame into the paths of the spec's files; the normalised document stays as it is. Before any
  * other thread reads the spec. */
 void spec_set_frame(spec *s, int frame);
+
+/* The word of an energy, as energy_find takes it. */
+const char *spec_energy_name(spec_energy energy);
 
 /* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);

@@ -17,6 +17,12 @@
     {                                                                                         \
         .pointer = where, .type = SPEC_TYPE_GROUP, .flags = flags_, UNSTORED, .prose = words_ \
     }
+/* The words of a list, ended by NULL. */
+#define WORDS(list)                    \
+    .words = (const char *const[])     \
+    {                                  \
+        list##_LIST(WORDS_TEXT, ) NULL \
+    }
 #define SHAPE(s) (1u << SPEC_SHAPE_##s)
 #define METHOD(m) (1u << SPEC_METHOD_##m)
 /* The methods of the paper, of 2005. */
@@ -67,7 +73,7 @@ const spec_row spec_rows[] = {
      .prose = "The value on the surface. Level sets have 0 without it; fog volumes need it."},
     {.pointer = "/surface/vdb/reconstruction",
      .type = SPEC_TYPE_WORD,
-     .words = "interpolating|smoothing",
+     WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.vdb.reconstruction),
      .prose = "interpolating: the spline passes through the samples; smoothing: it takes them as "
@@ -129,7 +135,7 @@ const spec_row spec_rows[] = {
     {.pointer = "/surface/analytic/shape",
      .type = SPEC_TYPE_WORD,
      .flags = SPEC_REQUIRED,
-     .words = "sphere|torus|box|ellipsoid|quartic|gyroid",
+     WORDS(SPEC_SHAPE),
      AT(surface.analytic.shape),
      .prose = "Which formula."},
     {.pointer = "/surface/analytic/center",
@@ -307,7 +313,7 @@ const spec_row spec_rows[] = {
      .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
     {.pointer = "/surface/volume/reconstruction",
      .type = SPEC_TYPE_WORD,
-     .words = "interpolating|smoothing",
+     WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.volume.reconstruction),
      .prose = "As in /surface/vdb."},
@@ -381,7 +387,7 @@ const spec_row spec_rows[] = {
      .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
     {.pointer = "/surface/exr/reconstruction",
      .type = SPEC_TYPE_WORD,
-     .words = "interpolating|smoothing",
+     WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.exr.reconstruction),
      .prose = "As in /surface/vdb."},
@@ -544,7 +550,7 @@ const spec_row spec_rows[] = {
          "rounds; of one that is too large points are deleted."},
     {.pointer = "/sampling/control/selection",
      .type = SPEC_TYPE_WORD,
-     .words = "biased|random",
+     WORDS(SPEC_SELECTION),
      .otherwise = "\"biased\"",
      AT(control.selection),
      .prose =
@@ -655,7 +661,7 @@ const spec_row spec_rows[] = {
      .prose = "Its name; \"name[1]\" among equals."},
     {.pointer = "/sampling/grid/kind",
      .type = SPEC_TYPE_WORD,
-     .words = "spacing|density",
+     WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
      AT(grid.kind),
      .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, "
@@ -689,7 +695,7 @@ const spec_row spec_rows[] = {
     GROUP("/solver", 0, "How the points are found."),
     {.pointer = "/solver/method",
      .type = SPEC_TYPE_WORD,
-     .words = "sized|paper|witkin-heckbert",
+     WORDS(SPEC_METHOD),
      .otherwise = "\"sized\"",
      AT(method),
      .prose =
@@ -700,7 +706,7 @@ const spec_row spec_rows[] = {
          "time and does not come to the count that is asked for."},
     {.pointer = "/solver/energy",
      .type = SPEC_TYPE_WORD,
-     .words = "cotangent|gaussian|electrostatic",
+     WORDS(SPEC_ENERGY),
      .otherwise = "\"cotangent\"",
      .methods = MEYER,
      AT(energy),
@@ -709,7 +715,7 @@ const spec_row spec_rows[] = {
          "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
     {.pointer = "/solver/minimiser",
      .type = SPEC_TYPE_WORD,
-     .words = "lm|gradient",
+     WORDS(SPEC_MINIMISER),
      .otherwise = "\"lm\"",
      .methods = MEYER,
      AT(minimiser),
@@ -837,7 +843,7 @@ const spec_row spec_rows[] = {
               "surface's longest side and 1.5 target radii."},
     {.pointer = "/solver/init",
      .type = SPEC_TYPE_WORD,
-     .words = "surface|random",
+     WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
      AT(init),
      .prose = "surface: spread over the surface by area; random: uniform in the domain or, for "
@@ -859,7 +865,7 @@ const spec_row spec_rows[] = {
      .prose = "Threads; 0: the worker's share. The result does not depend on it."},
     {.pointer = "/solver/isa",
      .type = SPEC_TYPE_WORD,
-     .words = "auto|portable|avx2|avx512",
+     WORDS(SPEC_ISA),
      .otherwise = "\"auto\"",
      AT(isa),
      .prose =
@@ -901,13 +907,13 @@ const spec_row spec_rows[] = {
     GROUP("/output/ply", 0, "points.ply"),
     {.pointer = "/output/ply/format",
      .type = SPEC_TYPE_WORD,
-     .words = "binary_little_endian|ascii",
+     WORDS(SPEC_PLY),
      .otherwise = "\"binary_little_endian\"",
      AT(ply_format),
      .prose = "Encoding of the PLY file."},
     {.pointer = "/output/ply/precision",
      .type = SPEC_TYPE_WORD,
-     .words = "float|double",
+     WORDS(SPEC_PRECISION),
      .otherwise = "\"float\"",
      AT(ply_precision),
      .prose = "Type of every property of the PLY file."},
@@ -927,14 +933,14 @@ const spec_row spec_rows[] = {
      .prose = "Side of a square picture, or [width, height]."},
     {.pointer = "/output/preview/color",
      .type = SPEC_TYPE_WORD,
-     .words = "alpha|curvature|energy|spacing|degree",
+     WORDS(SPEC_COLOR),
      AT(preview_color),
      .prose = "What the colours show: the amplitude alpha, kappa, a particle's energy, the achieved "
               "spacing, or how many neighbours a point has. Default: alpha where sampling.alpha is "
               "given, else curvature."},
     {.pointer = "/output/preview/compression",
      .type = SPEC_TYPE_WORD,
-     .words = "none|rle|zips",
+     WORDS(SPEC_COMPRESSION),
      .otherwise = "\"none\"",
      AT(preview_compression),
      .prose = "Of preview.exr. At 512 pixels square none has 12.6 MB; rle about 6 and zips 3, for 20 and "
@@ -1138,40 +1144,28 @@ const spec_row *spec_row_find(const char *group, const char *key)
     return NULL;
 }
 
-bool spec_word(const char *list, size_t index, char *out, size_t size)
-{
-    if (!list) return false;
-    for (; index > 0; index--) {
-        list = strchr(list, '|');
-        if (!list) return false;
-        list++;
-    }
-    snprintf(out, size, "%.*s", (int)strcspn(list, "|"), list);
-    return true;
-}
-
 static void print_values(FILE *file, const spec_row *row)
 {
-    static const char *const types[] = {"object",
-                                        "number",
-                                        "integer",
-                                        "integer",
-                                        "boolean",
-                                        "word",
-                                        "string",
-                                        "[number x 3]",
-                                        "[integer x 3]",
-                                        "[number, ...]",
-                                        "integer or [integer, integer]",
-                                        "object, as /surface",
-                                        "[object, as /surface, ...]",
-                                        "[string, ...]",
-                                        ""};
+    static const char *const types[] = {
+        [SPEC_TYPE_GROUP] = "object",
+        [SPEC_TYPE_NUMBER] = "number",
+        [SPEC_TYPE_INTEGER] = "integer",
+        [SPEC_TYPE_LARGE] = "integer",
+        [SPEC_TYPE_BOOL] = "boolean",
+        [SPEC_TYPE_WORD] = "word",
+        [SPEC_TYPE_STRING] = "string",
+        [SPEC_TYPE_VECTOR] = "[number x 3]",
+        [SPEC_TYPE_TRIPLE] = "[integer x 3]",
+        [SPEC_TYPE_NUMBERS] = "[number, ...]",
+        [SPEC_TYPE_SIZE] = "integer or [integer, integer]",
+        [SPEC_TYPE_SURFACE] = "object, as /surface",
+        [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",
+        [SPEC_TYPE_LABELS] = "[string, ...]",
+    };
     fprintf(file, " (%s", types[row->type]);
     if (row->words) {
         fprintf(file, ":");
-        char word[64];
-        for (size_t i = 0; spec_word(row->words, i, word, sizeof word); i++) fprintf(file, " \"%s\"", word);
+        for (const char *const *word = row->words; *word; word++) fprintf(file, " \"%s\"", *word);
     } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_BOOL &&
                row->type != SPEC_TYPE_SURFACE) {
         const char *of = row->type == SPEC_TYPE_STRING     ? " characters"

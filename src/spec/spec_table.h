@@ -61,8 +61,8 @@ typedef struct spec_row {
     unsigned methods; /* bit per spec_method that has the member; 0: all */
     unsigned shapes;  /* bit per spec_shape that has the member; 0: no question of shape */
     double low, high;
-    const char *otherwise; /* the default as JSON; NULL: none */
-    const char *words;     /* "a|b" */
+    const char *otherwise;    /* the default as JSON; NULL: none */
+    const char *const *words; /* of SPEC_TYPE_WORD, ended by NULL */
     size_t offset,
         has; /* into struct spec, or where it is a surface's into that; `has` is a bool (labels: a size_t) */
     const char *unit; /* NULL: none */
@@ -80,8 +80,5 @@ bool spec_row_is_member(const spec_row *row, const char *group);
 
 /* The last part of the row's pointer. */
 const char *spec_row_key(const spec_row *row);
-
-/* Copies the index-th of "a|b|c" into out; false when there are fewer or `list` is NULL. */
-bool spec_word(const char *list, size_t index, char *out, size_t size);
 
 #endif

@@ -125,9 +125,10 @@ static void read_size(reading *r, const json_at *at, const spec_row *row, json *
 
 static void read_word(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
-    char word[READING_SHOWN_MAX], allowed[256] = "", given[READING_SHOWN_MAX + 8];
+    char allowed[256] = "", given[READING_SHOWN_MAX + 8];
     const char *text = json_string(*at, "");
-    for (int i = 0; spec_word(row->words, (size_t)i, word, sizeof word); i++) {
+    for (int i = 0; row->words[i]; i++) {
+        const char *word = row->words[i];
         if (strcmp(word, text) == 0) {
             if (row->offset != SPEC_NOWHERE) memcpy(reading_target(r, row->offset), &i, sizeof i);
             if (row->offset == offsetof(spec, surface.analytic.shape)) r->shape_known = true;

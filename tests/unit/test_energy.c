@@ -8,6 +8,7 @@
 
 #include "close.h"
 #include "packing/energy.h"
+#include "spec/spec.h"
 
 static void value_is_equation_6(void **state)
 {
@@ -81,6 +82,14 @@ static void ideals_are_of_six_neighbours(void **state)
     assert_null(energy_find("gravity"));
 }
 
+/* Every energy that a spec may ask for is one that the sampler has. */
+static void every_word_of_a_spec_is_an_energy(void **state)
+{
+    (void)state;
+    for (spec_energy k = 0; k < SPEC_ENERGY_COUNT; k++) assert_non_null(energy_find(spec_energy_name(k)));
+    assert_int_equal(SPEC_ENERGY_COUNT, ENERGIES);
+}
+
 /* Scale invariance near zero: the force behaves as -1/r^2 (section 4). */
 static void force_is_inverse_square_when_near(void **state)
 {
@@ -132,6 +141,7 @@ int main(void)
         cmocka_unit_test(first_is_equation_7),
         cmocka_unit_test(derivatives_match_differences),
         cmocka_unit_test(ideals_are_of_six_neighbours),
+        cmocka_unit_test(every_word_of_a_spec_is_an_energy),
         cmocka_unit_test(force_is_inverse_square_when_near),
         cmocka_unit_test(all_vanish_smoothly_at_the_support),
         cmocka_unit_test(ideal_is_the_hexagonal_packing),

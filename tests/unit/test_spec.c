@@ -310,10 +310,9 @@ static void test_words_of_every_row(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        char word[64];
         bool shape = strcmp(spec_row_key(row), "shape") == 0; /* other shapes need other members */
-        for (size_t k = 0; !shape && spec_word(row->words, k, word, sizeof word); k++) {
-            char *quoted = mem_printf("\"%s\"", word);
+        for (size_t k = 0; !shape && row->words && row->words[k]; k++) {
+            char *quoted = mem_printf("\"%s\"", row->words[k]);
             try_value(row, document(quoted), true, NAN);
             free(quoted);
         }

@@ -1,0 +1,135 @@
+/* spec_words: the words of a spec and their enumerators, one list for each member (see base/words.h). */
+#ifndef HEXAD_SPEC_SPEC_WORDS_H
+#define HEXAD_SPEC_SPEC_WORDS_H
+
+#include "base/isa.h"
+#include "base/words.h"
+
+/* kinds of surface: the members of /surface */
+#define SPEC_SURFACE_LIST(ENTRY, prefix)        \
+    ENTRY(prefix, VDB, "vdb")                   \
+    ENTRY(prefix, ANALYTIC, "analytic")         \
+    ENTRY(prefix, BSPLINE, "bspline")           \
+    ENTRY(prefix, MESH, "mesh")                 \
+    ENTRY(prefix, VOLUME, "volume")             \
+    ENTRY(prefix, EXR, "exr")                   \
+    ENTRY(prefix, UNION, "union")               \
+    ENTRY(prefix, INTERSECTION, "intersection") \
+    ENTRY(prefix, DIFFERENCE, "difference")     \
+    ENTRY(prefix, OFFSET, "offset")             \
+    ENTRY(prefix, TRANSFORM, "transform")
+
+typedef enum spec_surface_kind { SPEC_SURFACE_LIST(WORDS_ENUMERATOR, SPEC_SURFACE) } spec_surface_kind;
+
+/* reconstruction, of grids and dense volumes */
+#define SPEC_RECONSTRUCTION_LIST(ENTRY, prefix)   \
+    ENTRY(prefix, INTERPOLATING, "interpolating") \
+    ENTRY(prefix, SMOOTHING, "smoothing")
+
+typedef enum spec_reconstruction {
+    SPEC_RECONSTRUCTION_LIST(WORDS_ENUMERATOR, SPEC_RECONSTRUCTION) SPEC_RECONSTRUCTION_COUNT
+} spec_reconstruction;
+
+/* /surface/analytic/shape */
+#define SPEC_SHAPE_LIST(ENTRY, prefix)    \
+    ENTRY(prefix, SPHERE, "sphere")       \
+    ENTRY(prefix, TORUS, "torus")         \
+    ENTRY(prefix, BOX, "box")             \
+    ENTRY(prefix, ELLIPSOID, "ellipsoid") \
+    ENTRY(prefix, QUARTIC, "quartic")     \
+    ENTRY(prefix, GYROID, "gyroid")
+
+typedef enum spec_shape { SPEC_SHAPE_LIST(WORDS_ENUMERATOR, SPEC_SHAPE) SPEC_SHAPE_COUNT } spec_shape;
+
+/* /sampling/grid/kind */
+#define SPEC_MAP_LIST(ENTRY, prefix)  \
+    ENTRY(prefix, SPACING, "spacing") \
+    ENTRY(prefix, DENSITY, "density")
+
+typedef enum spec_map_kind { SPEC_MAP_LIST(WORDS_ENUMERATOR, SPEC_MAP) SPEC_MAP_COUNT } spec_map_kind;
+
+/* /sampling/control/selection: of the particles that are split or deleted */
+#define SPEC_SELECTION_LIST(ENTRY, prefix) \
+    ENTRY(prefix, BIASED, "biased")        \
+    ENTRY(prefix, RANDOM, "random")
+
+typedef enum spec_selection {
+    SPEC_SELECTION_LIST(WORDS_ENUMERATOR, SPEC_SELECTION) SPEC_SELECTION_COUNT
+} spec_selection;
+
+/* /solver/method */
+#define SPEC_METHOD_LIST(ENTRY, prefix) \
+    ENTRY(prefix, SIZED, "sized")       \
+    ENTRY(prefix, PAPER, "paper")       \
+    ENTRY(prefix, WITKIN_HECKBERT, "witkin-heckbert")
+
+typedef enum spec_method { SPEC_METHOD_LIST(WORDS_ENUMERATOR, SPEC_METHOD) SPEC_METHOD_COUNT } spec_method;
+
+/* /solver/energy */
+#define SPEC_ENERGY_LIST(ENTRY, prefix)   \
+    ENTRY(prefix, COTANGENT, "cotangent") \
+    ENTRY(prefix, GAUSSIAN, "gaussian")   \
+    ENTRY(prefix, ELECTROSTATIC, "electrostatic")
+
+typedef enum spec_energy { SPEC_ENERGY_LIST(WORDS_ENUMERATOR, SPEC_ENERGY) SPEC_ENERGY_COUNT } spec_energy;
+
+/* /solver/minimiser */
+#define SPEC_MINIMISER_LIST(ENTRY, prefix) \
+    ENTRY(prefix, LM, "lm")                \
+    ENTRY(prefix, GRADIENT, "gradient")
+
+typedef enum spec_minimiser {
+    SPEC_MINIMISER_LIST(WORDS_ENUMERATOR, SPEC_MINIMISER) SPEC_MINIMISER_COUNT
+} spec_minimiser;
+
+/* /solver/init */
+#define SPEC_INIT_LIST(ENTRY, prefix) \
+    ENTRY(prefix, SURFACE, "surface") \
+    ENTRY(prefix, RANDOM, "random")
+
+typedef enum spec_init { SPEC_INIT_LIST(WORDS_ENUMERATOR, SPEC_INIT) SPEC_INIT_COUNT } spec_init;
+
+/* /output/ply/format */
+#define SPEC_PLY_LIST(ENTRY, prefix)                            \
+    ENTRY(prefix, BINARY_LITTLE_ENDIAN, "binary_little_endian") \
+    ENTRY(prefix, ASCII, "ascii")
+
+typedef enum spec_ply_format { SPEC_PLY_LIST(WORDS_ENUMERATOR, SPEC_PLY) SPEC_PLY_COUNT } spec_ply_format;
+
+/* /output/ply/precision */
+#define SPEC_PRECISION_LIST(ENTRY, prefix) \
+    ENTRY(prefix, FLOAT, "float")          \
+    ENTRY(prefix, DOUBLE, "double")
+
+typedef enum spec_precision {
+    SPEC_PRECISION_LIST(WORDS_ENUMERATOR, SPEC_PRECISION) SPEC_PRECISION_COUNT
+} spec_precision;
+
+/* /output/preview/color */
+#define SPEC_COLOR_LIST(ENTRY, prefix)    \
+    ENTRY(prefix, ALPHA, "alpha")         \
+    ENTRY(prefix, CURVATURE, "curvature") \
+    ENTRY(prefix, ENERGY, "energy")       \
+    ENTRY(prefix, SPACING, "spacing")     \
+    ENTRY(prefix, DEGREE, "degree")
+
+typedef enum spec_color { SPEC_COLOR_LIST(WORDS_ENUMERATOR, SPEC_COLOR) SPEC_COLOR_COUNT } spec_color;
+
+/* /output/preview/compression */
+#define SPEC_COMPRESSION_LIST(ENTRY, prefix) \
+    ENTRY(prefix, NONE, "none")              \
+    ENTRY(prefix, RLE, "rle")                \
+    ENTRY(prefix, ZIPS, "zips")
+
+typedef enum spec_compression {
+    SPEC_COMPRESSION_LIST(WORDS_ENUMERATOR, SPEC_COMPRESSION) SPEC_COMPRESSION_COUNT
+} spec_compression;
+
+/* /solver/isa */
+#define SPEC_ISA_LIST(ENTRY, prefix) \
+    ENTRY(prefix, AUTO, "auto")      \
+    ISA_LIST(ENTRY, prefix)
+
+typedef enum spec_isa { SPEC_ISA_LIST(WORDS_ENUMERATOR, SPEC_ISA) SPEC_ISA_COUNT } spec_isa;
+
+#endif
