@@ -7,7 +7,7 @@
 
 const char *filesystem_network_name(uint64_t type)
 {
-    /* linux/magic.h has some of them, the others are their projects' */
+    /* some are in linux/magic.h, the others in the sources of their projects */
     static const struct {
         uint32_t type;
         const char *name;
