@@ -17,7 +17,7 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* An object of some numbers. */
+/* An estimate is a small JSON object. */
 #define LONGEST_BYTES 65536
 
 struct estimator {
@@ -26,8 +26,8 @@ struct estimator {
     int at_once;
     double timeout_s;
     atomic_int running;
-    atomic_uint number; /* of the next one's directory */
-    int end_fd;         /* readable: no more */
+    atomic_uint number; /* number of the next directory */
+    int end_fd;         /* readable: no more estimates are made */
 };
 
 estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e)
@@ -39,7 +39,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     bool ok = m->end_fd >= 0 || error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    if (ok && store_remove(m->directory, e)) return m; /* it is made with the first below it */
+    if (ok && store_remove(m->directory, e)) return m; /* created together with the first directory in it */
     estimator_close(m);
     return NULL;
 }
@@ -47,7 +47,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
 void estimator_dismiss(estimator *m)
 {
     ssize_t written = write(m->end_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a counter that is full is readable, too */
+    (void)written; /* a full counter is readable, too */
 }
 
 void estimator_close(estimator *m)
@@ -58,8 +58,7 @@ void estimator_close(estimator *m)
     free(m);
 }
 
-/* Waits for its end, which comes at once when the time is over or nobody is to wait any more. True: it was by
- * itself. */
+/* Waits until the worker has ended. It is killed when its time is over or the estimator is dismissed: then false. */
 static bool await(const estimator *m, engine_attempt *attempt)
 {
     int64_t end_ms = clock_monotonic_ms() + (int64_t)(m->timeout_s * 1000);
@@ -77,7 +76,7 @@ static bool await(const estimator *m, engine_attempt *attempt)
     return !stopped;
 }
 
-/* What it left, in so far as it is an object. */
+/* Reads the estimate that the worker wrote. NULL when it is no JSON object. */
 static char *read_document(const char *directory)
 {
     size_t length = 0;

@@ -15,7 +15,7 @@
 struct output_cleanup {
     queue *q;
     const store_outputs *outputs;
-    queue_copy *copies; /* a name is NULL once its file is gone */
+    queue_copy *copies; /* a name is NULL after its file was removed */
     size_t count;
     pthread_t thread;
     pthread_mutex_t mutex;
@@ -38,7 +38,7 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
     return false;
 }
 
-/* Waits for the next round; false: it is to end. */
+/* Waits for the next round. False: the thread must end. */
 static bool wait_for_round(output_cleanup *c)
 {
     int64_t until_ms = clock_wall_ms() + AGAIN_MS;

@@ -177,8 +177,8 @@ static bool is_cacheable(const slot *s, char key[STORE_HASH_SIZE])
     return s->context->cache && c->task.frame == QUEUE_NO_FRAME && cache_key(c->job.spec, key);
 }
 
-/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker has to
- * compute it. */
+/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
+ * has to compute it. */
 static bool take_cached(slot *s)
 {
     const slot_context *x = s->context;
