@@ -32,7 +32,7 @@
 
 /* After a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
-/* The longest time between two tries while no worker can be started (its program is being replaced, memory is short). */
+/* The longest time between two tries while no worker can be started (the program is replaced, memory is short). */
 #define START_WAIT_MOST_MS 30000
 /* Between two checks whether a full disk has space again. */
 #define ROOM_WAIT_MS 1000
