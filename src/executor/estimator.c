@@ -38,7 +38,8 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->at_once = at_once;
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    bool ok = m->end_fd >= 0 || error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
+    bool ok = m->end_fd >= 0 ||
+              error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
     if (ok && store_remove(m->directory, e)) return m; /* created together with the first directory in it */
     estimator_close(m);
     return NULL;
@@ -99,7 +100,7 @@ static estimator_verdict decide(const engine_ending *ending, const char *directo
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
         e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
-    error_set(e, ERROR_INTERNAL, "the worker that was to find out ended without a word");
+    error_set(e, ERROR_INTERNAL, "the worker ended without an estimate and without an error");
     return ESTIMATOR_NONE;
 }
 
@@ -114,7 +115,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     if (ended)
         verdict = decide(&ending, request->directory, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)",
+        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (setting estimate_timeout_s)",
                   m->timeout_s);
     free(ending.last_words);
     store_remove(request->directory, NULL);
@@ -148,7 +149,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int t
         input_permissions_free(roots, root_count);
         free(directory);
     } else {
-        error_set(e, ERROR_INTERNAL, "%d others are being found out (setting estimates)", m->at_once);
+        error_set(e, ERROR_INTERNAL, "%d other estimates are running (setting estimates)", m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);
     return verdict;

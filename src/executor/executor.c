@@ -375,14 +375,14 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     int why = 0;
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
-        ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
+        ok = error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
     set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
+        ok = error_set(e, ERROR_INTERNAL, "the supervisor thread cannot be started: %s", strerror(why));
     if (ok) return x;
     executor_free(x);
     return NULL;

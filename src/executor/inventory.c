@@ -222,8 +222,8 @@ static void tell(const char *state_dir, const tally *t, size_t adopted)
 {
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
     if (t->ended)
-        log_write(LOG_LEVEL_WARNING, "jobs and frames that waited are ended by their results count=%zu",
-                  t->ended);
+        log_write(LOG_LEVEL_WARNING,
+                  "waiting jobs and frames ended, because their results were found count=%zu", t->ended);
     if (t->moved)
         log_write(
             LOG_LEVEL_WARNING,

@@ -371,7 +371,7 @@ static void write_log(const engine_attempt *a)
     char *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     error e = {0};
     if (!store_file_write(path, a->log + a->log_used - kept, kept, &e))
-        log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
     free(path);
 }
 

@@ -28,13 +28,13 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
     error e = {0};
     if (store_output_clear(c->outputs, copy->directory, copy->name, &e) &&
         queue_forget_copy(c->q, copy->name, &e)) {
-        log_write(LOG_LEVEL_INFO, "leftover of a copy removed directory=%s name=%s", copy->directory,
-                  copy->name);
+        log_write(LOG_LEVEL_INFO, "temporary file of an interrupted copy removed directory=%s name=%s",
+                  copy->directory, copy->name);
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "a copy that was cut off may have left %s in %s, which is tried again: %s", copy->name,
-              copy->directory, e.message);
+              "an interrupted copy may have left the file %s in %s, and removing it is tried again: %s",
+              copy->name, copy->directory, e.message);
     return false;
 }
 
@@ -86,7 +86,9 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     int why = 0;
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
     if (ok && c->count && (why = pthread_create(&c->thread, NULL, run, c)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for what copies have left: %s", strerror(why));
+        ok = error_set(e, ERROR_INTERNAL,
+                       "the thread that removes temporary files of copies cannot be started: %s",
+                       strerror(why));
     *made = ok && c->count ? c : NULL;
     if (!*made) release(c);
     return ok;

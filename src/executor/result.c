@@ -206,7 +206,7 @@ bool result_list(const char *directory, result *r, error *e)
     }
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
     if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
-        log_write(LOG_LEVEL_WARNING, "a listing of results is not kept: %s", why.message);
+        log_write(LOG_LEVEL_WARNING, "the list of a result's files cannot be stored: %s", why.message);
     free(text);
     free(path);
     *r = found;

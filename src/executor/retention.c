@@ -131,8 +131,9 @@ static int64_t work_off_rest(retention *r)
     if (!ok) set_left(r, true);
     if (!due) return r->again_ms;
     if (!ok && !r->trouble && e.code != ERROR_NONE)
-        log_write(LOG_LEVEL_WARNING, "what was deleted is not yet removed, and tried again: %s", e.message);
-    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "what was deleted is removed");
+        log_write(LOG_LEVEL_WARNING,
+                  "the files of deleted jobs could not be removed, which is tried again: %s", e.message);
+    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "the files of deleted jobs are removed");
     r->trouble = !ok;
     r->again_ms = now + REMOVE_AGAIN_MS;
     return ok ? INT64_MAX : r->again_ms;
@@ -240,7 +241,7 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
     pthread_cond_init(&r->woken, NULL);
     int why = pthread_create(&r->thread, NULL, keep, r);
     if (why == 0) return r;
-    error_set(e, ERROR_INTERNAL, "no thread for what is to be forgotten: %s", strerror(why));
+    error_set(e, ERROR_INTERNAL, "the thread that removes deleted jobs cannot be started: %s", strerror(why));
     release(r);
     return NULL;
 }

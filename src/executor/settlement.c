@@ -96,7 +96,7 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and said no reason%s%.200s",
+        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and gave no reason%s%.200s",
                   ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
     if (error_is_of_storage(said.code))
         set_storage(s, &said);
@@ -270,10 +270,11 @@ void settlement_remove_leftovers(const char *directory)
     size_t length = 0;
     error e = {0};
     char *text = store_file_read(log, 1 << 20, &length, NULL);
-    if (!store_remove(directory, &e)) log_write(LOG_LEVEL_WARNING, "leftovers stay: %s", e.message);
+    if (!store_remove(directory, &e))
+        log_write(LOG_LEVEL_WARNING, "the files of a failed attempt could not be removed: %s", e.message);
     if (text && length) {
         if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
-            log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+            log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
     }
     free(text);
     free(log);
@@ -400,10 +401,11 @@ static bool put_aside(const settlement_place *place, const queue_claimed *c, con
     const char *name = strrchr(results, '/') + 1;
     if (!lost_found_move(place->state_dir, "results", name, e) ||
         !lost_found_flush(place->state_dir, "results", e))
-        return error_prefix(e, "what stands in the place of the result of job %s, and is none", c->job.id);
+        return error_prefix(
+            e, "the place of the result of job %s contains something else, which cannot be moved", c->job.id);
     log_write(LOG_LEVEL_WARNING,
-              "job=%s: what stood in the place of its result and was none is now %s/results/%s", c->job.id,
-              LOST_FOUND_DIRECTORY, name);
+              "job=%s: the place of its result contained something else, which is now %s/results/%s",
+              c->job.id, LOST_FOUND_DIRECTORY, name);
     return true;
 }
 

@@ -42,7 +42,8 @@ static bool check(checker *c, bool full)
     if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first finding is enough */
     health_end_check(h, name, ok, ok && *findings ? findings : NULL);
     if (!ok && !c->told && e.code != ERROR_CANCELLED)
-        log_write(LOG_LEVEL_WARNING, "the database cannot be checked, which is tried again: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "the database could not be checked, which is tried again: %s",
+                  e.message);
     c->told = !ok;
     if (ok)
         log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
@@ -101,7 +102,7 @@ checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e
     *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes};
     int why = pthread_create(&c->thread, NULL, run, c);
     if (why == 0) return c;
-    error_set(e, ERROR_INTERNAL, "no thread for checks of the database: %s", strerror(why));
+    error_set(e, ERROR_INTERNAL, "the thread that checks the database cannot be started: %s", strerror(why));
     free(c);
     return NULL;
 }

@@ -214,7 +214,7 @@ char *database_text(sqlite3_stmt *s, int column)
 static void note_stored(database *d)
 {
     if (!d->trouble) return;
-    log_write(LOG_LEVEL_INFO, "the queue stores again");
+    log_write(LOG_LEVEL_INFO, "the queue stores changes again");
     free(d->trouble);
     d->trouble = NULL;
 }
@@ -222,7 +222,7 @@ static void note_stored(database *d)
 static void note_trouble(database *d, const char *why)
 {
     if (d->trouble && strcmp(d->trouble, why) == 0) return;
-    log_write(LOG_LEVEL_ERROR, "the queue cannot store: %s", why);
+    log_write(LOG_LEVEL_ERROR, "the queue cannot store changes: %s", why);
     free(d->trouble);
     d->trouble = mem_strdup(why);
 }

@@ -60,8 +60,8 @@ void reserve_lend(const char *state_dir)
                   lstat(n.log, &log) != 0 && errno == ENOENT && stat(n.database, &database) == 0 &&
                   database.st_size > 0;
     if (wanted && (!empty_log(n.reserve) || link(n.reserve, n.log) != 0))
-        log_write(LOG_LEVEL_WARNING, "the disk space that is set aside for the queue is not used: %s: %s",
-                  n.reserve, strerror(errno));
+        log_write(LOG_LEVEL_WARNING, "the reserved disk space (reserve_mb) cannot be used: %s: %s", n.reserve,
+                  strerror(errno));
     names_free(&n);
 }
 
@@ -101,7 +101,7 @@ bool reserve_keep(const char *state_dir, int64_t bytes)
         if (!ok)
             log_write(
                 LOG_LEVEL_WARNING,
-                "no disk space is set aside for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
+                "no disk space could be reserved for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
                 " be cancelled or deleted",
                 n.log, strerror(errno));
         if (fd >= 0) close(fd);
