@@ -12,9 +12,9 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* A report has a record per sweep. */
+/* A report is long, because it has a record per sweep. */
 #define REPORT_LIMIT_BYTES (256u << 20)
-/* Put into the queue by one transaction. */
+/* Jobs that one transaction puts into the queue. */
 #define AT_ONCE 100
 
 typedef struct restored {
@@ -45,14 +45,14 @@ static char *copy_labels(json_at asked)
     return text;
 }
 
-/* A whole number of a report, which is checked like anything from outside. */
+/* Reads a whole number of a report. Reports are checked like any other input. */
 static int64_t integer_of(json_at object, const char *key, int64_t least, int64_t most, int64_t otherwise)
 {
     double number = json_number(json_member(&object, key), (double)otherwise);
     return number >= (double)least && number <= (double)most ? (int64_t)number : otherwise;
 }
 
-/* What the report says of the job; *finished_ms is when it was written. */
+/* Reads the job from the report. *finished_ms is the time the report was written. */
 static bool read_report(const char *directory, restored *j, int64_t *finished_ms)
 {
     struct stat info;
@@ -80,7 +80,7 @@ static bool read_report(const char *directory, restored *j, int64_t *finished_ms
     return ok;
 }
 
-/* Adds the result to the job if it is whole and a directory, no symbolic link to one. */
+/* Adds the result to the job if it is complete and a real directory, no symbolic link. */
 static bool add_task(const char *state_dir, const queue_directory *found, restored *j)
 {
     struct stat info;
@@ -120,7 +120,8 @@ static bool put(queue *q, restored *jobs, size_t *count, size_t *adopted, error 
     return ok;
 }
 
-/* A job is an array or not: where its whole result stands beside frames, the frames are not its own. */
+/* A job is an array or not. When there is a result without a frame, results of frames with the same id do not belong to
+ * it. */
 static bool belongs(const queue_directory *first, const queue_directory *d)
 {
     return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);
@@ -138,7 +139,7 @@ bool adoption_run(queue *q, const char *state_dir, const queue_directory *result
         bool unknown = true;
         for (next = i; next < count && strcmp(results[i].id, results[next].id) == 0; next++)
             unknown &= !results[next].known && !results[next].to_be_removed;
-        /* frames that the queue does not have of a job that it has are not its own */
+        /* when the queue knows the job, unknown frames do not belong to it */
         for (size_t k = i; unknown && k < next; k++)
             if (belongs(&results[i], &results[k])) add_task(state_dir, &results[k], j);
         if (!j->is.task_count) {

@@ -1,6 +1,7 @@
-/* adoption: jobs that are read back from their results, whose database was lost.
+/* adoption: adds jobs to the queue from their results, after the database was lost.
  *
- * What a report does not tell is not known: the owner, attempts, the times but those of the id and of the report.
+ * Unknown are all members that a report does not contain: the owner, the attempts, and all times but those of the id
+ * and of the report.
  */
 #ifndef HEXAD_EXECUTOR_ADOPTION_H
 #define HEXAD_EXECUTOR_ADOPTION_H
@@ -11,8 +12,8 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-/* Puts the jobs of these results into the queue. The list is sorted by id, and within one by frame; those that are
- * known or to be removed are passed by, as are those that cannot be read. *adopted: how many jobs. */
+/* Adds the jobs of these results to the queue. The list is sorted by id, then by frame. Results that the queue knows,
+ * that are noted for removal, or that cannot be read are skipped. *adopted is the number of added jobs. */
 bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
                   size_t *adopted, error *e);
 

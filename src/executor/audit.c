@@ -9,7 +9,7 @@
 #include "executor/inventory.h"
 #include "executor/result.h"
 
-/* Jobs, or tasks, that are read at once. */
+/* Jobs or tasks that are read at a time. */
 #define PAGE 500
 
 typedef struct audit {

@@ -1,4 +1,4 @@
-/* audit: results, held against the queue. For a directory that no daemon uses. */
+/* audit: compares the results with the queue, in a state directory that no daemon uses. */
 #ifndef HEXAD_EXECUTOR_AUDIT_H
 #define HEXAD_EXECUTOR_AUDIT_H
 
@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-/* Looks for tasks that succeeded whose result is missing or not whole, and for results of jobs that the queue does not
- * know. Prints a line for each and adds them to *findings; *results are those that were looked at. */
+/* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that the queue does not know.
+ * Prints a line for each and adds their number to *findings. *results is the number of results that were checked. */
 bool audit_results(queue *q, const char *state_dir, FILE *out, size_t *results, size_t *findings, error *e);
 
 #endif

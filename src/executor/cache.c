@@ -13,11 +13,12 @@
 #include "json/json.h"
 #include "store/inputs.h"
 
-/* Clocks of file systems are coarse, and those of file servers may be somewhat off. */
+/* Files changed in this time before the attempt are not trusted: time stamps are coarse, and file servers have clocks
+ * of their own. */
 #define CLOCK_DOUBT_MS 2000
 #define REPORT_LIMIT_BYTES (256u << 20)
 
-/* A copy of an object without some of its members: what a result does not depend on. */
+/* Copies an object without the members that a result does not depend on. */
 static json *copy_without(json_at object, const char *const *members, size_t count)
 {
     json *copy = json_new_object();
@@ -56,7 +57,7 @@ static int64_t ns_of(struct timespec t)
     return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
 }
 
-/* Numbers of 64 bits are texts in JSON. */
+/* JSON numbers cannot hold 64 bits, so such a number is stored as a text. */
 static void put_number(json *o, const char *key, int64_t number)
 {
     char *text = mem_printf("%lld", (long long)number);
@@ -64,7 +65,7 @@ static void put_number(json *o, const char *key, int64_t number)
     free(text);
 }
 
-/* What a file is at the moment; NULL when it cannot be looked at. */
+/* Describes a file as it is now. NULL when it cannot be examined. */
 static json *describe_file(const store_roots *roots, const char *path, const char *sha256, struct stat *info)
 {
     int fd = store_open_input(roots, path, NULL);
@@ -77,7 +78,8 @@ static json *describe_file(const store_roots *roots, const char *path, const cha
     json_put_string(o, "path", path);
     json_put_string(o, "sha256", sha256);
     if (store_inputs_is_sent(path, name) && strcmp(name + strlen(STORE_INPUT_PREFIX), sha256) == 0) {
-        info->st_ctim = (struct timespec){0}; /* its name says all */
+        info->st_ctim =
+            (struct timespec){0}; /* an uploaded file is named by its hash, so its name identifies it */
         return o;
     }
     put_number(o, "bytes", info->st_size);

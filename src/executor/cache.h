@@ -1,9 +1,9 @@
-/* cache: results that were made before, for jobs that ask for the same again.
+/* cache: reuse of results for jobs that are equal to an earlier one.
  *
- * The key is a hash of the program's version and of all in the spec that a result depends on; a job with a
- * time for its target has none. An entry holds what every input was when its result was made: path, size,
- * device, inode, times of change, and SHA-256. It answers only while all of that still is so, which needs
- * no file to be read. Jobs with a task per frame are not cached. No state; any thread.
+ * The key is a hash of the program's version and of those parts of the spec that a result depends on. A job with a time
+ * target has no key. An entry describes every input file as it was when the result was computed: path, size, device,
+ * inode, times of change, and SHA-256. The entry is valid while none of these has changed. Checking that reads no file.
+ * Jobs with a task per frame are not cached. No state; any thread.
  */
 #ifndef HEXAD_EXECUTOR_CACHE_H
 #define HEXAD_EXECUTOR_CACHE_H
@@ -14,18 +14,18 @@
 #include "store/file.h"
 #include "store/root.h"
 
-/* False: such a job is never cached. */
+/* False: the result of this job is never cached. */
 bool cache_key(const char *spec, char key[STORE_HASH_SIZE]);
 
-/* What the inputs that the report of a result names are now, as text to be freed. NULL: one of them was
- * changed after `since_ms` (wall clock), when the attempt began, or cannot be looked at: no entry can be
- * made. */
+/* Describes the present state of the input files that a result's report names, as a text to be freed. NULL, and then
+ * the result cannot be cached, when a file was changed after `since_ms` (wall clock, the start of the attempt) or
+ * cannot be examined. */
 char *cache_describe_inputs(const store_roots *roots, const char *directory, int64_t since_ms);
 
-/* Whether every input still is what it was. */
+/* Whether no input has changed since it was described. */
 bool cache_is_fresh(const store_roots *roots, const char *inputs);
 
-/* Makes a directory with the files of a result in another, by links. */
+/* Creates the directory `to` with hard links to the files of the result in `from`. */
 bool cache_link_result(const char *from, const char *to, error *e);
 
 #endif

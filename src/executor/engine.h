@@ -1,8 +1,8 @@
-/* engine: one way to run attempts, as a table of operations. Local processes are the only one now.
+/* engine: an interface to run attempts, as a table of functions. The only engine is local processes (executor/local).
  *
- * An attempt is started, watched by its descriptors, polled when one of them is ready, perhaps
- * cancelled, and settled exactly once after poll said that it has ended. No operation waits. All
- * calls for one attempt come from one thread.
+ * The caller starts an attempt, waits for its descriptors, and polls it when one is ready. It may cancel the attempt.
+ * It settles the attempt exactly once, after poll has returned true. No function waits. One thread makes all calls
+ * for one attempt.
  */
 #ifndef HEXAD_EXECUTOR_ENGINE_H
 #define HEXAD_EXECUTOR_ENGINE_H
@@ -21,16 +21,16 @@
 typedef struct engine_request {
     const char *worker;    /* path of the worker program */
     const char *command;   /* "run" or "estimate" */
-    const char *directory; /* the attempt's own, there and empty; the output goes there */
+    const char *directory; /* the attempt's own directory, which exists and is empty; takes the output */
     const char *spec;      /* JSON text */
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
-    int64_t file_mb;         /* the longest file that it may write; 0: no limit */
-    sandbox_mode sandbox;    /* that the worker is told to enter */
+    int64_t file_mb;         /* the longest file that the worker may write; 0: no limit */
+    sandbox_mode sandbox;    /* the sandbox that the worker has to enter */
     int threads;             /* > 0 */
     int frame;               /* QUEUE_NO_FRAME: none */
-    const char *previous;    /* the results that a frame of a sequence begins with; NULL: none */
+    const char *previous;    /* directory of the results that this frame begins with; NULL: none */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */
@@ -45,14 +45,14 @@ typedef struct engine {
     const char *name;
     /* NULL and an error (internal) when the attempt did not start. */
     engine_attempt *(*start)(const engine_request *request, error *e);
-    /* Names the worker, for the log. */
+    /* The name of the worker for the log. */
     const char *(*identify)(const engine_attempt *attempt);
-    /* Writes what to wait for and returns how many. */
+    /* Writes the descriptors to wait for and returns their number. */
     size_t (*watch)(const engine_attempt *attempt, struct pollfd fds[ENGINE_MAX_FDS]);
-    /* Takes in what has come. *progress is the newest whole line since the last call or NULL; it
-     * lives until the next call. True when the attempt has ended. */
+    /* Reads what the worker has written. *progress is the newest complete line since the last call, or NULL. It is
+     * valid until the next call. True when the attempt has ended. */
     bool (*poll)(engine_attempt *attempt, const char **progress);
-    /* Asks the attempt to end, or with `force` ends it. */
+    /* Asks the attempt to end, or with `force` kills it. */
     void (*cancel)(engine_attempt *attempt, bool force);
     /* Writes worker.log into the attempt's directory, fills *ending and frees the attempt. */
     void (*settle)(engine_attempt *attempt, engine_ending *ending);

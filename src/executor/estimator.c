@@ -17,7 +17,7 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* An object of some numbers. */
+/* An estimate is a small JSON object. */
 #define LONGEST_BYTES 65536
 
 struct estimator {
@@ -26,8 +26,8 @@ struct estimator {
     int at_once;
     double timeout_s;
     atomic_int running;
-    atomic_uint number; /* of the next one's directory */
-    int end_fd;         /* readable: no more */
+    atomic_uint number; /* number of the next directory */
+    int end_fd;         /* readable: no more estimates are made */
 };
 
 estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e)
@@ -38,8 +38,9 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
     m->at_once = at_once;
     m->timeout_s = timeout_s;
     m->end_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    bool ok = m->end_fd >= 0 || error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
-    if (ok && store_remove(m->directory, e)) return m; /* it is made with the first below it */
+    bool ok = m->end_fd >= 0 ||
+              error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
+    if (ok && store_remove(m->directory, e)) return m; /* created together with the first directory in it */
     estimator_close(m);
     return NULL;
 }
@@ -47,7 +48,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
 void estimator_dismiss(estimator *m)
 {
     ssize_t written = write(m->end_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a counter that is full is readable, too */
+    (void)written; /* a full counter is readable, too */
 }
 
 void estimator_close(estimator *m)
@@ -58,8 +59,7 @@ void estimator_close(estimator *m)
     free(m);
 }
 
-/* Waits for its end, which comes at once when the time is over or nobody is to wait any more. True: it was by
- * itself. */
+/* Waits until the worker has ended. It is killed when its time is over or the estimator is dismissed: then false. */
 static bool await(const estimator *m, engine_attempt *attempt)
 {
     int64_t end_ms = clock_monotonic_ms() + (int64_t)(m->timeout_s * 1000);
@@ -77,7 +77,7 @@ static bool await(const estimator *m, engine_attempt *attempt)
     return !stopped;
 }
 
-/* What it left, in so far as it is an object. */
+/* Reads the estimate that the worker wrote. NULL when it is no JSON object. */
 static char *read_document(const char *directory)
 {
     size_t length = 0;
@@ -100,7 +100,7 @@ static estimator_verdict decide(const engine_ending *ending, const char *directo
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
         e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
-    error_set(e, ERROR_INTERNAL, "the worker that was to find out ended without a word");
+    error_set(e, ERROR_INTERNAL, "the worker ended without an estimate and without an error");
     return ESTIMATOR_NONE;
 }
 
@@ -115,7 +115,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     if (ended)
         verdict = decide(&ending, request->directory, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "it took longer than %g s to find out (setting estimate_timeout_s)",
+        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (setting estimate_timeout_s)",
                   m->timeout_s);
     free(ending.last_words);
     store_remove(request->directory, NULL);
@@ -149,7 +149,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int t
         input_permissions_free(roots, root_count);
         free(directory);
     } else {
-        error_set(e, ERROR_INTERNAL, "%d others are being found out (setting estimates)", m->at_once);
+        error_set(e, ERROR_INTERNAL, "%d other estimates are running (setting estimates)", m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);
     return verdict;

@@ -1,7 +1,7 @@
-/* estimator: what jobs would take, found out by workers that are waited for (`hexad-worker estimate`).
+/* estimator: estimates the time and memory of a job with a worker (`hexad-worker estimate`), and waits for it.
  *
- * Such a worker is held as those that run jobs are, to the same roots, sandbox and limits; a number of them at a
- * time, apart from the attempts, and each for a time. Any thread may call.
+ * These workers have the same input roots, sandbox and limits as those that run jobs. Their number and their time are
+ * limited, apart from the attempts. Any thread may call these functions.
  */
 #ifndef HEXAD_EXECUTOR_ESTIMATOR_H
 #define HEXAD_EXECUTOR_ESTIMATOR_H
@@ -11,20 +11,21 @@
 
 typedef struct estimator estimator;
 
-/* Borrows what the settings point to. Makes and empties the directory estimates/ of the state directory. */
+/* What the settings point to must outlive the estimator. Creates or empties the directory estimates/ in the state
+ * directory. */
 estimator *estimator_open(const executor_settings *settings, int at_once, double timeout_s, error *e);
-/* Ends what is under way, and from then on makes none. */
+/* Ends the running estimates; later ones fail. */
 void estimator_dismiss(estimator *m);
-void estimator_close(estimator *m); /* when nobody asks any more; accepts NULL */
+void estimator_close(estimator *m); /* after the last estimator_ask has returned; accepts NULL */
 
 typedef enum estimator_verdict {
     ESTIMATOR_MADE,
-    ESTIMATOR_FAULT, /* the job would fail: the error says of what */
-    ESTIMATOR_NONE   /* there is none: the error's message says why */
+    ESTIMATOR_FAULT, /* the job would fail: the error tells why */
+    ESTIMATOR_NONE   /* no estimate could be made: the error tells why */
 } estimator_verdict;
 
-/* `threads` and `memory_mb` as of an attempt, `frame` QUEUE_NO_FRAME: none. On MADE *document is one JSON object
- * (run/run.h), to be freed. */
+/* `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is
+ * one JSON object (run/run.h), to be freed. */
 estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int threads, int64_t memory_mb,
                                 char **document, error *e);
 

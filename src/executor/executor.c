@@ -30,16 +30,14 @@
 #include "executor/progress_ring.h"
 #include "store/file.h"
 
-/* After trouble with the database (a full disk): long enough not to spin, short enough to recover.
- */
+/* After a database error (a full disk): long enough not to spin, short enough to recover. */
 #define RETRY_MS 1000
-/* While no worker can be started (the program is being replaced, no memory is left): the longest
- * time between two tries. */
+/* The longest time between two tries while no worker can be started (the program is replaced, memory is short). */
 #define START_WAIT_MOST_MS 30000
-/* Between two looks whether a full disk has room again. */
+/* Between two checks whether a full disk has space again. */
 #define ROOM_WAIT_MS 1000
 
-/* The part of the machine's memory that is lent to attempts when the settings do not say. */
+/* The share of the machine's memory for attempts when host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
 struct executor {
@@ -62,17 +60,17 @@ struct executor {
     atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
-    pthread_mutex_t order;     /* held over a claim until a slot has it, and over commands */
-    pthread_mutex_t mutex;     /* of the next two */
-    executor_settings changed; /* what executor_change brought, for the supervisor to take */
+    pthread_mutex_t order;     /* held over a claim until a slot has it, and over a command */
+    pthread_mutex_t mutex;     /* guards the next two members */
+    executor_settings changed; /* the settings of executor_change, until the supervisor takes them */
     bool has_changed;
     size_t slot_count;
     slot **slots;
 
-    bool look;             /* supervisor: something may be claimed that could not before */
-    int64_t due_ms;        /* supervisor: when a task may be tried again, wall clock */
-    int64_t claim_ms;      /* supervisor: no claim before; after trouble */
-    int64_t start_wait_ms; /* supervisor: doubles while no attempt starts */
+    bool look;             /* supervisor: something may have become claimable */
+    int64_t due_ms;        /* supervisor: when the next delayed task is due, wall clock */
+    int64_t claim_ms;      /* supervisor: no claim before this time, after a failure; 0: at once */
+    int64_t start_wait_ms; /* supervisor: doubles while no worker starts */
 };
 
 static int64_t least(int64_t a, int64_t b)
@@ -83,7 +81,7 @@ static int64_t least(int64_t a, int64_t b)
 static void signal_fd(int fd)
 {
     ssize_t written = write(fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is all that is wanted */
+    (void)written; /* a full counter is readable, which is enough */
 }
 
 void executor_wake(executor *x)
@@ -97,13 +95,13 @@ bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, er
     return retention_delete(x->retention, id, found, deleted, e);
 }
 
-/* Lets a slot do what it can do now, and draws the consequences for the others. */
+/* Steps a slot and handles what follows for the other slots. */
 static void serve(executor *x, slot *s)
 {
     unsigned news = slot_step(s);
     if (news & SLOT_STARTED) x->start_wait_ms = 0;
     if (news & SLOT_NOT_STARTED) {
-        /* what keeps this worker from starting probably keeps the next one from it, too */
+        /* the next worker probably fails to start for the same reason */
         x->start_wait_ms = x->start_wait_ms ? least(2 * x->start_wait_ms, START_WAIT_MOST_MS) : RETRY_MS;
         x->claim_ms = clock_monotonic_ms() + x->start_wait_ms;
     }
@@ -113,7 +111,7 @@ static void serve(executor *x, slot *s)
     }
 }
 
-/* What the attempts that run leave. */
+/* What the running attempts leave free. */
 static queue_room find_room(const executor *x)
 {
     queue_room room = {
@@ -131,7 +129,7 @@ static queue_room find_room(const executor *x)
     return room;
 }
 
-/* Claims into a free slot. The order is held over both, so that a cancellation finds either a
+/* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds either a
  * queued task or its slot. */
 static bool claim(executor *x, slot *s)
 {
@@ -148,14 +146,14 @@ static bool claim(executor *x, slot *s)
             slot_take(s, &claimed, width, memory_mb);
         }
     } else {
-        log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue said it */
+        log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue has logged it */
         x->claim_ms = clock_monotonic_ms() + RETRY_MS;
     }
     pthread_mutex_unlock(&x->order);
     return found;
 }
 
-/* Nothing can be claimed now: what would change that by itself is a task whose time comes. */
+/* Nothing can be claimed now. Notes when the next delayed task becomes due. */
 static void note_due(executor *x)
 {
     x->look = false;
@@ -176,13 +174,13 @@ static void fill_slots(executor *x)
         if (claim(x, s)) {
             serve(x, s);
         } else {
-            if (!x->claim_ms) note_due(x); /* else it could not be tried, and is again then */
+            if (!x->claim_ms) note_due(x); /* otherwise the claim failed and is tried again at claim_ms */
             return;
         }
     }
 }
 
-/* Waits until something has to be done. */
+/* Waits until a slot or a claim has something to do. */
 static void wait_for_news(executor *x, struct pollfd *fds)
 {
     size_t count = 0;
@@ -201,7 +199,7 @@ static void wait_for_news(executor *x, struct pollfd *fds)
     }
     int64_t wait = due == INT64_MAX ? -1 : due - clock_monotonic_ms();
     if (due != INT64_MAX && wait < 0) wait = 0;
-    /* one millisecond more: due is a rounded time, and waking too early would turn in vain */
+    /* one millisecond more, because due is rounded: waking too early would be useless */
     poll(fds, count, wait < 0 ? -1 : wait >= INT32_MAX ? INT32_MAX : (int)wait + 1);
     if (fds[0].revents) {
         uint64_t times;
@@ -227,7 +225,7 @@ static void set_limits(slot_context *context, const executor_settings *settings)
     context->grace_s = settings->grace_s;
 }
 
-/* What other threads have asked for since the last turn; who asks wakes the supervisor afterwards. */
+/* Takes over what other threads requested since the last turn. They wake the supervisor after a request. */
 static void take_changes(executor *x)
 {
     pthread_mutex_lock(&x->mutex);
@@ -243,7 +241,7 @@ static void *supervise(void *argument)
 {
     executor *x = argument;
     struct pollfd *fds = mem_alloc((1 + ENGINE_MAX_FDS * x->slot_count) * sizeof *fds);
-    pthread_setname_np(pthread_self(), "supervisor"); /* for who looks at a process that is stuck */
+    pthread_setname_np(pthread_self(), "supervisor"); /* helps to debug a process that hangs */
     for (;;) {
         bool was_idle;
         atomic_fetch_add(&x->turns, 1);
@@ -314,7 +312,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
     };
 }
 
-/* Of what is there already; see executor_start. */
+/* Call it when all members that the context refers to are set. */
 static void set_context(executor *x)
 {
     const executor_settings *settings = &x->settings;
@@ -336,7 +334,7 @@ static void set_context(executor *x)
     set_limits(&x->context, settings);
 }
 
-/* Brings the queue and the state directory in line, before anything runs. */
+/* Makes the queue and the state directory consistent, before anything runs. */
 static bool recover(const executor *x, error *e)
 {
     char boot_id[HOST_BOOT_ID_SIZE];
@@ -350,7 +348,7 @@ static bool recover(const executor *x, error *e)
            instance_join(x->q, x->state_dir, boot_id, e);
 }
 
-/* Those of the settings, and before them that of files that were sent. */
+/* Opens the directory of uploaded files and the configured input roots, in this order. */
 static store_roots *open_roots(const executor_settings *settings, error *e)
 {
     size_t count = 0;
@@ -377,14 +375,14 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     int why = 0;
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
-        ok = error_set(e, ERROR_INTERNAL, "no event descriptor: %s", strerror(errno));
+        ok = error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
     x->roots = ok ? open_roots(settings, e) : NULL;
     set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
     if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "no thread for the supervisor: %s", strerror(why));
+        ok = error_set(e, ERROR_INTERNAL, "the supervisor thread cannot be started: %s", strerror(why));
     if (ok) return x;
     executor_free(x);
     return NULL;

@@ -16,7 +16,7 @@ static int64_t read_bound_mb(const char *group)
     char *path = mem_printf("%s/memory.max", group);
     size_t length = 0;
     char *text = store_file_read(path, 64, &length, NULL), *end = NULL;
-    long long bytes = text ? strtoll(text, &end, 10) : 0; /* "max", or the file is not there: no bound */
+    long long bytes = text ? strtoll(text, &end, 10) : 0; /* "max", or no such file: no limit */
     int64_t bound = text && end != text && bytes > 0 ? bytes / MIB : INT64_MAX;
     free(text);
     free(path);
@@ -44,7 +44,7 @@ int64_t host_memory_mb(void)
     int64_t memory = (int64_t)sysconf(_SC_PHYS_PAGES) * sysconf(_SC_PAGESIZE) / MIB;
     size_t length = 0;
     char *text = store_file_read("/proc/self/cgroup", 1 << 16, &length, NULL);
-    char *line = text ? strstr(text, "0::") : NULL; /* the line of version 2 */
+    char *line = text ? strstr(text, "0::") : NULL; /* the line of control groups version 2 */
     if (line) {
         line[strcspn(line, "\n")] = '\0';
         int64_t bound = host_group_memory_mb(GROUPS, line + strlen("0::"));

@@ -1,21 +1,21 @@
-/* host: what this machine has, as far as this process may use it. No state; any thread. */
+/* host: memory, name and boot of this machine, as far as this process may use it. No state; any thread. */
 #ifndef HEXAD_EXECUTOR_HOST_H
 #define HEXAD_EXECUTOR_HOST_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* Its main memory, or what the control group of this process may have of it (version 2, with all that stand
- * above it) when that is less; in MiB. */
+/* The main memory in MiB, or the limit of the control group of this process (version 2, with its parents) when that is
+ * lower. */
 int64_t host_memory_mb(void);
 
-/* The same from a tree of control groups at `root` and a process's line of it, "/a/b"; here so that it is
- * tested without such a tree of the kernel's. INT64_MAX: no bound. */
+/* The memory limit of the control group "/a/b" in the tree at `root`. INT64_MAX: no limit. Public so that tests can use
+ * a tree of their own. */
 int64_t host_group_memory_mb(const char *root, const char *group);
 
 void host_name(char *name, size_t size);
 
-/* Another text after each start of the host, not of a container; "" where it cannot be told. */
+/* A text that changes with each boot of the host (not of a container); "" when it is unknown. */
 #define HOST_BOOT_ID_SIZE 40
 void host_boot_id(char id[HOST_BOOT_ID_SIZE]);
 

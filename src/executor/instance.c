@@ -13,7 +13,7 @@
 
 #define WAYS_OUT "restore a backup of " QUEUE_FILE_NAME ", or start once with --adopt"
 
-/* The id that the directory holds; "": it holds none. What is there and is no id is an error (spec_invalid). */
+/* Reads the id of the directory; "": it has none. A file that contains no id is an error (spec_invalid). */
 static bool read_file(const char *state_dir, char id[ULID_SIZE], error *e)
 {
     error why = {0};
@@ -48,7 +48,7 @@ static bool write_file(const char *state_dir, const char *id, error *e)
     return ok;
 }
 
-/* Whether anything stands in results/. What cannot be looked at may hold some. */
+/* Whether results/ contains anything. A directory that cannot be read counts as if it did. */
 static bool holds_results(const char *state_dir)
 {
     char *path = mem_printf("%s/results", state_dir);
@@ -102,11 +102,12 @@ queue *instance_open_queue(const char *state_dir, bool adopt, error *e)
     char own[ULID_SIZE] = "";
     error why = {0};
     if (!read_file(state_dir, own, &why) && !(adopt && why.code == ERROR_SPEC_INVALID)) {
-        if (why.code == ERROR_SPEC_INVALID) why.code = ERROR_INTERNAL; /* it is no setting that is wrong */
+        if (why.code == ERROR_SPEC_INVALID)
+            why.code = ERROR_INTERNAL; /* spec_invalid would blame a setting */
         if (e) *e = why;
         return NULL;
     }
-    /* before the database is opened, which would make a new one and take away what lies beside a lost one */
+    /* check this before opening, which would create a new database and delete files left beside the lost one */
     bool lost = !queue_exists(state_dir);
     if (lost && !adopt && holds_results(state_dir)) {
         refuse_new(state_dir, e);

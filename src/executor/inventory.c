@@ -17,12 +17,12 @@
 static const char *const parts[] = {"results", "attempts"};
 enum { RESULTS, ATTEMPTS };
 
-/* What stands in one of them: first those whose names are those of a task's directory, then the others. */
+/* The entries of results/ or attempts/: first those named like a task's directory, then all others. */
 typedef struct listing {
     char **name;
-    queue_directory *directory; /* of the first `named`, sorted as they are */
+    queue_directory *directory; /* of the first `named` entries, in the same order */
     size_t count, named;
-    bool linked; /* the part itself is a symbolic link */
+    bool linked; /* results/ or attempts/ itself is a symbolic link */
 } listing;
 
 static void listing_clear(listing *l)
@@ -32,7 +32,7 @@ static void listing_clear(listing *l)
     free(l->directory);
 }
 
-/* A number as the service writes it, behind a point; moves on. */
+/* Reads ".NUMBER" as the service writes it, and advances the text. */
 static bool read_number(const char **text, int *number)
 {
     char written[16], *end = NULL;
@@ -47,7 +47,7 @@ static bool read_number(const char **text, int *number)
     return true;
 }
 
-/* "ID" and "ID.FRAME" of results, "ID.N" and "ID.FRAME.N" of attempts. */
+/* Results are named "ID" or "ID.FRAME", attempts "ID.N" or "ID.FRAME.N". */
 static bool read_name(const char *name, int part, queue_directory *d)
 {
     *d = (queue_directory){.frame = QUEUE_NO_FRAME};
@@ -83,7 +83,7 @@ static int compare(const void *a, const void *b)
     return (x->attempt > y->attempt) - (x->attempt < y->attempt);
 }
 
-/* Sorted, since the queue then finds neighbours beside each other. */
+/* Sorted, because lookups of neighbouring ids are then faster. */
 static void sort(listing *l)
 {
     named *list = mem_alloc((l->named + 1) * sizeof *list);
@@ -132,14 +132,14 @@ static bool list(const char *state_dir, int part, listing *l, error *e)
     return ok;
 }
 
-/* What is done with a thing. */
+/* What happens to an entry. */
 typedef enum verdict {
     STAYS,
     BELONGS_TO_NOBODY,
-    IS_IN_THE_WAY /* of a task that will run: of its result, or of an attempt that is given the same number */
+    IS_IN_THE_WAY /* in the way of a task that will run: of its result, or of an attempt with the same number */
 } verdict;
 
-/* The result of a task that waits: ends it if it is whole, else it is in the way. */
+/* The result of a waiting task: a complete one ends the task, any other is in its way. */
 static bool end_from_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v,
                             size_t *ended, error *e)
 {
@@ -159,8 +159,8 @@ static bool end_from_result(queue *q, const char *state_dir, const queue_directo
     return ok;
 }
 
-/* Of a result. One that stands beside a task that failed is from a retry that the queue has forgotten; ended jobs
- * stay what they are, and the result would be in the way of the next retry. */
+/* Decides on a result. A result of a failed task comes from a retry that the (older) database does not know. The job
+ * keeps its state, and the result would be in the way of the next retry. */
 static bool judge_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended,
                          error *e)
 {
@@ -172,7 +172,8 @@ static bool judge_result(queue *q, const char *state_dir, const queue_directory 
     return true;
 }
 
-/* Of an attempt. The queue gives a number before the directory is made, so a higher one is of a newer database. */
+/* Decides on an attempt. The queue gives the number before the directory is created, so a higher number comes from a
+ * newer database. */
 static verdict judge_attempt(const queue_directory *d)
 {
     if (d->to_be_removed || (d->known && d->attempt <= d->last_attempt)) return STAYS;
@@ -221,8 +222,8 @@ static void tell(const char *state_dir, const tally *t, size_t adopted)
 {
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
     if (t->ended)
-        log_write(LOG_LEVEL_WARNING, "jobs and frames that waited are ended by their results count=%zu",
-                  t->ended);
+        log_write(LOG_LEVEL_WARNING,
+                  "waiting jobs and frames ended, because their results were found count=%zu", t->ended);
     if (t->moved)
         log_write(
             LOG_LEVEL_WARNING,

@@ -1,8 +1,8 @@
-/* inventory: what stands in results/ and attempts/ at a start, held against the queue.
+/* inventory: compares results/ and attempts/ with the queue, at a start.
  *
- * A result of a job that waits ends it: the database is older than the result, a backup that was put back. What
- * belongs to no job, or is in the way of one, is put into lost+found (executor/lost_found). What the queue has noted to
- * be removed is left to executor/retention. Nothing is deleted. Called by one thread, at a start, after
+ * A complete result of a waiting task ends that task: the database is an older backup that was restored. An entry
+ * that belongs to no job, or that is in the way of one, moves to lost+found (executor/lost_found). Entries that the
+ * queue has noted for removal are left to executor/retention. Nothing is deleted. Called by one thread, after
  * settlement_recover.
  */
 #ifndef HEXAD_EXECUTOR_INVENTORY_H
@@ -13,12 +13,12 @@
 #include "base/error.h"
 #include "queue/queue.h"
 
-/* With `adopt` results of jobs that are not in the queue are read back into it, from their reports, as jobs that
- * have succeeded. A warning says how many things were put away, or could not be; what stays although it is in the
- * way of a job is an error. */
+/* With `adopt`, results of jobs that are not in the queue are added to it, from their reports, as succeeded jobs. A
+ * warning tells how many entries were moved or could not be moved. When an entry that is in the way of a job cannot be
+ * moved, that is an error. */
 bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e);
 
-/* Whether a name is that of a result's directory: whose. */
+/* Parses the name of a result's directory. False when it is not such a name. */
 bool inventory_read_name(const char *name, queue_directory *directory);
 
 #endif

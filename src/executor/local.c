@@ -31,15 +31,15 @@ struct engine_attempt {
     char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
-    char *log; /* 2 * LOCAL_LOG_BYTES; the last half is what is kept */
+    char *log; /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
-    bool line_skipped; /* the line was too long: drop until its end */
+    bool line_skipped; /* the line was too long: skip to its end */
     char newest[LOCAL_LINE_BYTES];
 };
 
-/* What the child needs, all made before the fork. */
+/* What the child needs. All of it is prepared before the fork. */
 typedef struct launch {
     char **arguments;
     int spec_fd, null_fd, log_fd, progress_fd, failure_fd;
@@ -78,7 +78,7 @@ static int make_spec_fd(const char *spec)
     return fd;
 }
 
-/* A pipe whose reading end does not block. */
+/* Makes a pipe whose reading end does not block. */
 static bool make_pipe(int *reading, int *writing)
 {
     int ends[2];
@@ -94,7 +94,7 @@ static void close_fd(int *fd)
     *fd = -1;
 }
 
-/* To what it is already, if that is less: limits cannot be raised. */
+/* Keeps a limit that is already lower, because limits cannot be raised. */
 static bool lower_limit(int which, rlim_t to)
 {
     struct rlimit limit;
@@ -104,7 +104,7 @@ static bool lower_limit(int which, rlim_t to)
     return setrlimit(which, &limit) == 0;
 }
 
-/* The daemon's own, raised by LOCAL_OOM_SCORE; the kernel takes values up to 1000. */
+/* The daemon's value plus LOCAL_OOM_SCORE. The kernel accepts up to 1000. */
 static void print_oom_score(char text[24])
 {
     size_t length = 0;
@@ -114,7 +114,7 @@ static void print_oom_score(char text[24])
     free(own);
 }
 
-/* Where there is no /proc, or where it may not be written, the kernel chooses as it likes: no reason not to run. */
+/* A failure (no /proc, no permission) is ignored: then the kernel chooses by its own rules. */
 static void set_oom_score(const char *text)
 {
     int fd = open(OOM_SCORE_FILE, O_WRONLY | O_CLOEXEC);
@@ -138,7 +138,7 @@ static _Noreturn void run_child(const launch *l)
         lower_limit(RLIMIT_NOFILE, l->open_files) && dup2(l->spec_fd, STDIN_FILENO) >= 0 &&
         dup2(l->null_fd, STDOUT_FILENO) >= 0 && dup2(l->log_fd, STDERR_FILENO) >= 0 &&
         dup2(l->progress_fd, PROGRESS_FD) >= 0) {
-        /* an older kernel has no such flag; every descriptor of ours is close-on-exec anyway */
+        /* an older kernel does not know this flag; all descriptors are close-on-exec anyway */
         close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
         execv(l->arguments[0], l->arguments);
     }
@@ -178,7 +178,7 @@ static char **make_arguments(const engine_request *request)
         a[count++] = mem_strdup(request->input_roots[i]);
     }
     if (!request->input_root_count) {
-        /* without a root the worker would open any path: give it one that holds no input */
+        /* without a root the worker would open any path, so give it one that contains no input */
         a[count++] = mem_strdup("--" WORKER_OPTION_INPUT_ROOT);
         a[count++] = mem_strdup(request->directory);
     }
@@ -203,7 +203,7 @@ static rlim_t address_space_of(int64_t memory_mb)
 #endif
 }
 
-/* Waits until the child has replaced itself, which closes the pipe, or says why it could not. */
+/* Waits until exec has succeeded, which closes the pipe, or until the child reports why it failed. */
 static int await_exec(int failure_fd)
 {
     int why = 0;
@@ -283,7 +283,7 @@ static size_t watch(const engine_attempt *a, struct pollfd fds[ENGINE_MAX_FDS])
     return 3;
 }
 
-/* Reads once. 0: nothing there now, or no more ever, and then the descriptor is closed. */
+/* Reads once. 0: nothing to read now, or the end, at which the descriptor is closed. */
 static size_t read_some(int *fd, char *buffer, size_t room)
 {
     if (*fd < 0) return 0;
@@ -303,7 +303,7 @@ static void keep_log(engine_attempt *a, const char *text, size_t length)
     a->log_used += length;
 }
 
-/* True when a whole line came; the newest stands in a->newest. */
+/* True when a complete line has come. The newest is in a->newest. */
 static bool keep_lines(engine_attempt *a, const char *text, size_t length)
 {
     bool whole = false;
@@ -326,7 +326,7 @@ static bool keep_lines(engine_attempt *a, const char *text, size_t length)
     return whole;
 }
 
-/* A worker that writes without end must not hold the supervisor: it gets so many reads a turn. */
+/* Reads per turn. A worker that writes without end must not block the supervisor. */
 #define READS_A_TURN 16
 
 static bool take_in(engine_attempt *a, int turns)
@@ -343,7 +343,7 @@ static bool take_in(engine_attempt *a, int turns)
 
 static bool poll_attempt(engine_attempt *a, const char **progress)
 {
-    /* asked first: what the process wrote before it ended is in the pipes by then */
+    /* ask this first: what the process wrote before its end is then in the pipes */
     struct pollfd end = {.fd = a->pidfd, .events = POLLIN};
     bool ended = poll(&end, 1, 0) > 0;
     *progress = take_in(a, READS_A_TURN) ? a->newest : NULL;
@@ -352,7 +352,7 @@ static bool poll_attempt(engine_attempt *a, const char **progress)
 
 static void cancel(engine_attempt *a, bool force)
 {
-    /* not yet waited for, so neither the process nor its group can be another's */
+    /* the process was not waited for yet, so its number and group cannot belong to another one */
     if (kill(-a->pid, force ? SIGKILL : SIGTERM) != 0) kill(a->pid, force ? SIGKILL : SIGTERM);
 }
 
@@ -371,7 +371,7 @@ static void write_log(const engine_attempt *a)
     char *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     error e = {0};
     if (!store_file_write(path, a->log + a->log_used - kept, kept, &e))
-        log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
     free(path);
 }
 
@@ -379,9 +379,9 @@ static void settle(engine_attempt *a, engine_ending *ending)
 {
     int status = 0;
     struct rusage usage = {0};
-    kill(-a->pid, SIGKILL); /* what the worker may have started itself */
+    kill(-a->pid, SIGKILL); /* kills what the worker may have started */
     while (wait4(a->pid, &status, 0, &usage) < 0 && errno == EINTR) continue;
-    /* pipes hold 64 KiB each, so this takes all that the worker left there */
+    /* pipes hold 64 KiB each, so this reads all that the worker left */
     take_in(a, READS_A_TURN);
     ending->exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;

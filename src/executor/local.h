@@ -1,33 +1,31 @@
 /* local: the engine that runs an attempt as a process of this machine.
  *
- * The worker runs in a process group of its own, is killed when the daemon dies, holds no descriptor of the
- * daemon, leaves no core file, gains no privileges, writes no file longer than it may, is ended before the
- * daemon when memory runs out, and has an address space of its memory limit plus a headroom (not under
- * AddressSanitizer, whose shadow would not fit). What else it may not do it sees to itself, as it is told to
- * (base/sandbox). Its spec comes on standard input, progress lines leave on descriptor 3; of standard error
- * the last LOCAL_LOG_BYTES are kept.
- * Only async-signal-safe calls stand between fork and exec, so the daemon may have threads;
- * attempts must be started from a thread that lives as long as they do.
+ * The worker runs in its own process group and is killed when the daemon dies. It inherits no descriptor of the
+ * daemon, leaves no core file, gains no privileges, and cannot write files above a length. When memory runs out, the
+ * kernel kills it before the daemon. Its address space is its memory limit plus a headroom (not under
+ * AddressSanitizer, whose shadow memory would not fit). The worker itself enters the sandbox that it is told to
+ * (base/sandbox). It reads its spec from standard input and writes progress lines to descriptor 3. The last
+ * LOCAL_LOG_BYTES of its standard error are kept. Only async-signal-safe calls are made between fork and exec, so the
+ * daemon may have threads. A thread that starts attempts must live as long as they do.
  */
 #ifndef HEXAD_EXECUTOR_LOCAL_H
 #define HEXAD_EXECUTOR_LOCAL_H
 
 #include "executor/engine.h"
 
-/* What memory_mb does not speak of: code and shared libraries; and for each thread that a worker
- * may start a stack (8 MiB) and an arena of the allocator (64 MiB of addresses, hardly any of
- * memory). */
+/* Address space that memory_mb does not cover: code and shared libraries; and for each thread a stack (8 MiB) and an
+ * arena of the allocator (64 MiB of addresses, but little memory). */
 #define LOCAL_HEADROOM_MB 512
 #define LOCAL_HEADROOM_PER_CORE_MB 80
-/* Descriptors of a worker beside those of its input roots: a job has a handful. */
+/* Open files of a worker, in addition to its input roots. A job needs a handful. */
 #define LOCAL_OPEN_FILES 128
 #define LOCAL_LOG_BYTES (64 * 1024)
-/* Progress lines are some hundred bytes; a longer one is no progress line and is ignored. */
+/* A progress line has some hundred bytes. A longer line than this is ignored. */
 #define LOCAL_LINE_BYTES 4096
 
-/* How much sooner the kernel ends a worker than the daemon when memory runs out (oom_score_adj): a worker that dies costs
- * an attempt, the daemon all of them. Half of the memory's size, so that other programs that grow without end still
- * come before a worker that takes little. */
+/* Added to the oom_score_adj of a worker, so that the kernel kills it before the daemon when memory runs out: that
+ * costs one attempt instead of all. 500 stands for half of the memory, so that another program that grows without end
+ * is still killed before a small worker. */
 #define LOCAL_OOM_SCORE 500
 
 extern const engine engine_local;

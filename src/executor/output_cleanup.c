@@ -16,7 +16,7 @@
 struct output_cleanup {
     queue *q;
     const store_outputs *outputs;
-    queue_copy *copies; /* a name is NULL once its file is gone */
+    queue_copy *copies; /* a name is NULL after its file was removed */
     size_t count;
     pthread_t thread;
     pthread_mutex_t mutex;
@@ -29,17 +29,17 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
     error e = {0};
     if (store_output_clear(c->outputs, copy->directory, copy->name, &e) &&
         queue_forget_copy(c->q, copy->name, &e)) {
-        log_write(LOG_LEVEL_INFO, "leftover of a copy removed directory=%s name=%s", copy->directory,
-                  copy->name);
+        log_write(LOG_LEVEL_INFO, "temporary file of an interrupted copy removed directory=%s name=%s",
+                  copy->directory, copy->name);
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "a copy that was cut off may have left %s in %s, which is tried again: %s", copy->name,
-              copy->directory, e.message);
+              "an interrupted copy may have left the file %s in %s, and removing it is tried again: %s",
+              copy->name, copy->directory, e.message);
     return false;
 }
 
-/* Waits for the next round; false: it is to end. */
+/* Waits for the next round. False: the thread must end. */
 static bool wait_for_round(output_cleanup *c)
 {
     int64_t until_ms = clock_wall_ms() + AGAIN_MS;

@@ -38,8 +38,7 @@ char *publication_path(const char *spec, int frame)
 
 char *publication_temporary(const char *directory)
 {
-    const char *slash =
-        strrchr(directory, '/'); /* what follows names job, frame and attempt, as nothing else does */
+    const char *slash = strrchr(directory, '/'); /* the last part is unique: job, frame and attempt */
     return mem_printf(".%s.hexad-tmp", slash ? slash + 1 : directory);
 }
 
@@ -65,7 +64,7 @@ static void *run(void *argument)
     if (!p->ok) error_prefix(&p->fault, "output.directory");
     atomic_store(&p->ended, true);
     ssize_t written = write(p->end_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is all that is wanted */
+    (void)written; /* a full counter is readable, which is enough */
     return NULL;
 }
 
@@ -80,7 +79,7 @@ publication *publication_start(queue *q, const store_outputs *outputs, const cha
     p->path = mem_strdup(path);
     p->end_fd = end_fd;
     p->started = pthread_create(&p->thread, NULL, run, p) == 0;
-    if (!p->started) run(p); /* slower for the others, but as good */
+    if (!p->started) run(p); /* without a thread the supervisor copies itself, which delays the others */
     return p;
 }
 

@@ -1,10 +1,9 @@
-/* publication: the copy of a result into the directory that its job names, on a thread of its own, since
- * that directory may be slow.
+/* publication: copies a result to output.directory of its job. A thread does it, because that directory may be slow.
  *
- * It comes before the result moves into place: a job whose copy cannot be made fails and says why, and a
- * crash at any point leads to another attempt or finds a result that was copied. The temporary file of a copy is
- * noted in the queue before it is made (queue_note_copy) and forgotten with the end of the attempt. The next start
- * removes those that a crash left (executor/output_cleanup).
+ * The copy is made before the result moves to results/. When it fails, the job fails and tells why. After a crash at
+ * any point there is another attempt, or a result that was copied. The temporary file of a copy is noted in the queue
+ * before it is made (queue_note_copy) and forgotten with the end of the attempt. The next start removes those that a
+ * crash left (executor/output_cleanup).
  */
 #ifndef HEXAD_EXECUTOR_PUBLICATION_H
 #define HEXAD_EXECUTOR_PUBLICATION_H
@@ -14,20 +13,20 @@
 
 typedef struct publication publication;
 
-/* Where the spec wants a copy, with the number of the frame in place, to be freed; NULL: nowhere. */
+/* The output.directory of the spec, with the frame number filled in, to be freed. NULL: there is none. */
 char *publication_path(const char *spec, int frame);
 
-/* The name of the temporary file of a copy of the result in this directory of an attempt, to be freed. */
+/* The name of the temporary file for the copy of the result in this attempt's directory, to be freed. */
 char *publication_temporary(const char *directory);
 
-/* Begins to copy the result in `directory`. The descriptor is written to (eventfd) at the end. The queue and what
- * `outputs` points to outlive the publication; texts are copied. */
+/* Begins to copy the result in `directory`. The eventfd `end_fd` is written to at the end. The queue and what `outputs`
+ * points to must outlive the publication; texts are copied. */
 publication *publication_start(queue *q, const store_outputs *outputs, const char *directory,
                                const char *path, int end_fd);
 
 bool publication_has_ended(publication *p);
 
-/* Waits for the end, gives the outcome, and frees. */
+/* Waits for the end, returns whether the copy succeeded, and frees. */
 bool publication_end(publication *p, error *e);
 
 #endif

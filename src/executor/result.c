@@ -15,10 +15,10 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* A report has a record per sweep, and a million sweeps is the most that a job may ask for. */
+/* A report has a record per sweep, and a job may ask for a million sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)
 #define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
-/* No output is called so: their names do not begin with a point. */
+/* No output has this name, because no output name begins with a point. */
 #define LISTING_NAME ".listing.json"
 
 char *result_directory(const char *state_dir, const char *id, int frame)
@@ -48,7 +48,7 @@ static bool is_plain_name(const char *name)
     return true;
 }
 
-/* What says that a file is not there, apart from what says that it could not be looked at. */
+/* Whether errno means that the file does not exist, rather than that it could not be examined. */
 static bool is_absence(int fault)
 {
     return fault == ENOENT || fault == ENOTDIR || fault == ELOOP;
@@ -176,7 +176,7 @@ static bool append_report(const char *directory, result *r, error *e)
     return true;
 }
 
-/* A listing has the members of a report that result_read looks at, and no other. */
+/* A listing contains only those members of a report that result_read uses. */
 static char *print_listing(const result *r)
 {
     json *document = json_new_object();
@@ -205,8 +205,8 @@ bool result_list(const char *directory, result *r, error *e)
         return false;
     }
     char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
-    if (!store_file_write(path, text, strlen(text), &why)) /* then it is made again */
-        log_write(LOG_LEVEL_WARNING, "a listing of results is not kept: %s", why.message);
+    if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
+        log_write(LOG_LEVEL_WARNING, "the list of a result's files cannot be stored: %s", why.message);
     free(text);
     free(path);
     *r = found;

@@ -13,33 +13,33 @@
 #include "executor/result.h"
 #include "store/file.h"
 
-/* Looked at and removed in one go; between two the thread looks whether it is to end. */
+/* Removed at a time. In between the thread checks whether it must end. */
 #define AT_ONCE 100
-/* After trouble with the database. */
+/* After a database error. */
 #define RETRY_MS 1000
-/* When something could not be removed. */
+/* After something could not be removed. */
 #define REMOVE_AGAIN_MS 10000
-/* Between two looks at the files that were sent, at most; else a part of the time that they are kept. */
+/* The longest time between two collections of uploaded files. It is shorter when they are kept for a short time. */
 #define LOOK_MOST_MS 3600000
 #define LOOKS_IN_KEEP 4
 
 struct retention {
     queue *q;
     char *state_dir;
-    store_inputs *inputs; /* NULL: none is collected */
+    store_inputs *inputs; /* NULL: uploaded files are not collected */
     int64_t keep_ms;
     pthread_t thread;
     pthread_mutex_t mutex;
     pthread_cond_t woken;
-    pthread_mutex_t removing; /* held over the removal of directories */
+    pthread_mutex_t removing; /* held while directories are removed */
     bool wake, stop;
-    bool left;        /* something that is noted was not removed */
-    int64_t again_ms; /* the thread's own: when that is tried next, wall clock */
-    bool trouble;     /* the thread's own: it was said that it cannot be removed */
+    bool left;        /* some noted directories are still there */
+    int64_t again_ms; /* the thread's own: when the removal is tried again, wall clock */
+    bool trouble;     /* the thread's own: the log already says that they cannot be removed */
 };
 
-/* Removes the directories of a task that was forgotten, for certain: the names are off the disk before the note of it
- * goes. Also what a removal before has left, or nothing. */
+/* Removes the directories of a deleted task durably: the removal is flushed before the note is deleted. Directories
+ * that an earlier removal left, or none at all, are fine. */
 static bool remove_task(retention *r, const queue_removal *task, error *e)
 {
     char *path = result_directory(r->state_dir, task->id, task->frame);
@@ -53,7 +53,7 @@ static bool remove_task(retention *r, const queue_removal *task, error *e)
     return ok;
 }
 
-/* What was removed before a crash may not be flushed, and is not found any more. */
+/* A removal just before a crash may not be flushed, although the directory is not found any more. */
 static bool flush_places(retention *r, error *e)
 {
     char *results = mem_printf("%s/results", r->state_dir),
@@ -64,7 +64,8 @@ static bool flush_places(retention *r, error *e)
     return ok;
 }
 
-/* Removes what these notes name, and then the notes. One that cannot be removed stays noted, and holds up no other. */
+/* Removes the directories of these notes, then the notes. A directory that cannot be removed keeps its note, and the
+ * others go on. */
 static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
 {
     size_t gone = 0;
@@ -83,7 +84,7 @@ static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error
     return ok;
 }
 
-/* Works the notes off, of one job or (NULL) all; false when some are left. Threads take turns. */
+/* Works off the notes of one job or (NULL) all jobs. False when some are left. One thread at a time. */
 static bool work_off(retention *r, const char *id, error *e)
 {
     queue_removal *tasks = NULL;
@@ -115,7 +116,7 @@ static void set_left(retention *r, bool left)
     pthread_mutex_unlock(&r->mutex);
 }
 
-/* What is left of it, now and then, said once when it cannot be. When to come again, wall clock. */
+/* Tries again to remove what is left, and logs a failure once. Returns when to try next, wall clock. */
 static int64_t work_off_rest(retention *r)
 {
     error e = {0};
@@ -125,14 +126,15 @@ static int64_t work_off_rest(retention *r)
     pthread_mutex_unlock(&r->mutex);
     int64_t now = clock_wall_ms();
     if (!left) return INT64_MAX;
-    /* a clock that was set back must not put it off */
+    /* a clock that was set back must not delay this */
     bool due = now >= r->again_ms || r->again_ms > now + REMOVE_AGAIN_MS;
     bool ok = due && work_off(r, NULL, &e);
     if (!ok) set_left(r, true);
     if (!due) return r->again_ms;
     if (!ok && !r->trouble && e.code != ERROR_NONE)
-        log_write(LOG_LEVEL_WARNING, "what was deleted is not yet removed, and tried again: %s", e.message);
-    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "what was deleted is removed");
+        log_write(LOG_LEVEL_WARNING,
+                  "the files of deleted jobs could not be removed, which is tried again: %s", e.message);
+    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "the files of deleted jobs are removed");
     r->trouble = !ok;
     r->again_ms = now + REMOVE_AGAIN_MS;
     return ok ? INT64_MAX : r->again_ms;
@@ -150,7 +152,7 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
     return true;
 }
 
-/* Forgets some of what is over; *more when there may be others. */
+/* Deletes some jobs whose retention is over. *more: there may be others. */
 static bool forget_some(retention *r, bool *more)
 {
     char(*ids)[ULID_SIZE] = NULL;
@@ -164,7 +166,7 @@ static bool forget_some(retention *r, bool *more)
     return ok;
 }
 
-/* Waits until the time, wall clock, or to be woken; false: to the end. */
+/* Waits until this time (wall clock) or a wake-up. False: the thread must end. */
 static bool wait_until(retention *r, int64_t wall_ms)
 {
     struct timespec until = {.tv_sec = (time_t)(wall_ms / 1000), .tv_nsec = (long)(wall_ms % 1000) * 1000000};
@@ -178,7 +180,7 @@ static bool wait_until(retention *r, int64_t wall_ms)
     return go_on;
 }
 
-/* What cannot be found out is wanted. */
+/* Whether an unfinished job reads the file. When that is unknown, the file is kept. */
 static bool is_wanted(void *context, const char *name)
 {
     retention *r = context;
@@ -186,14 +188,14 @@ static bool is_wanted(void *context, const char *name)
     return !queue_wants_input(r->q, name, &wanted, NULL) || wanted;
 }
 
-/* Collects files that were sent, if it is time; returns when it is again, wall clock. */
+/* Removes unused uploaded files, if it is time. Returns when the next collection is due, wall clock. */
 static int64_t collect_inputs(retention *r, int64_t due_ms)
 {
     error e = {0};
     size_t gone = 0;
     int64_t now = clock_wall_ms(), step = r->keep_ms / LOOKS_IN_KEEP + 1;
     if (step > LOOK_MOST_MS) step = LOOK_MOST_MS;
-    /* a clock that was set back must not put it off */
+    /* a clock that was set back must not delay this */
     if (!r->inputs || (now < due_ms && due_ms <= now + step)) return due_ms;
     if (!store_inputs_collect(r->inputs, now - r->keep_ms, is_wanted, r, &gone, &e))
         log_write(LOG_LEVEL_WARNING, "inputs are not collected: %s", e.message);
@@ -231,7 +233,7 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
-    r->left = true; /* perhaps, by a crash */
+    r->left = true; /* a crash may have left some */
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);
     r->state_dir = mem_strdup(state_dir);

@@ -96,7 +96,7 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
         return;
     }
     if (!spoke)
-        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and said no reason%s%.200s",
+        error_set(&said, ERROR_INTERNAL, "the worker ended with exit status %d and gave no reason%s%.200s",
                   ending->exit_status, *ending->last_words ? "; its last line: " : "", ending->last_words);
     if (error_is_of_storage(said.code))
         set_storage(s, &said);
@@ -228,7 +228,7 @@ void settlement_decide_unpublished(const error *why, settlement *s)
         set_end(s, QUEUE_FAILED, why);
 }
 
-/* Whether a task whose disk is full or fails has been tried as often as it may; then it fails for that. */
+/* Fails a task that was tried storage_retries times while a disk was full or failed. */
 static void bound_storage(const settlement_place *place, const queue_claimed *c, settlement *s)
 {
     error e = {.code = s->code};
@@ -249,8 +249,8 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
     return clock_wall_ms() + (int64_t)(fmin(wait_s, place->backoff.most_s) * 1000);
 }
 
-/* Moves the result into place, for certain: that it already is there is what a repetition finds, after a
- * flush that failed, and what a start finds. */
+/* Moves the result into place and makes that durable. It may be in place already: when the flush of an earlier try
+ * failed, and at a start. */
 static bool move_result(const char *state_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
@@ -261,26 +261,27 @@ static bool move_result(const char *state_dir, const char *from, const char *to,
     return ok;
 }
 
-/* Of an attempt that failed nothing is kept but its log. The right to delete the rest: the queue gave this attempt its
- * number before the directory was made, a start has put away what stood under numbers that the queue had not given
- * (executor/inventory), and no result that anybody was told of lies in here. */
+/* Of a failed attempt only the log is kept. Deleting the rest is safe: the queue gave this attempt its number before
+ * the directory was created, a start moves directories with unknown numbers to lost+found (executor/inventory), and
+ * the directory contains no result that was ever reported. */
 void settlement_remove_leftovers(const char *directory)
 {
     char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);
     size_t length = 0;
     error e = {0};
     char *text = store_file_read(log, 1 << 20, &length, NULL);
-    if (!store_remove(directory, &e)) log_write(LOG_LEVEL_WARNING, "leftovers stay: %s", e.message);
+    if (!store_remove(directory, &e))
+        log_write(LOG_LEVEL_WARNING, "the files of a failed attempt could not be removed: %s", e.message);
     if (text && length) {
         if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
-            log_write(LOG_LEVEL_WARNING, "worker log lost: %s", e.message);
+            log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
     }
     free(text);
     free(log);
 }
 
-/* Whether the attempt still is the job's: the fence, looked at before a result moves into place.
- * The queue looks again in its transaction. */
+/* Whether the attempt is still the current one (the fence). This is checked before a result moves into place. The queue
+ * checks again in its transaction. */
 static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *e)
 {
     queue_task *now = NULL;
@@ -291,12 +292,11 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
     return true;
 }
 
-/* What the queue is told of the end of the attempt. */
+/* Describes the end of the attempt for the queue. */
 static queue_ending make_ending(const settlement_place *place, const settlement *s,
                                 const engine_ending *ending)
 {
-    bool success =
-        s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is given to no job */
+    bool success = s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is not reused */
     return (queue_ending){
         .state = s->state,
         .outcome = s->outcome,
@@ -334,7 +334,7 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
-/* Tells the queue, which decides on a requeued task by its fence: one that was cancelled meanwhile ends. */
+/* Stores the verdict in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {
@@ -373,8 +373,8 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
     return ok;
 }
 
-/* Only what an attempt did itself counts against its job. A job that ends the daemon or the host each time is held by
- * a bound of its own. */
+/* An attempt that ended with the daemon or the host does not count against max_attempts. max_interruptions stops a job
+ * that ends the daemon or the host each time. */
 static void decide_interrupted(const settlement_place *place, const queue_claimed *c, bool restarted,
                                settlement *s)
 {
@@ -394,17 +394,18 @@ static void decide_interrupted(const settlement_place *place, const queue_claime
     set_end(s, QUEUE_FAILED, &e);
 }
 
-/* What stands in the place of the result and is none. It was not made by the attempt, which renames whole results
- * only, so that there is no right to delete it. */
+/* Moves something that is no result out of the place of the result. The attempt did not make it, because attempts only
+ * rename complete results. So it must not be deleted. */
 static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
 {
     const char *name = strrchr(results, '/') + 1;
     if (!lost_found_move(place->state_dir, "results", name, e) ||
         !lost_found_flush(place->state_dir, "results", e))
-        return error_prefix(e, "what stands in the place of the result of job %s, and is none", c->job.id);
+        return error_prefix(
+            e, "the place of the result of job %s contains something else, which cannot be moved", c->job.id);
     log_write(LOG_LEVEL_WARNING,
-              "job=%s: what stood in the place of its result and was none is now %s/results/%s", c->job.id,
-              LOST_FOUND_DIRECTORY, name);
+              "job=%s: the place of its result contained something else, which is now %s/results/%s",
+              c->job.id, LOST_FOUND_DIRECTORY, name);
     return true;
 }
 
@@ -417,7 +418,7 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
     bool found = lstat(results, &info) == 0;
     bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why);
-    if (found && !good && why.code == ERROR_INTERNAL) { /* never throw away what we could not look at */
+    if (found && !good && why.code == ERROR_INTERNAL) { /* never discard what could not be examined */
         free(results);
         if (e) *e = why;
         return error_prefix(e, "the result of job %s", c->job.id);

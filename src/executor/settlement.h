@@ -1,11 +1,11 @@
-/* settlement: what becomes of a task whose attempt has ended.
+/* settlement: decides what becomes of a task whose attempt has ended, and carries that out.
  *
- * Deciding looks only at how the attempt ended and what it left; applying moves the result into
- * place and tells the queue, in an order that a crash at any point leaves recoverable:
+ * The decision depends only on how the attempt ended and what it left. settlement_apply moves the result into place and
+ * updates the queue, in an order that can be recovered after a crash at any point:
  *     the attempt's directory is renamed to results/ID and both parents are flushed,
  *     then the queue's transaction ends the task.
- * A start after a crash finds a task still running in the queue and, if results/ID is whole, only the
- * second step missing. Called by the supervisor thread alone.
+ * After a crash the task is still running in the queue. If results/ID is complete, only the second step is missing.
+ * Only the supervisor thread calls these functions.
  */
 #ifndef HEXAD_EXECUTOR_SETTLEMENT_H
 #define HEXAD_EXECUTOR_SETTLEMENT_H
@@ -50,59 +50,57 @@ typedef struct settlement {
     const char *cache_key, *cache_inputs; /* with SUCCEED: as queue_ending's */
 } settlement;
 
-/* What a worker says in its last line, when that is the JSON object of the contract. */
+/* Parses the last line of a worker. False when it is not the JSON object of the contract (doc/worker.md). */
 bool settlement_read_last_words(const char *words, error *said);
 
-/* `limit_s` is the limit that was hit when `stop` says that one was. */
+/* `limit_s` is the exceeded limit when `stop` is TIMED_OUT or STALLED. */
 void settlement_decide(const queue_claimed *claimed, settlement_stop stop, double limit_s,
                        const engine_ending *ending, const char *directory, settlement *s);
 
-/* For an attempt that did not start: a fault of the service, not of the job, which goes back into
- * the queue and is not charged with it. */
+/* The worker could not be started. That is a fault of the service, so the attempt does not count. */
 void settlement_decide_unstarted(const error *why, settlement *s);
 
-/* For an attempt that was not even tried, since the machine can never give what the job asks for. */
+/* The job asks for more memory than this service has. */
 void settlement_decide_too_large(const queue_claimed *claimed, int64_t memory_mb, settlement *s);
 
-/* For one whose task ran as long as it may in attempts before. */
+/* Earlier attempts of the task have used up its time limit. */
 void settlement_decide_late(double limit_s, settlement *s);
 
-/* For a directory that was given the result of another job, whose id lives on. */
+/* The directory contains the result of the job `from`. The text must outlive the settlement. */
 bool settlement_decide_cached(const char *directory, const char *from, settlement *s, error *e);
 
-/* For a directory that was given the result which an attempt before could not copy to where its job wants it. */
+/* The directory contains the result of an earlier attempt, which could not be copied to output.directory. */
 bool settlement_decide_kept(const char *directory, settlement *s, error *e);
 
-/* For a result that could not be copied to where its job wants it: the job fails, or is tried again when a disk was
- * at fault. */
+/* The result could not be copied to output.directory: the job fails, or is tried again when a disk was at fault. */
 void settlement_decide_unpublished(const error *why, settlement *s);
 
-/* How long a task waits whose attempt crashed: `first_s` after the first attempt that counts, twice as long
- * after each further one, up to `most_s`. */
+/* How long a task waits after a crashed attempt: `first_s` after the first one that counts, twice as long after each
+ * further one, up to `most_s`. */
 typedef struct settlement_backoff {
     double first_s, most_s;
 } settlement_backoff;
 
-/* What is settled: the queue, its directory, and how it goes on. */
+/* The queue, its directory, and the rules for further attempts. */
 typedef struct settlement_place {
     queue *q;
     const char *state_dir;
     const char *host; /* for the attempts' records */
     settlement_backoff backoff;
-    int storage_retries;   /* how often a task is tried again because a disk was full or failed */
+    int storage_retries;   /* of a task, because a disk was full or failed */
     int max_interruptions; /* of a task; 0: any number */
 } settlement_place;
 
-/* May be called again after a failure. `ending` may be NULL when nothing is known of the process.
- */
+/* Carries out the verdict, which must not be UNDECIDED. May be called again after a failure. `ending` is NULL when no
+ * worker ran or nothing is known of it. */
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Removes what an attempt left in its directory, but for its log. */
+/* Removes all files of an attempt except its log. */
 void settlement_remove_leftovers(const char *directory);
 
-/* Settles what a crash left: tasks that the queue holds as running while nothing runs. Such an attempt does not count, since it
- * was not its doing; too many of a task end it (error interrupted). `restarted`: the host was meanwhile, too. */
+/* Settles the tasks that a crash left running in the queue. Such an attempt does not count, but too many of them end
+ * the task (error interrupted). `restarted`: the host was restarted, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, error *e);
 
 #endif

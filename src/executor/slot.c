@@ -177,8 +177,8 @@ static bool is_cacheable(const slot *s, char key[STORE_HASH_SIZE])
     return s->context->cache && c->task.frame == QUEUE_NO_FRAME && cache_key(c->job.spec, key);
 }
 
-/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker has to
- * compute it. */
+/* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
+ * has to compute it. */
 static bool take_cached(slot *s)
 {
     const slot_context *x = s->context;
@@ -193,7 +193,7 @@ static bool take_cached(slot *s)
     found = cache_is_fresh(x->roots, inputs);
     if (found && (!cache_link_result(from, w->directory, &e) ||
                   !settlement_decide_cached(w->directory, w->cached_from, &w->verdict, &e))) {
-        log_write(LOG_LEVEL_WARNING, "no use of a result job=%s from=%s: %s", w->claimed.job.id,
+        log_write(LOG_LEVEL_WARNING, "a cached result cannot be used job=%s from=%s: %s", w->claimed.job.id,
                   w->cached_from, e.message);
         store_remove(w->directory, NULL);
         found = false;

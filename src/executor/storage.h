@@ -1,8 +1,7 @@
-/* storage: how much room is left on the disks of the state directory, and how much there has to be before an attempt
- * is started.
+/* storage: free space on the disks of the state directory, and the minimum that an attempt needs to start.
  *
- * Looks at the file systems of the directory and of its parts, which may be others, and tells of the one that has
- * least. A look is a few system calls. Any thread may look; storage_has_room is the supervisor's.
+ * The subdirectories may be on other file systems: the one with the least free space counts. A check costs a few system
+ * calls. Any thread may call storage_free_bytes; only the supervisor calls storage_has_room.
  */
 #ifndef HEXAD_EXECUTOR_STORAGE_H
 #define HEXAD_EXECUTOR_STORAGE_H
@@ -13,13 +12,13 @@
 typedef struct storage {
     const char *state_dir; /* outlives it */
     int64_t floor_bytes;   /* 0: none */
-    bool low;              /* what storage_has_room found last */
+    bool low;              /* the last answer of storage_has_room was false */
 } storage;
 
-/* For the service's processes, root or not (f_bavail); INT64_MAX when it cannot be found out. */
+/* The bytes that the service may use (f_bavail). INT64_MAX when they cannot be determined. */
 int64_t storage_free_bytes(const storage *s);
 
-/* Whether as much is free as there has to be. Says in the log when that has changed. */
+/* Whether at least floor_bytes are free. Logs when that changes. */
 bool storage_has_room(storage *s);
 
 #endif

@@ -1,11 +1,11 @@
-/* Results that stand in the state directory and of which the queue did not know, or not yet. */
+/* Results that were found in the state directory and that the queue did not know of. */
 #include <stdio.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "queue/job_state.h"
 
-/* ---- results of tasks that wait */
+/* ---- results of waiting tasks */
 
 typedef struct finding {
     change change;
@@ -15,7 +15,7 @@ typedef struct finding {
     bool accepted;
 } finding;
 
-/* The task with its result, if it waits: its number and whether its time has yet to come. */
+/* Finds the task if it waits: its number, and whether it is delayed. */
 static bool find_waiting(database *d, const finding *f, const job_state *j, int *number, bool *delayed,
                          bool *found, error *e)
 {
@@ -71,7 +71,7 @@ bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome,
     return true;
 }
 
-/* ---- results of jobs that are not there */
+/* ---- results of jobs that are not in the queue */
 
 typedef struct adopting {
     change change;

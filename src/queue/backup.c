@@ -17,18 +17,19 @@
 #include "queue/health.h"
 #include "queue/schema.h"
 
-/* Copied while the queue is held: a quarter of a mebibyte; twice as much each time that more was added meanwhile. */
+/* Pages per step, during which the queue is locked: 256 KiB. Doubled after each step in which more was written than
+ * copied. */
 #define PAGES_A_STEP 64
 #define PAGES_MOST (1 << 20)
-/* Then the others have thrice as long as it was held, within these bounds. */
+/* After a step the lock is free for three times as long as the step took, within these bounds. */
 #define PAUSE_FACTOR 3
 #define PAUSE_LEAST_NS 500000
 #define PAUSE_MOST_NS 50000000
-/* Flushed so often that the kernel never makes a writer wait for the disk, who holds the queue. */
+/* The copy is flushed after this many steps. Otherwise the kernel could block a writer that holds the queue. */
 #define FLUSH_STEPS 32
-/* Memory for the pages of a copy that is checked. */
+/* The page cache of a check, in KiB (negative: SQLite's unit). */
 #define CHECK_CACHE "-16000"
-/* Of SQLite's machine, between two looks whether a check is to be broken off. */
+/* Instructions of SQLite's virtual machine between two looks at the stop flag. */
 #define CHECK_TURNS 10000
 
 char *backup_directory(const char *state_dir)
@@ -48,8 +49,8 @@ bool backup_make_directory(const char *state_dir, error *e)
     return ok;
 }
 
-/* A copy, or a check of one, went wrong in SQLite. What is damaged in a copy is so in the database: then the message is
- * only what SQLite says. */
+/* Sets the error for a failed copy or check. A damaged copy means a damaged database: then the message is only that of
+ * SQLite. */
 static bool fail(const char *path, int code, error *e)
 {
     const char *why = sqlite3_errstr(code);
@@ -60,7 +61,7 @@ static bool fail(const char *path, int code, error *e)
     return error_set(e, kind, "%s: %s", path, why);
 }
 
-/* Opens a file that is nobody else's. `first` is run before anything is read of it. */
+/* Opens a database file that no other process uses. `first` is executed before anything is read. */
 static sqlite3 *open_own(const char *path, int flags, const char *first, error *e)
 {
     sqlite3 *file = NULL;
@@ -79,7 +80,7 @@ static sqlite3 *open_target(const char *path, error *e)
                     e);
 }
 
-/* The copy says of itself that it has a write-ahead log; it is to be read without one. */
+/* The header of the copy says that it has a write-ahead log. Changes that, so that it can be read without one. */
 static bool drop_log(const char *path, error *e)
 {
     sqlite3 *file = open_own(
@@ -123,9 +124,9 @@ static void pause_for(int64_t held_ns)
     nanosleep(&(struct timespec){.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000}, NULL);
 }
 
-/* Step by step, with the queue let go between two. What is changed meanwhile SQLite changes in the copy, too, since it
- * comes over the same connection. Steps grow while less is copied than added, so that a copy ends however much is
- * written. The code of the last step. */
+/* Copies in steps and unlocks the queue between them. Changes made meanwhile use the same connection, so SQLite applies
+ * them to the copy, too. Steps grow while less is copied than written, so that the copy always ends. Returns the result
+ * code of the last step. */
 static int copy_steps(database *d, sqlite3_backup *copying, int fd)
 {
     int code = SQLITE_OK, pages = PAGES_A_STEP, left = INT_MAX;
@@ -141,7 +142,7 @@ static int copy_steps(database *d, sqlite3_backup *copying, int fd)
         if (left >= left_before && pages < PAGES_MOST) pages *= 2;
         if (code == SQLITE_OK) pause_for(held);
         if (step % FLUSH_STEPS == 0)
-            fdatasync(fd); /* one that fails costs patience only: it is not needed for safety */
+            fdatasync(fd); /* a failure does no harm: the flush only spreads the writes */
     }
     return code;
 }
@@ -162,7 +163,8 @@ static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, err
 {
     sqlite3 *source = database_connection(q);
     database_lock(q);
-    sqlite3_db_release_memory(source); /* what is on the disk counts, not what was read of it once */
+    sqlite3_db_release_memory(
+        source); /* empties the page cache, so that the copy shows what is on the disk */
     sqlite3_backup *copying = sqlite3_backup_init(target, "main", source, "main");
     database_unlock(q);
     if (!copying) return fail(path, sqlite3_extended_errcode(target), e);
@@ -206,7 +208,7 @@ int backup_open(queue *q, int64_t free_bytes, int64_t *bytes, error *e)
     return fd;
 }
 
-/* The source is opened so that closing it leaves its log as it is, and no log where there was none. */
+/* Opens the source in a way that keeps its log as it is, and leaves no log if there was none. */
 static bool copy_idle(const char *from, sqlite3 *target, const char *path, error *e)
 {
     char *log = mem_printf("%s-wal", from);
@@ -222,7 +224,7 @@ static bool copy_idle(const char *from, sqlite3 *target, const char *path, error
     return code == SQLITE_DONE || fail(path, code, e);
 }
 
-/* Whether there is something to be copied, and room for it. */
+/* Whether there is a database to copy, and disk space for the copy. */
 static bool look_at_source(const char *state_dir, const char *from, const char *path, error *e)
 {
     struct stat info;
@@ -254,8 +256,8 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e)
 
 /* ---- checks of copies */
 
-/* SQLite puts several faults into one text, below a line of asterisks that names the database. That a page of the copy
- * could not be read, for want of memory or because of the disk, is no fault of the database: then its code. */
+/* SQLite returns several faults in one text, below a line of asterisks that names the database. A page that could not
+ * be read because of the disk or of missing memory is no fault of the database: then the function returns that code. */
 static int write_findings(FILE *findings, const char *text)
 {
     static const char unread[] = "unable to get the page. error code=";
@@ -270,7 +272,7 @@ static int write_findings(FILE *findings, const char *text)
     return SQLITE_OK;
 }
 
-/* Runs a check of SQLite's whose rows are faults, or the one row "ok". SQLITE_DONE, or what went wrong. */
+/* Runs a check whose rows are faults, or the single row "ok". Returns SQLITE_DONE, or the code of a failure. */
 static int run_check(sqlite3 *file, const char *sql, FILE *findings)
 {
     sqlite3_stmt *s = NULL;
@@ -320,7 +322,7 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
         sqlite3_progress_handler(file, CHECK_TURNS, is_stopping, (void *)(uintptr_t)stop);
     if (code == SQLITE_OK) code = run_all_checks(file, full, stream, e);
     if (!file) code = SQLITE_NOMEM;
-    /* statements of SQLite's own that make no sense to it: of tables that are not whole */
+    /* SQLITE_ERROR: SQLite cannot parse its own schema, so a table is incomplete */
     bool damaged = schema_code_is_damage(code) || code == SQLITE_ERROR;
     if (damaged) write_findings(stream, sqlite3_errmsg(file));
     fclose(stream);
@@ -335,7 +337,7 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
 
 /* ---- copies of an open queue, and their checks */
 
-/* A copy that is asked for. */
+/* A requested copy. */
 typedef struct request {
     queue *q;
     const char *path;

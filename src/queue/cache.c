@@ -1,4 +1,4 @@
-/* Which job has made a result that others may be given. */
+/* The lookup of results that can be reused. */
 #include <stdio.h>
 #include <stdlib.h>
 

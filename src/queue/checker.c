@@ -13,17 +13,17 @@
 #include "queue/database.h"
 #include "queue/health.h"
 
-/* A check that could not be made is tried again after that long; sooner when all changes wait for it. */
+/* A check that could not be made is tried again after this time. The shorter time holds while changes are refused. */
 #define RETRY_MS 60000
 #define RETRY_IN_DOUBT_MS 5000
-/* The queue is idle when nothing was stored for that long, or for a tenth of the interval where that is less. */
+/* The queue is idle when nothing was stored for this time, or for a tenth of the interval if that is shorter. */
 #define IDLE_MS 10000
 
 struct checker {
     queue *q;
     int64_t interval_ms; /* 0: never */
     int64_t free_bytes;
-    bool told; /* that it could not be made */
+    bool told; /* the log already says that no check can be made */
     pthread_t thread;
 };
 
@@ -37,13 +37,14 @@ static bool check(checker *c, bool full)
     health_begin_check(h);
     bool ok = backup_make_checked(c->q, c->free_bytes, full, &findings, &e);
     if (!ok && e.code == ERROR_DATABASE_DAMAGED) {
-        findings = mem_strdup("it cannot be copied"); /* which the health knows, and more exactly */
+        findings = mem_strdup("it cannot be copied"); /* queue_health has the details */
         ok = true;
     }
-    if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first stands for all */
+    if (ok) findings[strcspn(findings, "\n")] = '\0'; /* the first finding is enough */
     health_end_check(h, name, ok, ok && *findings ? findings : NULL);
     if (!ok && !c->told && e.code != ERROR_CANCELLED)
-        log_write(LOG_LEVEL_WARNING, "the database cannot be checked, which is tried again: %s", e.message);
+        log_write(LOG_LEVEL_WARNING, "the database could not be checked, which is tried again: %s",
+                  e.message);
     c->told = !ok;
     if (ok)
         log_write(LOG_LEVEL_INFO, "database checked check=%s result=%s", name, *findings ? "damaged" : "ok");
@@ -56,7 +57,7 @@ static int64_t later(int64_t ms, int64_t by_ms)
     return ms < INT64_MAX - by_ms ? ms + by_ms : INT64_MAX;
 }
 
-/* Waits until a full check is due and nothing is stored just then. False: to end. */
+/* Waits until a full check is due and the queue is idle. False: the thread must end. */
 static bool wait_for_turn(checker *c, int64_t due_ms)
 {
     health *h = database_health(c->q);

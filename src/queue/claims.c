@@ -10,20 +10,20 @@
 #include "queue/job_row.h"
 #include "queue/schema.h"
 
-/* How many of one owner's jobs are looked at for one that fits. */
+/* How many jobs of one owner are searched for one that fits. */
 #define LOOK_AHEAD "64"
 
 #define OWNERS_TURN "owner.unfinished > 0 AND (?1 = 0 OR owner.running < ?1)"
 
 typedef struct claiming {
     change change;
-    const queue_room *room; /* NULL: whatever the room, the job `id` */
+    const queue_room *room; /* NULL: claims a task of the job `id`, whatever the room */
     const char *id;
     queue_claimed claimed;
     bool found;
 } claiming;
 
-/* Those that waited for their time, and it has come. */
+/* Queues delayed tasks whose time has come. */
 static bool promote(database *d, int64_t now, error *e)
 {
     for (;;) {
@@ -56,7 +56,7 @@ static bool promote(database *d, int64_t now, error *e)
     }
 }
 
-/* Reads the number of a job, 0 for none. */
+/* Reads the seq of a job from the first row; 0: no row. */
 static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
 {
     bool ok = false;
@@ -65,7 +65,7 @@ static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
     return ok;
 }
 
-/* The job whose turn it is, whether it fits or not. */
+/* Finds the job that is first in order, whether it fits or not. */
 static bool find_head(database *d, const queue_room *room, int64_t *seq, error *e)
 {
     return read_seq(
@@ -79,7 +79,7 @@ static bool find_head(database *d, const queue_room *room, int64_t *seq, error *
         seq, e);
 }
 
-/* The first that fits. */
+/* Finds the first job that fits. */
 static bool find_fitting(database *d, const queue_room *room, int64_t *seq, error *e)
 {
     return read_seq(d,
@@ -95,8 +95,8 @@ static bool find_fitting(database *d, const queue_room *room, int64_t *seq, erro
                     seq, e);
 }
 
-/* Whose turn it is and for whom there is room; 0: nobody. A job that does not fit lets others pass, but not
- * for ever. */
+/* Chooses the job to claim from; 0: none. Others may overtake a job that does not fit, but only QUEUE_OVERTAKE_MOST
+ * times. */
 static bool choose(database *d, const queue_room *room, int64_t *seq, error *e)
 {
     int64_t head = 0, fitting = 0;
@@ -128,7 +128,7 @@ static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *cl
     return ok;
 }
 
-/* The frame whose result a task of a job in order begins with. */
+/* Finds the frame whose result a task of an ordered job begins with. */
 static bool find_previous(database *d, int64_t seq, int number, int *frame, error *e)
 {
     bool ok = false;
@@ -140,7 +140,7 @@ static bool find_previous(database *d, int64_t seq, int number, int *frame, erro
     return ok;
 }
 
-/* The first task of the job that waits becomes running. */
+/* Makes the first queued task of the job running. */
 static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error *e)
 {
     bool ok = false, any = false;
@@ -231,7 +231,7 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         job_row_read(s, 0, &read[used].job);
         job_row_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
-        read[used].previous = QUEUE_NO_FRAME; /* nobody is going to start it */
+        read[used].previous = QUEUE_NO_FRAME; /* it is not going to be started */
         read[used++].job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
     }
     database_unlock(q);
@@ -250,7 +250,7 @@ typedef struct settling {
     change change;
     const queue_fence *fence;
     const queue_ending *ending;
-    bool back, counts; /* into the queue again */
+    bool back, counts; /* the task is queued again */
     int64_t not_before_ms;
     bool accepted;
 } settling;
@@ -268,7 +268,7 @@ static bool end_attempt(database *d, const settling *s, const job_state *j, int 
                                s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
 }
 
-/* Whether the attempt is the task's current one and runs; reads its frame. */
+/* Whether the attempt is the current one of its task, and runs. Reads the frame. */
 static bool check_fence(database *d, const settling *s, const job_state *j, bool *current, int *frame,
                         error *e)
 {
@@ -325,7 +325,7 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
                                                           frame, s->fence->attempt, now, e);
 }
 
-/* Of a job in order: those behind a task that did not succeed have nothing to begin with. */
+/* In an ordered job, the tasks behind one that did not succeed end, too, because they have no result to begin with. */
 static bool end_followers(database *d, const settling *s, job_state *j, int frame, int64_t now, error *e)
 {
     const queue_ending *x = s->ending;

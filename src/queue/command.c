@@ -1,4 +1,4 @@
-/* What users ask of jobs that are in the queue. */
+/* Commands of users on jobs in the queue: cancel, pause, resume, retry, edit, delete. */
 #include <stdlib.h>
 
 #include "base/clock.h"
@@ -28,7 +28,7 @@ static bool set_paused(job_state *j, bool paused, bool *changed)
     return true;
 }
 
-/* How many jobs are not there yet that the job depends on, and whether one has failed. */
+/* Counts the unfinished jobs that the job depends on. *lost: one of them ended without success. */
 static bool count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
 {
     bool ok = false;
@@ -166,7 +166,7 @@ typedef struct deleting {
     bool found, deleted;
 } deleting;
 
-/* The events of a job go with it; who follows is told how far some are missing. */
+/* The events of a job are deleted with it. Clients that follow events are told up to which number some are missing. */
 static bool note_removed_events(database *d, const job_state *j, error *e)
 {
     return RUN(d, e,

@@ -7,7 +7,7 @@
 
 typedef struct noting {
     change change;
-    const char *directory, *name; /* no directory: it is to be forgotten */
+    const char *directory, *name; /* directory NULL: delete the note */
 } noting;
 
 bool copy_forget(database *d, const char *name, error *e)

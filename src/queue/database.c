@@ -23,21 +23,21 @@
 #include "queue/reserve.h"
 #include "queue/schema.h"
 
-/* At a start somebody may still look with the sqlite3 program. */
+/* At a start, wait this long for another program (sqlite3) that reads the database. */
 #define OPEN_PATIENCE_MS 5000
-/* As many statements as the program has, and some. */
+/* More than the number of statements in the program. */
 #define STATEMENTS 128
-/* Jobs whose numbers are as far apart share a stamp. */
+/* Jobs whose seq differ by a multiple of this share a stamp. */
 #define STAMPS 4096
 
 struct queue {
-    int lock_fd; /* holds the lock on the state directory; -1: of a copy, which has none */
+    int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
     char *state_dir;
     health *health;
-    atomic_uint copies;                /* that were begun; for their names */
+    atomic_uint copies;                /* number of copies begun; used for their names */
     atomic_int_fast64_t reserve_bytes; /* 0: none */
 
-    pthread_mutex_t line;  /* held only by who is next for the other */
+    pthread_mutex_t line;  /* held only by the thread that is next to take `mutex` */
     pthread_mutex_t mutex; /* of the connection and what follows */
     sqlite3 *connection;
     struct {
@@ -45,10 +45,10 @@ struct queue {
         sqlite3_stmt *prepared;
     } statement[STATEMENTS];
     overtaken overtaken;
-    atomic_uint_fast64_t stamp[STAMPS]; /* of jobs; raised under the mutex, read without */
-    char *trouble;                      /* what kept the last change from being stored; NULL: nothing did */
+    atomic_uint_fast64_t stamp[STAMPS]; /* of jobs; changed under the mutex, read without it */
+    char *trouble;                      /* why the last change could not be stored; NULL: it could */
 
-    pthread_mutex_t gate; /* of the changes that wait; never held together with the other */
+    pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
     pthread_cond_t turn;
     change *first, **last;
     bool leading;
@@ -58,7 +58,8 @@ struct queue {
     uint64_t happened;
 };
 
-/* A mutex may go to the thread that has just let it go: changes one after another would keep all others waiting. */
+/* A mutex may go again to the thread that has just released it. A thread that makes many changes would then block all
+ * others. The second mutex, a turnstile, prevents that. */
 void database_lock(database *d)
 {
     pthread_mutex_lock(&d->line);
@@ -119,14 +120,14 @@ char *database_copy_path(database *d)
 
 /* ---- statements */
 
-/* Whether the last call failed for want of space; a quota is a fault of the disk to SQLite. */
+/* Whether the last call failed because the disk is full. SQLite reports an exhausted quota as an I/O error. */
 static bool is_full(database *d)
 {
     int why = sqlite3_errcode(d->connection) & 0xff;
     return why == SQLITE_FULL || (why == SQLITE_IOERR && sqlite3_system_errno(d->connection) == EDQUOT);
 }
 
-/* Of the last call of SQLite's. What shows damage is noted, so that nothing is written any more. */
+/* Sets the error of the last SQLite call. Damage is recorded in the health, which stops all writing. */
 static bool fail(database *d, error *e)
 {
     int code = sqlite3_extended_errcode(d->connection);
@@ -209,11 +210,11 @@ char *database_text(sqlite3_stmt *s, int column)
 
 /* ---- changes */
 
-/* Says so when changes can no longer be stored, and when they can again; not at every try. */
+/* Logs when changes can no longer be stored, and when they can again, but not every failure between. */
 static void note_stored(database *d)
 {
     if (!d->trouble) return;
-    log_write(LOG_LEVEL_INFO, "the queue stores again");
+    log_write(LOG_LEVEL_INFO, "the queue stores changes again");
     free(d->trouble);
     d->trouble = NULL;
 }
@@ -221,7 +222,7 @@ static void note_stored(database *d)
 static void note_trouble(database *d, const char *why)
 {
     if (d->trouble && strcmp(d->trouble, why) == 0) return;
-    log_write(LOG_LEVEL_ERROR, "the queue cannot store: %s", why);
+    log_write(LOG_LEVEL_ERROR, "the queue cannot store changes: %s", why);
     free(d->trouble);
     d->trouble = mem_strdup(why);
 }
@@ -231,7 +232,7 @@ static bool plain(database *d, const char *sql, error *e)
     return database_run(d, sql, NULL, 0, e);
 }
 
-/* Applies one change; one that fails leaves nothing. False when the transaction itself is gone. */
+/* Applies one change; a failed one is rolled back. False when the whole transaction was rolled back. */
 static bool apply_one(database *d, change *c)
 {
     c->ok = plain(d, "SAVEPOINT one", &c->fault) && c->apply(d, c);
@@ -242,7 +243,7 @@ static bool apply_one(database *d, change *c)
            plain(d, "RELEASE one", NULL);
 }
 
-/* All changes of the list in one transaction. Whether anything is different now. */
+/* Applies all changes of the list in one transaction. Returns whether anything was stored. */
 static bool apply_all(database *d, change *first)
 {
     error e = {0};
@@ -282,7 +283,7 @@ static void lead(database *d)
     pthread_mutex_lock(&d->gate);
     for (change *c = all, *next; c; c = next) {
         next = c->next;
-        c->done = true; /* and its thread may be away with it */
+        c->done = true; /* from here on its thread may have returned, and the change is gone */
     }
 }
 
@@ -309,7 +310,7 @@ bool database_change(database *d, change *c, error *e)
 
 /* ---- stamps */
 
-/* SQLite calls it for each row that a change touches. What is taken back after all has another stamp, too. */
+/* SQLite calls this for each changed row. A change that is rolled back later raises the stamp, too. */
 static void note_row(void *context, int operation, const char *schema, const char *table, sqlite3_int64 row)
 {
     (void)operation, (void)schema;
@@ -322,7 +323,7 @@ uint64_t queue_stamp(queue *q, int64_t seq)
     return atomic_load(&q->stamp[(uint64_t)seq % STAMPS]);
 }
 
-/* ---- news */
+/* ---- waiting for changes */
 
 void queue_signal(queue *q)
 {
@@ -348,7 +349,7 @@ bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
 
 /* ---- opening */
 
-/* Makes the directory of copies, and removes from it what a process that was killed has left there. */
+/* Creates the directory of copies and removes the files that a killed process left there. */
 static bool clear_copies(const char *state_dir, error *e)
 {
     if (!backup_make_directory(state_dir, e)) return false;
@@ -375,10 +376,10 @@ static void make_locks(queue *q)
     pthread_cond_init(&q->news, &monotonic);
     pthread_condattr_destroy(&monotonic);
     q->last = &q->first;
-    q->happened = 1; /* who has seen nothing is told at once */
+    q->happened = 1; /* so that queue_wait with *seen = 0 returns at once */
 }
 
-/* Of the directory's own database, or of a copy of one, which nobody else uses. */
+/* Opens the database of a state directory, or a copy that no other process uses. */
 static queue *open_file(const char *state_dir, int lock_fd, const char *path, error *e)
 {
     queue *q = mem_alloc(sizeof *q);
@@ -392,14 +393,14 @@ static queue *open_file(const char *state_dir, int lock_fd, const char *path, er
         ok = q->connection ? fail(q, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
     if (ok) sqlite3_busy_timeout(q->connection, OPEN_PATIENCE_MS);
     ok = ok && schema_prepare(q->connection, e);
-    /* nobody else gets in from here: a wait would be for nothing, and all threads' at once */
+    /* from here on no other program has access, so waiting for a lock would be useless */
     if (ok) {
         sqlite3_busy_timeout(q->connection, 0);
         sqlite3_update_hook(q->connection, note_row, q);
         return q;
     }
     error_prefix(e, "%s", path);
-    q->lock_fd = -1; /* stays the caller's */
+    q->lock_fd = -1; /* the caller closes it */
     queue_close(q);
     return NULL;
 }
@@ -433,7 +434,7 @@ bool database_has_room(database *d)
     int64_t wanted = atomic_load(&d->reserve_bytes);
     struct statvfs disk;
     if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0 || !disk.f_blocks)
-        return true; /* the transaction will tell */
+        return true; /* a failure shows in the transaction */
     return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
 }
 

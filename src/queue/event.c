@@ -1,4 +1,4 @@
-/* What happened to jobs, as it is told to who follows. */
+/* Events of jobs, for clients that follow them. */
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,7 +8,7 @@
 #include "queue/queue.h"
 #include "queue/job_row.h"
 
-/* Looked at for one page: some milliseconds, in which nobody else is served from the database. */
+/* Events read for one page. That takes some milliseconds, during which the connection is locked. */
 #define EXAMINED_MOST 4096
 
 static const char *const names[QUEUE_EVENT_TYPE_COUNT] = {
@@ -28,8 +28,8 @@ static queue_event_type type_from_name(const char *name)
     return (queue_event_type)type;
 }
 
-/* CROSS JOIN keeps the order: by the number of the event. The last column says whether the event passes the filter; those
- * that do not are read as well, so that it is known how far a page has looked. */
+/* CROSS JOIN keeps the order by event number. The last column tells whether the event passes the filter. Events that do
+ * not pass are read, too, so that the position of the page is known. */
 #define EVENTS                                                                                       \
     "SELECT event.seq, at_ms, id, owner, type, event.state, event.outcome, frame, attempt,"          \
     " (?2 IS NULL OR owner = ?2) AND"                                                                \
@@ -56,7 +56,7 @@ static void read_event(sqlite3_stmt *s, queue_event *event)
     queue_state_from_name((const char *)sqlite3_column_text(s, 5), &event->state);
 }
 
-/* The newest event may have been removed: the number that was given last stands in SQLite's own table. */
+/* The newest event may have been deleted, so the last number is read from SQLite's own table. */
 static bool read_bounds(queue *q, queue_event_page *page, error *e)
 {
     static const char sql[] =

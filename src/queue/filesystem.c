@@ -7,7 +7,7 @@
 
 const char *filesystem_network_name(uint64_t type)
 {
-    /* linux/magic.h has some of them, the others are their projects' */
+    /* some are in linux/magic.h, the others in the sources of their projects */
     static const struct {
         uint32_t type;
         const char *name;
@@ -29,7 +29,7 @@ bool filesystem_check(const char *directory, error *e)
         return error_set(e, ERROR_INTERNAL, "%s: %s", directory, strerror(errno));
     const char *name = filesystem_network_name((uint64_t)info.f_type);
     return !name || error_set(e, ERROR_INTERNAL,
-                              "the state directory %s lies on a network file system (%s), which cannot keep a"
+                              "the state directory %s is on a network file system (%s), which cannot keep a"
                               " queue safe: set state_dir to a directory of a local disk",
                               directory, name);
 }

@@ -15,7 +15,7 @@
 enum { MAGIC_BYTES = 16, PAGE_SIZE_AT = 16, PAGE_COUNT_AT = 28, HEADER_BYTES = 100 };
 static const char magic[MAGIC_BYTES] = "SQLite format 3";
 
-/* One that holds something: it begins with its own magic number, whose last bit is the order of bytes. */
+/* Whether there is a log with content: it begins with a magic number, whose last bit gives the byte order. */
 static bool has_log(const char *path)
 {
     uint8_t begin[4] = {0};

@@ -14,8 +14,8 @@ struct health {
     pthread_mutex_t mutex;
     pthread_cond_t woken; /* monotonic clock */
     queue_health known;
-    bool doubt;  /* the damage may prove to be none */
-    bool wanted; /* a check, because of the doubt */
+    bool doubt;  /* it was a read error, which may not be damage */
+    bool wanted; /* a check is required, because of the read error */
     int64_t began_ms;
     atomic_bool damaged, stopping;
 };

@@ -1,4 +1,4 @@
-/* Whose database this is. */
+/* The service instance that the database belongs to. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,7 +12,7 @@ bool queue_exists(const char *state_dir)
 {
     struct stat info;
     char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
-    /* what cannot be looked at may well be there, and opening it says what is wrong */
+    /* a file that cannot be examined may exist: opening it then tells what is wrong */
     bool there = stat(path, &info) == 0 ? info.st_size > 0 : errno != ENOENT;
     free(path);
     return there;

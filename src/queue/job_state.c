@@ -95,7 +95,7 @@ queue_state job_state_derive(const job_state *j)
     return waiting < j->tasks ? QUEUE_RUNNING : QUEUE_QUEUED;
 }
 
-/* The job's error is the first one of its tasks; of an array it says how many have failed. */
+/* The job gets the error of its first failed task. For an array the message also tells how many tasks failed. */
 static bool store_error(database *d, const job_state *j, error *e)
 {
     bool ok = false, read = false;
@@ -159,7 +159,7 @@ static bool count_for_owner(database *d, int64_t seq, int unfinished, int runnin
                 integer(seq)));
 }
 
-/* Stores one job. */
+/* Stores one job, without those that depend on it. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
     j->state = job_state_derive(j);
@@ -215,7 +215,7 @@ bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue
                                  e);
 }
 
-/* One job that waits for another hears of its end, which may be its own, too. */
+/* Updates one dependent job after the end of `need`. It may end itself because of that. */
 static bool tell_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
                            error *e)
 {
@@ -227,7 +227,7 @@ static bool tell_dependent(database *d, const char *need, queue_state state, job
     return save_one(d, &before, j, now, e);
 }
 
-/* A job that waits for the one that has ended, if there is another; those with a lower number were told. */
+/* Loads the next job that depends on the ended one; those up to `after` are done. */
 static bool next_dependent(database *d, int64_t need, int64_t after, job_state *j, bool *found, error *e)
 {
     return load(d,
@@ -248,7 +248,8 @@ static bool read_id(database *d, int64_t seq, char id[ULID_SIZE], error *e)
     return ok;
 }
 
-/* Those that fail of it end others in turn; however long the chain, one after the other. */
+/* Updates all dependent jobs. A dependent that fails ends its own dependents, so ended jobs go into a list, which is
+ * worked off without recursion. */
 static bool tell_dependents(database *d, const job_state *ended, int64_t now, error *e)
 {
     size_t count = 1, room = 16;

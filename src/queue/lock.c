@@ -20,14 +20,14 @@ static void say_holder(int fd, const char *state_dir, error *e)
     error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder, state_dir);
 }
 
-/* Made by root, who works here for a moment, it must not be in the way of the daemon's user. */
+/* A lock file that root creates gets the owner of the state directory, so that the daemon can still use it. */
 static bool give_to_owner(int fd, const char *state_dir)
 {
     struct stat owner;
     return geteuid() != 0 || (stat(state_dir, &owner) == 0 && fchown(fd, owner.st_uid, owner.st_gid) == 0);
 }
 
-/* In place, since a full disk is no reason not to start. */
+/* Overwrites in place, because a full disk must not prevent the start. */
 static void note_holder(int fd)
 {
     char holder[16];

@@ -1,4 +1,4 @@
-/* What is to be told to others about jobs that have ended. */
+/* Notifications of ended jobs that are still to be delivered. */
 #include <stdio.h>
 #include <stdlib.h>
 

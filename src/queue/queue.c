@@ -1,4 +1,4 @@
-/* What can be asked of the queue without changing it. */
+/* Functions that read the queue. */
 #include "queue/queue.h"
 
 #include <stdio.h>
@@ -119,8 +119,7 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     return ok;
 }
 
-/* Which of the conditions a listing has; each combination has a statement of its own, so that each has its
- * index. */
+/* The conditions of a listing, as a set. Each combination has its own statement, so that each uses the best index. */
 enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
 
 #define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
@@ -288,7 +287,7 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
     return true;
 }
 
-/* One time, INT64_MAX where there is none. */
+/* Reads one time; INT64_MAX: there is none. */
 static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {
     int64_t read = INT64_MAX;

@@ -1,4 +1,4 @@
-/* Which directories are to be removed, and whose those are that stand in the state directory. */
+/* Directories that are to be removed, and lookups of the directories found in the state directory. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -72,7 +72,7 @@ bool queue_end_removals(queue *q, const queue_removal *removals, size_t count, e
     return database_change(q, &x.change, e);
 }
 
-/* ---- whose a directory is */
+/* ---- lookups of directories */
 
 static bool find_task(database *d, queue_directory *x, error *e)
 {
@@ -89,7 +89,7 @@ static bool find_task(database *d, queue_directory *x, error *e)
     while (database_next(d, s, &ok, e)) {
         const char *state = (const char *)sqlite3_column_text(s, 0);
         x->known = true;
-        x->state = QUEUE_QUEUED; /* also of one that waits before it is tried again */
+        x->state = QUEUE_QUEUED; /* also for a delayed task */
         queue_state_from_name(state, &x->state);
         x->last_attempt = sqlite3_column_int(s, 1);
     }

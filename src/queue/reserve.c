@@ -12,10 +12,10 @@
 #include "base/log.h"
 #include "base/memory.h"
 
-/* Of a WAL, whose magic number it begins with; one of zeros has no content. */
+/* The first bytes of a WAL: its magic number. A file of zeros is an empty log. */
 enum { HEADER_BYTES = 32 };
-/* What the log takes while it can be written back: SQLite does that after a thousand pages of 4 KiB, and may go over it
- * by a transaction. On a full disk it cannot, since the database grows a little, and the log goes on. */
+/* What the log usually takes: SQLite writes it back to the database after a thousand pages of 4 KiB, and may exceed
+ * that by one transaction. On a full disk it cannot, because the database would grow, so the log goes on growing. */
 enum { USUAL_BYTES = 5 << 20 };
 
 typedef struct names {
@@ -41,7 +41,7 @@ static bool is_same(const struct stat *a, const struct stat *b)
     return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
 }
 
-/* What the file holds is of a database that was closed, and must never be read as a part of another. */
+/* The content belongs to a database that was closed. It must never be read as a log of another one. */
 static bool empty_log(const char *path)
 {
     static const char zeros[HEADER_BYTES];
@@ -60,12 +60,12 @@ void reserve_lend(const char *state_dir)
                   lstat(n.log, &log) != 0 && errno == ENOENT && stat(n.database, &database) == 0 &&
                   database.st_size > 0;
     if (wanted && (!empty_log(n.reserve) || link(n.reserve, n.log) != 0))
-        log_write(LOG_LEVEL_WARNING, "the disk space that is set aside for the queue is not used: %s: %s",
-                  n.reserve, strerror(errno));
+        log_write(LOG_LEVEL_WARNING, "the reserved disk space (reserve_mb) cannot be used: %s: %s", n.reserve,
+                  strerror(errno));
     names_free(&n);
 }
 
-/* Gives the log its second name. */
+/* Creates the second hard link to the log. */
 static bool name_log(const names *n)
 {
     struct stat log, reserve;
@@ -75,7 +75,7 @@ static bool name_log(const names *n)
     return link(n->log, n->fresh) == 0 && rename(n->fresh, n->reserve) == 0;
 }
 
-/* fallocate would take what there is of a disk that has not enough. */
+/* On a disk with too little space, fallocate would fail and still take what is free. */
 static bool allocate(int fd, int64_t bytes)
 {
     struct stat file;
@@ -101,7 +101,7 @@ bool reserve_keep(const char *state_dir, int64_t bytes)
         if (!ok)
             log_write(
                 LOG_LEVEL_WARNING,
-                "no disk space is set aside for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
+                "no disk space could be reserved for the queue (reserve_mb): %s: %s; on a full disk jobs may not"
                 " be cancelled or deleted",
                 n.log, strerror(errno));
         if (fd >= 0) close(fd);

@@ -8,7 +8,7 @@
 #define TEXT_OF(x) #x
 #define TEXT(x) TEXT_OF(x)
 
-/* Which jobs read which of the files that clients sent. */
+/* The uploaded files that jobs read. */
 #define INPUTS                                                       \
     "CREATE TABLE input ("                                           \
     "  name TEXT NOT NULL,"                                          \
@@ -17,22 +17,22 @@
     ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);"
 
-/* Up to which number events were removed with their jobs, in one row. */
+/* The highest number of a deleted event, in one row. */
 #define REMOVED_EVENTS                           \
     "CREATE TABLE removed_events ("              \
     "  one INTEGER PRIMARY KEY CHECK (one = 1)," \
     "  up_to INTEGER NOT NULL"                   \
     ") STRICT;"
 
-/* Temporary files of copies of results into directories of others, written down before they are made. */
+/* Temporary files of result copies in output directories. The row is stored before the file is created. */
 #define COPIES                  \
     "CREATE TABLE copy ("       \
     "  name TEXT PRIMARY KEY,"  \
     "  directory TEXT NOT NULL" \
     ") STRICT, WITHOUT ROWID;"
 
-/* Whose database this is (one row), and of which tasks that were forgotten the directories are to be removed: those
- * of their results, and of their attempts up to that number. */
+/* The service instance (one row), and the deleted tasks whose directories are to be removed: those of the result, and
+ * of the attempts up to the stored number. */
 #define INSTANCE                    \
     "CREATE TABLE instance ("       \
     "  id TEXT NOT NULL,"           \
@@ -46,8 +46,8 @@
     ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
-/* Of its tasks the job has counts, so that its state follows from one row; `pending` counts the jobs that
- * it waits for. The spec stands apart, since it is long and never changes, and the row does often. */
+/* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
+ * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
     "CREATE TABLE job ("
     "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
@@ -145,7 +145,7 @@ static const char tables[] =
     "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
     ") STRICT, WITHOUT ROWID;"
 
-    /* of those that have jobs which have not ended */
+    /* owners that have unfinished jobs */
     "CREATE TABLE owner ("
     "  name TEXT PRIMARY KEY,"
     "  unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," /* jobs */
@@ -200,7 +200,7 @@ static const char tables[] =
 
 static const char set_version[] = "PRAGMA user_version = " TEXT(SCHEMA_VERSION);
 
-/* From version 1, in which a job was its only task and had the attempts itself. */
+/* Migration from version 1, which had no tasks: a job had the attempts. */
 static const char set_old_aside[] =
     "DROP INDEX job_waiting; DROP INDEX job_by_state;"
     "ALTER TABLE attempt RENAME TO attempt_1; ALTER TABLE job RENAME TO job_1;";
@@ -232,18 +232,18 @@ static const char carry_over[] =
     "1;"
     "DROP TABLE attempt_1; DROP TABLE job_1;";
 
-/* From version 2, in which no path of a spec was mapped. */
+/* Migration from version 2, which did not map paths. */
 static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
 
-/* From version 3, in which each attempt had all the time of its job and files that were sent stayed for ever.
- * What the specs read of those is written down, as it is for new jobs. */
+/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for ever. Notes
+ * which uploaded files the existing specs read. */
 static const char add_times_and_inputs[] =
     "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
     "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
     "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
 
-/* From version 4, which did not say whether events were removed. Numbers are given without gaps: the last one that is
- * missing was removed. */
+/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the highest missing
+ * number is the last deleted event. */
 static const char add_removed_events[] = REMOVED_EVENTS
     "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
     "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
@@ -251,12 +251,12 @@ static const char add_removed_events[] = REMOVED_EVENTS
     "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
     "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
 
-/* From version 4, in which a full disk failed jobs for good and copies left temporary files behind. */
+/* Migration from version 4, in which a full disk failed jobs and copies left temporary files. */
 static const char add_storage[] =
     "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
 
-/* From version 4, in which deaths of the daemon counted as attempts, and a start removed every directory without a job.
- * The database is some instance's, which has not told its name yet. */
+/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every directory
+ * without a job. The database gets its instance id later. */
 static const char add_instance[] =
     INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
 static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
@@ -265,12 +265,12 @@ bool schema_code_is_damage(int code)
 {
     int primary = code & 0xFF;
     return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_DATA ||
-           code == SQLITE_IOERR_SHORT_READ; /* a file that was cut off */
+           code == SQLITE_IOERR_SHORT_READ; /* a truncated file */
 }
 
 bool schema_code_is_doubt(int code)
 {
-    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* the second of EIO */
+    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* SQLite maps EIO to this one, too */
 }
 
 static bool fail(sqlite3 *database, error *e)
@@ -314,7 +314,7 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version >= 1) ok = run(database, leave_unnamed, &why);
     ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
     if (ok) return true;
-    /* statements of the program that make no sense to SQLite: the tables are not those of the version */
+    /* SQLite cannot prepare a statement: the tables are not those of this version */
     if (sqlite3_errcode(database) == SQLITE_ERROR)
         error_set(e, ERROR_DATABASE_DAMAGED,
                   "the database is damaged (its tables are not those of version %d: %s): %s", version,
@@ -325,9 +325,9 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     return false;
 }
 
-/* ---- the tables, held against those that this version makes */
+/* ---- comparison with the tables that this version creates */
 
-/* Both texts without what is blank, which a statement that was kept has from its program's source. */
+/* Compares two texts without their white space, which depends on the program that created the table. */
 static bool is_same_text(const char *a, const char *b)
 {
     for (;; a++, b++) {
@@ -343,7 +343,7 @@ static const char *column(sqlite3_stmt *s, int at)
     return found ? found : "";
 }
 
-/* Columns of a table that are not in the other database as they are in this one. */
+/* Columns of a table that are missing or different in the other database. */
 static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *table, FILE *findings, int *count)
 {
     sqlite3_stmt *want = NULL, *have = NULL;

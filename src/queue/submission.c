@@ -1,4 +1,4 @@
-/* How a job comes into the queue. */
+/* Submission of jobs. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,7 +13,7 @@ typedef struct submitting {
     queue_receipt receipt;
 } submitting;
 
-/* Whether the key was seen before; then the receipt is written. */
+/* Looks for the idempotency key. If it was used before, fills the receipt. */
 static bool find_replay(database *d, submitting *s, bool *seen, error *e)
 {
     bool ok = false;
@@ -45,7 +45,7 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
     return ok;
 }
 
-/* Looks at a job that is depended on. */
+/* Reads the state of a job that the new one depends on. */
 static bool look_at_need(database *d, const char *id, bool *found, queue_state *state, error *e)
 {
     bool ok = false;
@@ -56,7 +56,7 @@ static bool look_at_need(database *d, const char *id, bool *found, queue_state *
     return ok;
 }
 
-/* Counts the jobs that it has to wait for; *lost is one that has ended without success, or NULL. */
+/* Counts the jobs that the new one has to wait for. *lost is one that ended without success, or NULL. */
 static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
                         bool *unknown, error *e)
 {

@@ -11,7 +11,7 @@ void ulid_make(int64_t wall_ms, char text[ULID_SIZE])
 {
     unsigned char random[10];
     if (getrandom(random, sizeof random, 0) != sizeof random) {
-        /* fewer than 256 bytes are never cut short, so this is a kernel without getrandom */
+        /* getrandom never returns less for up to 256 bytes, so this kernel has no getrandom */
         fputs("hexad: no random numbers\n", stderr);
         abort();
     }

@@ -254,7 +254,7 @@ def test_a_full_disk(new_service, tmp_path):
     resource.prlimit(pid, resource.RLIMIT_FSIZE, free)
     service.wait_state(job, "succeeded")
     assert service.post("/v1/jobs", sphere()).status == 201
-    assert len(lines("stores again")) == 1
+    assert len(lines("stores changes again")) == 1
 
 
 def run_hexad(build, *options):

@@ -546,7 +546,7 @@ def test_results_cannot_be_written(new_service, tmp_path):
     assert service.request("DELETE", f"/v1/jobs/{deleted}").status == 204
     assert service.get(f"/v1/jobs/{deleted}").status == 404
     assert tree(results) == before and served(service, kept)
-    wait_until(lambda: logged(service, "not yet removed"), "the trouble to be said")
+    wait_until(lambda: logged(service, "could not be removed"), "the trouble to be said")
     service.end()
     service.build = hexad.parent
     service.start()
