@@ -70,7 +70,8 @@ static void write_event(follower *f, FILE *out, const queue_event *event)
     json_free(o);
 }
 
-/* Where something is missing: of events behind `after`, and of what a client had heard of that asked for that number. */
+/* Where something is missing: of events behind `after`, and of what a client had heard of that asked for that
+ * number. */
 static void put_missing(json *object, const queue_event_page *page, int64_t after)
 {
     if (page->removed_up_to > after && after >= 0)
@@ -78,8 +79,8 @@ static void put_missing(json *object, const queue_event_page *page, int64_t afte
     if (after > page->newest) json_put_bool(object, "reset", true);
 }
 
-/* The stream goes on behind `seq`. Of the page that begins there, NULL for none, events may be missing; `after` is where it
- * was to begin. */
+/* The stream goes on behind `seq`. Of the page that begins there, NULL for none, events may be missing;
+ * `after` is where it was to begin. */
 static void write_position(follower *f, FILE *out, const queue_event_page *page, int64_t after, int64_t seq)
 {
     json *o = json_new_object();
@@ -193,7 +194,8 @@ static void free_follower(reply_source *source)
     free(f);
 }
 
-/* Where to go on: the header of a stream that was broken off, or the query. False when the header is no number. */
+/* Where to go on: the header of a stream that was broken off, or the query. False when the header is no
+ * number. */
 static bool read_position(const http_request *request, int64_t otherwise, int64_t *after)
 {
     const char *last = request->header[HTTP_LAST_EVENT_ID];
@@ -215,7 +217,8 @@ static void refuse_position(reply *r)
     reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not a number");
 }
 
-/* Begins here, not when the first bytes are sent: what happens after the client has the answer's head is told. */
+/* Begins here, not when the first bytes are sent: what happens after the client has the answer's head is
+ * told. */
 static void follow(const http_context *c, const selection *s, reply *r)
 {
     error e = {0};
@@ -308,7 +311,8 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* A job that is not there or another's is refused, as at its own events: a stream that stays empty would say less. */
+/* A job that is not there or another's is refused, as at its own events: a stream that stays empty would say
+ * less. */
 static bool may_select(const http_context *c, const http_request *request, const selection *s, reply *r)
 {
     queue_job job = {0};

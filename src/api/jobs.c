@@ -378,8 +378,8 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Puts what the job would take into the document, for those who might submit it; false when *r says that it would
- * fail. */
+/* Puts what the job would take into the document, for those who might submit it; false when *r says that it
+ * would fail. */
 static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
                          reply *r)
 {

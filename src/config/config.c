@@ -166,7 +166,7 @@ static bool read_file(config *c, const char *path, error *e)
     if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
-        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: this is neither a setting nor a section", path, line);
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
     if (mine.code && e) *e = mine;
     return !mine.code;
 }

@@ -187,7 +187,8 @@ static void end(connections *p, client_connection *which)
     shutdown(which->fd, SHUT_RDWR);
 }
 
-/* Ends the connection of the client, or of any if that is NULL, that has been idle longest; false: there is none. */
+/* Ends the connection of the client, or of any if that is NULL, that has been idle longest; false: there is
+ * none. */
 static bool end_idle(connections *p, const owner *client)
 {
     client_connection *one = p->idle.first;

@@ -39,8 +39,8 @@ static void take_signal(loop *l)
     atomic_store(&l->signaled, false);
 }
 
-/* Milliseconds until the library wants to be run even when nothing is ready; -1: never. 0 when it has more to do
- * for a connection that it would not be told of again. */
+/* Milliseconds until the library wants to be run even when nothing is ready; -1: never. 0 when it has more to
+ * do for a connection that it would not be told of again. */
 static int wait_ms(const loop *l)
 {
     MHD_UNSIGNED_LONG_LONG ms;

@@ -32,8 +32,8 @@
 #define MOST_FORWARDED 16
 /* How long a stop waits for replies on their way. */
 #define STOP_MS 5000
-/* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a worker's
- * estimate come on top. */
+/* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a
+ * worker's estimate come on top. */
 #define POOL_THREADS 32
 
 struct server {
@@ -277,8 +277,8 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
     return true;
 }
 
-/* On a port that asks for no token: what a page of another site has the browser send. A request without Host is
- * none, as all browsers send it. */
+/* On a port that asks for no token: what a page of another site has the browser send. A request without Host
+ * is none, as all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
     const access_peer *from = connections_access(connection_of(x->connection));
@@ -418,8 +418,8 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
 }
 
-/* As refuse; *early says whether the answer may not wait for the body, which then is never read. Otherwise it does:
- * many a client sends all before it reads. */
+/* As refuse; *early says whether the answer may not wait for the body, which then is never read. Otherwise it
+ * does: many a client sends all before it reads. */
 static bool refuse_early(exchange *x, const char *method, const char *path, bool *early, reply *r)
 {
     fields f = {0};
@@ -472,8 +472,9 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
     return queue_reply(x, &x->answer);
 }
 
-/* Takes a piece of the body. A long one goes to its sink. Over the limit nothing is kept any more; the answer has to wait for the
- * end, since the library sends replies before a body or after it, and the watch bounds that. */
+/* Takes a piece of the body. A long one goes to its sink. Over the limit nothing is kept any more; the answer
+ * has to wait for the end, since the library sends replies before a body or after it, and the watch bounds
+ * that. */
 static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {
     size_t *length = &x->request.length;

@@ -89,7 +89,8 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
 
 /* ---- a copy, from a daemon or without one */
 
-/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has it. */
+/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has
+ * it. */
 static bool copy(const config *c, FILE *stream, const char *path, int *lock, error *e)
 {
     bool in_use = false;
