@@ -19,21 +19,21 @@
 struct http_context {
     queue *q;
     executor *x;
-    estimator *estimator;     /* NULL: nothing is estimated */
-    const store_roots *roots; /* of inputs too */
+    estimator *estimator;     /* NULL: no estimates */
+    const store_roots *roots; /* where jobs may read, uploads included */
     store_inputs *inputs;
     const store_outputs *outputs;
     const path_map *mappings;      /* of paths; NULL: none */
     const webhook_hosts *webhooks; /* NULL: none */
     const char *state_dir;
-    int max_attempts;              /* of a job that names no number */
-    int64_t most_waiting;          /* jobs of one user; 0: any number */
-    int64_t retention_s;           /* of a job that names no time */
-    double wait_s;                 /* longest that an answer may be asked to wait */
+    int max_attempts;              /* of a job that names none */
+    int64_t most_waiting;          /* unfinished jobs of one user; 0: any number */
+    int64_t retention_s;           /* of a job that names none */
+    double wait_s;                 /* the longest wait that a client may ask for */
     int64_t started_ms;            /* wall clock */
-    const http_counters *counters; /* the server's */
+    const http_counters *counters; /* of the server */
     atomic_bool *copying;          /* true while a backup is made */
-    document_cache *documents;     /* NULL: no document is kept */
+    document_cache *documents;     /* NULL: no document is cached */
 };
 
 #endif

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 
-/* A document has its place in one row, by the id of its job. */
+/* The id of a job determines the row of its documents. */
 #define ROW_PLACES 4
 
 typedef struct place {
@@ -21,7 +21,7 @@ typedef struct place {
 
 typedef struct row {
     place place[ROW_PLACES];
-    unsigned next; /* to be taken when all are */
+    unsigned next; /* the place to reuse when all are taken */
 } row;
 
 struct document_cache {

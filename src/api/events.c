@@ -12,17 +12,17 @@
 #include "http/parameter.h"
 
 #define PAGE_DEFAULT 50 /* as the table of parameters says */
-/* Read at once for a stream. */
+/* How many events a stream reads at once. */
 #define BATCH 64
-/* Nothing for so long: a comment shows that the stream is there. */
+/* After so long without an event a comment shows that the stream is alive. */
 #define SILENCE_MS 14000
 
 _Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not cut off");
 
-/* Which events are asked for. */
+/* Which events a request asks for. */
 typedef struct selection {
     const char *id, *owner, *label; /* NULL: any */
-    bool whole_job;                 /* one job's, with its progress and to its end */
+    bool whole_job;                 /* of one job, with its progress, until its end */
     int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
 } selection;
 
@@ -33,14 +33,14 @@ typedef struct follower {
     char *id, *owner, *label; /* NULL: any */
     bool whole_job;
     bool begun;       /* the first page was read */
-    bool behind;      /* there was more than the last page */
-    int64_t seq, row; /* those that were looked at */
-    int64_t told_seq; /* the last id that the client was told */
+    bool behind;      /* there are more events than the last page had */
+    int64_t seq, row; /* the last ones that were read */
+    int64_t told_seq; /* the last id that was sent to the client */
     int64_t told_removed;
-    char *text; /* what was read and not sent yet */
+    char *text; /* what was read but not sent yet */
     size_t length, sent;
     bool at_end; /* the last event is the end of its job */
-    bool ended;  /* and the stream is one job's: that was all */
+    bool ended;  /* the stream is of one job and complete */
     int64_t told_ms;
 } follower;
 
@@ -70,7 +70,8 @@ static void write_event(follower *f, FILE *out, const queue_event *event)
     json_free(o);
 }
 
-/* Where something is missing: of events behind `after`, and of what a client had heard of that asked for that number. */
+/* Tells whether events are missing: removed ones after `after`, or all that the client has beyond a restored
+ * backup. */
 static void put_missing(json *object, const queue_event_page *page, int64_t after)
 {
     if (page->removed_up_to > after && after >= 0)
@@ -78,8 +79,8 @@ static void put_missing(json *object, const queue_event_page *page, int64_t afte
     if (after > page->newest) json_put_bool(object, "reset", true);
 }
 
-/* The stream goes on behind `seq`. Of the page that begins there, NULL for none, events may be missing; `after` is where it
- * was to begin. */
+/* Writes that the stream continues after `seq`. `page` begins there (NULL: no page) and may lack events;
+ * `after` is where the client wanted to continue. */
 static void write_position(follower *f, FILE *out, const queue_event_page *page, int64_t after, int64_t seq)
 {
     json *o = json_new_object();
@@ -93,7 +94,7 @@ static void write_position(follower *f, FILE *out, const queue_event_page *page,
     json_free(o);
 }
 
-/* The worker's line, with the job that it is of. */
+/* Writes a progress line of a worker, with the id of its job. */
 static void write_row(FILE *out, const progress_ring_line *line)
 {
     json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
@@ -112,7 +113,8 @@ static bool ends_job(const queue_event *event)
     return event->type == QUEUE_EVENT_STATE && queue_state_is_final(event->state);
 }
 
-/* Before the events of a page, when the client has to know where they begin or that some are missing. */
+/* Writes a position before the events of a page, when the client must know where they begin or that some are
+ * missing. */
 static void introduce(follower *f, FILE *out, const queue_event_page *page)
 {
     bool from_now = f->seq < 0 || f->seq > page->newest, reset = f->seq > page->newest;
@@ -122,7 +124,7 @@ static void introduce(follower *f, FILE *out, const queue_event_page *page)
     f->begun = true;
 }
 
-/* Progress lines have no place among the events but one: behind a job's end there are none. */
+/* Progress lines may stand anywhere between events, but not after the end of the job. */
 static bool read_news(follower *f, FILE *out, error *e)
 {
     queue_event_page page;
@@ -142,7 +144,7 @@ static bool read_news(follower *f, FILE *out, error *e)
     f->seq = page.position;
     if (page.count) f->at_end = ends_job(&page.events[page.count - 1]);
     f->ended = f->whole_job && f->at_end && !page.more;
-    /* a filter left out all of many: something is sent, so that the rest is looked at in its turn */
+    /* the filter skipped all of many events: send something, so that other connections get their turn */
     if ((page.more || f->behind) && f->told_seq < f->seq) write_position(f, out, NULL, f->seq, f->seq);
     f->behind = page.more;
     free(page.events);
@@ -150,7 +152,7 @@ static bool read_news(follower *f, FILE *out, error *e)
     return true;
 }
 
-/* Nothing was sent for long: the connection is shown to be alive, and how far the stream has looked. */
+/* After a long silence: shows that the connection is alive, and how far the stream has read. */
 static void break_silence(follower *f, FILE *out)
 {
     if (!f->whole_job && f->told_seq < f->seq)
@@ -159,7 +161,7 @@ static void break_silence(follower *f, FILE *out)
         fputs(": nothing new\n\n", out);
 }
 
-/* Reads what is new, or says that there is nothing when that was long ago. */
+/* Reads new events; writes a sign of life when there have been none for long. */
 static bool refill(follower *f, error *e)
 {
     free(f->text);
@@ -176,7 +178,7 @@ static ssize_t read_follower(reply_source *source, char *buffer, size_t size)
 {
     follower *f = (follower *)(void *)source;
     error e = {0};
-    /* the client comes again, with the id of what it had last */
+    /* the client reconnects with the id of the last event that it got */
     if (f->sent == f->length && !f->ended && !refill(f, &e)) return -1;
     size_t count = f->length - f->sent < size ? f->length - f->sent : size;
     memcpy(buffer, f->text + f->sent, count);
@@ -195,7 +197,8 @@ static void free_follower(reply_source *source)
     free(f);
 }
 
-/* Where to go on: the header of a stream that was broken off, or the query. False when the header is no number. */
+/* Where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. False when
+ * the header is not a number. */
 static bool read_position(const http_request *request, int64_t otherwise, int64_t *after)
 {
     const char *last = request->header[HTTP_LAST_EVENT_ID];
@@ -217,7 +220,8 @@ static void refuse_position(reply *r)
     reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not a number");
 }
 
-/* Begins here, not when the first bytes are sent: what happens after the client has the answer's head is told. */
+/* The stream begins here and not when the first bytes are sent, so that it has all events after the client
+ * got the head of the answer. */
 static void follow(const http_context *c, const selection *s, reply *r)
 {
     error e = {0};
@@ -285,7 +289,7 @@ static void answer(const http_context *c, const http_request *request, const sel
         list(c, request, s, r);
 }
 
-/* Whether the job's last event is not behind `after`: there is no more to tell. */
+/* Whether `after` is the last event of the job, or later: the stream has nothing more to send. */
 static bool is_over(const http_context *c, const queue_job *job, int64_t after)
 {
     queue_event_page page;
@@ -304,13 +308,14 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     if (!read_position(request, 0, &s.after))
         refuse_position(r);
     else if (wants_stream(request) && is_over(c, &job, s.after))
-        reply_set_empty(r, 204); /* all was told: to a browser this says not to come again */
+        reply_set_empty(r, 204); /* the stream is complete; 204 tells a browser not to reconnect */
     else
         answer(c, request, &s, r);
     queue_job_clear(&job);
 }
 
-/* A job that is not there or another's is refused, as at its own events: a stream that stays empty would say less. */
+/* A missing job or one of another user is refused, as on its own route, since an empty stream would not
+ * explain itself. */
 static bool may_select(const http_context *c, const http_request *request, const selection *s, reply *r)
 {
     queue_job job = {0};

@@ -8,7 +8,7 @@
 
 typedef struct upload {
     http_sink sink;     /* first: the server's view of it */
-    store_upload *file; /* NULL: the bytes are there already, those that come are thrown away */
+    store_upload *file; /* NULL: the file exists already; the received bytes are ignored */
     store_upload_verdict verdict;
     error why;
 } upload;
@@ -38,7 +38,7 @@ static void refuse(store_upload_verdict verdict, const error *why, reply *r)
     }
 }
 
-/* The hash that the path names, or an answer. */
+/* Returns the hash that the path names, or answers why it is malformed. */
 static const char *read_hash(const http_request *request, reply *r)
 {
     const char *hex = request->parameter[0];
@@ -79,7 +79,7 @@ http_sink *inputs_begin(const http_context *c, const http_request *request, repl
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
     int64_t there = store_inputs_use(c->inputs, hex);
-    if (there >= 0 && request->waits) { /* it has not begun to send */
+    if (there >= 0 && request->waits) { /* the client has not begun to send */
         show(hex, there, 200, r);
         return NULL;
     }

@@ -55,8 +55,8 @@ void job_commands_retry(const http_context *c, const http_request *request, repl
     tell(c, request, QUEUE_RETRY, "retry", r);
 }
 
-/* A patch is read as those members of a spec are, by the same table: in a spec that has nothing
- * but them. NULL and the faults when they are not good. */
+/* Parses the patch as the `queue` group of an otherwise minimal spec, so that the table of the spec checks
+ * it. NULL, and the faults in `errors`, when it is invalid. */
 static spec *read_members(json_at patch, json *errors)
 {
     static const char rest[] =
@@ -88,7 +88,7 @@ static void check_names(json_at patch, json *errors)
     }
 }
 
-/* The revision that the client knows; -1: any. */
+/* Reads If-Match: the revision that the client expects; -1: any. */
 static bool read_match(const http_request *request, int64_t *revision, reply *r)
 {
     const char *match = request->header[HTTP_IF_MATCH];

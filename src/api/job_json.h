@@ -1,5 +1,5 @@
-/* job_json: the JSON of jobs, their tasks and their attempts, as answers have it, and the ETag of a job. No state; any
- * thread. */
+/* job_json: the JSON of jobs, their tasks and their attempts, as answers have it, and the ETag of a job. No
+ * state; any thread. */
 #ifndef HEXAD_API_JOB_JSON_H
 #define HEXAD_API_JOB_JSON_H
 

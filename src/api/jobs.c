@@ -20,7 +20,7 @@
 #include "store/file.h"
 
 #define LIST_DEFAULT 50 /* as the table of parameters says */
-/* In a job's own document; there is a listing of all. */
+/* In the document of a job; another route lists all. */
 #define ATTEMPTS_SHOWN 100
 #define KEY_LENGTH_MOST 255
 
@@ -29,7 +29,8 @@ static char *progress_of(const http_context *c, const queue_job *job)
     return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
 }
 
-/* Answers with the whole document of a job; of another's without its spec, which names files. */
+/* Answers with the whole document of a job. Only the owner and administrators get the spec, since that names
+ * files. */
 static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
                        reply *r)
 {
@@ -53,7 +54,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     reply_add_header(r, "ETag", made.tag);
     made.text = r->body;
     made.length = r->length;
-    /* progress comes and goes without a change of the job, but only of one that runs */
+    /* progress changes without a change of the job, but only while it runs */
     if (!progress && !job->tasks.running) document_cache_put(c->documents, job, own, &made);
     free(progress);
 }
@@ -87,8 +88,7 @@ static spec *build_spec(const json *document, reply *r)
     return NULL;
 }
 
-/* A job that is asked for: the spec with the paths of this machine, and which of them were mapped, or
- * NULL. */
+/* A submitted spec, with the paths of this machine, and the list of mapped paths, or NULL. */
 typedef struct order {
     spec *s;
     json *paths;
@@ -119,7 +119,7 @@ static bool read_order(const http_context *c, const http_request *request, order
     return o->s != NULL;
 }
 
-/* Answers that a member cannot be; of a path that was mapped with both names. */
+/* Answers that a member is not allowed; names both paths when it was mapped. */
 static void refuse_member(const order *o, const char *pointer, const error *why, reply *r)
 {
     const char *asked = paths_asked(o->paths, pointer);
@@ -132,8 +132,8 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
     reply_set_error(r, &told, errors);
 }
 
-/* Looks whether the inputs may be read and are there, so that a mistake shows at once; the worker
- * opens them again under the same roots. Of a sequence the first frame is looked at. */
+/* Checks that the inputs exist and may be read, so that a mistake shows at once; the worker opens them again
+ * under the same roots. Of a sequence the first frame is checked. */
 static bool check_inputs(const http_context *c, const order *o, reply *r)
 {
     spec_input input;
@@ -142,7 +142,7 @@ static bool check_inputs(const http_context *c, const order *o, reply *r)
         error e = {0};
         char name[STORE_INPUT_NAME_SIZE];
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
-        /* before it is looked for, so that it cannot go in between */
+        /* before the check, so that it is not removed in between */
         if (store_inputs_is_sent(path, name)) store_inputs_use(c->inputs, name + strlen(STORE_INPUT_PREFIX));
         int fd = store_open_input(c->roots, path, &e);
         free(path);
@@ -156,7 +156,7 @@ static bool check_inputs(const http_context *c, const order *o, reply *r)
     return true;
 }
 
-/* Looks whether a copy of the results may go where the spec wants it. */
+/* Checks that results may be copied to the directory that the spec names. */
 static bool check_output(const http_context *c, const order *o, reply *r)
 {
     error e = {0};
@@ -187,8 +187,8 @@ static char *print_labels(const spec *s)
     return text;
 }
 
-/* The document of a job that was put in the queue just now. It is made of what was put: the job is
- * accepted, whatever another look at the database would say. */
+/* The document of a job that was just submitted. It is made from the submission, since the job is accepted
+ * even if the database cannot be read now. */
 static void show_accepted(const queue_receipt *receipt, const queue_submission *put, reply *r)
 {
     queue_job job = {
@@ -218,7 +218,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     reply_add_header(r, "ETag", tag);
 }
 
-/* "00-" 32 digits "-" 16 digits "-" 2 digits (W3C Trace Context); what is none is left out, as that says. */
+/* "00-" 32 digits "-" 16 digits "-" 2 digits (W3C Trace Context); the standard has malformed ones ignored. */
 static const char *read_trace(const http_request *request)
 {
     static const size_t parts[] = {2, 32, 16, 2};
@@ -233,7 +233,7 @@ static const char *read_trace(const http_request *request)
     return trace;
 }
 
-/* The key that the client gives its request, so that it can send it again without fear; false: no good one. */
+/* Reads the Idempotency-Key, by which a client can repeat its request safely; false: it is malformed. */
 static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], const char **key, reply *r)
 {
     *key = request->header[HTTP_IDEMPOTENCY_KEY];
@@ -261,7 +261,7 @@ static void refuse_dependency(const char *id, size_t index, reply *r)
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
 
-/* Answers what became of the submission. */
+/* Answers with the result of the submission. */
 static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
                            const queue_receipt *receipt, reply *r)
 {
@@ -300,7 +300,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
-/* Names of the files that clients sent and that the job reads. */
+/* The names of the uploaded files that the job reads. */
 static char **list_sent(const spec *s, size_t *count)
 {
     spec_input input;
@@ -358,7 +358,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STORAGE_FULL)
         reply_set_error(r, &e, NULL);
     else
-        reply_set_unavailable(r, e.message); /* the submitter's to wait for, not a fault */
+        reply_set_unavailable(r, e.message); /* not a fault of the service: try again */
     for (size_t i = 0; i < sent_count; i++) free(sent[i]);
     free(sent);
     free(labels);
@@ -378,8 +378,7 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Puts what the job would take into the document, for those who might submit it; false when *r says that it would
- * fail. */
+/* Adds the estimate to the document, for callers who may submit; false when *r says that the job would fail. */
 static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
                          reply *r)
 {
@@ -425,7 +424,7 @@ void jobs_validate(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* The same listing from where this page ends, for the header Link. */
+/* Adds the header Link, which names the next page of the same list. */
 static void add_next(const http_request *request, const char *cursor, reply *r)
 {
     char *text = NULL;
@@ -479,7 +478,7 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     if (*cursor) add_next(request, cursor, r);
 }
 
-/* Seconds that the client would wait for an answer, of `Prefer: wait=30`; 0: none. */
+/* How long the answer may wait, from `Prefer: wait=30`, in milliseconds; 0: not at all. */
 static int64_t read_wait_ms(const http_context *c, const http_request *request)
 {
     const char *prefer = request->header[HTTP_PREFER];
@@ -489,14 +488,14 @@ static int64_t read_wait_ms(const http_context *c, const http_request *request)
     return (int64_t)(1000 * (seconds < c->wait_s ? seconds : c->wait_s));
 }
 
-/* Whether an If-None-Match knows this revision, of whatever progress. */
+/* Whether If-None-Match names this revision, with any progress. */
 static bool knows_revision(const char *known, const queue_job *job)
 {
     int64_t revision = 0;
     return job_json_read_tag(known, &revision) && revision == job->revision;
 }
 
-/* Answers from the document_cache; false: it has not got the job's document. */
+/* Answers from the cache of documents; false: it does not have this one. */
 static bool show_kept(const http_context *c, const http_request *request, reply *r)
 {
     cached_document kept;

@@ -1,7 +1,8 @@
 /* jobs: the handlers that submit, list and show jobs.
  *
- * Who may read sees that a job is there, whose it is and how it fares: one queue serves them all. Its spec, its
- * results, its log and its events are its owner's and the admins', and so is what changes it.
+ * All callers with the scope `read` see that a job exists, who owns it and its state, since all jobs share
+ * one queue. Only the owner and administrators see its spec, results, log and events, and only they may
+ * change it.
  */
 #ifndef HEXAD_API_JOBS_H
 #define HEXAD_API_JOBS_H
@@ -10,7 +11,7 @@
 
 http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
 
-/* Answers with the document of a job as it is now. */
+/* Answers with the current document of a job. */
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r);
 
 #endif

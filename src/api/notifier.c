@@ -13,9 +13,9 @@
 #include "base/memory.h"
 #include "executor/progress_ring.h"
 
-/* Of the news of one look. With more the rest is told at once after that. */
+/* How many events and progress lines one round reads; the next round follows at once when there are more. */
 #define NEWS_MOST 256
-/* A look without news, in case the database could not be read when there was some. */
+/* The longest wait between rounds, in case the database could not be read in the last one. */
 #define LOOK_MS 1000
 
 struct notifier {
@@ -24,10 +24,10 @@ struct notifier {
     wait_list *waiting;
     pthread_t thread;
     atomic_bool stopping;
-    int64_t event_seq, row_number; /* those that were told */
+    int64_t event_seq, row_number; /* the last ones whose waiters were woken */
 };
 
-/* What the news that was not told yet is about: jobs, and their owners. */
+/* The topics of one round: jobs and their owners. */
 typedef struct news {
     const char *topic[3 * NEWS_MOST];
     size_t count;
@@ -37,7 +37,7 @@ typedef struct news {
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
 {
     uint64_t hash =
-        14695981039346656037u; /* FNV-1a: two users with one topic wake each other for nothing, no more */
+        14695981039346656037u; /* FNV-1a: users with the same hash only wake each other needlessly */
     for (const char *t = owner; *t; t++) hash = (hash ^ (unsigned char)*t) * 1099511628211u;
     snprintf(topic, REPLY_TOPIC_SIZE, "owner:%016" PRIx64, hash);
 }
@@ -49,7 +49,7 @@ static void add_topic(news *n, const char *topic)
     n->topic[n->count++] = topic;
 }
 
-/* Tells what is new; whether there may be more. */
+/* Reads what is new and wakes its waiters; returns whether there may be more. */
 static bool wake_waiters(notifier *n)
 {
     error e = {0};
@@ -88,7 +88,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Nobody has been told of anything yet, and nobody waits: what is there already is no news. */
+/* Skips the existing events, since nobody waits for them. */
 static bool catch_up(notifier *n, error *e)
 {
     queue_event_page page;

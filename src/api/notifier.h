@@ -1,7 +1,8 @@
 /* notifier: wakes the connections in the wait list when something happened to the jobs that they wait for.
  *
- * One thread waits for the queue. It reads the new events and the new lines of progress once for all connections, and wakes
- * those that wait for one of these jobs, or for the jobs of one of their owners. The topic of a job is its id.
+ * One thread waits for the queue. It reads the new events and the new lines of progress once for all
+ * connections, and wakes those that wait for one of these jobs, or for the jobs of one of their owners. The
+ * topic of a job is its id.
  */
 #ifndef HEXAD_API_NOTIFIER_H
 #define HEXAD_API_NOTIFIER_H

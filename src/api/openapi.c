@@ -19,12 +19,12 @@
     " missing; `removed_up_to` and `reset` in their data mean the same as in an EventPage. The stream of one" \
     " job also has events `progress`, without an `id`, and ends with the job."
 
-/* openapi_schemas.json, byte by byte; the Makefile makes this text of it. */
+/* The bytes of openapi_schemas.json; the Makefile generates the included file. */
 static const char answer_schemas[] = {
 #include "api/openapi_schemas.inc"
 };
 
-/* JSON written with ' for ". */
+/* Parses JSON that is written with ' instead of ". */
 static json *read_quoted(const char *text)
 {
     char *copy = mem_strdup(text);
@@ -56,7 +56,7 @@ static json *put_content(json *object, const char *type, const char *schema)
     return media;
 }
 
-/* The {..} of a pattern, one after another. */
+/* Reads the next {name} of a pattern. */
 static bool next_path_parameter(const char **pattern, char *name, size_t size)
 {
     const char *start = strchr(*pattern, '{');
@@ -67,7 +67,7 @@ static bool next_path_parameter(const char **pattern, char *name, size_t size)
     return true;
 }
 
-/* One word after another of a list with blanks between. */
+/* Reads the next word of a list that is separated by blanks. */
 static bool next_word(const char **list, char *word, size_t size)
 {
     if (!*list) return false;
@@ -137,7 +137,7 @@ static void put_answer(json *responses, const char *word)
     json_put_string(events, "description", STREAM_PROSE);
 }
 
-/* What may go wrong: the problems of the route, by status. */
+/* Adds the response of a problem, once for each status. */
 static void put_problem(json *responses, const char *code)
 {
     const reply_problem *p = reply_find_problem(code);
@@ -181,14 +181,14 @@ static void put_operation(json *paths, const route *r)
         json_put_string(operation, "description", prose);
         free(prose);
         json_put_array(json_append_object(security), "bearer");
-        json_append_object(security); /* on a Unix socket there is no need of a token */
+        json_append_object(security); /* a Unix socket needs no token */
     }
     put_parameters(operation, r);
     put_body(operation, r);
     put_responses(operation, r);
 }
 
-/* What answers look like. */
+/* The schemas of answers. */
 static void put_answer_schemas(json *schemas)
 {
     json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
@@ -221,7 +221,7 @@ static void put_patch(json *schemas)
     }
 }
 
-/* All codes, and for each status the answer that has one. */
+/* The list of all codes, and a response for each status. */
 static void put_problems(json *schemas, json *responses)
 {
     json *code = json_put_object(schemas, "ProblemCode");

@@ -1,6 +1,7 @@
-/* openapi: the OpenAPI 3.1 document of the interface, made of the tables that requests are answered by: the routes
- * (api/routes.h), the parameters (api/parameters.h), the problems (http/reply.h) and the job's spec (spec/schema.h).
- * What answers look like is in openapi_schemas.json, which is compiled in; the tests compare every answer with it. */
+/* openapi: the OpenAPI 3.1 document of the interface. It is made from the tables that also answer requests:
+ * the routes (api/routes.h), the parameters (api/parameters.h), the problems (http/reply.h) and the job spec
+ * (spec/schema.h). The schemas of answers are in openapi_schemas.json, which is compiled in; the tests
+ * compare every answer with it. */
 #ifndef HEXAD_API_OPENAPI_H
 #define HEXAD_API_OPENAPI_H
 

@@ -1,4 +1,5 @@
-/* parameters: the parameters of paths and queries and the headers that the routes take. Constant data; any thread. */
+/* parameters: the parameters of paths and queries and the headers that the routes take. Constant data; any
+ * thread. */
 #ifndef HEXAD_API_PARAMETERS_H
 #define HEXAD_API_PARAMETERS_H
 

@@ -1,8 +1,8 @@
-/* paths: the names that a job uses for files, and those that they have here.
+/* paths: translates the paths in a job spec to those of this machine (setting path_mappings).
  *
- * What was mapped is kept with the job as a JSON array of objects: `pointer` into the spec, `asked` and
- * `opened`. The stored spec has what is opened, so that workers, the cache and copies of results need to know
- * nothing of it.
+ * The mapped paths are stored with the job as a JSON array of objects: `pointer` into the spec, `asked` (the
+ * client's path) and `opened` (the local one). The stored spec has the local paths, so that workers, the
+ * cache and copies of results need not know the mappings.
  */
 #ifndef HEXAD_API_PATHS_H
 #define HEXAD_API_PATHS_H
@@ -11,13 +11,13 @@
 #include "spec/spec.h"
 #include "store/path_map.h"
 
-/* Maps the paths of a document that `s` was parsed from, and returns what was, or NULL: nothing. */
+/* Maps the paths in the document that `s` was parsed from; returns the array, or NULL when none was mapped. */
 json *paths_map(const path_map *mappings, const spec *s, json *document);
 
-/* Puts back what was asked for. */
+/* Puts the client's paths back into a document. */
 void paths_restore(const json *paths, json *document);
 
-/* The name that was asked for at the pointer; NULL: the one that is opened. */
+/* The client's path at the pointer; NULL: it was not mapped. */
 const char *paths_asked(const json *paths, const char *pointer);
 
 #endif

@@ -13,7 +13,7 @@
 #include "http/parameter.h"
 #include "http/preconditions.h"
 
-/* A result never changes; whoever may see it is asked again when somebody else asks. */
+/* A result never changes, but each user must be authorised, so shared caches must not serve it. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"
 
 static const char *content_type_of(const char *name)
@@ -34,7 +34,7 @@ static const char *content_type_of(const char *name)
     return "application/octet-stream";
 }
 
-/* Of an array the frame that the query names, with that frame's state; of any other job none. */
+/* Reads the frame that the query names for an array job, and its state; other jobs have no frames. */
 static bool choose_frame(const http_context *c, const http_request *request, const queue_job *job, int *frame,
                          queue_state *state, reply *r)
 {
@@ -61,8 +61,8 @@ static bool choose_frame(const http_context *c, const http_request *request, con
     return found;
 }
 
-/* Finds the result of the job that the path names, or answers why there is none. *directory is to
- * be freed, *found to be cleared. */
+/* Finds the result of the job that the path names, or answers why there is none. The caller frees *directory
+ * and clears *found. */
 static bool find_result(const http_context *c, const http_request *request, char **directory, result *found,
                         reply *r)
 {
@@ -146,7 +146,7 @@ static void add_range(reply *r, int64_t first, int64_t count, int64_t bytes)
     reply_add_header(r, "Content-Range", value);
 }
 
-/* Sends a file, or the part of it that is wanted, or word that the client has it. Takes the descriptor over. */
+/* Sends the file, the requested part of it, or 304. Takes the descriptor over. */
 static void send_file(const http_request *request, const result_output *output, int fd, int64_t bytes,
                       reply *r)
 {

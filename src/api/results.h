@@ -1,7 +1,7 @@
-/* results: the handlers of a job's results.
+/* results: the handlers of the results of a job.
  *
- * A result never changes, so its ETag is its SHA-256 and a client may keep it; a part is sent where one range of
- * bytes is asked for (several are answered with the whole, as RFC 9110 allows).
+ * A result never changes, so its ETag is its SHA-256 and clients may cache it. A request for one range of
+ * bytes gets that part; a request for several ranges gets the whole file, as RFC 9110 allows.
  */
 #ifndef HEXAD_API_RESULTS_H
 #define HEXAD_API_RESULTS_H

@@ -16,11 +16,11 @@ void status_health(const http_context *c, const http_request *request, reply *r)
     reply_set_json(r, 200, document);
 }
 
-/* ---- readiness: a list of conditions, each looked at by a function of its own */
+/* ---- readiness: a list of conditions, each checked by its own function */
 
 typedef struct finding {
-    const char *state; /* one word, "ok" where all is well */
-    const char *code;  /* of the problem that keeps the service from taking jobs; NULL: none does */
+    const char *state; /* one word, "ok" when the condition is met */
+    const char *code;  /* of the problem that stops the service from accepting jobs; NULL: none */
     char detail[sizeof((error *)0)->message];
 } finding;
 
@@ -38,7 +38,7 @@ static void look_at_database(const http_context *c, finding *f)
     error e = {0};
     queue_get_health(c->q, &health);
     if (queue_allows_changes(c->q, &e)) {
-        if (health.checking) f->state = "checking"; /* and sound as far as is known */
+        if (health.checking) f->state = "checking"; /* no damage is known */
         return;
     }
     f->state = "damaged";
@@ -63,7 +63,7 @@ static const struct condition {
     void (*look)(const http_context *c, finding *f);
 } conditions[] = {{"jobs", look_at_jobs}, {"storage", look_at_storage}, {"database", look_at_database}};
 
-/* The worst comes last in the list: it is the one that is told. */
+/* The worst condition comes last and is the one that is reported. */
 void status_ready(const http_context *c, const http_request *request, reply *r)
 {
     (void)request;
@@ -88,7 +88,7 @@ void status_ready(const http_context *c, const http_request *request, reply *r)
     reply_add_member(r, "checks", checks);
 }
 
-/* A figure of Prometheus' text format, with what it means before its first sample. */
+/* Writes the head of a metric in the text format of Prometheus. */
 static void put_figure(FILE *text, const char *name, const char *type, const char *prose)
 {
     fprintf(text, "# HELP %s %s\n# TYPE %s %s\n", name, prose, name, type);
@@ -97,7 +97,7 @@ static void put_figure(FILE *text, const char *name, const char *type, const cha
 static void put_jobs(const http_context *c, FILE *out)
 {
     int64_t count[QUEUE_STATE_COUNT];
-    if (!queue_count(c->q, count, NULL)) return; /* a figure that is not known is left out */
+    if (!queue_count(c->q, count, NULL)) return; /* an unknown metric is left out */
     put_figure(out, "hexad_jobs", "gauge", "Jobs in each state.");
     for (int s = 0; s < QUEUE_STATE_COUNT; s++)
         fprintf(out, "hexad_jobs{state=\"%s\"} %lld\n", queue_state_name((queue_state)s),

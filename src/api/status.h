@@ -1,4 +1,4 @@
-/* status: the handlers that tell of the service itself. */
+/* status: the handlers that report on the service itself. */
 #ifndef HEXAD_API_STATUS_H
 #define HEXAD_API_STATUS_H
 
@@ -6,7 +6,8 @@
 
 http_handler status_health, status_ready, status_metrics, status_version, status_workers;
 
-/* No job is taken and no attempt started, what runs goes on; and the end of that. Not kept over a restart. */
+/* Drain: the service accepts no jobs and starts no attempts; running ones continue. Resume ends that, and so
+ * does a restart. */
 http_handler status_drain, status_resume;
 
 #endif

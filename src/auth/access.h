@@ -1,11 +1,12 @@
-/* access: who a caller is, and what may be done by whom.
+/* access: identifies callers and tells what each may do.
  *
- * A bearer token, where one is shown, says it all: its user and its scopes. Without one a caller on a Unix socket
- * is the user whose process connected, as the kernel tells: the service's own user, root and `admins` are
- * admins; `users` and members of `groups` may read, submit and cancel; anyone else is a stranger. A caller on
- * TCP without a token is a stranger too, unless `open_tcp` makes of all of them one user, ACCESS_ANYONE.
+ * A bearer token determines its user and its scopes. Without one, a caller on a Unix socket is the user whose
+ * process connected, as the kernel reports: the service's own user, root and `admins` are administrators;
+ * `users` and members of `groups` may read, submit and cancel; everyone else is unknown. A caller on TCP
+ * without a token is unknown too, unless `open_tcp` makes all of them one user, ACCESS_ANYONE.
  *
- * The token file is read again when it has changed; while it cannot be read no token is known. Any thread.
+ * The token file is read again when it has changed. While it cannot be read, all tokens are unknown. Any
+ * thread.
  */
 #ifndef HEXAD_AUTH_ACCESS_H
 #define HEXAD_AUTH_ACCESS_H
@@ -33,19 +34,19 @@ typedef struct access_settings {
     bool open_tcp;
 } access_settings;
 
-/* An error (spec_invalid) for a user or group that is not known, and for a token file that token_set_read
- * refuses. Copies what it needs. */
+/* Copies the settings. Error spec_invalid: a user or group is unknown, or token_set_read refuses the token
+ * file. */
 access_control *access_open(const access_settings *settings, error *e);
 void access_close(access_control *a); /* accepts NULL */
 
 bool access_has_tokens(access_control *a);
 
-/* What is known of a connection before it asks for anything. */
+/* What is known about a connection before its first request. */
 typedef struct access_peer {
     bool local;                  /* over a Unix socket, by `uid` */
-    uid_t uid;                   /* (uid_t)-1: not known */
+    uid_t uid;                   /* (uid_t)-1: unknown */
     unsigned scopes;             /* without a token */
-    char user[ACCESS_USER_SIZE]; /* "" for a stranger */
+    char user[ACCESS_USER_SIZE]; /* "" for an unknown one */
 } access_peer;
 
 /* Asks the kernel about a connected socket. */
@@ -56,11 +57,11 @@ typedef struct access_caller {
     unsigned scopes;
 } access_caller;
 
-/* `authorization` is the header's value or NULL. False for a stranger and for a token that is not known. */
+/* `authorization` is the value of the header or NULL. Returns false for an unknown caller or token. */
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
                      access_caller *caller);
 
-/* Whether the caller may have to do with what belongs to `owner`. */
+/* Whether the caller is the owner or an administrator. */
 bool access_is_owner(const access_caller *caller, const char *owner);
 
 #endif

@@ -1,9 +1,9 @@
 /* scope: what a caller may do.
  *
- *     read    look at jobs, their results and the service
- *     submit  put jobs and inputs
+ *     read    see jobs, their results and the service
+ *     submit  submit jobs and upload inputs
  *     cancel  cancel, pause, resume, retry, change and delete jobs
- *     admin   all of that with the jobs of others, and the service itself
+ *     admin   all of that for the jobs of all users, and administer the service
  *
  * Constant data; any thread.
  */
@@ -27,7 +27,7 @@ enum {
 const char *scope_name(unsigned scope);
 
 /* Reads "read,submit"; false, and *scopes untouched, for an empty list, an unknown or a repeated name. Admin
- * brings the others with it. */
+ * includes the others. */
 bool scope_parse(const char *text, unsigned *scopes);
 
 /* The list as scope_parse reads it; writes into `text` and returns it. */

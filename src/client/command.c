@@ -14,10 +14,10 @@
 #include "store/file.h"
 
 #define SPEC_LIMIT_BYTES (64u << 20)
-/* Between two looks at a job: short for one that is quick, long for one that is not. */
+/* The waits between two polls of a job grow from the first to the second. */
 #define FIRST_WAIT_MS 50
 #define LONGEST_WAIT_MS 1000
-/* A wait outlives a restart of the daemon. */
+/* How long `wait` tolerates an unreachable server, so that it outlives a restart of the daemon. */
 #define UNREACHABLE_MS 15000
 
 char *command_job_path(const char *id, const char *rest)
@@ -66,7 +66,7 @@ static bool has_ended(json_at job)
            strcmp(state, "cancelled") == 0 || strcmp(state, "timed_out") == 0;
 }
 
-/* Asks and prints: the document with --json, else by `print`. */
+/* Sends a request and prints the answer: the document with --json, otherwise one line. */
 static int call_and_print(client *c, const char *method, char *path, const command_options *options)
 {
     error e = {0};
@@ -112,7 +112,7 @@ int command_cancel(client *c, const char *argument, const command_options *optio
     return call_and_print(c, "POST", command_job_path(argument, "/cancel"), options);
 }
 
-/* Waits for the job's end and prints it. */
+/* Waits for the end of the job and prints it. */
 static int wait_for(client *c, char *path, const command_options *options)
 {
     int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
@@ -203,7 +203,7 @@ int command_submit(client *c, const char *argument, const command_options *optio
         json_at job = json_root(reply.document);
         const char *id = json_string(json_member(&job, "id"), "");
         if (options->wait) {
-            fprintf(stderr, "job %s\n", id); /* so that it is known should the wait be broken off */
+            fprintf(stderr, "job %s\n", id); /* so that the user knows it when the wait is interrupted */
             path = command_job_path(id, "");
         } else if (options->json) {
             print_document(reply.document);
@@ -261,13 +261,13 @@ int command_list(client *c, const char *argument, const command_options *options
     return code;
 }
 
-/* Downloads one result beside its place, compares its hash, and renames. */
+/* Downloads one result to a temporary file, verifies its hash and renames it. */
 static int fetch_file(client *c, const char *directory, json_at item, error *e)
 {
     const char *name = json_string(json_member(&item, "name"), "");
     const char *href = json_string(json_member(&item, "href"), "");
     const char *wanted = json_string(json_member(&item, "sha256"), "");
-    /* the name comes over the network and becomes a file's name here */
+    /* the name comes from the network and becomes a file name here */
     if (!*name || *name == '.' || strchr(name, '/') || strncmp(href, "/v1/", 4) != 0) {
         error_set(e, ERROR_INTERNAL, "the server lists a result without a plain name");
         return COMMAND_FAILED;

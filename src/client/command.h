@@ -1,4 +1,4 @@
-/* command: what hexadctl does, one function a command. One thread. */
+/* command: the commands of hexadctl, one function each. One thread. */
 #ifndef HEXAD_CLIENT_COMMAND_H
 #define HEXAD_CLIENT_COMMAND_H
 
@@ -9,8 +9,8 @@
 
 /* Exit codes of hexadctl. */
 enum {
-    COMMAND_OK = 0,             /* done; of a job that was waited for: succeeded and converged */
-    COMMAND_FAILED = 1,         /* the job failed or ran out of time; or any other trouble */
+    COMMAND_OK = 0,             /* done; after waiting for a job: it succeeded and converged */
+    COMMAND_FAILED = 1,         /* the job failed or timed out; or any other error */
     COMMAND_USAGE = 2,          /* a bad command line, or a spec that the server refuses */
     COMMAND_UNREACHABLE = 3,    /* no server answers */
     COMMAND_MISSING = 4,        /* no such job, or it has no results */
@@ -25,7 +25,7 @@ typedef struct command_options {
     const char *priority; /* of priority; NULL: none was given */
     const char *output;   /* of fetch; NULL: a directory named by the job's id */
     const char *file;     /* of token: the daemon's token_file */
-    gid_t file_group; /* of token: who may read that, when it is the system service's; else TOKEN_NO_GROUP */
+    gid_t file_group;   /* of token: the group that may read the system service's file; else TOKEN_NO_GROUP */
     const char *scopes; /* of token add; NULL: all but admin */
 } command_options;
 
@@ -38,11 +38,11 @@ command command_pause, command_resume, command_retry, command_delete, command_pr
     command_log;
 command command_workers, command_drain, command_undrain;
 
-/* These work on the file and ask no server. */
+/* These work on the token file, without a server. */
 command command_token_add, command_token_list, command_token_revoke;
 
-/* Returns a path below /v1/jobs for an id that a user typed, to be freed; or prints an error and returns NULL when it
- * cannot be an id. */
+/* Returns a path below /v1/jobs for an id that a user typed, to be freed; or prints an error and returns NULL
+ * when it cannot be an id. */
 char *command_job_path(const char *id, const char *rest);
 
 #endif

@@ -1,5 +1,5 @@
-/* progress_bar: shows the progress of a job on standard error: on a terminal a bar that is redrawn, otherwise a line
- * whenever the state or the phase changes. One thread. */
+/* progress_bar: shows the progress of a job on standard error: on a terminal a bar that is redrawn, otherwise
+ * a line whenever the state or the phase changes. One thread. */
 #ifndef HEXAD_CLIENT_PROGRESS_BAR_H
 #define HEXAD_CLIENT_PROGRESS_BAR_H
 

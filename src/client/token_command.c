@@ -22,8 +22,8 @@ static int fail(const error *e)
     return e->code == ERROR_SPEC_INVALID ? COMMAND_USAGE : COMMAND_FAILED;
 }
 
-/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. That of the system
- * service is made. */
+/* Holds the directory of the file, so that two changes at once do not lose one; -1 and an error. That of the
+ * system service is made. */
 static int lock_file(const command_options *options, error *e)
 {
     const char *path = options->file, *slash = strrchr(path, '/');

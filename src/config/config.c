@@ -12,8 +12,8 @@
 #include "base/memory.h"
 #include "config/config_table.h"
 
-/* Where a value comes from: which keys it has set already, so that a key that stands twice is
- * noticed and a list starts afresh. */
+/* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to begin lists anew.
+ */
 typedef struct source {
     config *c;
     FILE *file;
@@ -125,11 +125,11 @@ static bool set_from(source *s, const config_row *row, const char *value)
     return set_value(s->c, row, value, s->e);
 }
 
-/* fgets that counts, so that a fault in a value can name its line. */
+/* fgets that counts lines, so that an error can name its line. */
 static char *read_line(char *buffer, int size, void *context)
 {
     source *s = context;
-    if (s->e->code) return NULL; /* the first fault is the one to tell */
+    if (s->e->code) return NULL; /* the first error is reported */
     char *line = fgets(buffer, size, s->file);
     if (!line) return NULL;
     s->line++;
@@ -166,7 +166,7 @@ static bool read_file(config *c, const char *path, error *e)
     if (ferror(s.file)) error_set(&mine, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
     fclose(s.file);
     if (line != 0 && !mine.code)
-        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: this is neither a setting nor a section", path, line);
+        error_set(&mine, ERROR_SPEC_INVALID, "%s:%d: neither a setting nor a section", path, line);
     if (mine.code && e) *e = mine;
     return !mine.code;
 }
@@ -204,8 +204,7 @@ static bool is_action(const char *text, config_action *action)
     return false;
 }
 
-/* Goes over the command line twice: first for the files, then for the options that win over them.
- */
+/* Called twice for the command line: first for the files, then for the options, which take precedence. */
 static bool read_options(int argc, char *const *argv, bool files, source *s, config_action *action)
 {
     for (int i = 1; i < argc; i++) {
@@ -335,7 +334,7 @@ bool config_find_worker(config *c, error *e)
                      c->worker, strerror(errno));
 }
 
-/* Prints prose in lines of at most 78 characters behind a prefix. */
+/* Prints a text in lines of at most 78 characters after a prefix. */
 static void print_wrapped(FILE *file, const char *prefix, const char *prose)
 {
     size_t room = 78 - strlen(prefix);

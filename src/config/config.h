@@ -1,11 +1,11 @@
 /* config: the daemon's settings.
  *
- * One table (config_table.c) has a row per setting: key, type, default, range, unit and what it
- * means. The configuration file (INI, read by libinih), the command line, --help and the sample
- * file etc/hexad.conf all follow from it. Every key is a key of the file and an option, `--key
- * VALUE` or `--key=VALUE`, with `-` and `_` alike; an option wins over the file. Built by one
- * thread at the start; afterwards config_take_over alone changes it, in rows that say so (CONFIG_INTEGER,
- * CONFIG_REAL and CONFIG_LEVEL only).
+ * One table (config_table.c) has a row for each setting: key, type, default, range, unit and help. The
+ * configuration file (INI, read by libinih), the command line, --help and the sample file etc/hexad.conf
+ * follow from it. Each key is a key of the file and an option, `--key VALUE` or `--key=VALUE`, with `-` and
+ * `_` alike; an option takes precedence over the file. One thread reads the settings at the start. Afterwards
+ * only config_take_over changes them, and only settings whose row says so (`reloads`; numbers and the log
+ * level only, since others keep pointers to texts).
  */
 #ifndef HEXAD_CONFIG_CONFIG_H
 #define HEXAD_CONFIG_CONFIG_H
@@ -62,7 +62,7 @@ typedef struct config {
     int64_t webhook_calls, webhook_tries;
     double webhook_timeout_s, webhook_retry_s, webhook_retry_most_s;
     log_level log_level;
-    char *backup; /* no setting: with CONFIG_BACKUP the file; else NULL */
+    char *backup; /* not a setting: with CONFIG_BACKUP the file to write; otherwise NULL */
 } config;
 
 typedef enum config_action {
@@ -75,15 +75,16 @@ typedef enum config_action {
     CONFIG_CHECK
 } config_action;
 
-/* Defaults, then the file that `--config FILE` names, then the options. On failure an error (code
+/* Reads the defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
-/* Takes the values of settings that reload from `fresh`, and logs what changed and what would have. */
+/* Copies the values of settings that reload from `fresh`, and logs which settings changed and which need a
+ * restart. */
 void config_take_over(config *c, const config *fresh);
 void config_clear(config *c); /* accepts an empty one */
 
-/* Fills c->worker when it is empty: hexad-worker beside the running program, else where it was to
- * be installed. An error (input_missing) when the worker is not an executable file. */
+/* Fills c->worker when it is empty: hexad-worker beside the running program, otherwise in the bindir of the
+ * build. An error (input_missing) when the worker is not an executable file. */
 bool config_find_worker(config *c, error *e);
 
 void config_print_help(FILE *file);

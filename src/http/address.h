@@ -10,13 +10,13 @@
 
 #define ADDRESS_TEXT_SIZE 46
 
-/* Of version 4 the first 4 bytes. One of version 4 that is written as version 6 (::ffff:192.0.2.1) is of version 4. */
+/* A version 4 address uses the first 4 bytes. A mapped one (::ffff:192.0.2.1) is converted to version 4. */
 typedef struct address {
     uint8_t version; /* 4 or 6; 0: none */
     uint8_t bytes[16];
 } address;
 
-/* The other end of a connected socket; of version 0 when that is not TCP. */
+/* The remote address of a connected socket; version 0 when it is not TCP. */
 address address_of_peer(int fd);
 
 /* "192.0.2.1" or "2001:db8::1", without brackets and port; false, and *a untouched, for anything else. */
@@ -29,7 +29,7 @@ bool address_is_same(const address *a, const address *b);
 
 typedef struct address_range {
     address base;
-    unsigned bits; /* that an address has in common with the base */
+    unsigned bits; /* length of the prefix */
 } address_range;
 
 typedef struct address_ranges {
@@ -37,8 +37,8 @@ typedef struct address_ranges {
     size_t count;
 } address_ranges;
 
-/* Reads "192.0.2.1", "10.0.0.0/8", "2001:db8::/32" ...; an error (spec_invalid) that names what is none of these.
- * The caller clears, also after an error. */
+/* Reads "192.0.2.1", "10.0.0.0/8", "2001:db8::/32" ...; error spec_invalid names a text that is none of
+ * these. The caller clears, also after an error. */
 bool address_ranges_read(const char *const *text, size_t count, address_ranges *r, error *e);
 void address_ranges_clear(address_ranges *r);
 bool address_ranges_hold(const address_ranges *r, const address *a);

@@ -16,7 +16,7 @@
 #define REFUSED_MS 2000
 #define NEVER INT64_MAX
 
-/* Of the owners of connections: as many chains as the greatest default of connection_limit has connections. */
+/* Size of the hash table of owners: the default of connection_limit. */
 #define CHAINS 2048
 
 typedef enum owner_kind { OWNER_USER, OWNER_UID, OWNER_NETWORK } owner_kind;
@@ -26,15 +26,15 @@ typedef struct owner_key {
     char bytes[ACCESS_USER_SIZE]; /* the rest is zero */
 } owner_key;
 
-/* A user, or a client that no user is known of. There as long as a connection names it. */
+/* A user, or a client whose user is unknown. It exists as long as a connection refers to it. */
 typedef struct owner {
     owner_key key;
-    unsigned count; /* of connections that are its own and have a place */
-    unsigned names; /* of connections that name it */
+    unsigned count; /* of its connections that have a place */
+    unsigned names; /* of connections that refer to it */
     struct owner *next;
 } owner;
 
-/* Lists of connections that may be ended for others, the oldest first. */
+/* A list of connections that may be closed to make room for others, the oldest first. */
 typedef struct connection_queue {
     client_connection *first, *last;
     unsigned count;
@@ -44,14 +44,14 @@ struct client_connection {
     int fd;
     access_peer access;
     address from;
-    owner *client, *user; /* user NULL: not known */
+    owner *client, *user; /* user NULL: unknown */
     bool admin;
     connection_verdict verdict;
-    bool placed;      /* counted, among its owner's and all */
+    bool placed;      /* it counts for its owner and in total */
     bool leaving;     /* its descriptor was shut down: the serving thread sees the end and cleans up */
-    int64_t since_ms; /* the client's time runs since; NEVER: it does not */
+    int64_t since_ms; /* when the client's clock was started; NEVER: it stands still */
     client_connection *previous, *next;
-    connection_queue *waits_in;         /* NULL: may not be ended */
+    connection_queue *waits_in;         /* NULL: must not be closed */
     client_connection *older, *younger; /* in that queue */
 };
 
@@ -65,12 +65,12 @@ struct connections {
     client_connection *first;
     owner *chain[CHAINS];
     unsigned admins, others;   /* that have a place */
-    connection_queue idle;     /* that have a place, are no user's, and ask for nothing */
-    connection_queue unplaced; /* that have no place, and whose request did not come yet */
+    connection_queue idle;     /* with a place, of no user, without a request */
+    connection_queue unplaced; /* without a place, before their first request */
     bool stopping;
 };
 
-/* Of those without a place. */
+/* How many connections without a place there may be. */
 static unsigned most_unplaced(const connections_settings *settings)
 {
     return settings->connection_limit / 4 + 8;
@@ -138,7 +138,7 @@ static owner_key key_of_user(const char *user)
     return key;
 }
 
-/* ---- queues of those that may be ended */
+/* ---- queues of connections that may be closed */
 
 static void leave_queue(client_connection *which)
 {
@@ -187,7 +187,7 @@ static void end(connections *p, client_connection *which)
     shutdown(which->fd, SHUT_RDWR);
 }
 
-/* Ends the connection of the client, or of any if that is NULL, that has been idle longest; false: there is none. */
+/* Closes the connection of the client (NULL: of any) that has been idle longest; false: there is none. */
 static bool end_idle(connections *p, const owner *client)
 {
     client_connection *one = p->idle.first;
@@ -202,7 +202,7 @@ static bool has_room(const connections *p, bool admin)
     return p->admins + p->others < limit && (admin || p->others < limit - p->reserve);
 }
 
-/* Gives a connection that has none a place, if there is one. */
+/* Gives a connection a place, if there is one. */
 static connection_verdict place(connections *p, client_connection *which)
 {
     if (which->user && which->user->count >= p->settings.user_limit) return CONNECTION_TOO_MANY_OF_USER;

@@ -1,20 +1,20 @@
-/* connections: the open connections of the server. This module limits how many there are, by user and by client, and
- * how long a client may take.
+/* connections: the open connections of the server. This module limits how many there are, by user and by
+ * client, and how long a client may take.
  *
- * A connection belongs to a user once one of its requests has identified the caller: by a token, or on a Unix socket by
- * the process that connected. A user has at most user_limit connections, from all addresses together. Any other
- * connection belongs to its client: an address (of IPv6 the network, the first 64 bits), or an unknown user on a Unix
- * socket. A client has at most client_limit connections. In total there are at most connection_limit, of which
- * admin_reserve are for administrators alone.
+ * A connection belongs to a user once one of its requests has identified the caller: by a token, or on a Unix
+ * socket by the process that connected. A user has at most user_limit connections, from all addresses
+ * together. Any other connection belongs to its client: an address (of IPv6 the network, the first 64 bits),
+ * or an unknown user on a Unix socket. A client has at most client_limit connections. In total there are at
+ * most connection_limit, of which admin_reserve are for administrators alone.
  *
- * When a new connection would exceed a limit, the server closes the connection that belongs to no user and has been
- * idle longest: of the same client for client_limit, of all clients for connection_limit. When there is none, the new
- * connection stays open until its first request tells who calls: an administrator may be admitted, others are refused.
- * So idle connections of strangers lock nobody out.
+ * When a new connection would exceed a limit, the server closes the connection that belongs to no user and
+ * has been idle longest: of the same client for client_limit, of all clients for connection_limit. When there
+ * is none, the new connection stays open until its first request tells who calls: an administrator may be
+ * admitted, others are refused. So idle connections of strangers lock nobody out.
  *
- * A thread closes connections whose client takes longer than timeout_s to begin a request, or from its first line
- * on to send all of it, however slowly the bytes arrive; the library itself limits only idle time. The serving thread
- * calls all functions.
+ * A thread closes connections whose client takes longer than timeout_s to begin a request, or from its first
+ * line on to send all of it, however slowly the bytes arrive; the library itself limits only idle time. The
+ * serving thread calls all functions.
  */
 #ifndef HEXAD_HTTP_CONNECTIONS_H
 #define HEXAD_HTTP_CONNECTIONS_H
@@ -42,7 +42,8 @@ typedef struct connections_settings {
     double timeout_s;
 } connections_settings;
 
-/* How many connections the library must be able to hold: more than the limit, so that those over it get an answer. */
+/* How many connections the library must be able to hold: more than the limit, so that those over it get an
+ * answer. */
 unsigned connections_room(const connections_settings *settings);
 
 connections *connections_start(const connections_settings *settings, access_control *access, error *e);
@@ -51,9 +52,9 @@ void connections_stop(connections *p); /* after the last connection was removed;
 client_connection *connections_add(connections *p, int fd);
 void connections_remove(connections *p, client_connection *which); /* before its descriptor is closed */
 
-/* The headers of a request have arrived; the verdict says whether it is admitted. `client` is who sent it: behind a proxy
- * another address than the connection's. `caller` is NULL when unknown. Until connections_end_request the connection is
- * not closed to make room for others. */
+/* The headers of a request have arrived; the verdict says whether it is admitted. `client` is who sent it:
+ * behind a proxy another address than the connection's. `caller` is NULL when unknown. Until
+ * connections_end_request the connection is not closed to make room for others. */
 connection_verdict connections_begin_request(connections *p, client_connection *which, const address *client,
                                              const access_caller *caller);
 void connections_end_request(connections *p, client_connection *which);

@@ -1,4 +1,5 @@
-/* handler: what answers a route: a function from a request to a reply, without a socket. */
+/* handler: the function that answers the requests of a route. It gets a request, fills a reply and sees no
+ * socket. */
 #ifndef HEXAD_HTTP_HANDLER_H
 #define HEXAD_HTTP_HANDLER_H
 
@@ -10,7 +11,7 @@
 #include "auth/access.h"
 #include "http/reply.h"
 
-/* What the server counts, for /metrics. */
+/* Counters of the server, for /metrics. */
 typedef struct http_counters {
     atomic_uint_fast64_t answers[6];  /* by the first digit of their status */
     atomic_uint_fast64_t refused;     /* connections over a limit */
@@ -23,7 +24,7 @@ typedef struct http_context http_context;
 #define HTTP_MAX_PARAMETERS 2
 #define HTTP_MAX_QUERY 8
 
-/* The headers that handlers look at. */
+/* The headers that handlers read. */
 typedef enum http_header {
     HTTP_ACCEPT,
     HTTP_IDEMPOTENCY_KEY,
@@ -37,10 +38,10 @@ typedef enum http_header {
     HTTP_HEADER_COUNT
 } http_header;
 
-/* What takes a long body piece by piece, in the serving thread. */
+/* Receives a long body piece by piece, in the serving thread. */
 typedef struct http_sink {
     void (*take)(struct http_sink *sink, const char *bytes, size_t count);
-    void (*drop)(struct http_sink *sink); /* at the end of the request, whatever came of it */
+    void (*drop)(struct http_sink *sink); /* called at the end of every request, also a failed one */
 } http_sink;
 
 typedef struct http_request {
@@ -53,14 +54,14 @@ typedef struct http_request {
     } query[HTTP_MAX_QUERY];
     const char *body; /* NUL-terminated */
     size_t length;
-    http_sink *sink;   /* of a route that has an opener, instead of a body */
+    http_sink *sink;   /* instead of a body, for a route with an opener */
     int64_t came_ms;   /* monotonic */
-    bool last;         /* an answer may not wait any more: the service ends */
-    int64_t announced; /* for openers: bytes of the body that will come, -1: not known */
-    bool waits;        /* for openers: the client sends its body only when it is told to (Expect) */
+    bool last;         /* the answer must not wait: the service is stopping */
+    int64_t announced; /* for openers: the length of the body; -1: unknown */
+    bool waits;        /* for openers: the client sends its body only when told to (Expect) */
 } http_request;
 
-/* Opens a sink for the body of a request of which the headers are known; or NULL and a filled reply. */
+/* Opens a sink for the body, once the headers have arrived; on refusal returns NULL and fills the reply. */
 typedef http_sink *http_opener(const http_context *c, const http_request *request, reply *r);
 
 /* Fills an empty reply whose fd is -1. Any thread. */

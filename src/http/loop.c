@@ -21,9 +21,9 @@ struct loop {
     pthread_t thread;
     int ready;            /* the library's set of descriptors; readable when one of them is ready */
     int signal;           /* an eventfd */
-    atomic_bool signaled; /* and the loop has not looked yet */
+    atomic_bool signaled; /* and the loop has not read it yet */
     atomic_bool quiescing, stopping;
-    int listening; /* what the library listened on, once it no longer does; -1: it still does */
+    int listening; /* the listening socket, after the library has given it up; -1: before */
 };
 
 static void wake(loop *l)
@@ -31,7 +31,7 @@ static void wake(loop *l)
     if (!atomic_exchange(&l->signaled, true)) eventfd_write(l->signal, 1);
 }
 
-/* Before the library is run: what is told later is another signal. */
+/* Called before the library runs, so that a later wake-up is another signal. */
 static void take_signal(loop *l)
 {
     eventfd_t count;
@@ -39,8 +39,8 @@ static void take_signal(loop *l)
     atomic_store(&l->signaled, false);
 }
 
-/* Milliseconds until the library wants to be run even when nothing is ready; -1: never. 0 when it has more to do
- * for a connection that it would not be told of again. */
+/* Milliseconds until the library must run even when nothing is ready; -1: never. 0 when it has more work for
+ * a connection that will not become ready again. */
 static int wait_ms(const loop *l)
 {
     MHD_UNSIGNED_LONG_LONG ms;

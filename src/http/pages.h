@@ -1,9 +1,9 @@
-/* pages: which web pages may send requests to a port that asks for no token.
+/* pages: which web pages may send requests to a port that needs no token.
  *
- * A page that is open in a browser on this machine can send requests to a loopback port, and read the answers when the
- * name of its own host is made to lead to this machine. The browser says in Host which name it asked for and in Origin
- * and Sec-Fetch-Site whose page asks. Requests for another host and of other pages are refused. Constant data; any
- * thread.
+ * A page that is open in a browser on this machine can send requests to a loopback port. It can even read the
+ * answers when the name of its own host is made to resolve to this machine (DNS rebinding). The browser names
+ * the requested host in Host, and the page's origin in Origin and Sec-Fetch-Site. Requests for other hosts
+ * and from other pages are refused. Constant data; any thread.
  */
 #ifndef HEXAD_HTTP_PAGES_H
 #define HEXAD_HTTP_PAGES_H
@@ -15,19 +15,19 @@
 
 typedef struct pages pages;
 
-/* `listen` is the setting, `served` the address that came of it; `origins` are those of further pages that may ask. An
- * error (spec_invalid) that names what is no origin: scheme://host, or with :port. */
+/* `listen` is the setting, `served` the resulting address; pages of `origins` may send requests, too. Error
+ * spec_invalid names a text that is not an origin (scheme://host or scheme://host:port). */
 pages *pages_new(const char *listen, const char *served, const char *const *origins, size_t count, error *e);
 void pages_free(pages *p); /* accepts NULL */
 
-/* Whether the value of Host is this service's: the address that it serves, with localhost or a loopback address for
- * the host, or the host of a named origin. */
+/* Whether the value of Host means this service: the served address, localhost or a loopback address with its
+ * port, or the host of a listed origin. */
 bool pages_is_host(const pages *p, const char *host);
 
-/* Whether a page of the origin may ask: one of this service's hosts, or a named one. */
+/* Whether pages of this origin may send requests: its host is this service's, or it is listed. */
 bool pages_is_welcome(const pages *p, const char *origin);
 
-/* Whether the setting names the origin, so that the browser is to be told that its pages may read answers. */
+/* Whether the setting lists the origin; then the browser must be told that its pages may read the answers. */
 bool pages_is_named(const pages *p, const char *origin);
 bool pages_has_named(const pages *p);
 

@@ -1,5 +1,5 @@
-/* parameter: the parameters of queries and paths. A table of them gives their checking and their description in the
- * OpenAPI document. Constant data; any thread. */
+/* parameter: the parameters of queries and paths. A table of them gives their checking and their description
+ * in the OpenAPI document. Constant data; any thread. */
 #ifndef HEXAD_HTTP_PARAMETER_H
 #define HEXAD_HTTP_PARAMETER_H
 
@@ -31,8 +31,8 @@ typedef struct parameter_table {
     size_t count;
 } parameter_table;
 
-/* Checks the query of a request against the names that its route takes ("state limit"; NULL: none): none unknown,
- * none twice, none with a value that it may not have. When one is wrong the reply says which. */
+/* Checks the query of a request against the names that its route takes ("state limit"; NULL: none): none
+ * unknown, none twice, none with a value that it may not have. When one is wrong the reply says which. */
 bool parameter_check_query(const parameter_table *table, const char *names, const http_request *request,
                            reply *r);
 

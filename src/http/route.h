@@ -1,5 +1,5 @@
-/* route: which handler answers a method and a path, by a table of routes. The table also tells what Allow says and
- * what the OpenAPI document (api/openapi.h) describes. Constant data; any thread. */
+/* route: which handler answers a method and a path, by a table of routes. The table also tells what Allow
+ * says and what the OpenAPI document (api/openapi.h) describes. Constant data; any thread. */
 #ifndef HEXAD_HTTP_ROUTE_H
 #define HEXAD_HTTP_ROUTE_H
 
@@ -15,7 +15,7 @@ typedef struct route {
     const char *method, *pattern;
     http_handler *handler;
     unsigned scope;      /* that a caller must have; 0: open to all */
-    bool waits;          /* for a disk, or long: a thread of the pool runs it */
+    bool waits;          /* the handler may wait for a disk or run long: the thread pool runs it */
     http_opener *opener; /* of a long body; NULL: it has none */
     const char *name;    /* of the operation in the OpenAPI document */
     const char *summary;
@@ -34,14 +34,14 @@ typedef struct route_table {
 } route_table;
 
 typedef struct route_match {
-    bool known;                                 /* some method answers at this path */
-    const route *found;                         /* NULL: not this method */
+    bool known;                                 /* the path exists, for some method */
+    const route *found;                         /* NULL: not for this method */
     char allow[48];                             /* for 405: "GET, HEAD" */
     char path[ROUTE_PATH_BYTES];                /* holds the parameters' text */
     const char *parameter[HTTP_MAX_PARAMETERS]; /* into `path` */
 } route_match;
 
-/* HEAD goes where GET goes. A path that is too long is not known. */
+/* HEAD is handled as GET. A path that is too long is unknown. */
 void route_find(const route_table *table, const char *method, const char *path, route_match *match);
 
 #endif

@@ -23,17 +23,17 @@
 #include "http/thread_pool.h"
 #include "http/wait_list.h"
 
-/* A client that sends a long body must bring that much of it in the time of a request. */
+/* The time limit of a request starts again after this much of a long body. */
 #define UPLOAD_STEP_BYTES (1 << 20)
-/* A stream says at least so often that it is there, so that an end of the other side is noticed. */
+/* A stream sends something at least this often, so that a closed connection is noticed. */
 #define STREAM_TICK_MS 15000
 #define STREAM_BLOCK_BYTES 16384
-/* Header lines named Forwarded; of proxies each appends to one, or adds one. */
+/* The number of Forwarded headers; each proxy extends one or adds one. */
 #define MOST_FORWARDED 16
-/* How long a stop waits for replies on their way. */
+/* How long server_stop waits for answers under way. */
 #define STOP_MS 5000
-/* As many submissions may share a flush of the queue. They sleep most of the time. Those that wait for a worker's
- * estimate come on top. */
+/* So many submissions may share a flush of the queue. The threads sleep most of the time. Further threads
+ * wait for estimates. */
 #define POOL_THREADS 32
 
 struct server {
@@ -61,7 +61,7 @@ typedef struct exchange {
     char *body;
     size_t room;
     size_t step;    /* of a long body, since the client's time began anew */
-    bool too_large; /* the body: what still comes is thrown away */
+    bool too_large; /* the rest of the body is ignored */
     bool answered;  /* what still comes of the body is thrown away */
     reply answer;
 } exchange;
@@ -81,7 +81,7 @@ static client_connection *connection_of(struct MHD_Connection *connection)
     return info ? info->socket_context : NULL;
 }
 
-/* A request line has come: the time that the connection stood idle is not the request's. */
+/* A request line has arrived: the clock of the request starts now, without the idle time before. */
 static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
 {
     (void)uri;
@@ -105,7 +105,7 @@ static void note_connection(void *context, struct MHD_Connection *connection, vo
     }
 }
 
-/* A reply that is sent while it comes to be. */
+/* A reply whose body is produced while it is sent. */
 typedef struct stream {
     wait_list *waiting;
     loop *loop;
@@ -153,7 +153,7 @@ static struct MHD_Response *open_stream(const exchange *x, reply *r)
     return response;
 }
 
-/* So that the browser lets a page of the origin read the answer, and keeps it for no other. */
+/* Lets the browser show the answer to pages of this origin, and cache it for no other. */
 static void add_page_headers(const char *origin, struct MHD_Response *response)
 {
     MHD_add_response_header(response, MHD_HTTP_HEADER_VARY, MHD_HTTP_HEADER_ORIGIN);
@@ -193,7 +193,7 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
     return done;
 }
 
-/* What the server itself looks at of the headers. */
+/* The headers that the server itself reads. */
 typedef struct fields {
     int lengths, codings, authorizations, hosts, origins;
     bool chunked;
@@ -211,7 +211,7 @@ static void read_origin_fields(fields *f, const char *key, const char *value)
         f->origins++;
         f->origin = value ? value : "";
     } else if (strcasecmp(key, MHD_HTTP_HEADER_FORWARDED) == 0) {
-        /* of more than are read none is believed */
+        /* when there are too many, none is trusted */
         if (f->forwarded_count < MOST_FORWARDED) f->forwarded[f->forwarded_count] = value ? value : "";
         f->forwarded_count++;
     }
@@ -245,7 +245,7 @@ static bool is_json(const char *type)
            (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
 }
 
-/* Finds out who asks, and from where. */
+/* Identifies the caller and the client address. */
 static void identify(exchange *x, const fields *f)
 {
     const client_connection *from = connection_of(x->connection);
@@ -256,7 +256,7 @@ static void identify(exchange *x, const fields *f)
         x->client = forwarded_client(&x->client, x->s->settings.proxies, f->forwarded, f->forwarded_count);
 }
 
-/* Too many connections: told at the first request of each. */
+/* Refuses a connection over a limit, at its first request. */
 static bool refuse_connection(exchange *x, const fields *f, reply *r)
 {
     static const char *const why[] = {
@@ -277,8 +277,8 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
     return true;
 }
 
-/* On a port that asks for no token: what a page of another site has the browser send. A request without Host is
- * none, as all browsers send it. */
+/* On a port without tokens: refuses requests of web pages from other origins. A request without Host is not
+ * from a browser, since all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
     const access_peer *from = connections_access(connection_of(x->connection));
@@ -302,7 +302,7 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     return true;
 }
 
-/* The question of a browser whether a page may send a request, when it is one of a page that may. */
+/* Answers a preflight request (CORS) of a page that may send requests. */
 static bool answer_preflight(const exchange *x, const char *method, reply *r)
 {
     if (!x->page_origin || strcmp(method, MHD_HTTP_METHOD_OPTIONS) != 0 ||
@@ -318,7 +318,7 @@ static bool answer_preflight(const exchange *x, const char *method, reply *r)
     return true;
 }
 
-/* Whether the caller may ask for that. */
+/* Refuses callers without a token or without the scope of the route. */
 static bool refuse_caller(const exchange *x, const fields *f, reply *r)
 {
     const route_match *match = &x->route;
@@ -367,7 +367,7 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
     return MHD_YES;
 }
 
-/* Gathers what handlers may look at, except for the body; false when *r says why that is too much. */
+/* Fills the request for the handler, except for the body; false when *r says what is wrong. */
 static bool read_request(exchange *x, const char *method, reply *r)
 {
     http_request *request = &x->request;
@@ -400,7 +400,7 @@ static bool open_sink(exchange *x, const fields *f, reply *r)
     return request->sink != NULL;
 }
 
-/* Answers from the headers alone what needs no body; true when *r was filled. */
+/* Refuses requests that the headers show to be wrong; true when *r was filled. */
 static bool refuse(exchange *x, const fields *f, const char *method, const char *path, reply *r)
 {
     const route_match *match = &x->route;
@@ -418,8 +418,8 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
 }
 
-/* As refuse; *early says whether the answer may not wait for the body, which then is never read. Otherwise it does:
- * many a client sends all before it reads. */
+/* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the
+ * body, since many clients send everything before they read. */
 static bool refuse_early(exchange *x, const char *method, const char *path, bool *early, reply *r)
 {
     fields f = {0};
@@ -440,7 +440,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
     } else if (!refuse(x, &f, method, path, r)) {
         return false;
     }
-    /* whatever follows on this connection is not to be taken for a request */
+    /* the unread body must not be taken for the next request */
     if (*early) reply_add_header(r, MHD_HTTP_HEADER_CONNECTION, "close");
     return true;
 }
@@ -472,8 +472,9 @@ static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const
     return queue_reply(x, &x->answer);
 }
 
-/* Takes a piece of the body. A long one goes to its sink. Over the limit nothing is kept any more; the answer has to wait for the
- * end, since the library sends replies before a body or after it, and the watch bounds that. */
+/* Takes a piece of the body. A long body goes to its sink. Of a body over the limit nothing is kept; the
+ * answer waits for its end, since the library sends answers only before a body or after it. The time limit
+ * bounds that wait. */
 static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
 {
     size_t *length = &x->request.length;
@@ -508,7 +509,7 @@ static enum MHD_Result take_body(exchange *x, const char *data, size_t *size)
     return MHD_YES;
 }
 
-/* The body that came; false when *r says that it was too long. */
+/* Passes the body to the request; false when it was too long and *r says so. */
 static bool read_body(exchange *x, reply *r)
 {
     if (x->too_large) {
@@ -531,7 +532,7 @@ static void run_in_pool(thread_pool_work *work)
     loop_resume(x->s->loop, x->connection);
 }
 
-/* Asks the handler until it has an answer. False: it has none yet, and the connection is suspended. */
+/* Calls the handler. False: it has no answer yet, and the connection is suspended. */
 static bool ask_handler(exchange *x)
 {
     const server_settings *c = &x->s->settings;
@@ -576,8 +577,7 @@ static int hex_digit(char c)
     return found ? (int)(found - digits) : -1;
 }
 
-/* Decodes %XX in place, all but %00: that stays as it is written, so that it neither ends the text
- * for those who read it nor names anything. */
+/* Decodes %XX in place, except %00, which would end the text: it stays as written and matches nothing. */
 static size_t unescape(void *context, struct MHD_Connection *connection, char *text)
 {
     (void)context;
@@ -623,7 +623,7 @@ static void write_library_log(void *context, const char *format, va_list argumen
 static struct MHD_Daemon *start_daemon(server *s, int fd)
 {
     const server_settings *settings = &s->settings;
-    /* the library knows whole seconds; the watch over the connections is exact, this is behind it */
+    /* the library counts whole seconds; http/connections is exact, and this only a second guard */
     unsigned idle_s = (unsigned)settings->connections.timeout_s + 1;
     struct MHD_OptionItem options[] = {
         {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, NULL},
@@ -653,7 +653,7 @@ server *server_start(const server_settings *settings, const listen_socket *socke
     s->connections = connections_start(&settings->connections, access, e);
     s->pool = s->connections ? thread_pool_start(POOL_THREADS + settings->estimates, e) : NULL;
     if (!s->pool) goto failed;
-    /* the library closes the socket that it is given */
+    /* the library closes this descriptor */
     int fd = fcntl(socket->fd, F_DUPFD_CLOEXEC, 0);
     struct MHD_Daemon *daemon = fd >= 0 ? start_daemon(s, fd) : NULL;
     if (!daemon) {
@@ -669,7 +669,7 @@ failed:
     return NULL;
 }
 
-/* Waits until no request is being answered, but not for ever. */
+/* Waits until all requests are answered, for a limited time. */
 static void wait_for_replies(server *s)
 {
     int64_t until_ms = clock_monotonic_ms() + STOP_MS;
@@ -686,7 +686,7 @@ void server_stop(server *s)
     wait_list_dismiss(s->settings.waiting);
     wait_for_replies(s);
     loop_end(s->loop);         /* clients that go on asking give the pool no more work */
-    thread_pool_stop(s->pool); /* and resumes the connections of what it had */
+    thread_pool_stop(s->pool); /* resumes the connections of its work */
     loop_stop(s->loop);
     connections_stop(s->connections);
     pthread_cond_destroy(&s->changed);

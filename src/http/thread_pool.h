@@ -1,7 +1,7 @@
 /* thread_pool: threads that run what would block the serving thread: work that waits for a disk or a worker.
  *
- * There are enough threads for many submissions to share one flush of the queue (its group commit). Work starts in the
- * order in which it was added. Any thread may add work.
+ * There are enough threads for many submissions to share one flush of the queue (its group commit). Work
+ * starts in the order in which it was added. Any thread may add work.
  */
 #ifndef HEXAD_HTTP_THREAD_POOL_H
 #define HEXAD_HTTP_THREAD_POOL_H

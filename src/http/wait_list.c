@@ -39,7 +39,8 @@ static bool is_wanted(const waiter *w, const char *const *topics, size_t count)
     return false;
 }
 
-/* Held: the mutex. A waiter leaves the list before its connection resumes, since that may wait again at once. */
+/* Held: the mutex. A waiter leaves the list before its connection resumes, since that may wait again at once.
+ */
 static void resume_waiters(wait_list *l, const char *const *topics, size_t count)
 {
     int64_t now = clock_monotonic_ms();

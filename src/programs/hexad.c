@@ -1,5 +1,4 @@
-/* hexad: the daemon. A list of steps, each with what undoes it; the last thing started is the first
- * to stop. */
+/* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. */
 #include <errno.h>
 #include <fcntl.h>
 #include <grp.h>
@@ -40,22 +39,22 @@
 #include "webhook/delivery.h"
 #include "webhook/hosts.h"
 
-/* In the state directory, or where systemd makes a place for it. */
+/* In the state directory, or in the runtime directory of systemd. */
 #define LISTEN_SOCKET_NAME "hexad.sock"
-/* What a loopback port without tokens means, spelt out by whoever wants it. */
+/* The value of tcp_without_tokens that opens a loopback port without tokens. */
 #define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
-/* How often the service manager is told how many jobs there are, where it asks for no sign of life. */
+/* How often the status goes to a service manager without a watchdog. */
 static const int STATUS_MS = 10000;
-/* After what drain_s and grace_s allow: to end what has been killed and to write it down. */
+/* Time to settle killed workers, in addition to drain_s and grace_s. */
 static const double LAST_WORDS_S = 10;
 
 enum { EXIT_DRAINED = 0, EXIT_TROUBLE = 1, EXIT_SETTINGS = 2 };
 
 typedef struct service {
     int argc;
-    char **argv; /* where the settings come from */
+    char **argv; /* for reading the settings again */
     config settings;
-    bool adopt;      /* the queue is taken whosever it is */
+    bool adopt;      /* --adopt: the database of another instance is taken over */
     int signals;     /* signalfd */
     char *state_dir; /* absolute */
     queue *q;
@@ -80,7 +79,7 @@ typedef struct service {
     address_ranges proxies;
     pages *pages;
     server *http;
-    uint64_t turns; /* of the supervisor, when it was last looked at; UINT64_MAX: never */
+    uint64_t turns; /* of the supervisor, at the last ping; UINT64_MAX: none yet */
     bool stuck;
 } service;
 
@@ -92,8 +91,8 @@ static bool init_signals(service *s, error *e)
     sigaddset(&wanted, SIGINT);
     sigaddset(&wanted, SIGHUP);
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN);              /* a file that may not grow is an error like a full disk */
-    sigprocmask(SIG_BLOCK, &wanted, NULL); /* before any thread is there to inherit less */
+    signal(SIGXFSZ, SIG_IGN); /* makes a write beyond the size limit an error, like a full disk */
+    sigprocmask(SIG_BLOCK, &wanted, NULL); /* before other threads start, since they inherit the mask */
     s->signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
     return s->signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));
 }
@@ -158,7 +157,7 @@ static bool init_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
     s->input_roots = mem_alloc((given->count + 1) * sizeof *s->input_roots);
-    s->input_roots[s->input_root_count++] = s->inputs_dir; /* before others: what it has was verified */
+    s->input_roots[s->input_root_count++] = s->inputs_dir; /* the first, since its files are verified */
     for (size_t i = 0; i < given->count; i++) s->input_roots[s->input_root_count++] = given->item[i];
     s->roots = store_roots_open(s->input_roots, s->input_root_count, e);
     if (!s->roots) free(s->input_roots);
@@ -197,7 +196,7 @@ static void fini_socket(service *s)
     listen_close(&s->socket);
 }
 
-/* Whether those who can reach the socket can be told apart. */
+/* Refuses a socket whose callers could not be identified. */
 static bool check_reach(const service *s, error *e)
 {
     const char *where = *s->settings.listen ? s->settings.listen : s->socket.address;
@@ -223,7 +222,8 @@ static access_names names_of(const config_list *list)
     return (access_names){(const char *const *)list->item, list->count};
 }
 
-/* As set, else in the directory that the unit names for settings, else in the state directory. To be freed. */
+/* The setting, otherwise in the configuration directory of the unit, otherwise in the state directory. To be
+ * freed. */
 static char *token_file_of(const service *s)
 {
     const char *directory =
@@ -394,7 +394,7 @@ static void fini_webhooks(service *s)
     webhook_hosts_free(s->webhook_hosts);
 }
 
-/* Who is believed, and who may ask, of those who come over the network. */
+/* The trusted proxies and the allowed web pages. */
 static bool init_network(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -512,8 +512,8 @@ static const struct step {
     {"port_file", init_port_file, fini_port_file},
 };
 
-/* Signs of life. The supervisor was woken the last time; if it has not turned since, it is stuck, and the
- * service manager is left to do what it does about that. */
+/* Pings the watchdog of the service manager, but only while the supervisor's loop advances: the last call
+ * woke it, and if it has not run since, it is stuck, and the service manager takes its measures. */
 static void tell_manager(service *s)
 {
     int64_t count[QUEUE_STATE_COUNT];
@@ -536,7 +536,7 @@ static void tell_manager(service *s)
                             (long long)(count[QUEUE_RUNNING] + count[QUEUE_CANCELLING]));
 }
 
-/* Between two of them: twice within what the watchdog allows. */
+/* The interval of the pings: half of what the watchdog allows. */
 static int sign_interval_ms(void)
 {
     int64_t watchdog = manager_watchdog_ms();
@@ -574,7 +574,7 @@ static void drain(service *s, bool *draining)
     *draining = true;
 }
 
-/* Waits for a signal, then until the drain has ended; another signal kills what still runs. */
+/* Waits for a signal and then for the end of the drain; a second signal kills the running workers. */
 static void serve(service *s)
 {
     bool draining = false;
@@ -622,8 +622,8 @@ static int run(service *s)
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
 }
 
-/* Without the three standard descriptors the next files opened would take their numbers, and what is
- * meant for the log would go into the queue. */
+/* If a standard descriptor were closed, the next opened file would get its number, and log lines would go
+ * into the queue. */
 static void open_standard_descriptors(void)
 {
     int fd;
@@ -633,7 +633,7 @@ static void open_standard_descriptors(void)
     if (fd >= 0) close(fd);
 }
 
-/* A connection is a descriptor, and the usual limit is that of programs that call select. */
+/* Each connection is a descriptor, and the usual soft limit is too low for them. */
 static void raise_descriptor_limit(void)
 {
     struct rlimit limit;

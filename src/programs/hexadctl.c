@@ -11,7 +11,7 @@
 #include "client/client.h"
 #include "client/command.h"
 
-/* Where the service has its socket when systemd runs it, and where it has it otherwise. */
+/* The socket of the service that systemd runs, and that of other services. */
 #define SYSTEM_SOCKET "/run/hexad/hexad.sock"
 #define STATE_SOCKET HEXAD_STATEDIR "/hexad.sock"
 /* The service that systemd runs reads the first, and has a group of its own (systemd/hexad-sysusers.conf). */
@@ -90,7 +90,7 @@ typedef struct line {
     command_options options;
 } line;
 
-/* `--name VALUE` or `--name=VALUE`; moves *index over a value of its own. NULL when it is another
+/* The value of `--name VALUE` or `--name=VALUE`; moves *index over a separate value. NULL when it is another
  * option, or has no value. */
 static const char *option_value(const char *name, int argc, char **argv, int *index)
 {
@@ -127,7 +127,7 @@ static bool take_option(line *l, int argc, char **argv, int *index)
     return true;
 }
 
-/* Whether the command's name is the word, behind that of its group if it has one. */
+/* Whether the word names the command, within its group if it has one. */
 static bool is_named(const struct entry *entry, const char *group, const char *word)
 {
     size_t length = group ? strlen(group) : 0;

@@ -89,7 +89,8 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
 
 /* ---- a copy, from a daemon or without one */
 
-/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has it. */
+/* Into a file that is empty. *lock is the lock of the directory, which the caller closes, or -1: a daemon has
+ * it. */
 static bool copy(const config *c, FILE *stream, const char *path, int *lock, error *e)
 {
     bool in_use = false;
@@ -123,7 +124,7 @@ int maintenance_back_up(const config *settings)
     struct stat info;
     int lock = -1;
     if (stat(settings->backup, &info) == 0 && !S_ISREG(info.st_mode)) {
-        error_set(&e, ERROR_INTERNAL, "%s is not a regular file: name a file", settings->backup);
+        error_set(&e, ERROR_INTERNAL, "%s is a directory or a device: name a file", settings->backup);
         return fail(&e);
     }
     store_file_clear(settings->backup); /* of one that was killed */

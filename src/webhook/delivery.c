@@ -22,14 +22,14 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* After trouble with the database (a full disk). */
+/* The wait after an error of the database (a full disk). */
 #define TROUBLE_MS 1000
-/* Between two looks, should nothing wake the thread: clocks of the wall are set. */
+/* The longest wait between two checks of the outbox, since the wall clock may be set. */
 #define LOOK_MS 60000
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
 
-/* A thread that makes one call after another, as it is given them. */
+/* A thread that makes the calls it is given, one after another. */
 typedef struct caller {
     delivery *c;
     CURL *curl;
@@ -37,7 +37,7 @@ typedef struct caller {
     pthread_t thread;
     bool started;
     queue_delivery delivery;
-    char *host; /* that it calls, as its addresses begin; NULL: it has nothing to do. Guarded */
+    char *host; /* the host being called (webhook_host_of); NULL: idle. Guarded by the mutex */
 } caller;
 
 struct delivery {
@@ -46,7 +46,7 @@ struct delivery {
     queue *q;
     _Atomic int64_t not_before_ms; /* monotonic; after trouble */
     atomic_bool stopping;
-    pthread_t thread; /* gives callers what is due */
+    pthread_t thread; /* gives due notifications to callers */
     pthread_mutex_t mutex;
     pthread_cond_t given;
     caller *callers;
@@ -130,7 +130,7 @@ static int look_up(void *context, curl_off_t all, curl_off_t got, curl_off_t all
     return c->stopping; /* not 0 breaks off */
 }
 
-/* Tells it once; why not, in words, when the receiver did not take it. */
+/* Makes one call; on failure `why` has the reason. */
 static bool post(caller *r, error *why)
 {
     const delivery *c = r->c;
@@ -145,7 +145,7 @@ static bool post(caller *r, error *why)
     curl_easy_setopt(curl, CURLOPT_ERRORBUFFER, r->fault);
     curl_easy_setopt(curl, CURLOPT_URL, d->url);
     curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
-    curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* hosts that are listed are meant, and nobody between */
+    curl_easy_setopt(curl, CURLOPT_NOPROXY, "*"); /* only the listed hosts, without a proxy between */
     curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(curl, CURLOPT_USERAGENT, PACKAGE_NAME "/" PACKAGE_VERSION);
     curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, (long)(c->settings.timeout_s * 1000));
@@ -171,7 +171,7 @@ static int64_t wait_ms(const delivery_settings *s, int tries)
     return (int64_t)(1000 * (wait_s < s->retry_most_s ? wait_s : s->retry_most_s));
 }
 
-/* Tries it, and notes what came of that; false when that could not be noted. */
+/* Makes one try and stores its result in the queue; false when it could not be stored. */
 static bool deliver(caller *r)
 {
     const delivery *c = r->c;
@@ -214,7 +214,7 @@ static void *make_calls(void *argument)
     return NULL;
 }
 
-/* Who has nothing to do, or NULL; *busy is a JSON array of the hosts that are being called. */
+/* Returns an idle caller, or NULL; *busy is a JSON array of the hosts that are being called. */
 static caller *find_caller(delivery *c, char **busy)
 {
     caller *idle = NULL;
@@ -241,7 +241,7 @@ static void give(caller *r, const queue_delivery *d)
     pthread_mutex_unlock(&r->c->mutex);
 }
 
-/* Gives away what is due; returns when to look again, monotonic. */
+/* Gives due notifications to idle callers; returns when to check again, monotonic. */
 static int64_t give_due(delivery *c)
 {
     for (;;) {
@@ -272,7 +272,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* Ends the callers; a call that is under way is broken off. */
+/* Ends the callers and aborts calls under way. */
 static void release(delivery *c)
 {
     pthread_mutex_lock(&c->mutex);

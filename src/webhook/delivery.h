@@ -1,12 +1,12 @@
 /* delivery: the threads that call webhooks when jobs have ended.
  *
- * They post the notifications in the queue's outbox: to several hosts at a time, to one host one after another. A
- * notification is tried until the receiver answers with a status of 2xx or the tries are used up, and leaves the outbox
- * only then. So a receiver may get one twice, but none is lost when this program dies. The headers are those of
- * standardwebhooks.com: webhook-id is one number for each end of a job and the same in each try; webhook-timestamp is the
- * second of the try; webhook-signature is `v1,` and the base64 of the HMAC-SHA256, under the secret, of
- * `ID.TIMESTAMP.BODY`. The body is `{"type": "job.ended", "data": {"job", "state", "outcome"}}`. The threads follow no
- * redirect, use no proxy and discard the body of an answer.
+ * They post the notifications in the queue's outbox: to several hosts at a time, to one host one after
+ * another. A notification is tried until the receiver answers with a status of 2xx or the tries are used up,
+ * and leaves the outbox only then. So a receiver may get one twice, but none is lost when this program dies.
+ * The headers are those of standardwebhooks.com: webhook-id is one number for each end of a job and the same
+ * in each try; webhook-timestamp is the second of the try; webhook-signature is `v1,` and the base64 of the
+ * HMAC-SHA256, under the secret, of `ID.TIMESTAMP.BODY`. The body is `{"type": "job.ended", "data": {"job",
+ * "state", "outcome"}}`. The threads follow no redirect, use no proxy and discard the body of an answer.
  */
 #ifndef HEXAD_WEBHOOK_DELIVERY_H
 #define HEXAD_WEBHOOK_DELIVERY_H
@@ -27,7 +27,8 @@ typedef struct delivery_settings {
     double retry_most_s;        /* and at most this */
 } delivery_settings;
 
-/* The queue outlives the delivery. Error spec_invalid: the secret is missing, too short, or readable by others. */
+/* The queue outlives the delivery. Error spec_invalid: the secret is missing, too short, or readable by
+ * others. */
 delivery *delivery_start(const delivery_settings *settings, queue *q, error *e);
 /* Aborts a try that is under way, which then does not count. Accepts NULL. */
 void delivery_stop(delivery *c);

@@ -1,6 +1,6 @@
-/* hosts: whom this service may tell that jobs have ended.
+/* hosts: the hosts whose webhooks this service may call.
  *
- * An address is read by the same parser (libcurl's) that later goes there, so that both mean the same host.
+ * libcurl parses a URL both here and for the call, so that both mean the same host.
  * Immutable once read; any thread.
  */
 #ifndef HEXAD_WEBHOOK_HOSTS_H
@@ -17,14 +17,14 @@ typedef struct webhook_hosts webhook_hosts;
 webhook_hosts *webhook_hosts_read(const char *const *texts, size_t count, error *e);
 void webhook_hosts_free(webhook_hosts *hosts);
 
-/* Whether a webhook may have this address: an error (spec_invalid) unless it is one of http or https,
- * without a user or password, of a host and port that are listed. `hosts` NULL: none is. */
+/* Whether a webhook may have this URL. Error spec_invalid: it is not http or https, it has a user or
+ * password, or its host and port are not listed. `hosts` NULL: none is listed. */
 bool webhook_hosts_admit(const webhook_hosts *hosts, const char *url, error *e);
 
-/* An address that was admitted, in the form in which those of one host begin alike: SCHEME://HOST:PORT/... with
- * the port always and the host in lower case. To be freed; NULL when it is no address. */
+/* The normal form of a URL, in which all URLs of a host begin alike: SCHEME://HOST:PORT/... with the port
+ * always and the host in lower case. To be freed; NULL when it is not a URL. */
 char *webhook_address(const char *url);
-/* That beginning, with the slash at its end, of what webhook_address returned. To be freed. */
+/* The beginning of a normal form, up to and with the slash after the port. To be freed. */
 char *webhook_host_of(const char *address);
 
 #endif
