@@ -80,7 +80,7 @@ int *frames_parse(const char *text, size_t *count, error *e)
         }
     } while (ok && skip(&at, ','));
     int repeated = ok ? find_repeated(numbers, used) : -1;
-    if (repeated >= 0) ok = error_set(e, ERROR_SPEC_INVALID, "the frame %d stands there twice", repeated);
+    if (repeated >= 0) ok = error_set(e, ERROR_SPEC_INVALID, "frame %d appears twice", repeated);
     if (!ok) {
         free(numbers);
         return NULL;

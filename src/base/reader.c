@@ -65,11 +65,12 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     if (ended != r->pid) return error_set(e, ERROR_INTERNAL, "the process that reads the file was lost");
     if (!ok && begun) return false;
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to be read: its reader was ended");
+        return error_set(e, ERROR_INPUT_DAMAGED, "takes too long to read: its reader was stopped");
     if (WIFSIGNALED(status))
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "made its reader crash (%s): it is damaged, or to be saved anew by another program",
-                         strsignal(WTERMSIG(status)));
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "made its reader crash (%s): the file is damaged, or another program must save it again",
+            strsignal(WTERMSIG(status)));
     return ok &&
            (WEXITSTATUS(status) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end"));
 }

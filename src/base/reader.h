@@ -1,8 +1,8 @@
-/* reader: a process of its own for a library that reads files from strangers.
+/* reader: runs a library that reads untrusted files in a process of its own.
  *
- * It is this program started again with another command, the open file as its input and no other descriptor,
- * under limits of address space, processor time and descriptors: what crashes, hangs or takes all memory
- * there is an error here. Threads: a reader belongs to one thread.
+ * The process is this program, started again with another command. It gets the open file as its input, no other
+ * descriptor, and limits of address space, processor time and descriptors. If it crashes, hangs or takes too much
+ * memory, the caller gets an error. Threads: a reader belongs to one thread.
  */
 #ifndef HEXAD_BASE_READER_H
 #define HEXAD_BASE_READER_H
@@ -31,19 +31,20 @@ typedef struct reader {
 /* Starts `program COMMAND ARGUMENT MEMORY SECONDS`; reader_end follows. Errors: internal. */
 bool reader_start(const reader_params *params, reader *out, error *e);
 
-/* Closes the stream and waits. `begun`: an answer has come; `ok`: it was good. A process that a signal ended
- * explains more than the answer that it could not finish; one that has begun to answer and is not wanted any
- * more is ended. Returns whether all is well; e is kept where it says what is wrong. */
+/* Closes the stream and waits for the process. `begun`: an answer has begun; `ok`: it was complete and valid. If the
+ * answer began but is not ok, the process is killed and *e stays. Otherwise *e tells how a failed process
+ * ended. Returns whether everything succeeded. */
 bool reader_end(reader *r, bool begun, bool ok, error *e);
 
-/* input_damaged for what is no file, an empty one, or a Git-LFS pointer; `what` it should be. */
+/* Fails with input_damaged unless fd is a regular, non-empty file and no Git-LFS pointer. `what` names the expected
+ * content in the message. */
 bool reader_check_file(int fd, const char *what, off_t *size, error *e);
 
-/* In the process: the limits that argv[2] and argv[3] say, of four arguments; no descriptor but the first
- * `descriptors`. Returns the memory limit, 0 when the arguments are none. */
+/* In the process: sets the limits given in argv[2] (memory) and argv[3] (seconds), and allows only the first
+ * `descriptors` descriptors. Returns the memory limit; 0 unless there are four arguments. */
 size_t reader_limit(int argc, char **argv, unsigned descriptors);
 
-/* In the process: writes all of it to the output; false when nobody reads any more. */
+/* In the process: writes all bytes to standard output. False if the other side has closed it. */
 bool reader_write(const void *from, size_t count);
 
 #endif

@@ -260,12 +260,13 @@ bool sandbox_check(sandbox_mode mode, error *e)
 {
     if (mode != SANDBOX_REQUIRED) return true;
     if (!has_filters())
-        return error_set(e, ERROR_INTERNAL,
-                         "sandbox: this kernel has no seccomp filters; \"available\" does without");
+        return error_set(
+            e, ERROR_INTERNAL,
+            "sandbox: this kernel has no seccomp filters; set it to \"available\" to run without");
     return landlock_version() > 0 ||
            error_set(e, ERROR_INTERNAL,
                      "sandbox: this kernel has no Landlock, or it is not among those that lsm= turns on; "
-                     "\"available\" does without");
+                     "set it to \"available\" to run without");
 }
 
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e)

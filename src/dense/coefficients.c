@@ -62,7 +62,7 @@ static bool decode_all(double *numbers, size_t count, size_t width, const int di
 static bool find_width(int fd, size_t count, const int dims[3], size_t *width, error *e)
 {
     struct stat status;
-    if (fstat(fd, &status) != 0) return error_set(e, ERROR_INPUT_DAMAGED, "cannot be looked at: %m");
+    if (fstat(fd, &status) != 0) return error_set(e, ERROR_INPUT_DAMAGED, "cannot be examined: %m");
     *width = (size_t)status.st_size == 8 * count ? 8 : 4;
     if ((size_t)status.st_size == *width * count) return true;
     return error_set(

@@ -136,7 +136,7 @@ static bool choose(image *m)
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
             return error_set(
                 &m->fault, ERROR_INPUT_UNSUPPORTED,
-                "channel \"%s\" has a sample for every %d columns and %d rows only: one a pixel is needed",
+                "channel \"%s\" has a sample for every %d columns and %d rows only: one for each pixel is needed",
                 channel->name.str, channel->x_sampling, channel->y_sampling);
     }
     return found == 1 || no_part(m, wanted, found, parts, channels);
@@ -158,7 +158,7 @@ static bool open_image(image *m)
         return damaged(m, "its header is damaged");
     if (m->storage != EXR_STORAGE_SCANLINE && m->storage != EXR_STORAGE_TILED) {
         error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                  "part \"%.200s\" is deep (many samples a pixel): flatten it, one value a pixel is needed",
+                  "part \"%.200s\" is deep (several samples per pixel): flatten it to one value per pixel",
                   name_of(m, m->part_index));
         return false;
     }
@@ -243,7 +243,7 @@ static bool decode(image *m, const exr_chunk_info_t *chunk, int64_t x, int64_t y
         ok = result == EXR_ERR_SUCCESS;
         if (result == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
             error_set(&m->fault, ERROR_INPUT_UNSUPPORTED,
-                      "its compression is none that OpenEXR's C core decodes (%s): save it with ZIP or PIZ",
+                      "OpenEXR's C core cannot decode its compression (%s): save it with ZIP or PIZ",
                       complaint);
     }
     exr_decoding_destroy(m->file, &d);

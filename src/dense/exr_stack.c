@@ -109,7 +109,7 @@ static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
         return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
     if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > EXR_READER_TEXT_MAX ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
     for (char *p = text; *p; p++)
         if ((unsigned char)*p < ' ') *p = ' ';
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);

@@ -51,7 +51,7 @@ static bool check_values(const header *h, error *e)
             return error_set(e, ERROR_INPUT_DAMAGED, "has an orientation whose numbers are not finite");
     return (h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
-           error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+           error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
 }
 
 static bool check_answer(FILE *stream, header *h, char **text, error *e)
@@ -59,7 +59,7 @@ static bool check_answer(FILE *stream, header *h, char **text, error *e)
     if (fread(h, sizeof *h, 1, stream) != 1)
         return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
     if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
     return check_text(stream, h, text, e) && check_values(h, e);
 }
 

@@ -1,4 +1,4 @@
-/* header: what an NRRD or NIfTI file says of itself, read by Teem and libnifti; the only users of these.
+/* header: reads the header of an NRRD or NIfTI file with Teem and libnifti. The only users of these libraries.
  *
  * They run in a process of their own (reader.h) that is given the open file and nothing else: no other file
  * is opened there, whatever the header names. It writes a struct header and then `text_length` bytes: a
@@ -56,7 +56,7 @@ typedef struct header {
  */
 int header_reader_main(int argc, char **argv);
 
-/* The file of its own that it lies in where it is not linked in. */
+/* The module that contains it, unless it is linked in. */
 #define HEADER_MODULE "hexad-header.so"
 
 /* Starts that process (of `program`, NULL: this one) and checks the answer. *files, when there are any, is to

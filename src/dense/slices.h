@@ -1,4 +1,4 @@
-/* slices: a dense volume, one slice after the other: what dense.h makes bricks of.
+/* slices: a dense volume, read slice by slice (the source of volume/dense_grid.h).
  *
  * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number
  * i + size[0] j of slice k; its place is index_to_world (i, j, k, 1). Threads: one at a time.
@@ -15,7 +15,7 @@
 typedef struct slices slices;
 
 typedef struct slices_ops {
-    /* To the first slice, as often as one likes; then slice after slice. */
+    /* begin goes to the first slice and may be called again; next reads one slice after the other. */
     bool (*begin)(slices *s, error *e);
     bool (*next)(slices *s, float *values, error *e);
     void (*close)(slices *s);
@@ -29,8 +29,8 @@ struct slices {
     char warning[256];         /* something odd about them, or "" */
 };
 
-/* How a volume gets at files that are named in or beside another: a descriptor for reading, the caller's
- * then, or -1 and an error that names the path. */
+/* Opens files that a header names. Returns a descriptor for reading, which the caller closes, or -1 and an error
+ * that names the path. */
 typedef struct slices_files {
     int (*open)(void *context, const char *path, error *e);
     void *context;

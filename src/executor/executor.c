@@ -12,6 +12,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "base/background.h"
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
@@ -372,7 +373,6 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     pthread_mutex_init(&x->mutex, NULL);
     x->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     x->drained_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    int why = 0;
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
@@ -381,9 +381,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
-    if (ok && (why = pthread_create(&x->thread, NULL, supervise, x)) != 0)
-        ok = error_set(e, ERROR_INTERNAL, "the supervisor thread cannot be started: %s", strerror(why));
-    if (ok) return x;
+    if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
     executor_free(x);
     return NULL;
 }

@@ -213,7 +213,7 @@ static bool is_cut_within(const combination *c, const part *p, int face)
     return false;
 }
 
-static bool check_rims(const combination *c, error *e)
+static bool check_boundaries(const combination *c, error *e)
 {
     for (size_t k = 0; k < c->count; k++)
         for (int face = 0; c->parts[k].field->open && face < 6; face++)
@@ -241,7 +241,7 @@ combination *combination_new(combination_kind kind, const field *const *parts, s
     if (!some || (ok && c->grid.count == 0)) ok = no_surface(kind, e);
     if (ok) {
         field_set_boundary(&c->base, cell_grid_cut_faces(&c->grid, &c->base, &oracle));
-        ok = check_rims(c, e);
+        ok = check_boundaries(c, e);
     }
     if (ok) return c;
     combination_free(c);

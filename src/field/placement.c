@@ -48,7 +48,7 @@ static const field_ops placement_ops = {placement_sample, placement_cell_count, 
                                         placement_side};
 
 /* Faces of the domain that cut the surface, after the map; false when it does not map axes to axes. */
-static bool map_rims(const placement *p, unsigned *faces)
+static bool map_boundary_faces(const placement *p, unsigned *faces)
 {
     *faces = 0;
     for (int axis = 0; axis < 3; axis++) {
@@ -93,7 +93,7 @@ placement *placement_new(const field *part, const double matrix[16], error *e)
     for (int k = 0; k < 12; k++) p->to_world[k / 4][k % 4] = matrix[k];
     affine_invert(p->to_world, p->to_part);
     measure(p);
-    if (!part->open || map_rims(p, &faces)) {
+    if (!part->open || map_boundary_faces(p, &faces)) {
         field_set_boundary(&p->base, faces);
         return p;
     }

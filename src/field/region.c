@@ -66,7 +66,7 @@ static bool keep_cells(region *r, bbox box, bbox *all, bbox *kept, error *e)
 }
 
 /* A face of the domain cuts the surface if cells reach it and it is a face of the box or one that cuts the whole. */
-static unsigned find_rims(const region *r, bbox box, bbox kept)
+static unsigned find_boundary_faces(const region *r, bbox box, bbox kept)
 {
     bbox reached = bbox_grow(kept, BULGE * r->whole->cell_size), whole = r->whole->domain;
     unsigned faces = 0;
@@ -105,7 +105,7 @@ region *region_new(const field *whole, bbox box, error *e)
     r->base = *whole;
     r->base.ops = &region_ops;
     r->base.domain = bbox_common(whole->domain, box);
-    field_set_boundary(&r->base, find_rims(r, box, kept));
+    field_set_boundary(&r->base, find_boundary_faces(r, box, kept));
     bool all_kept = r->count == whole->ops->cell_count(whole);
     bbox inner = bbox_grow(box, -BULGE * whole->cell_size);
     bool holds_all = bbox_contains(inner, all.min) && bbox_contains(inner, all.max);

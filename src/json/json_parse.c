@@ -240,7 +240,7 @@ static bool check_names(const parser *p, member_name *names, size_t count)
             twice = &names[i];
     if (!twice) return true;
     char words[256];
-    snprintf(words, sizeof words, "the member '%.180s' stands twice in one object", twice->text);
+    snprintf(words, sizeof words, "the member '%.180s' appears twice in one object", twice->text);
     return fault_at(p, twice->at, words);
 }
 

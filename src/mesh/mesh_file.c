@@ -53,12 +53,12 @@ static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
     char text[MESH_READER_TEXT_MAX + 1] = "";
     if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer nonsense");
+        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
     if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
     for (char *p = text; *p; p++) /* it may quote the file */
         if (*p < ' ' || *p > '~') *p = '?';
     if (h->code != ERROR_NONE && !*text)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader refuse it without a word");
+        return error_set(e, ERROR_INPUT_DAMAGED, "was refused by its reader without a reason");
     return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
 }
 
@@ -117,7 +117,7 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
         ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e);
     }
     if (ok && fgetc(stream) != EOF)
-        ok = error_set(e, ERROR_INPUT_DAMAGED, "made its reader answer more than it announced");
+        ok = error_set(e, ERROR_INPUT_DAMAGED, "made its reader return more data than announced");
     if (ok)
         *out = m;
     else

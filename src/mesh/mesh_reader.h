@@ -29,7 +29,7 @@ typedef struct mesh_reader_header {
  * answer, good or bad, was written whole. */
 int mesh_reader_main(int argc, char **argv);
 
-/* The file of its own that it lies in where it is not linked in. */
+/* The module that contains it, unless it is linked in. */
 #define MESH_READER_MODULE "hexad-mesh.so"
 
 #endif

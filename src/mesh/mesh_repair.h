@@ -1,9 +1,8 @@
 /* mesh_repair: checks that triangles enclose a volume, and turns them so that they agree which side is inside.
  *
- * A component is a set of triangles that hang together by edges. It is closed when an even number of
- * triangles meets at each of its edges. Its triangles are turned to agree with the most of them; components
- * that lie within no other are turned so that their volume is positive, and what lies within one turns with
- * it. A component within another one of the opposite orientation is a cavity of it. A solid is a component
+ * A component is a set of triangles connected by edges. It is closed when an even number of triangles meets at each
+ * of its edges. Its triangles are turned to agree with the majority. Outermost components are turned so that
+ * their volume is positive; components inside one turn with it. A component within another one of the opposite orientation is a cavity of it. A solid is a component
  * with its cavities; the shape is the union of the solids.
  */
 #ifndef HEXAD_MESH_MESH_REPAIR_H
@@ -23,8 +22,8 @@ typedef struct mesh_solids {
     bool *one_sided; /* of a solid: its triangles cannot be turned to agree, only parity tells its inside */
 } mesh_solids;
 
-/* Welds nothing: equal vertices must be one (mesh_weld). Turns and sorts the mesh's triangles, by solid.
- * `fixed` are the vertices in fixed point (winding_number.h). Notes what was found odd. Errors: input_unsupported for
+/* Equal vertices must have been joined (mesh_weld). Turns the triangles of the mesh and sorts them by solid.
+ * `fixed` are the vertices in fixed point (winding_number.h). Adds notes on oddities. Errors: input_unsupported for
  * a mesh that is not closed, with the number of boundary edges and of holes; limit_memory. */
 bool mesh_repair_solids(mesh *m, const winding_point *fixed, mesh_solids *out, mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);

@@ -24,7 +24,7 @@ bool job_may_go_on(const job *j, error *e)
 {
     int stop = j->options->cancel ? *j->options->cancel : 0;
     if (stop == SIGALRM)
-        return error_set(e, ERROR_LIMIT_TIME, "the job did not end within limits.timeout_s = %g s",
+        return error_set(e, ERROR_LIMIT_TIME, "the job did not finish within limits.timeout_s = %g s",
                          j->spec->timeout_s);
     return stop == 0 || error_set(e, ERROR_CANCELLED, "the job was cancelled");
 }
@@ -52,7 +52,7 @@ static bool choose_isa(const spec *s, isa *out, error *e)
 #undef NAMED
     *out = s->isa == SPEC_ISA_AUTO ? isa_best() : named[s->isa];
     return isa_available(*out) ||
-           error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine has no %s: use \"auto\"",
+           error_set(e, ERROR_NOT_SUPPORTED, "solver.isa: this machine does not support %s: use \"auto\"",
                      isa_name(*out));
 }
 

@@ -74,7 +74,7 @@ bool sequence_begin(sequence *s, int frame, const sequence_files *files, error *
     if (!files) return true;
     if (!read_numbers(s, files->report, e)) return false;
     if (s->previous_frame == frame)
-        return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, which is to be run",
+        return error_set(e, ERROR_INPUT_DAMAGED, "the frame before: it is frame %d, the one to be run",
                          frame);
     if (!ply_read(files->points, &s->before, e)) return error_prefix(e, "the frame before");
     if (s->before.points.id && s->before.points.count > 0) return true;

@@ -75,7 +75,7 @@ static bool offset_shape(analytic_params *p, double by, error *e)
         break;
     default:
         return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset moves distances, and the formula of this shape has none: use a sphere, "
+                         "an offset needs distances, and the formula of this shape gives none: use a sphere, "
                          "torus or box, or "
                          "a level set of it");
     }
@@ -195,7 +195,7 @@ static bool open_volume(const spec_surface *s, double offset, const opening *o, 
     bool dense = s->kind == SPEC_SURFACE_VOLUME || s->kind == SPEC_SURFACE_EXR;
     if (dense && offset != 0)
         return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset moves distances, and a dense volume has none: give another isovalue");
+                         "an offset needs distances, and a dense volume has none: give another isovalue");
     if (s->kind == SPEC_SURFACE_EXR) {
         out->volume = open_exr(&s->exr, o, e);
     } else {
@@ -228,7 +228,7 @@ static bool read_coefficients(const spec_bspline *b, const opening *o, source_pa
 static bool open_bspline(const spec_bspline *b, double offset, const opening *o, source_part *out, error *e)
 {
     if (offset != 0)
-        return error_set(e, ERROR_NOT_SUPPORTED, "an offset moves distances, and a B-spline has none");
+        return error_set(e, ERROR_NOT_SUPPORTED, "an offset needs distances, and a B-spline has none");
     if (b->path && !read_coefficients(b, o, out, e)) return false;
     const bspline_params params = {{b->dims[0], b->dims[1], b->dims[2]},
                                    {b->domain.min, b->domain.max},
@@ -282,7 +282,7 @@ static bool open_placement(const spec_surface *s, double offset, const opening *
     double scale = scale_of(s->matrix);
     if (offset != 0 && scale == 0)
         return error_set(e, ERROR_NOT_SUPPORTED,
-                         "an offset moves distances, and the transform within it does not keep them: "
+                         "an offset needs distances, and the transform within it does not preserve them: "
                          "its matrix must be a rotation or mirror, times a number");
     if (!open_part(s->parts[0], offset != 0 ? offset / scale : 0, o, &out->parts[0], e)) return false;
     out->placement = placement_new(out->parts[0].field, s->matrix, e);

@@ -129,19 +129,21 @@ static void check_sampling(reading *r, const json_at *at)
     for (size_t k = 0; k < sizeof limits / sizeof limits[0] && !s->has_curvature && !s->has_grid; k++) {
         json_at limit = json_member(at, limits[k]);
         if (limit.node)
-            reading_add_fault(r, &limit, "belongs to a grading: give curvature or grid, or leave it out");
+            reading_add_fault(r, &limit,
+                              "requires curvature or grid: give one of them, or leave this member out");
     }
     json_at most = json_member(at, "max_spacing"), curvature = json_member(at, "curvature"),
             exponent = json_member(&curvature, "exponent"), grid = json_member(at, "grid");
     json_at time = json_member(at, "time_s");
     if (time.node && (s->min_spacing > 0 || s->max_spacing > 0))
-        reading_add_fault(r, &time, "needs to choose the count: leave out min_spacing and max_spacing");
+        reading_add_fault(r, &time, "chooses the count itself: leave out min_spacing and max_spacing");
     if (s->max_spacing > 0 && s->max_spacing < s->min_spacing)
         reading_add_fault(r, &most, "must be at least min_spacing, %.16g (given %.16g)", s->min_spacing,
                           s->max_spacing);
     if (exponent.node && !(s->curvature.ratio > 0)) reading_add_fault(r, &exponent, "belongs to ratio");
     if (s->has_grid && s->surface.kind != SPEC_SURFACE_VDB)
-        reading_add_fault(r, &grid, "is a grid of the surface's VDB file: this surface has none");
+        reading_add_fault(r, &grid,
+                          "must be a grid of the surface's VDB file, but this surface has no such file");
 }
 
 static void check_control(reading *r, const json_at *at)
@@ -209,7 +211,7 @@ static void check_camera(reading *r, const json_at *at)
     json_at target = json_member(at, "target"), up = json_member(at, "up");
     vec3 sight = vec3_sub(c->target, c->position);
     if (!(vec3_norm2(sight) > 0))
-        reading_add_fault(r, &target, "must be another place than position");
+        reading_add_fault(r, &target, "must differ from position");
     else if (!(vec3_norm(vec3_cross(vec3_unit(sight), vec3_unit(c->up))) > UPRIGHT_LEAST))
         reading_add_fault(r, up.node ? &up : at,
                           "up must not be zero, nor point along the line from position to target");
@@ -220,16 +222,16 @@ static void check_coherent(reading *r, const json_at *at)
     const spec *s = r->s;
     json_at coherent = json_member(at, "coherent");
     if (!s->coherent) return;
-    if (!s->frames) reading_add_fault(r, &coherent, "goes with queue.frames, which the job does not have");
+    if (!s->frames) reading_add_fault(r, &coherent, "requires queue.frames");
     if (s->method != SPEC_METHOD_SIZED)
         reading_add_fault(
             r, &coherent,
-            "goes with the method \"sized\" only (which alpha does not): grade by sampling.curvature "
+            "requires the method \"sized\", which excludes sampling.alpha: use sampling.curvature "
             "or grid");
     if (s->time_s > 0)
         reading_add_fault(
             r, &coherent,
-            "does not go with sampling.time_s, as frames would differ in their counts: give a count or "
+            "excludes sampling.time_s, because frames would differ in their counts: give a count or "
             "spacing");
 }
 
@@ -247,14 +249,13 @@ static void check_frames(reading *r, const json_at *at)
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
     if (!any)
-        reading_add_fault(
-            r, &frames,
-            "no path of the surface has a place for the frame's number: write it as #### or %%04d");
+        reading_add_fault(r, &frames,
+                          "no path of the surface has a place for the frame's number: write #### or %%04d");
     if (s->directory && !frames_is_pattern(s->directory))
         reading_add_fault(
             r, &frames,
             "output.directory has no place for the frame's number, so that frames would replace each other:"
-            " write it as #### or %%04d");
+            " write #### or %%04d");
 }
 
 static void check_exr(reading *r, const json_at *at)

@@ -1,8 +1,8 @@
 /* schema: the JSON Schema (2020-12) of a job's spec, made of the table of parameters.
  *
- * It says what a member may be by itself, and which of them go together; what depends on values elsewhere (a torus'
- * minor radius below its major one, members of one method) is left to spec_parse, so that a document that fits
- * may still be refused, and one that does not fit always is. Any thread.
+ * The schema checks each member alone and which members exclude each other. Conditions between values (the minor
+ * radius of a torus is less than the major one, members of one method) are checked by spec_parse only: a document
+ * that violates the schema is always refused, and one that satisfies it may be refused. Any thread may call this.
  */
 #ifndef HEXAD_SPEC_SCHEMA_H
 #define HEXAD_SPEC_SCHEMA_H

@@ -31,8 +31,8 @@ static void read_part(reading *r, const json_at *at, json *normal)
     enum { DEEPEST = 16, MOST_SURFACES = 256 };
     spec_surface *whole = r->surface, *part;
     if (r->depth == DEEPEST || r->surfaces == MOST_SURFACES) {
-        reading_add_fault(r, at, "there are more than %d surfaces, or %d within each other", MOST_SURFACES,
-                          DEEPEST);
+        reading_add_fault(r, at, "more than %d surfaces, or more than %d levels of nested surfaces",
+                          MOST_SURFACES, DEEPEST);
         return;
     }
     part = mem_alloc(sizeof *part);
@@ -120,7 +120,7 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
     json_at at = json_member(group, spec_row_key(row));
     if (row->methods && !(row->methods & 1u << r->s->method)) {
         const char *method = spec_row_find("/solver", "method")->words[r->s->method];
-        if (at.node) reading_add_fault(r, &at, "is no member of the method \"%s\"", method);
+        if (at.node) reading_add_fault(r, &at, "does not belong to the method \"%s\"", method);
         return;
     }
     if (row->type == SPEC_TYPE_GROUP) {
@@ -132,7 +132,7 @@ static void read_row(reading *r, const json_at *group, const spec_row *row, json
         if (!(row->shapes & 1u << r->surface->analytic.shape)) {
             const char *shape =
                 spec_row_find("/surface/analytic", "shape")->words[r->surface->analytic.shape];
-            if (at.node) reading_add_fault(r, &at, "is no member of the shape \"%s\"", shape);
+            if (at.node) reading_add_fault(r, &at, "does not belong to the shape \"%s\"", shape);
             return;
         }
     }

@@ -80,7 +80,7 @@ typedef struct spec_bspline {
     char *path; /* of their file, or NULL */
 } spec_bspline;
 
-/* Of the members that are surfaces' kinds only the one of `kind` is set. */
+/* Only the member that belongs to `kind` is set. */
 typedef struct spec_surface spec_surface;
 
 struct spec_surface {
@@ -92,7 +92,7 @@ struct spec_surface {
     spec_mesh mesh;
     spec_volume volume;
     spec_exr exr;
-    spec_surface **parts; /* what is combined: two or more; what is offset or transformed: one */
+    spec_surface **parts; /* two or more of a combination, one of an offset or transform */
     size_t part_count;
     double distance; /* of an offset, outwards */
     double *matrix;  /* of a transform: 16 numbers, row-major, column vectors, invertible, last row 0 0 0 1 */
@@ -171,7 +171,7 @@ typedef struct spec {
     bool has_preview;                  /* true by default */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
-    bool has_camera;                   /* else one that sees all of it */
+    bool has_camera;                   /* otherwise the camera sees the whole surface */
     spec_camera camera;
     spec_compression preview_compression; /* of preview.exr */
     int turntable;                        /* frames; 0: none */
@@ -179,7 +179,7 @@ typedef struct spec {
 
     char *directory; /* NULL: no copy */
 
-    int64_t memory_mb; /* limits; 0: the default of whoever runs the job */
+    int64_t memory_mb; /* limits; 0: the default of the service or the worker */
     double timeout_s, stall_s;
     int max_attempts;
 
@@ -188,7 +188,7 @@ typedef struct spec {
     size_t label_count;
     char **depends_on; /* ids of jobs */
     size_t depends_on_count;
-    char *frames; /* as given, NULL: the job is no sequence; their numbers: */
+    char *frames; /* as given; NULL: the job is not a sequence. Their numbers: */
     int *frame;
     size_t frame_count;
     bool coherent;       /* each frame begins with the points of the one before */
@@ -198,8 +198,7 @@ typedef struct spec {
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;
 
-/* What is wrong with a spec: every fault found (up to SPEC_MAX_FAULTS), each with the JSON Pointer
- * of the member concerned. */
+/* The faults of a spec, at most SPEC_MAX_FAULTS, each with the JSON Pointer of its member. */
 #define SPEC_MAX_FAULTS 16
 
 typedef struct spec_fault {
@@ -213,8 +212,8 @@ typedef struct spec_faults {
     spec_fault item[SPEC_MAX_FAULTS];
 } spec_faults;
 
-/* Checks a document and builds the spec. On failure NULL; *faults holds what was found and *e sums
- * it up: the first, and how many there are, code spec_invalid. `faults` may be NULL. */
+/* Checks a document and builds the spec. Returns NULL on failure: *faults holds the faults, and *e
+ * (spec_invalid) the first of them and their number. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
 void spec_free(spec *s);
 
@@ -227,14 +226,14 @@ typedef struct spec_input {
 /* The index-th of the files that a job reads; false when there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);
 
-/* Puts the number of a frame into the paths of the spec's files; the normalised document stays as it is. Before any
- * other thread reads the spec. */
+/* Inserts the frame number into the paths of the input files. The normalised document does not change. Call it before
+ * another thread reads the spec. */
 void spec_set_frame(spec *s, int frame);
 
 /* The word of an energy, as energy_find takes it. */
 const char *spec_energy_name(spec_energy energy);
 
-/* The table as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
+/* Prints the table of parameters as help: one paragraph per parameter (pointer, type, default, range, unit, meaning). */
 void spec_print_help(FILE *file);
 
 #endif

@@ -35,65 +35,64 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1,
      UNSTORED,
-     .prose = "The version of this contract."},
+     .prose = "The version of the spec's format."},
     {.pointer = "/name",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 200,
      AT(name),
-     .prose = "A name for people."},
+     .prose = "A name for people. hexad does not interpret it."},
 
-    GROUP("/surface", SPEC_REQUIRED, "The surface to sample: exactly one of its members."),
+    GROUP("/surface", SPEC_REQUIRED, "The surface to sample. Give exactly one of its members."),
     {.pointer = "/surface/vdb",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A scalar grid of an OpenVDB file, at its isovalue."},
+     .prose = "A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue."},
     {.pointer = "/surface/vdb/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
      AT(surface.vdb.path),
-     .prose = "The file; below one of the service's input roots."},
+     .prose = "The file. It must lie below one of the service's input roots."},
     {.pointer = "/surface/vdb/grid",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.vdb.grid),
-     .prose = "The grid's name, \"name[1]\" among equals. May be absent when the file has just one "
-              "scalar grid."},
+     .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second. "
+              "Optional if the file has only one scalar grid."},
     {.pointer = "/surface/vdb/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .low = -1e30,
      .high = 1e30,
      AT_HAS(surface.vdb.isovalue, surface.vdb.has_isovalue),
      .unit = "the grid's",
-     .prose = "The value on the surface. Level sets have 0 without it; fog volumes need it."},
+     .prose = "The value on the surface. Default for a level set: 0. Required for a fog volume."},
     {.pointer = "/surface/vdb/reconstruction",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.vdb.reconstruction),
-     .prose = "interpolating: the spline passes through the samples; smoothing: it takes them as "
-              "its coefficients, "
-              "which blurs noise and moves the surface slightly."},
+     .prose = "interpolating: the spline passes through the samples. smoothing: the samples are the "
+              "spline's coefficients; this blurs noise and moves the surface slightly."},
 
     {.pointer = "/surface/mesh",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A closed triangle mesh, turned into a level set of exact distances."},
+     .prose = "A closed triangle mesh. hexad converts it into a level set with exact distances."},
     {.pointer = "/surface/mesh/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
      AT(surface.mesh.path),
-     .prose = "The file, PLY, OBJ, STL, OFF or another format that assimp reads; below one of the "
-              "service's input roots. Other files that it names are not read."},
+     .prose = "The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one "
+              "of the service's input roots. Other files that it names are not read."},
     {.pointer = "/surface/mesh/voxel_size",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -102,8 +101,8 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(surface.mesh.voxel_size),
      .unit = "world",
-     .prose = "Size of the level set's voxels, between 1/8191 and 1/8 of the longest side of the "
-              "mesh's box. Not beside resolution."},
+     .prose = "The voxel size of the level set, between 1/8191 and 1/8 of the longest side of the mesh's "
+              "bounding box. Excludes resolution."},
     {.pointer = "/surface/mesh/resolution",
      .type = SPEC_TYPE_INTEGER,
      .choice = SPEC_CHOICE_VOXELS,
@@ -112,10 +111,10 @@ const spec_row spec_rows[] = {
      .otherwise = "256",
      AT(surface.mesh.resolution),
      .unit = "voxels",
-     .prose = "Voxels along the longest side of the mesh's box; the default where no voxel_size is given. "
-              "At 256 nine tenths and more of a scanned mesh lie within 0.05 voxel of the surface that is "
-              "sampled, all but creases; 512 takes three times the memory and time to bring in a third of "
-              "the rest."},
+     .prose = "The number of voxels along the longest side of the mesh's bounding box. The default applies "
+              "if voxel_size is absent. At 256, at least nine tenths of a scanned mesh lie within 0.05 "
+              "voxel of the sampled surface; creases deviate more. 512 needs three times the memory and "
+              "time and brings about a third of the rest within 0.05 voxel."},
     {.pointer = "/surface/mesh/band_vox",
      .type = SPEC_TYPE_INTEGER,
      .low = 3,
@@ -123,8 +122,8 @@ const spec_row spec_rows[] = {
      .otherwise = "4",
      AT(surface.mesh.band_vox),
      .unit = "voxels",
-     .prose = "Half-width of the band of distances around the mesh. Particles use four voxels on either "
-              "side of the surface; three give the same surface, more take time only."},
+     .prose = "The half-width of the band of distances around the mesh. Particles use four voxels on "
+              "either side of the surface. Three give the same surface; more than four only cost time."},
 
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
@@ -137,7 +136,7 @@ const spec_row spec_rows[] = {
      .flags = SPEC_REQUIRED,
      WORDS(SPEC_SHAPE),
      AT(surface.analytic.shape),
-     .prose = "Which formula."},
+     .prose = "The formula."},
     {.pointer = "/surface/analytic/center",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
@@ -146,7 +145,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(SPHERE) | SHAPE(TORUS) | SHAPE(BOX) | SHAPE(ELLIPSOID) | SHAPE(QUARTIC) | SHAPE(GYROID),
      AT(surface.analytic.center),
      .unit = "world",
-     .prose = "Every shape: its centre."},
+     .prose = "Every shape: the centre."},
     {.pointer = "/surface/analytic/radius",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -155,7 +154,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(SPHERE),
      AT(surface.analytic.radius),
      .unit = "world",
-     .prose = "sphere: its radius."},
+     .prose = "sphere: the radius."},
     {.pointer = "/surface/analytic/axis",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
@@ -163,7 +162,8 @@ const spec_row spec_rows[] = {
      .otherwise = "[0,0,1]",
      .shapes = SHAPE(TORUS),
      AT(surface.analytic.axis),
-     .prose = "torus: direction of its axis of rotation; not zero, of any length."},
+     .prose = "torus: the direction of the axis of rotation. It must not be zero; its length does not "
+              "matter."},
     {.pointer = "/surface/analytic/major_radius",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -172,7 +172,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(TORUS),
      AT(surface.analytic.major_radius),
      .unit = "world",
-     .prose = "torus: from the centre to the middle of the tube."},
+     .prose = "torus: the distance from the centre to the middle of the tube."},
     {.pointer = "/surface/analytic/minor_radius",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -181,7 +181,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(TORUS),
      AT(surface.analytic.minor_radius),
      .unit = "world",
-     .prose = "torus: radius of the tube, less than major_radius."},
+     .prose = "torus: the radius of the tube. It must be less than major_radius."},
     {.pointer = "/surface/analytic/half_size",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -190,7 +190,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(BOX),
      AT(surface.analytic.half_size),
      .unit = "world",
-     .prose = "box: half of each side, rounding included."},
+     .prose = "box: half of each side, including the rounding."},
     {.pointer = "/surface/analytic/rounding",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -199,7 +199,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(BOX),
      AT(surface.analytic.rounding),
      .unit = "world",
-     .prose = "box: radius of its edges and corners, at most the smallest half size."},
+     .prose = "box: the radius of edges and corners. It must not exceed the smallest half size."},
     {.pointer = "/surface/analytic/radii",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -218,7 +218,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(QUARTIC),
      AT(surface.analytic.r),
      .unit = "world",
-     .prose = "quartic: r of equation (15)."},
+     .prose = "quartic: r in equation (15)."},
     {.pointer = "/surface/analytic/size",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
@@ -228,7 +228,7 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(GYROID),
      AT(surface.analytic.size),
      .unit = "world",
-     .prose = "gyroid: sides of the box that cuts it."},
+     .prose = "gyroid: the sides of the box that cuts it."},
     {.pointer = "/surface/analytic/period",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -237,25 +237,25 @@ const spec_row spec_rows[] = {
      .shapes = SHAPE(GYROID),
      AT(surface.analytic.period),
      .unit = "world",
-     .prose = "gyroid: length of one period."},
+     .prose = "gyroid: the length of one period."},
 
     {.pointer = "/surface/bspline",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "The zero set of a uniform cubic B-spline, by its coefficients; negative is inside. Along "
-              "an axis with n coefficients the domain is n - 3 knot intervals of equal length w, and "
-              "coefficient i, from 0, belongs to the basis function centred on min + (i - 1) w: the "
-              "first and the last stand one interval outside of the domain."},
+     .prose = "The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are "
+              "inside. Along an axis with n coefficients the domain has n - 3 knot intervals of equal "
+              "length w. Coefficient i, counted from 0, belongs to the basis function centred on min + (i "
+              "- 1) w, so the first and the last coefficient lie one interval outside the domain."},
     {.pointer = "/surface/bspline/dims",
      .type = SPEC_TYPE_TRIPLE,
      .flags = SPEC_REQUIRED,
      .low = 4,
      .high = 4096,
      AT(surface.bspline.dims),
-     .prose = "Number of coefficients along x, y and z."},
-    GROUP("/surface/bspline/domain", 0, "The box that the spline is defined in."),
+     .prose = "The number of coefficients along x, y and z."},
+    GROUP("/surface/bspline/domain", 0, "The box in which the spline is defined."),
     {.pointer = "/surface/bspline/domain/min",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
@@ -263,7 +263,7 @@ const spec_row spec_rows[] = {
      .otherwise = "[0,0,0]",
      AT(surface.bspline.domain.min),
      .unit = "world",
-     .prose = "Its lowest corner."},
+     .prose = "The lowest corner."},
     {.pointer = "/surface/bspline/domain/max",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
@@ -271,38 +271,40 @@ const spec_row spec_rows[] = {
      .otherwise = "[1,1,1]",
      AT(surface.bspline.domain.max),
      .unit = "world",
-     .prose = "Its highest corner, above the lowest in every axis."},
+     .prose = "The highest corner. It must be above the lowest corner on every axis."},
     {.pointer = "/surface/bspline/coefficients",
      .type = SPEC_TYPE_NUMBERS,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = -COEFFICIENT_MAX,
      .high = COEFFICIENT_MAX,
      AT_HAS(surface.bspline.coefficients, surface.bspline.coefficient_count),
-     .prose = "The coefficients, x fastest, then y: as many as the product of dims."},
+     .prose = "The coefficients; x varies fastest, then y. Their number is the product of dims."},
     {.pointer = "/surface/bspline/path",
      .type = SPEC_TYPE_STRING,
      .choice = SPEC_CHOICE_COEFFICIENTS,
      .low = 1,
      .high = 4096,
      AT(surface.bspline.path),
-     .prose = "A file with the coefficients in the same order and nothing else: little-endian floats of "
-              "32 or of 64 bits, told apart by the file's size; below one of the service's input roots."},
+     .prose = "A file that contains only the coefficients, in the same order, as little-endian floats of "
+              "32 or 64 bits. The file size determines which. It must lie below one of the service's input "
+              "roots."},
 
     {.pointer = "/surface/volume",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A dense volume of a file, at its isovalue; inside is above it. World space is the file's own: "
-              "NRRD as its space says (left-posterior-superior stays that), NIfTI right-anterior-superior."},
+     .prose = "A dense volume. The surface is where the volume has the isovalue; larger values are inside. "
+              "World space is that of the file: for NRRD the space that the header names "
+              "(left-posterior-superior is not converted), for NIfTI right-anterior-superior."},
     {.pointer = "/surface/volume/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
      AT(surface.volume.path),
-     .prose = "The file, NRRD (data attached or in files beside it; raw, gzip or ascii), NIfTI-1 or NIfTI-2; "
-              "below one of the service's input roots, like the files that it names."},
+     .prose = "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1 or "
+              "NIfTI-2. It and the files that it names must lie below one of the service's input roots."},
     {.pointer = "/surface/volume/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
@@ -310,56 +312,53 @@ const spec_row spec_rows[] = {
      .high = 1e30,
      AT(surface.volume.isovalue),
      .unit = "the volume's",
-     .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
+     .prose = "The value on the surface. The surface is open where it meets the end of the data."},
     {.pointer = "/surface/volume/reconstruction",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.volume.reconstruction),
-     .prose = "As in /surface/vdb."},
+     .prose = "See /surface/vdb/reconstruction."},
 
     {.pointer = "/surface/exr",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose =
-         "A stack of OpenEXR images as a dense volume, at its isovalue; inside is above it. Pixel (x, y) of "
-         "the k-th slice, from 0, lies at origin + voxel_size (x, y, k): rows count downwards in the "
-         "picture, "
-         "and pixels have the numbers of the data window, wherever the display window is. The volume is what "
-         "the slices' data windows span; a pixel outside of its slice's is 0. Of tiled files with levels the "
-         "full one is read; deep images are refused."},
+     .prose = "A stack of OpenEXR images as a dense volume. The surface is where the volume has the "
+              "isovalue; larger values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin "
+              "+ voxel_size (x, y, k). Rows count downwards in the image. Pixels are numbered by the data "
+              "window, not by the display window. The volume covers the data windows of all slices; a "
+              "pixel outside the data window of its slice is 0. In tiled files with levels, the "
+              "full-resolution level is read. Deep images are refused."},
     {.pointer = "/surface/exr/path",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 4096,
      AT(surface.exr.path),
-     .prose =
-         "The files, with #### (as many digits, at least) or %04d for the slice's number; below one of the "
-         "service's input roots."},
+     .prose = "The files, with #### (at least as many digits) or %04d in place of the slice number. They "
+              "must lie below one of the service's input roots."},
     {.pointer = "/surface/exr/slices",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 3,
      .high = 64,
      AT(surface.exr.slices),
-     .prose = "Which slices, \"1-93\", or every second one, \"1-93x2\"; at least two, at most 65536."},
+     .prose = "The slices: \"1-93\", or every second one: \"1-93x2\". At least 2, at most 65536."},
     {.pointer = "/surface/exr/part",
      .type = SPEC_TYPE_STRING,
      .low = 0,
      .high = 1000,
      AT(surface.exr.part),
-     .prose = "The name of the part. May be absent when just one part has the channel."},
+     .prose = "The name of the part. Optional if only one part has the channel."},
     {.pointer = "/surface/exr/channel",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(surface.exr.channel),
-     .prose =
-         "The name of the channel, with its layer, \"density\" or \"fog.Y\". May be absent when there is "
-         "just one."},
+     .prose = "The name of the channel including its layer, such as \"density\" or \"fog.Y\". Optional if "
+              "there is only one."},
     {.pointer = "/surface/exr/voxel_size",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_LOW_OPEN,
@@ -368,7 +367,7 @@ const spec_row spec_rows[] = {
      .otherwise = "[1,1,1]",
      AT(surface.exr.voxel_size),
      .unit = "world",
-     .prose = "Distance between columns, rows and slices."},
+     .prose = "The distance between columns, rows and slices."},
     {.pointer = "/surface/exr/origin",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
@@ -376,7 +375,7 @@ const spec_row spec_rows[] = {
      .otherwise = "[0,0,0]",
      AT(surface.exr.origin),
      .unit = "world",
-     .prose = "Where pixel (0, 0) of the first slice lies."},
+     .prose = "The position of pixel (0, 0) of the first slice."},
     {.pointer = "/surface/exr/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
@@ -384,52 +383,49 @@ const spec_row spec_rows[] = {
      .high = 1e30,
      AT(surface.exr.isovalue),
      .unit = "the channel's",
-     .prose = "The value on the surface. Where the surface meets the end of the data it is open."},
+     .prose = "The value on the surface. The surface is open where it meets the end of the data."},
     {.pointer = "/surface/exr/reconstruction",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_RECONSTRUCTION),
      .otherwise = "\"interpolating\"",
      AT(surface.exr.reconstruction),
-     .prose = "As in /surface/vdb."},
+     .prose = "See /surface/vdb/reconstruction."},
     {.pointer = "/surface/union",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "What is in any of the solids. Members are surfaces, combined ones too. Where two meet the "
-              "surface has a "
-              "sharp edge."},
+     .prose = "The union of the solids. Each member is a surface and may itself be a combination. The "
+              "result has a sharp edge where two surfaces meet."},
     {.pointer = "/surface/intersection",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "What is in all of the solids."},
+     .prose = "The intersection of the solids."},
     {.pointer = "/surface/difference",
      .type = SPEC_TYPE_SURFACES,
      .choice = SPEC_CHOICE_SURFACE,
      .low = 2,
      .high = 64,
      UNSTORED,
-     .prose = "What is in the first solid and in none of the others."},
+     .prose = "The first solid without the others."},
     {.pointer = "/surface/offset",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose =
-         "A surface at a distance. Of spheres, tori, boxes, level sets and meshes, and of combinations of "
-         "them and "
-         "transforms that keep angles: their distances are moved, so that edges of a combination stay sharp. "
-         "The "
-         "band of a level set must be wide enough. Surfaces without distances, fogs for one, are refused."},
+     .prose = "A surface at a constant distance from another one. The other surface must have distances: "
+              "spheres, tori, boxes, level sets and meshes have them, and so have their combinations and "
+              "their transforms that keep angles. Other surfaces, such as fog volumes, are refused. Edges "
+              "of a combination stay sharp. The band of a level set must be wide enough for the offset."},
     {.pointer = "/surface/offset/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
-     .prose = "Which surface."},
+     .prose = "The surface to offset."},
     {.pointer = "/surface/offset/distance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,
@@ -437,35 +433,37 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(surface.distance),
      .unit = "world",
-     .prose = "Outwards; negative: inwards."},
+     .prose = "The distance. Positive is outwards, negative is inwards."},
     {.pointer = "/surface/transform",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_SURFACE,
      UNSTORED,
-     .prose = "A surface moved, turned, mirrored, scaled or sheared by a matrix. One that is open may only "
-              "change its "
-              "axes' order, signs and scales, since boundaries lie along the world's axes."},
+     .prose = "A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries "
+              "lie along the world's axes, so the matrix of an open surface may only exchange, flip and "
+              "scale axes, and translate."},
     {.pointer = "/surface/transform/surface",
      .type = SPEC_TYPE_SURFACE,
      .flags = SPEC_REQUIRED,
      UNSTORED,
-     .prose = "Which surface."},
+     .prose = "The surface to transform."},
     {.pointer = "/surface/transform/matrix",
      .type = SPEC_TYPE_NUMBERS,
      .flags = SPEC_REQUIRED,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      AT_HAS(surface.matrix, surface.matrix_count),
-     .prose = "16 numbers, row by row, for column vectors: the last row is 0, 0, 0, 1. Invertible."},
+     .prose = "An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, "
+              "0, 1."},
 
     {.pointer = "/region",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_region),
-     .prose = "Only the surface inside this box. Where the box cuts the surface it is open and points lie "
-              "along the cut. Curvature is made free of scale by the box of the whole surface all the same."},
+     .prose = "Only the part of the surface inside this box is sampled. Where the box cuts the surface, "
+              "the surface is open and points lie along the cut. The scale of curvature still comes from "
+              "the bounding box of the whole surface."},
     {.pointer = "/region/min",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
@@ -473,7 +471,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(region.min),
      .unit = "world",
-     .prose = "Its lowest corner."},
+     .prose = "The lowest corner."},
     {.pointer = "/region/max",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
@@ -481,11 +479,11 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(region.max),
      .unit = "world",
-     .prose = "Its highest corner, above the lowest in every axis."},
+     .prose = "The highest corner. It must be above the lowest corner on every axis."},
 
     GROUP("/sampling", SPEC_REQUIRED,
-          "How many points: exactly one target (count, spacing, density, control or time_s), and at most one "
-          "grading (alpha, curvature or grid)."),
+          "The number of points. Give exactly one target (count, spacing, density, control or time_s) "
+          "and at most one rule for the spacing (alpha, curvature or grid)."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -493,7 +491,7 @@ const spec_row spec_rows[] = {
      .high = 1e8,
      AT(count),
      .unit = "points",
-     .prose = "Exactly this many points."},
+     .prose = "The exact number of points."},
     {.pointer = "/sampling/spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -502,7 +500,8 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(spacing),
      .unit = "world",
-     .prose = "As many points as give this mean distance between neighbours: 2 A / (sqrt(3) spacing^2)."},
+     .prose = "The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is "
+              "the area."},
     {.pointer = "/sampling/density",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -511,17 +510,16 @@ const spec_row spec_rows[] = {
      .high = 1e300,
      AT(density),
      .unit = "1/world^2",
-     .prose = "As many points per unit of the surface's area."},
+     .prose = "The number of points per unit of area."},
     {.pointer = "/sampling/control",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_TARGET,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
-     .prose =
-         "Section 6.1: the smallest system that keeps a lower bound on the count and an upper bound on "
-         "sigma at the ideal energy. paper: by insertion and deletion between rounds, from min_count on; "
-         "sized: by solving for the count directly, from sigma = sqrt(3) spacing."},
+     .prose = "Section 6.1: the smallest system with at least min_count points and at most the support "
+              "max_sigma at the ideal energy. paper inserts and deletes points between rounds, beginning "
+              "with min_count. sized computes the count directly, from sigma = sqrt(3) spacing."},
     {.pointer = "/sampling/control/min_count",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
@@ -529,7 +527,7 @@ const spec_row spec_rows[] = {
      .high = 1e8,
      AT(control.min_count),
      .unit = "points",
-     .prose = "At least this many points."},
+     .prose = "The least number of points."},
     {.pointer = "/sampling/control/max_sigma",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED | SPEC_LOW_OPEN,
@@ -537,7 +535,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(control.max_sigma),
      .unit = "world",
-     .prose = "The support of the potential is at most this: points are inserted until that is enough."},
+     .prose = "The largest support of the potential. Points are inserted until the support is small enough."},
     {.pointer = "/sampling/control/start_count",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -545,17 +543,16 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(control.start_count),
      .unit = "points",
-     .prose =
-         "How many points paper begins with, at least min_count; 0: min_count. One near the result saves "
-         "rounds; of one that is too large points are deleted."},
+     .prose = "The number of points that paper begins with, at least min_count; 0: min_count. A number "
+              "near the result saves rounds. If it is too large, points are deleted."},
     {.pointer = "/sampling/control/selection",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_SELECTION),
      .otherwise = "\"biased\"",
      AT(control.selection),
-     .prose =
-         "Which points are split or deleted. biased: those of little energy are likelier to split, those of "
-         "much to go; random: any. Only paper inserts and deletes."},
+     .prose = "Which points are split or deleted. biased: points with little energy are more likely to be "
+              "split, points with much energy to be deleted. random: all points are equally likely. Only "
+              "the method paper inserts and deletes points."},
     {.pointer = "/sampling/time_s",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -564,40 +561,40 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      AT(time_s),
      .unit = "s",
-     .prose =
-         "As many points as the whole job can relax, measure and write in this time on the machine that runs "
-         "it, found by runs of ever more points. Not the same bytes twice, and never cached. Fails with "
-         "limit_time where not even 200 points fit."},
+     .prose = "As many points as the whole job can relax, measure and write in this time on the machine "
+              "that runs it. Trial runs with increasing counts determine the number. The result is not "
+              "reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
+              "fit."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_alpha),
-     .prose = "Grading by curvature, equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu), "
-              "with kappa made free "
-              "of scale by the longest side of the surface's box."},
+     .prose = "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). "
+              "kappa is multiplied by the longest side of the surface's bounding box, so that it does not "
+              "depend on scale."},
     {.pointer = "/sampling/alpha/d",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 16,
      .otherwise = "2",
      AT(alpha.d),
-     .prose = "Exponent: larger follows the curvature more strongly, below 1 more softly."},
+     .prose = "The exponent. A larger one follows the curvature more strongly, one below 1 more weakly."},
     {.pointer = "/sampling/alpha/gamma",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
      .high = 1000,
      .otherwise = "0.1",
      AT(alpha.gamma),
-     .prose = "Lower bound of alpha, reached where the curvature is strong."},
+     .prose = "The lower bound of alpha, which alpha approaches where the curvature is strong."},
     {.pointer = "/sampling/alpha/nu",
      .type = SPEC_TYPE_NUMBER,
      .low = 0.001,
      .high = 1000,
      .otherwise = "0.75",
      AT(alpha.nu),
-     .prose = "1/nu + gamma is alpha where the surface is flat."},
+     .prose = "Where the surface is flat, alpha is gamma + 1/nu."},
     {.pointer = "/sampling/alpha/kappa_max",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -605,16 +602,15 @@ const spec_row spec_rows[] = {
      .high = 1e6,
      .otherwise = "20",
      AT(alpha.kappa_max),
-     .prose = "Larger values of the scale-free curvature count as this one."},
+     .prose = "Larger values of the scale-free curvature are replaced by this one."},
     {.pointer = "/sampling/curvature",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_curvature),
-     .prose = "Spacing by curvature: finer where the surface bends. The request is scaled until it asks for "
-              "as many "
-              "points as the target."},
+     .prose = "Spacing by curvature: finer where the surface bends. The requested spacing is scaled so "
+              "that it needs as many points as the target."},
     {.pointer = "/sampling/curvature/chord_error",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -623,18 +619,17 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(curvature.chord_error),
      .unit = "world",
-     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between neighbours is that "
-              "far off the "
-              "surface. The report says which error the count reaches."},
+     .prose = "Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours "
+              "deviates from the surface by chord_error. The report states the error that the count "
+              "achieves."},
     {.pointer = "/sampling/curvature/ratio",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_CURVATURE,
      .low = 1,
      .high = 1000,
      AT(curvature.ratio),
-     .prose = "Spacing proportional to kappa^-exponent, the largest this many times the least; the least is "
-              "where a "
-              "hundredth of the area bends more."},
+     .prose = "The ratio of the largest to the smallest spacing. The spacing is proportional to "
+              "kappa^-exponent. It is smallest where the curvature exceeds that of 99 % of the area."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -642,31 +637,30 @@ const spec_row spec_rows[] = {
      .high = 100,
      .otherwise = "1",
      AT(curvature.exponent),
-     .prose = "How strongly the spacing follows the curvature, with ratio."},
+     .prose = "How strongly the spacing follows the curvature. Belongs to ratio."},
     {.pointer = "/sampling/grid",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_grid),
-     .prose = "Spacing from a second scalar grid of the surface's VDB file, a painted map. The request is "
-              "scaled until "
-              "it asks for as many points as the target."},
+     .prose = "Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The "
+              "requested spacing is scaled so that it needs as many points as the target."},
     {.pointer = "/sampling/grid/name",
      .type = SPEC_TYPE_STRING,
      .flags = SPEC_REQUIRED,
      .low = 1,
      .high = 1024,
      AT(grid.name),
-     .prose = "Its name; \"name[1]\" among equals."},
+     .prose = "The name of the grid. If several grids have the same name, write \"name[1]\" for the second."},
     {.pointer = "/sampling/grid/kind",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MAP),
      .otherwise = "\"spacing\"",
      AT(grid.kind),
-     .prose = "spacing: the distance between neighbours. density: points per unit of area; 0 asks for none, "
-              "but for what "
-              "the bounds require."},
+     .prose = "spacing: values are distances between neighbours. density: values are points per unit of "
+              "area; where the density is 0, there are only the points that max_spacing and gradation "
+              "require."},
     {.pointer = "/sampling/min_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -674,7 +668,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(min_spacing),
      .unit = "world",
-     .prose = "Least spacing of a grading (curvature or grid)."},
+     .prose = "The smallest spacing. Belongs to curvature and grid."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -682,7 +676,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(max_spacing),
      .unit = "world",
-     .prose = "Largest spacing of a grading (curvature or grid)."},
+     .prose = "The largest spacing. Belongs to curvature and grid."},
     {.pointer = "/sampling/gradation",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -690,38 +684,37 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.2",
      AT(gradation),
-     .prose = "By how much the spacing of a grading may grow per unit of distance along the surface."},
+     .prose = "The largest increase of the spacing per unit of distance along the surface. Belongs to "
+              "curvature and grid."},
 
-    GROUP("/solver", 0, "How the points are found."),
+    GROUP("/solver", 0, "How the points are computed."),
     {.pointer = "/solver/method",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_METHOD),
      .otherwise = "\"sized\"",
      AT(method),
-     .prose =
-         "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same, from a "
-         "coarse packing to ever finer ones, which leaves fewer defects in less time. The default with "
-         "sampling.alpha is paper, to which it belongs. witkin-heckbert: the method that the paper compares "
-         "itself with, for comparison; it has a Gaussian energy of its own, splits and deletes points at any "
-         "time and does not come to the count that is asked for."},
+     .prose = "paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same system, "
+              "solved from coarse to fine; it leaves fewer defects in less time. witkin-heckbert: the "
+              "method that the paper compares itself with. It has its own Gaussian energy, splits and "
+              "deletes points at any time and does not reach the requested count exactly. With "
+              "sampling.alpha the default is paper."},
     {.pointer = "/solver/energy",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ENERGY),
      .otherwise = "\"cotangent\"",
      .methods = MEYER,
      AT(energy),
-     .prose =
-         "cotangent: equations (6) and (7). gaussian and electrostatic: for comparison, see section 4; the "
-         "Gaussian's deviation is a third of the support, the electrostatic one is truncated at it."},
+     .prose = "cotangent: equations (6) and (7). gaussian and electrostatic are for comparison, see "
+              "section 4. The standard deviation of the Gaussian is a third of the support; the "
+              "electrostatic energy is cut off at the support."},
     {.pointer = "/solver/minimiser",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_MINIMISER),
      .otherwise = "\"lm\"",
      .methods = MEYER,
      AT(minimiser),
-     .prose = "lm: Levenberg-Marquardt with a lambda per particle, section 5. gradient: steepest descent (5) "
-              "with a "
-              "fixed step, as for Table 1."},
+     .prose = "lm: Levenberg-Marquardt with one lambda per particle, section 5. gradient: steepest descent "
+              "(5) with a fixed step, as in Table 1."},
     {.pointer = "/solver/step",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -731,9 +724,8 @@ const spec_row spec_rows[] = {
      .methods = MEYER,
      AT(step),
      .unit = "sigma^2",
-     .prose = "Step of the gradient minimiser: times the force, in units of sigma^2. Above about 0.2 the "
-              "cotangent "
-              "overshoots. Only with gradient."},
+     .prose = "The step of the gradient minimiser: a factor of the force, in units of sigma^2. The "
+              "cotangent energy overshoots above about 0.2. Belongs to gradient."},
     {.pointer = "/solver/sigma",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -742,14 +734,14 @@ const spec_row spec_rows[] = {
      .methods = MEYER,
      AT(sigma),
      .unit = "world",
-     .prose = "Initial support of the potential; adapted to the count. 0: from count and area."},
+     .prose = "The initial support of the potential. It adapts to the count. 0: computed from count and "
+              "area."},
     {.pointer = "/solver/witkin_heckbert",
      .type = SPEC_TYPE_GROUP,
      .methods = METHOD(WITKIN_HECKBERT),
      UNSTORED,
-     .prose = "The parameters of the method \"witkin-heckbert\", with the symbols and the defaults of its "
-              "paper (1994). "
-              "Its target radius, sigma_hat, comes from the sampling target."},
+     .prose = "Parameters of the method \"witkin-heckbert\", with the symbols and defaults of its paper "
+              "(1994). The target radius, sigma_hat, follows from the sampling target."},
     {.pointer = "/solver/witkin_heckbert/alpha",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -758,7 +750,8 @@ const spec_row spec_rows[] = {
      .otherwise = "6",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.alpha),
-     .prose = "alpha: amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). Scales the speed."},
+     .prose = "alpha: the amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). It scales "
+              "the speed."},
     {.pointer = "/solver/witkin_heckbert/e_hat",
      .type = SPEC_TYPE_NUMBER,
      .low = 0.01,
@@ -766,8 +759,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0.8",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.e_hat),
-     .prose = "E_hat over alpha: the energy that a particle wants. More is denser: at 0.8 neighbours are "
-              "two sigma apart."},
+     .prose = "E_hat divided by alpha: the energy that each particle aims at. A larger one gives a denser "
+              "sampling. At 0.8 neighbours are two sigma apart."},
     {.pointer = "/solver/witkin_heckbert/rho",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -775,7 +768,7 @@ const spec_row spec_rows[] = {
      .otherwise = "15",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.rho),
-     .prose = "rho: how fast a particle's radius follows its energy, dD/dt = -rho (D - E_hat)."},
+     .prose = "rho: how fast the radius of a particle follows its energy, dD/dt = -rho (D - E_hat)."},
     {.pointer = "/solver/witkin_heckbert/phi",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -783,7 +776,7 @@ const spec_row spec_rows[] = {
      .otherwise = "15",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.phi),
-     .prose = "phi: how fast a particle returns to the surface, dF/dt = -phi F, the feedback term of (2)."},
+     .prose = "phi: how fast a particle returns to the surface, dF/dt = -phi F: the feedback term of (2)."},
     {.pointer = "/solver/witkin_heckbert/beta",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -792,8 +785,8 @@ const spec_row spec_rows[] = {
      .otherwise = "10",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.beta),
-     .prose = "beta: keeps the rate of a radius finite where there are no neighbours. In units of 1 / "
-              "sigma_i, where the paper of 1994 has 1 / length."},
+     .prose = "beta: keeps the rate of a radius finite where a particle has no neighbours. In units of 1 / "
+              "sigma_i; the paper of 1994 uses 1 / length."},
     {.pointer = "/solver/witkin_heckbert/dt",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -803,8 +796,8 @@ const spec_row spec_rows[] = {
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.dt),
      .unit = "time",
-     .prose = "Delta t: time step of Euler's method; with the other defaults it is unstable above about "
-              "0.07."},
+     .prose = "Delta t: the time step of Euler's method. With the other defaults it is unstable above "
+              "about 0.07."},
     {.pointer = "/solver/witkin_heckbert/gamma",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -813,7 +806,8 @@ const spec_row spec_rows[] = {
      .otherwise = "4",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.gamma),
-     .prose = "gamma: a particle slower than gamma sigma_i is near its equilibrium, and may split or die."},
+     .prose = "gamma: a particle slower than gamma sigma_i is near its equilibrium and may be split or "
+              "deleted."},
     {.pointer = "/solver/witkin_heckbert/nu",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -821,7 +815,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0.2",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.nu),
-     .prose = "nu: a particle whose radius is above its target splits when its energy is above nu E_hat."},
+     .prose = "nu: a particle whose radius exceeds its target is split when its energy exceeds nu E_hat."},
     {.pointer = "/solver/witkin_heckbert/delta",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -829,8 +823,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0.7",
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.delta),
-     .prose = "delta: a particle may die when its radius is below delta times its target, the likelier the "
-              "smaller."},
+     .prose = "delta: a particle may be deleted when its radius is below delta times its target radius. "
+              "The smaller the radius, the more likely."},
     {.pointer = "/solver/witkin_heckbert/sigma_max",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -839,38 +833,36 @@ const spec_row spec_rows[] = {
      .methods = METHOD(WITKIN_HECKBERT),
      AT(witkin_heckbert.sigma_max),
      .unit = "world",
-     .prose = "sigma_max: a particle with a larger radius splits in any case. 0: the larger of half of the "
-              "surface's longest side and 1.5 target radii."},
+     .prose = "sigma_max: a particle with a larger radius is always split. 0: the larger of half the "
+              "longest side of the surface and 1.5 target radii."},
     {.pointer = "/solver/init",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_INIT),
      .otherwise = "\"surface\"",
      AT(init),
-     .prose = "surface: spread over the surface by area; random: uniform in the domain or, for "
-              "volumes, in the voxels "
-              "that the surface crosses."},
+     .prose = "surface: the first points are distributed over the surface by area. random: they are "
+              "uniform in the domain or, for volumes, in the voxels that the surface crosses."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
      .high = 9007199254740992.0,
      .otherwise = "0",
      AT(seed),
-     .prose = "Seed of the random numbers: the same spec, seed and build give the same bytes."},
+     .prose = "The seed of the random numbers. The same spec, seed and build give the same bytes."},
     {.pointer = "/solver/threads",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
      .high = 1024,
      .otherwise = "0",
      AT(threads),
-     .prose = "Threads; 0: the worker's share. The result does not depend on it."},
+     .prose = "The number of threads; 0: the share of the worker. The result does not depend on it."},
     {.pointer = "/solver/isa",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ISA),
      .otherwise = "\"auto\"",
      AT(isa),
-     .prose =
-         "Instruction set of the numerical kernels; auto: the best that the machine has. The result does not "
-         "depend on it."},
+     .prose = "The instruction set of the numerical kernels; auto: the best one that the machine supports. "
+              "The result does not depend on it."},
     {.pointer = "/solver/max_sweeps",
      .type = SPEC_TYPE_INTEGER,
      .low = 1,
@@ -878,7 +870,7 @@ const spec_row spec_rows[] = {
      .otherwise = "5000",
      AT(max_sweeps),
      .unit = "sweeps",
-     .prose = "The solve ends after so many sweeps, converged or not."},
+     .prose = "The solver stops after this many sweeps, whether it has converged or not."},
     {.pointer = "/solver/step_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -887,11 +879,9 @@ const spec_row spec_rows[] = {
      .otherwise = "0.003",
      AT(step_tolerance),
      .unit = "spacings",
-     .prose =
-         "Converged needs an rms step below this (witkin-heckbert: the rms of what a unit of time would "
-         "bring). "
-         "What still moves at 0.003 are a few defects: a third of that takes twice the sweeps and changes no "
-         "measure of quality by more than seeds do."},
+     .prose = "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement "
+              "per unit of time. Below 0.003 only a few defects still move: a third of it doubles the "
+              "sweeps and changes the measures of quality by less than another seed does."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -899,30 +889,31 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.05",
      AT(energy_tolerance),
-     .prose = "Converged needs |E / E_ideal - 1| below this. 0.05 admits the defects that a closed "
-              "surface must have and "
-              "an area known to 1 % (which is 2.3 % of E), but no packing that is still disordered."},
+     .prose = "Convergence requires |E / E_ideal - 1| below this. 0.05 allows for the defects that every "
+              "closed surface has and for an area known to 1 % (2.3 % of E). A disordered packing exceeds "
+              "it."},
 
-    GROUP("/output", 0, "What is written."),
-    GROUP("/output/ply", 0, "points.ply"),
+    GROUP("/output", 0, "The files to write."),
+    GROUP("/output/ply", 0, "Options of points.ply."),
     {.pointer = "/output/ply/format",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PLY),
      .otherwise = "\"binary_little_endian\"",
      AT(ply_format),
-     .prose = "Encoding of the PLY file."},
+     .prose = "The encoding of points.ply."},
     {.pointer = "/output/ply/precision",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_PRECISION),
      .otherwise = "\"float\"",
      AT(ply_precision),
-     .prose = "Type of every property of the PLY file."},
+     .prose = "The type of all properties of points.ply except id."},
     {.pointer = "/output/preview",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_preview),
-     .prose = "preview.png and preview.exr; false for none."},
+     .prose = "preview.png and preview.exr. false: they are not written. true or an object: they are; the "
+              "object has the members below."},
     {.pointer = "/output/preview/size",
      .type = SPEC_TYPE_SIZE,
      .low = 64,
@@ -930,28 +921,28 @@ const spec_row spec_rows[] = {
      .otherwise = "[512,512]",
      AT(preview_width),
      .unit = "pixels",
-     .prose = "Side of a square picture, or [width, height]."},
+     .prose = "The side of a square image, or [width, height]."},
     {.pointer = "/output/preview/color",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COLOR),
      AT(preview_color),
-     .prose = "What the colours show: the amplitude alpha, kappa, a particle's energy, the achieved "
-              "spacing, or how many neighbours a point has. Default: alpha where sampling.alpha is "
-              "given, else curvature."},
+     .prose = "The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of "
+              "a particle, the achieved spacing, or the number of neighbours. Default: alpha if "
+              "sampling.alpha is given, otherwise curvature."},
     {.pointer = "/output/preview/compression",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_COMPRESSION),
      .otherwise = "\"none\"",
      AT(preview_compression),
-     .prose = "Of preview.exr. At 512 pixels square none has 12.6 MB; rle about 6 and zips 3, for 20 and "
-              "130 ms of processor time."},
+     .prose = "The compression of preview.exr. At 512 x 512 pixels, none gives 12.6 MB; rle about 6 MB for "
+              "20 ms of processor time, zips about 3 MB for 130 ms."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_camera),
-     .prose = "Where the pictures are taken from. Without it from the right, in front and above, with z "
-              "up, as near as all of it can be seen."},
+     .prose = "The camera. Without it, the surface is seen from the right, the front and above, with z up, "
+              "and fills the image."},
     {.pointer = "/output/preview/camera/position",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
@@ -959,7 +950,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(camera.position),
      .unit = "world",
-     .prose = "The eye. What lies behind it is not seen, in orthographic pictures either."},
+     .prose = "The position of the eye. Points behind it are not visible, also in orthographic images."},
     {.pointer = "/output/preview/camera/target",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
@@ -967,15 +958,15 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(camera.target),
      .unit = "world",
-     .prose = "A place in the middle of the picture."},
+     .prose = "The point in the middle of the image."},
     {.pointer = "/output/preview/camera/up",
      .type = SPEC_TYPE_VECTOR,
      .low = -WORLD_MAX,
      .high = WORLD_MAX,
      .otherwise = "[0,0,1]",
      AT(camera.up),
-     .prose = "A direction that points up in the picture, but not along the line of sight; and the axis "
-              "of a turntable."},
+     .prose = "The direction that points up in the image. It must not be parallel to the line of sight. A "
+              "turntable rotates about it."},
     {.pointer = "/output/preview/camera/fov",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -984,8 +975,8 @@ const spec_row spec_rows[] = {
      .high = 3,
      AT(camera.fov),
      .unit = "radians",
-     .prose = "The angle of view along the picture's longer side. Without it, and without orthographic, "
-              "0.452."},
+     .prose = "The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic "
+              "is given."},
     {.pointer = "/output/preview/camera/orthographic",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -994,7 +985,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(camera.orthographic),
      .unit = "world",
-     .prose = "A parallel projection, in which the picture's longer side spans so much."},
+     .prose = "Selects parallel projection: the length that the longer side of the image shows."},
     {.pointer = "/output/preview/turntable",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
@@ -1002,36 +993,38 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(turntable),
      .unit = "frames",
-     .prose = "So many pictures on one turn around the surface, preview.0001.png and so on; 0: none. The "
-              "axis is the camera's up through its target; without a camera, z through the middle of the "
-              "points."},
+     .prose = "The number of images of one full rotation around the surface: preview.0001.png and so on; "
+              "0: none. The axis is the camera's up direction through its target. Without a camera it is "
+              "the z axis through the centre of the points."},
     {.pointer = "/output/convergence",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_convergence),
-     .prose = "convergence.png: energy, lambda, step and count against the sweeps."},
+     .prose = "Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps."},
     {.pointer = "/output/points_vdb",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_points_vdb),
-     .prose = "points.vdb: the points as an OpenVDB points grid with N, pscale (half the achieved "
-              "spacing) and id (the point's place in points.ply, from 0)."},
+     .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
+              "spacing) and id (the index of the point in points.ply, from 0)."},
     {.pointer = "/output/mesh",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(has_mesh),
-     .prose = "mesh.ply: triangles whose vertices are the points, in the order and with the properties "
-              "of points.ply. The report's mesh says whether they close the surface."},
+     .prose = "Whether to write mesh.ply: triangles whose vertices are the points, with the order and "
+              "properties of points.ply. The member mesh of the report states whether the triangles close "
+              "the surface."},
     {.pointer = "/output/directory",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 4096,
      AT(directory),
-     .prose =
-         "Where the service puts a copy of the results: an absolute path below one of its output roots, made when"
-         " missing; files of the same names are replaced. Of a sequence #### or %04d is the frame's number."},
+     .prose = "The service copies the results into this directory: an absolute path below one of its "
+              "output roots. It is created if missing. Files of the same name are replaced. In a sequence, "
+              "#### or %04d stands for the frame number."},
 
-    GROUP("/limits", 0, "What the job may use; 0: the default of whoever runs it."),
+    GROUP("/limits", 0,
+          "The resources that the job may use. 0: the default of the service or of the worker."),
     {.pointer = "/limits/memory_mb",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1039,7 +1032,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(memory_mb),
      .unit = "MiB",
-     .prose = "Memory of the worker."},
+     .prose = "The memory of the worker."},
     {.pointer = "/limits/timeout_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1047,9 +1040,8 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(timeout_s),
      .unit = "s",
-     .prose =
-         "Time that the job, or a frame of it, may run, all attempts together; those that the service gave back"
-         " do not count."},
+     .prose = "The time that the job, or each frame of it, may run, summed over all attempts. Attempts "
+              "that the service gave back do not count."},
     {.pointer = "/limits/stall_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1057,7 +1049,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(stall_s),
      .unit = "s",
-     .prose = "Time without progress after which an attempt is ended."},
+     .prose = "An attempt without progress for this long is stopped."},
     {.pointer = "/limits/max_attempts",
      .type = SPEC_TYPE_INTEGER,
      .low = 0,
@@ -1065,7 +1057,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(max_attempts),
      .unit = "attempts",
-     .prose = "How often the job is tried when a worker dies."},
+     .prose = "How often the job is tried if its worker dies."},
 
     GROUP("/queue", 0, "The job's place in the queue."),
     {.pointer = "/queue/priority",
@@ -1074,37 +1066,36 @@ const spec_row spec_rows[] = {
      .high = 1000,
      .otherwise = "0",
      AT(priority),
-     .prose = "Higher runs first."},
+     .prose = "Jobs of higher priority run first."},
     {.pointer = "/queue/labels",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 32,
      .otherwise = "[]",
      AT_HAS(labels, label_count),
-     .prose = "Words to find the job by, each of 1 to 100 characters."},
+     .prose = "Words by which the job can be found, each 1 to 100 characters long."},
     {.pointer = "/queue/depends_on",
      .type = SPEC_TYPE_LABELS,
      .low = 0,
      .high = 1000,
      .otherwise = "[]",
      AT_HAS(depends_on, depends_on_count),
-     .prose =
-         "Identifiers of jobs that must have succeeded before; when one of them does not, this one fails."},
+     .prose = "Identifiers of jobs that must succeed before this one starts. If one of them does not "
+              "succeed, this job fails."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 1000,
      AT(frames),
      .prose =
-         "One task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first #### or %04d in each path of an input"
-         " is the frame's number."},
+         "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first "
+         "#### or %04d in each input path stands for the frame number."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
      AT(coherent),
-     .prose =
-         "Points that stay put: each frame begins with the points of the one before, carried along by the motion"
-         " of the surface, and each point keeps its id. With frames, and the method sized."},
+     .prose = "Whether each frame starts with the points of the frame before. The points follow the motion "
+              "of the surface and keep their ids. Requires frames and the method sized."},
     {.pointer = "/queue/retention_s",
      .type = SPEC_TYPE_LARGE,
      .low = 0,
@@ -1112,15 +1103,15 @@ const spec_row spec_rows[] = {
      .otherwise = "0",
      AT(retention_s),
      .unit = "s",
-     .prose = "How long the job and its results are kept after its end. 0: as the service has it."},
+     .prose = "How long the job and its results are kept after its end; 0: the service's setting."},
     {.pointer = "/queue/webhook",
      .type = SPEC_TYPE_STRING,
      .low = 1,
      .high = 2000,
      AT(webhook),
-     .prose =
-         "An address of http or https that is told when the job has ended, of a host that the service calls;"
-         " not again once it has said 2xx. It may be told twice, of a job that is retried once for each end."},
+     .prose = "An http or https address that the service calls when the job has ended. The service must "
+              "allow its host. The service repeats the call until the answer is 2xx or its retries are "
+              "spent. The address may be called twice for one end, and again after a retry."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;

@@ -36,17 +36,17 @@ typedef enum spec_choice {
     SPEC_CHOICE_COEFFICIENTS,
     SPEC_CHOICE_TARGET,
     SPEC_CHOICE_CURVATURE,
-    SPEC_CHOICE_GRADING, /* none may be given, either, from here on */
+    SPEC_CHOICE_GRADING, /* from here on: at most one; before: exactly one */
     SPEC_CHOICE_VOXELS,
     SPEC_CHOICE_LENS,
     SPEC_CHOICE_COUNT
 } spec_choice;
 
 enum {
-    SPEC_REQUIRED = 1, /* must be given (where the shape has it) */
+    SPEC_REQUIRED = 1, /* must be given, if the shape has it */
     SPEC_LOW_OPEN = 2, /* the low bound itself is not allowed */
-    SPEC_OPTIONAL = 4, /* group: absent unless given; `has` notes that */
-    SPEC_SWITCH = 8    /* group: true or false may stand for it; `has` notes which */
+    SPEC_OPTIONAL = 4, /* group: has no defaults; `has` stores whether it was given */
+    SPEC_SWITCH = 8    /* group: may also be true or false; `has` stores which */
 };
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */
@@ -59,7 +59,7 @@ typedef struct spec_row {
     unsigned flags;
     spec_choice choice;
     unsigned methods; /* bit per spec_method that has the member; 0: all */
-    unsigned shapes;  /* bit per spec_shape that has the member; 0: no question of shape */
+    unsigned shapes;  /* bit per spec_shape that has the member; 0: independent of the shape */
     double low, high;
     const char *otherwise;    /* the default as JSON; NULL: none */
     const char *const *words; /* of SPEC_TYPE_WORD, ended by NULL */

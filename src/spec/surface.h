@@ -1,4 +1,4 @@
-/* surface: what a spec's surface owns, and the files that it names. Private to src/spec. */
+/* surface: the memory of a spec's surface, and its input files. Private to src/spec. */
 #ifndef HEXAD_SPEC_SURFACE_H
 #define HEXAD_SPEC_SURFACE_H
 
@@ -6,20 +6,19 @@
 
 enum { SURFACE_MOST_SLICES = 65536 };
 
-/* From `slices` the count and the numbers; false when it is not two numbers, the second the larger, with or
- * without a step. */
+/* Reads count and numbers from `slices`. False unless it is FIRST-LAST or FIRST-LASTxSTEP with FIRST < LAST. */
 bool surface_parse_slices(spec_exr *x);
 
-/* From `path` and the numbers the files; false when it does not have one place for a number. */
+/* Makes the file names from `path` and the numbers. False unless `path` has exactly one place for a number. */
 bool surface_name_slices(spec_exr *x);
 
-/* Puts the number of a frame into the paths of the surface and its parts. */
+/* Inserts the frame number into the paths of the surface and its parts. */
 void surface_set_frame(spec_surface *s, int frame);
 
-/* The *index-th file of the surface and its parts; counts *index down by those that it has before. */
+/* Finds file number *index of the surface and its parts. If there are fewer, *index decreases by their number. */
 bool surface_input_at(const spec_surface *s, size_t *index, spec_input *out);
 
-/* What it points to, parts included. */
+/* Frees everything the surface points to, including its parts. */
 void surface_free_parts(spec_surface *s);
 
 #endif

@@ -193,15 +193,16 @@ bool store_file_check_private(int fd, const char *path, error *e)
     if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode))
         return error_set(e, ERROR_SPEC_INVALID, "%s is not a regular file", path);
     if (info.st_uid != geteuid() && info.st_uid != 0)
-        return error_set(e, ERROR_SPEC_INVALID, "%s belongs to user %u, not to the one that runs the service",
-                         path, (unsigned)info.st_uid);
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "%s belongs to user %u, not to the user that runs the service", path,
+                         (unsigned)info.st_uid);
     /* An access control list shows as the group's permissions, with a group that was never asked for: root's. */
     bool is_our_group = geteuid() == 0 || info.st_gid == 0 || info.st_gid == getegid();
     mode_t allowed = info.st_uid == 0 && is_our_group ? 0740 : 0700;
     return !(info.st_mode & 0777 & ~allowed) ||
            error_set(
                e, ERROR_SPEC_INVALID,
-               "%s can be reached by others (mode %04o): chmod 600 it, or 640 if it belongs to root and to the"
+               "other users can access %s (mode %04o): run chmod 600 on it, or 640 if it belongs to root and to the"
                " group of the service",
                path, (unsigned)info.st_mode & 07777);
 }

@@ -1,10 +1,10 @@
-/* inputs: files that clients have sent, each under the SHA-256 of its bytes.
+/* inputs: files that clients uploaded, each named by the SHA-256 of its content.
  *
- * A directory of files named `sha256:HEX`, which the roots of jobs may include (store/root.h), so that a spec
- * names one as "sha256:HEX", perhaps with an ending, `sha256:HEX.obj`. What is in place was verified and never
- * changes; a file that is sent again is not kept twice. The time of its last change is that of its last use.
- * Uploads that a crash has left go when the directory is opened. One process owns the directory. Any thread
- * may call; an upload belongs to one thread at a time.
+ * The directory holds files named `sha256:HEX`. It can be an input root of jobs (store/root.h): a spec names a file as
+ * "sha256:HEX", optionally with an extension, "sha256:HEX.obj". A stored file was verified and never changes. A file
+ * that is uploaded again is stored once. Its modification time is the time of its last use. Opening the directory
+ * removes unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload
+ * belongs to one thread at a time.
  */
 #ifndef HEXAD_STORE_INPUTS_H
 #define HEXAD_STORE_INPUTS_H
@@ -34,7 +34,7 @@ bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE]);
 int64_t store_inputs_find(store_inputs *s, const char *hex);
 /* The same, as a use of the file. */
 int64_t store_inputs_use(store_inputs *s, const char *hex);
-/* Removes files that were last used before the time (wall clock) and that nobody wants any more; *gone is how many.
+/* Removes files that were last used before this time (wall clock) unless `is_wanted` keeps them; *gone is their number.
  * `is_wanted` must not call back. */
 bool store_inputs_collect(store_inputs *s, int64_t before_ms,
                           bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
@@ -55,7 +55,7 @@ typedef struct store_upload store_upload;
 /* `announced` bytes will come, -1: not known. On GOOD *upload is to be ended. */
 store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_t announced,
                                         store_upload **upload, error *e);
-/* After a verdict that is not good the rest may be given all the same, and is thrown away. */
+/* After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
 /* Verifies, flushes and puts in place. */
 store_upload_verdict store_upload_commit(store_upload *u, error *e);

@@ -1,9 +1,8 @@
-/* output: copies of results in directories of others, beneath configured roots.
+/* output: copies results into directories of users, below configured roots.
  *
- * A copy is a set of files, one after the other written under a temporary name in its directory, flushed and renamed.
- * The last of them says that the set is whole: it is removed first and comes last. Directories that are
- * missing are made. No symbolic link is followed beneath a root, and nothing else that lies there is
- * touched. No state; any thread.
+ * A copy is a set of files. Each is written under a temporary name in its directory, flushed and renamed. The last file
+ * marks the set as complete: it is removed first and written last. Missing directories are created. No symbolic
+ * link below a root is followed, and other files there are not changed. No state; any thread.
  */
 #ifndef HEXAD_STORE_OUTPUT_H
 #define HEXAD_STORE_OUTPUT_H

@@ -61,12 +61,12 @@ static bool read_mapping(const path_map *before, const char *text, mapping *m, e
     if (!absolute || !*m->from || (isalpha((unsigned char)m->from[0]) && m->from[2] && m->from[2] != '/'))
         return error_set(
             e, ERROR_SPEC_INVALID,
-            "path_mappings: %s: what is mapped must be an absolute path below the root, or begin with a"
+            "path_mappings: %s: the path before = must be absolute and not the root, or begin with a"
             " drive (Z:/) or a share (//server/share)",
             text);
     if (equals[1] != '/' || !*m->to || is_windows(equals + 1))
         return error_set(e, ERROR_SPEC_INVALID,
-                         "path_mappings: %s: what it is mapped to must be an absolute path of this machine",
+                         "path_mappings: %s: the path after = must be an absolute path of this machine",
                          text);
     for (size_t i = 0; i < before->count; i++)
         if (begins_with(before->item[i].from, m->from) && begins_with(m->from, before->item[i].from))

@@ -1,9 +1,9 @@
 /* grid_view: reads the voxels of a loaded grid as values of F, in 8^3 blocks, at any place.
  *
- * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. A
- * voxel of a level set is known when it is active and not at the clamp, +-background; the others say
- * only on which side they lie. Every voxel of a fog is known: outside the leaves it has its tile's or the
- * background's value. Of the leaves of a dense volume the active voxels are known, and no others. Voxel
+ * F = value - isovalue for a level set and isovalue - value otherwise, so that F < 0 is inside. The
+ * value of a level set's voxel is known if the voxel is active and not clamped to +-background; other voxels
+ * only tell the side. Every voxel of a fog volume is known: outside the leaves it has the value of its tile or the
+ * background. In a dense volume exactly the active voxels of the leaves are known. Voxel
  * (x, y, z) of a block has offset 64 x + 8 y + z and bit 8 y + z of word x, as in vdb.h. Units: index space; F
  * in the grid's own unit.
  * Threads: reading is safe in any number.

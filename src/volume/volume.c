@@ -201,7 +201,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
             v->info.grid, class == VDB_FOG ? "a fog volume" : "not marked as a level set");
     if (!v->info.level_set && r->offset != 0)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "grid \"%s\" is no level set, so an offset means nothing: its values are "
+                         "grid \"%s\" is not a level set: an offset needs distances, and its values are "
                          "no distances",
                          v->info.grid);
     v->info.isovalue = (r->has_isovalue ? r->isovalue : 0) + r->offset;

@@ -53,7 +53,7 @@ typedef struct volume_mesh_request {
 } volume_mesh_request;
 
 typedef struct volume_dense_request {
-    slices *source;   /* the caller's, and done with when the volume is open */
+    slices *source;   /* owned by the caller; no longer needed once the volume is open */
     const char *path; /* as above */
     double isovalue;  /* above it is inside */
     volume_reconstruction reconstruction;
@@ -87,8 +87,8 @@ typedef struct volume_info {
  * no_surface, limit_memory; each names the file, the grid and the reason. */
 volume *volume_open(const volume_request *request, error *e);
 
-/* The same for a closed triangle mesh, by way of a level set (see levelset.h); what is odd about it is in
- * the warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
+/* The same for a closed triangle mesh, which is converted into a level set (see levelset.h). Oddities of the mesh
+ * become warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
 

@@ -218,9 +218,9 @@ def test_what_has_no_offset_says_so(sample, dense_ball, cube_mesh):
     quartic = {"analytic": {"shape": "quartic"}}
     stretched = transform(sphere(1), numpy.diag([2, 1, 1, 1.0]))
     for surface, distance, code, word in (
-            (quartic, 0.1, "not_supported", "the formula of this shape has none"),
+            (quartic, 0.1, "not_supported", "the formula of this shape gives none"),
             (dense_ball, 0.1, "not_supported", "a dense volume has none"),
-            (stretched, 0.1, "not_supported", "does not keep them"),
+            (stretched, 0.1, "not_supported", "does not preserve them"),
             (sphere(1), -1, "no_surface", "nothing is left"),
             (cube_mesh, 0.5, "spec_invalid", "give band_vox")):
         e, points = sample({"offset": {"surface": surface, "distance": distance}})
@@ -250,7 +250,7 @@ def test_faults_point_to_the_part(sample):
     for _ in range(20):
         deep = {"offset": {"surface": deep, "distance": 0.1}}
     e, _ = sample(deep)
-    assert e["code"] == "spec_invalid" and "within each other" in e["message"]
+    assert e["code"] == "spec_invalid" and "nested surfaces" in e["message"]
 
 
 def test_inputs_of_parts_stay_within_the_roots(worker, tmp_path, dense_ball):

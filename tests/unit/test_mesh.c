@@ -1,5 +1,5 @@
 /* Meshes as files: through the reading process into a volume. The test program is its own reader; for a
- * file whose ending is "fakeN" it answers nonsense instead, of kind N. */
+ * file whose ending is "fakeN" it returns an invalid answer instead, of kind N. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -268,7 +268,7 @@ static void limits_hold(void **state)
     mesh_free(&m);
 }
 
-/* ---- readers that answer nonsense */
+/* ---- readers that return invalid answers */
 
 static int fake(int kind)
 {
@@ -300,19 +300,19 @@ static void answers_are_not_believed(void **state)
 {
     (void)state;
     static const char *const words[] = {"",
-                                        "nonsense",
+                                        "invalid answer",
                                         "to its end",
                                         "to its end",
                                         "too many for 32 bits",
                                         "raise limits.memory_mb",
-                                        "nonsense",
-                                        "nonsense",
+                                        "invalid answer",
+                                        "invalid answer",
                                         "to its end",
                                         "not finite",
                                         "none of its 4 vertices",
-                                        "more than it announced",
+                                        "more data than announced",
                                         "crash",
-                                        "without a word",
+                                        "without a reason",
                                         "??"};
     volume *v = NULL;
     error e = {0};

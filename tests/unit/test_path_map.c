@@ -69,8 +69,8 @@ static void test_bad_tables_say_what(void **state)
     static const struct {
         const char *text, *words;
     } bad[] = {
-        {"/a", "is not from=to"},        {"=/b", "what is mapped"},       {"/=/b", "what is mapped"},
-        {"a/b=/c", "what is mapped"},    {"Z:x=/c", "what is mapped"},    {"//=/c", "what is mapped"},
+        {"/a", "is not from=to"},        {"=/b", "the path before"},      {"/=/b", "the path before"},
+        {"a/b=/c", "the path before"},   {"Z:x=/c", "the path before"},   {"//=/c", "the path before"},
         {"/a=b", "must be an absolute"}, {"/a=/", "must be an absolute"}, {"/a=Z:/b", "must be an absolute"},
         {"/a=", "must be an absolute"},  {"/b/=/x", "mapped twice"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {

@@ -718,7 +718,7 @@ static void test_faults(void **state)
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":0}}}", invalid,
                  "/surface/analytic/radius", "must be a number above 0 and at most 1000000000000 (given 0)");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1,\"period\":1}}}", invalid,
-                 "/surface/analytic/period", "is no member of the shape \"sphere\"");
+                 "/surface/analytic/period", "does not belong to the shape \"sphere\"");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"cube\"}}}", invalid, "/surface/analytic/shape",
                  "must be one of \"sphere\", \"torus\"");
     expect_fault("{\"surface\":{\"analytic\":{\"shape\":\"torus\",\"major_radius\":1,\"minor_radius\":1}}}",
@@ -740,9 +740,9 @@ static void test_faults(void **state)
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1,\"start_count\":8}}}", invalid,
                  "/sampling/control/start_count", "at least min_count, 9 (given 8)");
     expect_fault(SPHERE ",\"solver\":{\"witkin_heckbert\":{}}}", invalid, "/solver/witkin_heckbert",
-                 "is no member of the method \"sized\"");
+                 "does not belong to the method \"sized\"");
     expect_fault(SPHERE ",\"solver\":{\"method\":\"witkin-heckbert\",\"energy\":\"gaussian\"}}", invalid,
-                 "/solver/energy", "is no member of the method \"witkin-heckbert\"");
+                 "/solver/energy", "does not belong to the method \"witkin-heckbert\"");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9,\"max_sigma\":1}},\"solver\":{\"method\":"
                  "\"witkin-heckbert\"}}",
                  invalid, "/solver/method", "belongs to the methods \"sized\" and \"paper\"");

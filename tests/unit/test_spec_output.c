@@ -69,7 +69,7 @@ static void cameras_that_see_nothing_are_refused(void **state)
     static const char at[] = "/output/preview/camera";
     refuse(CAMERA("\"position\":[1,2,3]"), "/output/preview/camera/target", "is required");
     refuse(CAMERA("\"position\":[1,2,3],\"target\":[1,2,3]"), "/output/preview/camera/target",
-           "another place");
+           "must differ from position");
     refuse(PLACED(",\"up\":[0,-3,0]"), "/output/preview/camera/up", "line from position to target");
     refuse(PLACED(",\"up\":[0,0,0]"), "/output/preview/camera/up", "must not be zero");
     refuse(CAMERA("\"position\":[0,0,5],\"target\":[0,0,1]"), at, "up must not"); /* the default */
