@@ -174,6 +174,9 @@ class Story:
     def after_is_it_well(self, shown):
         assert '"status":"ok"' in shown and "listening on" in shown and "sound" in shown
 
+    def after_monitoring(self, shown):
+        assert 'hexad_jobs{state="succeeded"} 3' in shown and "hexad_database_damaged 0" in shown
+
     def before_backup(self):
         self.deleted = self.host.submit(count=299)
 
