@@ -33,7 +33,7 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "an interrupted copy may have left the file %s in %s, and removing it is tried again: %s",
+              "the file %s of an interrupted copy cannot be removed from %s, which is tried again: %s",
               copy->name, copy->directory, e.message);
     return false;
 }
@@ -86,9 +86,7 @@ bool output_cleanup_start(queue *q, const store_outputs *outputs, output_cleanup
     int why = 0;
     bool ok = queue_list_copies(q, &c->copies, &c->count, e);
     if (ok && c->count && (why = pthread_create(&c->thread, NULL, run, c)) != 0)
-        ok = error_set(e, ERROR_INTERNAL,
-                       "the thread that removes temporary files of copies cannot be started: %s",
-                       strerror(why));
+        ok = error_set(e, ERROR_INTERNAL, "no thread for what copies have left: %s", strerror(why));
     *made = ok && c->count ? c : NULL;
     if (!*made) release(c);
     return ok;

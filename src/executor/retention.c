@@ -241,7 +241,7 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
     pthread_cond_init(&r->woken, NULL);
     int why = pthread_create(&r->thread, NULL, keep, r);
     if (why == 0) return r;
-    error_set(e, ERROR_INTERNAL, "the thread that removes deleted jobs cannot be started: %s", strerror(why));
+    error_set(e, ERROR_INTERNAL, "no thread for what is to be forgotten: %s", strerror(why));
     release(r);
     return NULL;
 }

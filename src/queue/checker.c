@@ -102,7 +102,7 @@ checker *checker_start(queue *q, double interval_s, int64_t free_bytes, error *e
     *c = (checker){.q = q, .interval_ms = (int64_t)(interval_s * 1000), .free_bytes = free_bytes};
     int why = pthread_create(&c->thread, NULL, run, c);
     if (why == 0) return c;
-    error_set(e, ERROR_INTERNAL, "the thread that checks the database cannot be started: %s", strerror(why));
+    error_set(e, ERROR_INTERNAL, "no thread for checks of the database: %s", strerror(why));
     free(c);
     return NULL;
 }
