@@ -34,7 +34,7 @@ static bool remove_one(const output_cleanup *c, const queue_copy *copy, bool fir
         return true;
     }
     log_write(first ? LOG_LEVEL_WARNING : LOG_LEVEL_DEBUG,
-              "an interrupted copy may have left the file %s in %s, and removing it is tried again: %s",
+              "the file %s of an interrupted copy cannot be removed from %s, which is tried again: %s",
               copy->name, copy->directory, e.message);
     return false;
 }
