@@ -55,23 +55,20 @@ void job_commands_retry(const http_context *c, const http_request *request, repl
     tell(c, request, QUEUE_RETRY, "retry", r);
 }
 
-/* Parses the patch as the `queue` group of an otherwise minimal spec, so that the table of the spec checks
- * it. NULL, and the faults in `errors`, when it is invalid. */
+/* Parses what may be changed as members of the spec's group `queue`, so that its table checks them. NULL, and the faults
+ * in `errors`, when one is invalid. */
 static spec *read_members(json_at patch, json *errors)
 {
-    static const char rest[] =
-        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"radius\":1}},"
-        "\"sampling\":{\"count\":4}}";
     spec_faults faults = {0};
-    json *document = json_parse(rest, sizeof rest - 1, NULL), *group = json_put_object(document, "queue");
+    json *group = json_new_object();
     for (size_t i = 0; job_commands_patch_members[i]; i++) {
         json_at at = json_member(&patch, job_commands_patch_members[i]);
         if (at.node) json_put(group, job_commands_patch_members[i], json_copy(at.node));
     }
-    spec *s = spec_parse(document, &faults, NULL);
-    json_free(document);
+    spec *s = spec_parse_group(group, "/queue", &faults, NULL);
+    json_free(group);
     for (size_t i = 0; i < faults.count; i++)
-        reply_append_fault(errors, faults.item[i].pointer + strlen("/queue"), faults.item[i].detail);
+        reply_append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
     return s;
 }
 

@@ -10,8 +10,6 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
-#include "executor/engine.h"
-#include "executor/local.h"
 #include "executor/input_permissions.h"
 #include "executor/settlement.h"
 #include "json/json.h"
@@ -65,13 +63,13 @@ static bool await(const estimator *m, engine_attempt *attempt)
     int64_t end_ms = clock_monotonic_ms() + (int64_t)(m->timeout_s * 1000);
     const char *progress;
     bool stopped = false;
-    while (!engine_local.poll(attempt, &progress)) {
+    while (!m->settings.engine->poll(attempt, &progress)) {
         struct pollfd fds[1 + ENGINE_MAX_FDS] = {{.fd = stopped ? -1 : m->end_fd, .events = POLLIN}};
-        size_t count = 1 + engine_local.watch(attempt, fds + 1);
+        size_t count = 1 + m->settings.engine->watch(attempt, fds + 1);
         int64_t left_ms = end_ms - clock_monotonic_ms();
         poll(fds, count, stopped ? -1 : left_ms > 0 ? (int)left_ms + 1 : 0);
         if (stopped || (!fds[0].revents && clock_monotonic_ms() < end_ms)) continue;
-        engine_local.cancel(attempt, true);
+        m->settings.engine->cancel(attempt, true);
         stopped = true;
     }
     return !stopped;
@@ -108,9 +106,9 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
 {
     engine_ending ending = {0};
     engine_attempt *attempt =
-        store_directory_create(request->directory, e) ? engine_local.start(request, e) : NULL;
+        store_directory_create(request->directory, e) ? m->settings.engine->start(request, e) : NULL;
     bool ended = attempt && await(m, attempt);
-    if (attempt) engine_local.settle(attempt, &ending);
+    if (attempt) m->settings.engine->settle(attempt, &ending);
     estimator_verdict verdict = ESTIMATOR_NONE;
     if (ended)
         verdict = decide(&ending, request->directory, document, e);

@@ -17,13 +17,11 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/threads.h"
-#include "executor/engine.h"
 #include "executor/host.h"
 #include "executor/kept_result.h"
 #include "executor/output_cleanup.h"
 #include "executor/instance.h"
 #include "executor/inventory.h"
-#include "executor/local.h"
 #include "executor/retention.h"
 #include "executor/settlement.h"
 #include "executor/slot.h"
@@ -319,7 +317,7 @@ static void set_context(executor *x)
     const executor_settings *settings = &x->settings;
     x->context = (slot_context){
         .place = &x->place,
-        .engine = &engine_local,
+        .engine = settings->engine,
         .worker = x->worker,
         .input_roots = (const char *const *)x->input_roots,
         .input_root_count = settings->input_root_count,

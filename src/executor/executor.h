@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/sandbox.h"
+#include "executor/engine.h"
 #include "executor/progress_ring.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
@@ -25,6 +26,7 @@ typedef struct executor executor;
 
 typedef struct executor_settings {
     const char *state_dir; /* absolute; attempts/ and results/ are created in it */
+    const engine *engine;  /* runs attempts and estimates */
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;

@@ -27,6 +27,7 @@
 #include "executor/estimator.h"
 #include "executor/executor.h"
 #include "executor/instance.h"
+#include "executor/local.h"
 #include "http/server.h"
 #include "programs/maintenance.h"
 #include "queue/checker.h"
@@ -302,6 +303,7 @@ static executor_settings executor_settings_of(const service *s)
     const config *c = &s->settings;
     return (executor_settings){
         .state_dir = s->state_dir,
+        .engine = &engine_local,
         .worker = c->worker,
         .input_roots = (const char *const *)c->input_roots.item,
         .input_root_count = c->input_roots.count,

@@ -185,14 +185,14 @@ static void sum_up(const reading *r, error *e)
         error_set(e, fault->code, "%s: %s", where, fault->detail);
 }
 
-spec *spec_parse(const json *document, spec_faults *faults, error *e)
+spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e)
 {
     reading r = {.s = mem_alloc(sizeof(spec))};
     r.surface = &r.s->surface;
     json_at root = json_root(document);
     r.s->normalised = json_new_object();
     if (document)
-        read_group(&r, &root, "", r.s->normalised);
+        read_group(&r, &root, group, r.s->normalised);
     else
         reading_add_fault(&r, &root, "must be an object (given nothing)");
     if (faults) *faults = r.faults;
@@ -200,6 +200,11 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e)
     sum_up(&r, e);
     spec_free(r.s);
     return NULL;
+}
+
+spec *spec_parse(const json *document, spec_faults *faults, error *e)
+{
+    return spec_parse_group(document, "", faults, e);
 }
 
 bool spec_input_at(const spec *s, size_t index, spec_input *out)

@@ -215,6 +215,10 @@ typedef struct spec_faults {
 /* Checks a document and builds the spec. Returns NULL on failure: *faults holds the faults, and *e
  * (spec_invalid) the first of them and their number. `faults` may be NULL. */
 spec *spec_parse(const json *document, spec_faults *faults, error *e);
+
+/* The same of the members of one group alone ("/queue"): the document is that group, pointers start there, and only
+ * the members of the spec that belong to the group are set. */
+spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e);
 void spec_free(spec *s);
 
 /* A file that the spec names. */

@@ -20,6 +20,7 @@
 #include "base/memory.h"
 #include "executor/executor.h"
 #include "executor/host.h"
+#include "executor/local.h"
 #include "executor/result.h"
 #include "executor/settlement.h"
 #include "store/file.h"
@@ -67,8 +68,13 @@ static int tear_down(void **state)
     return 0;
 }
 
-static const executor_settings usual = {
-    .workers = 1, .threads = 8, .memory_mb = 1024, .grace_s = 0.2, .retry_s = 0.01, .retry_most_s = 0.02};
+static const executor_settings usual = {.engine = &engine_local,
+                                        .workers = 1,
+                                        .threads = 8,
+                                        .memory_mb = 1024,
+                                        .grace_s = 0.2,
+                                        .retry_s = 0.01,
+                                        .retry_most_s = 0.02};
 
 static void start_with(place *p, const char *script, executor_settings settings)
 {

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "executor/local.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "api/jobs.h"
@@ -41,8 +42,11 @@ static int set_up(void **state)
     error e = {0};
     p->q = queue_open(p->base, &e);
     if (!p->q) fail_msg("%s", e.message);
-    executor_settings settings = {
-        .state_dir = p->base, .worker = "/nonexistent", .workers = 1, .memory_mb = 1024};
+    executor_settings settings = {.engine = &engine_local,
+                                  .state_dir = p->base,
+                                  .worker = "/nonexistent",
+                                  .workers = 1,
+                                  .memory_mb = 1024};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
     p->context = (http_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
