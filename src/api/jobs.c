@@ -1,6 +1,7 @@
 #include "api/jobs.h"
 
 #include <ctype.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,7 @@
 #include "base/frames.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "executor/cache.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
 #include "spec/spec.h"
@@ -314,12 +316,24 @@ static char **list_sent(const spec *s, size_t *count)
     return names;
 }
 
+static void free_sent(char **names, size_t count)
+{
+    for (size_t i = 0; i < count; i++) free(names[i]);
+    free(names);
+}
+
+/* In whole milliseconds, and not 0 unless it is. */
+static int64_t ms_of(double seconds)
+{
+    return (int64_t)ceil(1000 * seconds);
+}
+
 static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     const spec *s = o->s;
     error e = {0};
     queue_receipt receipt = {0};
-    char hash[STORE_HASH_SIZE];
+    char hash[STORE_HASH_SIZE], result_key[STORE_HASH_SIZE];
     const char *key = NULL;
     size_t sent_count = 0;
     if (!read_key(request, hash, &key, r)) return;
@@ -346,6 +360,10 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .depends_on_count = s->depends_on_count,
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
+        .timeout_ms = ms_of(s->timeout_s),
+        .stall_ms = ms_of(s->stall_s),
+        .directory = s->directory,
+        .cache_key = cache_key(s->normalised, result_key) ? result_key : NULL,
         .most_waiting = c->most_waiting,
         .webhook = webhook,
         .key = key,
@@ -359,8 +377,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         reply_set_error(r, &e, NULL);
     else
         reply_set_unavailable(r, e.message); /* not a fault of the service: try again */
-    for (size_t i = 0; i < sent_count; i++) free(sent[i]);
-    free(sent);
+    free_sent(sent, sent_count);
     free(labels);
     free(text);
     free(paths);
@@ -394,9 +411,12 @@ static bool put_estimate(const http_context *c, const http_request *request, con
     if (!(request->caller->scopes & SCOPE_SUBMIT)) {
         error_set(&e, ERROR_NONE, "an estimate needs the scope %s", scope_name(SCOPE_SUBMIT));
     } else if (c->estimator) {
-        char *text = json_print(o->s->normalised);
-        verdict = estimator_ask(c->estimator, text, o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads,
-                                memory_mb, &found, &e);
+        size_t sent_count = 0;
+        char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
+        verdict =
+            estimator_ask(c->estimator, text, (const char *const *)sent, sent_count,
+                          o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads, memory_mb, &found, &e);
+        free_sent(sent, sent_count);
         free(text);
     } else {
         error_set(&e, ERROR_NONE, "the service makes no estimates (setting estimates)");

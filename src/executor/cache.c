@@ -31,12 +31,11 @@ static json *copy_without(json_at object, const char *const *members, size_t cou
     return copy;
 }
 
-bool cache_key(const char *spec, char key[STORE_HASH_SIZE])
+bool cache_key(const json *spec, char key[STORE_HASH_SIZE])
 {
     static const char *const of_the_job[] = {"name", "limits", "queue", "output"};
     static const char *const of_the_output[] = {"directory"};
-    json *document = json_parse(spec, strlen(spec), NULL);
-    json_at root = json_root(document);
+    json_at root = json_root(spec);
     json_at sampling = json_member(&root, "sampling"), output = json_member(&root, "output");
     bool can = json_type_of(root) == JSON_OBJECT && !json_member(&sampling, "time_s").node;
     if (can) {
@@ -48,7 +47,6 @@ bool cache_key(const char *spec, char key[STORE_HASH_SIZE])
         free(text);
         json_free(rest);
     }
-    json_free(document);
     return can;
 }
 

@@ -11,11 +11,13 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "json/json.h"
 #include "store/file.h"
 #include "store/root.h"
 
-/* False: the result of this job is never cached. */
-bool cache_key(const char *spec, char key[STORE_HASH_SIZE]);
+/* The key of what a normalised spec asks of this version of the program: equal keys, equal results. False: the result
+ * of such a job is never reused. */
+bool cache_key(const json *spec, char key[STORE_HASH_SIZE]);
 
 /* Describes the present state of the input files that a result's report names, as a text to be freed. NULL, and then
  * the result cannot be cached, when a file was changed after `since_ms` (wall clock, the start of the attempt) or

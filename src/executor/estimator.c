@@ -120,15 +120,15 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     return verdict;
 }
 
-estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int threads, int64_t memory_mb,
-                                char **document, error *e)
+estimator_verdict estimator_ask(estimator *m, const char *spec, const char *const *inputs, size_t input_count,
+                                int frame, int threads, int64_t memory_mb, char **document, error *e)
 {
     estimator_verdict verdict = ESTIMATOR_NONE;
     const executor_settings *settings = &m->settings;
     if (atomic_fetch_add(&m->running, 1) < m->at_once) {
         size_t root_count = 0;
         char *directory = mem_printf("%s/%u", m->directory, atomic_fetch_add(&m->number, 1));
-        char **roots = input_permissions_list(spec, settings->inputs, settings->input_roots,
+        char **roots = input_permissions_list(inputs, input_count, settings->inputs, settings->input_roots,
                                               settings->input_root_count, &root_count);
         engine_request request = {
             .worker = settings->worker,

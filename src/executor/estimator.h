@@ -26,7 +26,7 @@ typedef enum estimator_verdict {
 
 /* `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is
  * one JSON object (run/run.h), to be freed. */
-estimator_verdict estimator_ask(estimator *m, const char *spec, int frame, int threads, int64_t memory_mb,
-                                char **document, error *e);
+estimator_verdict estimator_ask(estimator *m, const char *spec, const char *const *inputs, size_t input_count,
+                                int frame, int threads, int64_t memory_mb, char **document, error *e);
 
 #endif

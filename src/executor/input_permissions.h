@@ -8,11 +8,11 @@
 
 #include "store/inputs.h"
 
-/* Lists the paths: first the uploaded files that a member "path" of the spec names and that exist, then the roots in
- * `given`. Listing an uploaded file counts as a use of it. `inputs` may be NULL: then nothing was uploaded. The caller
- * frees with input_permissions_free. */
-char **input_permissions_list(const char *spec, store_inputs *inputs, const char *const *given,
-                              size_t given_count, size_t *count);
+/* Lists the paths: first the uploaded files of these names ("sha256:...") that exist, then the roots in `given`. Listing
+ * an uploaded file counts as a use of it. `inputs` may be NULL: then nothing was uploaded. The caller frees with
+ * input_permissions_free. */
+char **input_permissions_list(const char *const *names, size_t name_count, store_inputs *inputs,
+                              const char *const *given, size_t given_count, size_t *count);
 void input_permissions_free(char **roots, size_t count);
 
 #endif

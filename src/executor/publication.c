@@ -7,11 +7,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "base/frames.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
 #include "executor/result.h"
-#include "json/json.h"
 
 struct publication {
     pthread_t thread;
@@ -24,17 +22,6 @@ struct publication {
     bool ok;
     error fault;
 };
-
-char *publication_path(const char *spec, int frame)
-{
-    json *document = json_parse(spec, strlen(spec), NULL);
-    json_at root = json_root(document);
-    json_at output = json_member(&root, "output");
-    const char *path = json_string(json_member(&output, "directory"), NULL);
-    char *found = !path ? NULL : frame == QUEUE_NO_FRAME ? mem_strdup(path) : frames_path(path, frame);
-    json_free(document);
-    return found;
-}
 
 char *publication_temporary(const char *directory)
 {

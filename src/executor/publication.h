@@ -13,9 +13,6 @@
 
 typedef struct publication publication;
 
-/* The output.directory of the spec, with the frame number filled in, to be freed. NULL: there is none. */
-char *publication_path(const char *spec, int frame);
-
 /* The name of the temporary file for the copy of the result in this attempt's directory, to be freed. */
 char *publication_temporary(const char *directory);
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/frames.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
@@ -50,7 +51,7 @@ typedef struct work {
     int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
     /* what the verdict points to */
     char *copied;
-    char cache_key[STORE_HASH_SIZE], cached_from[ULID_SIZE], *cache_inputs;
+    char cached_from[ULID_SIZE], *cache_inputs;
 } work;
 
 struct slot {
@@ -139,23 +140,20 @@ static unsigned try_later(slot *s, const char *why)
 
 /* ---- starting */
 
-static double limit_or(json_at limits_at, const char *key, double otherwise)
+static limits read_limits(const slot_context *x, const queue_claimed *c)
 {
-    double value = json_number(json_member(&limits_at, key), 0);
-    return value > 0 ? value : otherwise;
+    return (limits){
+        .timeout_s = c->timeout_ms > 0 ? 1e-3 * (double)c->timeout_ms : x->timeout_s,
+        .stall_s = c->stall_ms > 0 ? 1e-3 * (double)c->stall_ms : x->stall_s,
+    };
 }
 
-static limits read_limits(const slot_context *x, const char *spec)
+/* Where the results of the task are copied to, to be freed; NULL: nowhere. */
+static char *copy_path(const queue_claimed *c)
 {
-    json *document = json_parse(spec, strlen(spec), NULL);
-    json_at root = json_root(document);
-    json_at at = json_member(&root, "limits");
-    limits l = {
-        .timeout_s = limit_or(at, "timeout_s", x->timeout_s),
-        .stall_s = limit_or(at, "stall_s", x->stall_s),
-    };
-    json_free(document);
-    return l;
+    if (!c->directory) return NULL;
+    return c->task.frame == QUEUE_NO_FRAME ? mem_strdup(c->directory)
+                                           : frames_path(c->directory, c->task.frame);
 }
 
 /* With a result in the attempt's directory: it is first copied to output.directory, if the job names one. */
@@ -163,18 +161,16 @@ static void publish_or_settle(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
-    char *path = w->verdict.verdict == SETTLEMENT_SUCCEED
-                     ? publication_path(w->claimed.job.spec, w->claimed.task.frame)
-                     : NULL;
+    char *path = w->verdict.verdict == SETTLEMENT_SUCCEED ? copy_path(&w->claimed) : NULL;
     if (path) w->publication = publication_start(x->place->q, x->outputs, w->directory, path, x->wake_fd);
     free(path);
     enter(s, w->publication ? SLOT_PUBLISHING : SLOT_SETTLING);
 }
 
-static bool is_cacheable(const slot *s, char key[STORE_HASH_SIZE])
+static bool is_cacheable(const slot *s)
 {
     const queue_claimed *c = &s->w.claimed;
-    return s->context->cache && c->task.frame == QUEUE_NO_FRAME && cache_key(c->job.spec, key);
+    return s->context->cache && c->task.frame == QUEUE_NO_FRAME && c->cache_key;
 }
 
 /* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
@@ -186,8 +182,8 @@ static bool take_cached(slot *s)
     error e = {0};
     char *inputs = NULL;
     bool found = false;
-    if (!is_cacheable(s, w->cache_key) ||
-        !queue_recall(x->place->q, w->cache_key, w->cached_from, &inputs, &found, NULL) || !found)
+    if (!is_cacheable(s) ||
+        !queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
         return false;
     char *from = result_directory(x->place->state_dir, w->cached_from, QUEUE_NO_FRAME);
     found = cache_is_fresh(x->roots, inputs);
@@ -216,8 +212,8 @@ static bool start_worker(slot *s, error *e)
     work *w = &s->w;
     const queue_claimed *c = &w->claimed;
     size_t root_count = 0;
-    char **roots =
-        input_permissions_list(c->job.spec, x->inputs, x->input_roots, x->input_root_count, &root_count);
+    char **roots = input_permissions_list((const char *const *)c->inputs, c->input_count, x->inputs,
+                                          x->input_roots, x->input_root_count, &root_count);
     char *previous =
         c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->state_dir, c->job.id, c->previous);
     engine_request request = {
@@ -251,7 +247,7 @@ static unsigned step_starting(slot *s)
     const queue_task *task = &w->claimed.task;
     error e = {0};
     w->directory = result_attempt_directory(x->place->state_dir, job->id, task->frame, task->attempt);
-    w->limit = read_limits(x, job->spec);
+    w->limit = read_limits(x, &w->claimed);
     if (w->memory_mb > x->memory_mb) {
         settlement_decide_too_large(&w->claimed, x->memory_mb, &w->verdict);
         enter(s, SLOT_SETTLING);
@@ -374,10 +370,10 @@ static void step_running(slot *s)
 static void describe_for_cache(slot *s)
 {
     work *w = &s->w;
-    if (w->verdict.verdict != SETTLEMENT_SUCCEED || !is_cacheable(s, w->cache_key)) return;
+    if (w->verdict.verdict != SETTLEMENT_SUCCEED || !is_cacheable(s)) return;
     w->cache_inputs = cache_describe_inputs(s->context->roots, w->directory, w->started_wall_ms);
     if (!w->cache_inputs) return;
-    w->verdict.cache_key = w->cache_key;
+    w->verdict.cache_key = w->claimed.cache_key;
     w->verdict.cache_inputs = w->cache_inputs;
 }
 

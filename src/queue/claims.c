@@ -112,20 +112,40 @@ static bool choose(database *d, const queue_room *room, int64_t *seq, error *e)
     return true;
 }
 
+#define CLAIMED_COLUMNS JOB_COLUMNS ", " TASK_COLUMNS ", spec, timeout_ms, stall_ms, directory, cache_key"
+
+static void read_row(sqlite3_stmt *s, queue_claimed *claimed)
+{
+    int column = JOB_COLUMN_COUNT + TASK_COLUMN_COUNT;
+    job_row_read(s, 0, &claimed->job);
+    job_row_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
+    claimed->job.spec = database_text(s, column);
+    claimed->timeout_ms = sqlite3_column_int64(s, column + 1);
+    claimed->stall_ms = sqlite3_column_int64(s, column + 2);
+    claimed->directory = database_text(s, column + 3);
+    claimed->cache_key = database_text(s, column + 4);
+}
+
+static bool read_inputs(database *d, int64_t seq, queue_claimed *claimed, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = ASK(d, e, "SELECT name FROM input WHERE job = ?1 ORDER BY name", integer(seq));
+    while (database_next(d, s, &ok, e)) {
+        claimed->inputs = mem_resize(claimed->inputs, (claimed->input_count + 1) * sizeof *claimed->inputs);
+        claimed->inputs[claimed->input_count++] = database_text(s, 0);
+    }
+    return ok;
+}
+
 static bool read_claimed(database *d, int64_t seq, int number, queue_claimed *claimed, error *e)
 {
     bool ok = false;
-    sqlite3_stmt *s =
-        ASK(d, e,
-            "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM job JOIN task ON task.job = job.seq"
-            " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
-            integer(seq), integer(number));
-    while (database_next(d, s, &ok, e)) {
-        job_row_read(s, 0, &claimed->job);
-        job_row_read_task(s, JOB_COLUMN_COUNT, &claimed->task);
-        claimed->job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
-    }
-    return ok;
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT " CLAIMED_COLUMNS " FROM job JOIN task ON task.job = job.seq"
+                          " JOIN spec ON spec.job = job.seq WHERE job.seq = ?1 AND number = ?2",
+                          integer(seq), integer(number));
+    while (database_next(d, s, &ok, e)) read_row(s, claimed);
+    return ok && read_inputs(d, seq, claimed, e);
 }
 
 /* Finds the frame whose result a task of an ordered job begins with. */
@@ -221,18 +241,15 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     queue_claimed *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    static const char sql[] =
-        "SELECT " JOB_COLUMNS ", " TASK_COLUMNS ", spec FROM task INDEXED BY task_running"
-        " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
-        " WHERE task.state = 'running' ORDER BY task.job, number";
+    static const char sql[] = "SELECT " CLAIMED_COLUMNS " FROM task INDEXED BY task_running"
+                              " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
+                              " WHERE task.state = 'running' ORDER BY task.job, number";
     database_lock(q);
     sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
     while (database_next(q, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
-        job_row_read(s, 0, &read[used].job);
-        job_row_read_task(s, JOB_COLUMN_COUNT, &read[used].task);
-        read[used].previous = QUEUE_NO_FRAME; /* it is not going to be started */
-        read[used++].job.spec = database_text(s, JOB_COLUMN_COUNT + TASK_COLUMN_COUNT);
+        read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it is not going to be started */
+        read_row(s, &read[used++]);
     }
     database_unlock(q);
     if (!ok) {

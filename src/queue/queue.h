@@ -152,11 +152,14 @@ typedef struct queue_submission {
     bool ordered;
     const char *const *depends_on; /* ids of jobs */
     size_t depends_on_count;
-    const char *const *inputs; /* names of the uploaded files that it reads, for queue_wants_input */
+    const char *const *inputs; /* names of the uploaded files that it reads */
     size_t input_count;
-    const char *webhook;         /* a URL that is notified of the job's end; may be NULL */
-    const char *key, *body_hash; /* idempotency: both or none; each owner has keys of its own */
-    int64_t most_waiting;        /* how many unfinished jobs the owner may have; 0: any number */
+    int64_t timeout_ms, stall_ms; /* of an attempt; 0: the service's own */
+    const char *directory;        /* takes a copy of the results, see frames_path; NULL: no copy */
+    const char *cache_key;        /* jobs with the same key have the same result; NULL: it is not reused */
+    const char *webhook;          /* a URL that is notified of the job's end; may be NULL */
+    const char *key, *body_hash;  /* idempotency: both or none; each owner has keys of its own */
+    int64_t most_waiting;         /* how many unfinished jobs the owner may have; 0: any number */
 } queue_submission;
 
 typedef enum queue_verdict {
@@ -281,6 +284,10 @@ void queue_attempts_free(queue_attempt *attempts, size_t count);
 typedef struct queue_claimed {
     queue_job job;
     queue_task task;
+    int64_t timeout_ms, stall_ms; /* these and the next: as in the submission */
+    char *directory, *cache_key;
+    char **inputs;
+    size_t input_count;
     int previous; /* of an ordered job: the last earlier frame that has succeeded; QUEUE_NO_FRAME: none */
 } queue_claimed;
 

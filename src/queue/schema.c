@@ -17,6 +17,13 @@
     ") STRICT, WITHOUT ROWID;"                                       \
     "CREATE INDEX input_by_job ON input (job);"
 
+/* What the executor needs of a spec, read from it once, at the submission. Limits of 0: the service's own. */
+#define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
+#define STALL "stall_ms INTEGER NOT NULL DEFAULT 0"
+#define DIRECTORY "directory TEXT"
+#define CACHE_KEY "cache_key TEXT"
+#define EXECUTION ", " TIMEOUT ", " STALL ", " DIRECTORY ", " CACHE_KEY
+
 /* The highest number of a deleted event, in one row. */
 #define REMOVED_EVENTS                           \
     "CREATE TABLE removed_events ("              \
@@ -103,8 +110,7 @@ static const char tables[] =
     "CREATE TABLE spec ("
     "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
     "  spec TEXT NOT NULL,"
-    "  paths TEXT"
-    ") STRICT;"
+    "  paths TEXT" EXECUTION ") STRICT;"
 
     "CREATE TABLE task ("
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
@@ -261,6 +267,17 @@ static const char add_instance[] =
     INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
 static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
 
+/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not reused. */
+static const char add_execution[] = "ALTER TABLE spec ADD COLUMN " TIMEOUT ";"
+                                    "ALTER TABLE spec ADD COLUMN " STALL ";"
+                                    "ALTER TABLE spec ADD COLUMN " DIRECTORY ";"
+                                    "ALTER TABLE spec ADD COLUMN " CACHE_KEY ";";
+static const char read_execution[] =
+    "UPDATE spec SET"
+    "  timeout_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.timeout_s'), 0) AS INTEGER),"
+    "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
+    "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
+
 bool schema_code_is_damage(int code)
 {
     int primary = code & 0xFF;
@@ -311,6 +328,8 @@ static bool make_tables(sqlite3 *database, int version, error *e)
     if (ok && version >= 2) ok = run(database, add_removed_events, &why);
     if (ok && version >= 2) ok = run(database, add_storage, &why);
     if (ok && version >= 2) ok = run(database, add_instance, &why);
+    if (ok && version >= 2) ok = run(database, add_execution, &why);
+    if (ok && version >= 1) ok = run(database, read_execution, &why);
     if (ok && version >= 1) ok = run(database, leave_unnamed, &why);
     ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
     if (ok) return true;

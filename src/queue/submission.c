@@ -102,8 +102,11 @@ static bool insert_job(database *d, const submitting *s, job_state *j, int64_t n
             text(in->key ? in->body_hash : NULL), integer(j->ordered));
     j->seq = database_last_row(d);
     return ok &&
-           RUN(d, e, "INSERT INTO spec (job, spec, paths) VALUES (?1, ?2, ?3)", integer(j->seq),
-               text(in->spec), text(in->paths)) &&
+           RUN(d, e,
+               "INSERT INTO spec (job, spec, paths, timeout_ms, stall_ms, directory, cache_key)"
+               " VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+               integer(j->seq), text(in->spec), text(in->paths), integer(in->timeout_ms),
+               integer(in->stall_ms), text(in->directory), text(in->cache_key)) &&
            (strcmp(in->labels, "[]") == 0 ||
             RUN(d, e, "INSERT INTO label (label, job) SELECT DISTINCT value, ?1 FROM json_each(?2)",
                 integer(j->seq), text(in->labels)));

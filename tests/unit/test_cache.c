@@ -62,6 +62,14 @@ static int tear_down(void **state)
 
 #define SPEC(name, count, rest) "{\"version\":1," name "\"sampling\":{\"count\":" count "}" rest "}"
 
+static bool key_of(const char *spec, char key[STORE_HASH_SIZE])
+{
+    json *document = json_parse(spec, strlen(spec), NULL);
+    bool can = cache_key(document, key);
+    json_free(document);
+    return can;
+}
+
 static void test_keys(void **state)
 {
     (void)state;
@@ -71,19 +79,18 @@ static void test_keys(void **state)
         SPEC("", "9", ",\"output\":{\"ply\":1,\"directory\":\"/a\"},\"limits\":{\"memory_mb\":7}")};
     static const char *const different[] = {SPEC("", "10", ",\"output\":{\"ply\":1}"),
                                             SPEC("", "9", ",\"output\":{\"ply\":2}"), SPEC("", "9", "")};
-    assert_true(cache_key(SPEC("", "9", ",\"output\":{\"ply\":1}"), key));
+    assert_true(key_of(SPEC("", "9", ",\"output\":{\"ply\":1}"), key));
     assert_int_equal(strlen(key), 64);
     for (size_t i = 0; i < sizeof same / sizeof *same; i++) {
-        assert_true(cache_key(same[i], other));
+        assert_true(key_of(same[i], other));
         assert_string_equal(key, other);
     }
     for (size_t i = 0; i < sizeof different / sizeof *different; i++) {
-        assert_true(cache_key(different[i], other));
+        assert_true(key_of(different[i], other));
         assert_string_not_equal(key, other);
     }
     assert_false(
-        cache_key("{\"sampling\":{\"time_s\":3}}", other)); /* the best of that time is another each time */
-    assert_false(cache_key("no JSON", other));
+        key_of("{\"sampling\":{\"time_s\":3}}", other)); /* the best of that time is another each time */
 }
 
 static void test_inputs_that_change(void **state)

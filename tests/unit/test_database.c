@@ -224,9 +224,11 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 4 had not. */
-#define BEFORE_5                                                                         \
-    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;" \
-    "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;"
+#define BEFORE_5                                                                               \
+    "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"       \
+    "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;" \
+    "ALTER TABLE spec DROP COLUMN timeout_ms; ALTER TABLE spec DROP COLUMN stall_ms;"          \
+    "ALTER TABLE spec DROP COLUMN directory; ALTER TABLE spec DROP COLUMN cache_key;"
 
 /* Version 2 had no paths beside a spec. */
 static void test_paths_are_added_to_version_2(void **state)
@@ -325,6 +327,76 @@ static void test_storage_is_added_to_version_4(void **state)
     assert_true(queue_list_copies(p->q, &copies, &count, NULL));
     assert_int_equal(count, 0);
     queue_copies_free(copies, count);
+}
+
+/* Version 4 read a spec at each claim. */
+static void test_what_a_run_needs_is_read_from_specs_of_version_4(void **state)
+{
+    static const struct {
+        const char *spec;
+        int64_t timeout_ms, stall_ms;
+        const char *directory;
+    } cases[] = {
+        {"{}", 0, 0, NULL},
+        {"{\"limits\":{\"timeout_s\":1.5,\"stall_s\":20},\"output\":{\"directory\":\"/a/####\"}}", 1500,
+         20000, "/a/####"},
+        {"no JSON", 0, 0, NULL},
+    };
+    place *p = *state;
+    enum { COUNT = sizeof cases / sizeof *cases };
+    char id[COUNT][ULID_SIZE];
+    for (int i = 0; i < COUNT; i++) {
+        queue_submission s = plain;
+        s.spec = cases[i].spec;
+        submit_for(p, &s, id[i]);
+    }
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    assert_int_equal(sqlite3_exec(database, BEFORE_5 "PRAGMA user_version = 4;", NULL, NULL, NULL),
+                     SQLITE_OK);
+    sqlite3_close(database);
+    reopen(p);
+    for (int i = 0; i < COUNT; i++) {
+        bool found = false;
+        queue_claimed c;
+        assert_true(queue_claim_job(p->q, id[i], &c, &found, NULL) && found);
+        assert_int_equal(c.timeout_ms, cases[i].timeout_ms);
+        assert_int_equal(c.stall_ms, cases[i].stall_ms);
+        if (cases[i].directory)
+            assert_string_equal(c.directory, cases[i].directory);
+        else
+            assert_null(c.directory);
+        assert_null(c.cache_key);
+        queue_claimed_clear(&c);
+    }
+}
+
+/* What a job says that its runs need is what a claim tells. */
+static void test_a_claim_tells_what_the_run_needs(void **state)
+{
+    place *p = *state;
+    static const char *const inputs[] = {"sha256:b", "sha256:a", "sha256:b"};
+    char id[ULID_SIZE];
+    bool found = false;
+    queue_claimed c;
+    queue_submission s = plain;
+    s.timeout_ms = 7;
+    s.stall_ms = 9;
+    s.directory = "/out";
+    s.cache_key = "k";
+    s.inputs = inputs;
+    s.input_count = 3;
+    submit_for(p, &s, id);
+    assert_true(queue_claim_job(p->q, id, &c, &found, NULL) && found);
+    assert_int_equal(c.timeout_ms, 7);
+    assert_int_equal(c.stall_ms, 9);
+    assert_string_equal(c.directory, "/out");
+    assert_string_equal(c.cache_key, "k");
+    assert_int_equal(c.input_count, 2);
+    assert_string_equal(c.inputs[0], "sha256:a");
+    assert_string_equal(c.inputs[1], "sha256:b");
+    queue_claimed_clear(&c);
 }
 
 /* What is set aside is the log itself, which another database must never read. */
@@ -487,6 +559,8 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
+        CASE(test_a_claim_tells_what_the_run_needs),
         CASE(test_the_reserve),
         CASE(test_a_job_is_refused_without_room),
         CASE(test_paths_are_added_to_version_2),

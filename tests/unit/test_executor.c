@@ -94,14 +94,25 @@ static void start(place *p, const char *script, int workers)
     start_with(p, script, settings);
 }
 
-static void put(place *p, const char *spec, int max_attempts, char id[ULID_SIZE])
+static void put_limited(place *p, int max_attempts, int64_t timeout_ms, int64_t stall_ms, const char *spec,
+                        char id[ULID_SIZE])
 {
-    queue_submission s = {.name = "test", .labels = "[]", .spec = spec, .max_attempts = max_attempts};
+    queue_submission s = {.name = "test",
+                          .labels = "[]",
+                          .spec = spec,
+                          .max_attempts = max_attempts,
+                          .timeout_ms = timeout_ms,
+                          .stall_ms = stall_ms};
     queue_receipt receipt;
     error e = {0};
     if (!queue_put(p->q, &s, &receipt, &e)) fail_msg("%s", e.message);
     memcpy(id, receipt.id, sizeof receipt.id);
     if (p->x) executor_wake(p->x);
+}
+
+static void put(place *p, const char *spec, int max_attempts, char id[ULID_SIZE])
+{
+    put_limited(p, max_attempts, 0, 0, spec, id);
 }
 
 static queue_job get(place *p, const char *id)
@@ -379,7 +390,7 @@ static void test_a_timeout_kills(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p, DEAF, 1);
-    put(p, "{\"limits\":{\"timeout_s\":0.3}}", 3, id);
+    put_limited(p, 3, 300, 0, "{}", id);
     expect_end(p, id, QUEUE_TIMED_OUT, "limit_time", "0.3 s");
     assert_int_equal(count_attempts(p, id), 1);
     expect_child_gone(p);
@@ -391,7 +402,7 @@ static void test_a_timeout_is_of_all_attempts(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p, PROLOGUE "sleep 0.4\nkill -9 $$\n", 1);
-    put(p, "{\"limits\":{\"timeout_s\":1}}", 9, id);
+    put_limited(p, 9, 1000, 0, "{}", id);
     expect_end(p, id, QUEUE_TIMED_OUT, "limit_time", "1 s");
 }
 
@@ -400,7 +411,7 @@ static void test_a_stall_is_noticed(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     start(p, PROLOGUE "sleep 600\n", 1);
-    put(p, "{\"limits\":{\"stall_s\":0.2}}", 3, id);
+    put_limited(p, 3, 0, 200, "{}", id);
     expect_end(p, id, QUEUE_FAILED, "stalled", "0.2 s");
 }
 
