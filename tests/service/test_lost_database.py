@@ -327,7 +327,9 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
     with sqlite3.connect(service.state / "queue.db") as database:
         database.executescript("DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"
                                "DROP TABLE copy; ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE removed_events;"
-                               "PRAGMA user_version = 4;")
+                               + "".join(f"ALTER TABLE spec DROP COLUMN {name};"
+                                         for name in ("timeout_ms", "stall_ms", "directory", "cache_key"))
+                               + "PRAGMA user_version = 4;")
     database.close()
     before = tree(service.state / "results")
     instance = service.state / "instance"
