@@ -33,7 +33,8 @@ static int lock_file(const command_options *options, error *e)
               0755); /* whatever root's umask: the service looks into it. What goes wrong open says */
     int fd = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd < 0 || flock(fd, LOCK_EX) != 0) {
-        error_set(e, ERROR_SPEC_INVALID, "%s: %s", directory, strerror(errno));
+        error_set(e, ERROR_SPEC_INVALID, "%s: %s: name the daemon's token file with --file", directory,
+                  strerror(errno));
         if (fd >= 0) close(fd);
         fd = -1;
     }
@@ -117,7 +118,8 @@ int command_token_revoke(client *c, const char *argument, const command_options 
     if (!token_set_read(options->file, &set, &e)) {
         code = fail(&e);
     } else if (!token_set_remove(&set, argument)) {
-        fprintf(stderr, "hexadctl: there is no token %s in %s\n", argument, options->file);
+        fprintf(stderr, "hexadctl: there is no token %s in %s: hexadctl token list shows the ids\n", argument,
+                options->file);
         code = COMMAND_MISSING;
     } else {
         code = token_set_write(options->file, &set, options->file_group, &e) ? COMMAND_OK : fail(&e);

@@ -42,7 +42,8 @@ static inline int64_t cell_grid_blocks(const cell_grid *g, int axis)
     return (g->cells[axis] + CELL_GRID_BLOCK - 1) / CELL_GRID_BLOCK;
 }
 
-/* The same where it is known which blocks to look at: those whose byte is not 0, x fastest. */
+/* As cell_grid_search, but looks only into blocks whose byte in `blocks` is not 0; `blocks` has a byte for each block of
+ * the grid, x fastest. */
 bool cell_grid_search_blocks(cell_grid *g, const field *f, const cell_grid_oracle *oracle,
                              const uint8_t *blocks, threads *pool, error *e);
 

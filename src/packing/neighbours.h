@@ -94,8 +94,8 @@ static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
     return n->list + n->list_begin[i];
 }
 
-/* The points of blocks that follow one another, from `from` up to `to`: those of `bin_item` from *begin up to
- * *end. */
+/* Which points lie in the blocks `from` to `to` - 1, counted in the order of updates: those of `bin_item` from *begin to
+ * *end - 1. */
 static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
                                      uint32_t *end)
 {

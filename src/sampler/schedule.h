@@ -3,8 +3,8 @@
  * table and from where the solve is; they change nothing. Whoever wants another schedule adds a table.
  *
  * A solve has levels, from the coarsest packing to the finest. The coarsest level goes through all stages, of which
- * each asks for smaller gains; finer levels stay in the last stage. Sweeps up to a rest are a round. Pure functions, any
- * thread. */
+ * each asks for smaller gains; finer levels stay in the last stage. A round is the sweeps until the particles
+ * rest. Pure functions, any thread. */
 #ifndef HEXAD_SAMPLER_SCHEDULE_H
 #define HEXAD_SAMPLER_SCHEDULE_H
 

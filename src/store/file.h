@@ -24,7 +24,8 @@ typedef struct store_file {
  * follows; both leave *file empty. Commit that fails has aborted. Abort accepts an empty file. */
 bool store_file_begin(const char *path, store_file *file, error *e);
 bool store_file_commit(store_file *file, error *e);
-/* What commit does first, and takes longest for: what was written goes to disk. After a failure abort follows. */
+/* Brings to disk what was written. It is the first and slowest step of commit; called before, it leaves commit little to
+ * do. After a failure abort follows. */
 bool store_file_flush(store_file *file, error *e);
 void store_file_abort(store_file *file);
 

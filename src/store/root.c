@@ -201,7 +201,9 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
         if (why != ENOENT && why != ENOTDIR) break;
     }
     if (!found_root)
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s lies outside the input roots", path);
+        error_set(e, ERROR_PATH_FORBIDDEN,
+                  "%s lies outside the input roots: move the file below one, or add its directory to them",
+                  path);
     else if (why == EXDEV || why == ELOOP)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of its input root by a symbolic link", path);
     else

@@ -1,7 +1,7 @@
 /* vdb: OpenVDB files to and from plain arrays; the only C++ of the project is behind this header.
  *
- * Files are read through a stream over a descriptor that fails at the first missing byte, whole and
- * at once: no delayed loading, no memory map, nothing kept of the library's once a call returns.
+ * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads
+ * all it needs before it returns: nothing is loaded later or mapped, and nothing of the library's is kept.
  * Sizes that the file states are held against its length and against a memory limit before they are
  * believed. No exception crosses this boundary. The library can still abort or fault on a hostile
  * file, so callers run it in a process of its own.
@@ -22,7 +22,7 @@ extern "C" {
 
 #include "base/error.h"
 
-#define VDB_NAME_SIZE 256 /* longer names are refused as damage */
+#define VDB_NAME_SIZE 256 /* a file with a longer name is refused as damaged */
 #define VDB_TYPE_SIZE 64
 #define VDB_LEAF_SIDE 8
 #define VDB_LEAF_VOXELS 512
