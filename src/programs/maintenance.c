@@ -11,6 +11,7 @@
 #include "client/client.h"
 #include "executor/audit.h"
 #include "queue/backup.h"
+#include "queue/backup_directory.h"
 #include "queue/lock.h"
 #include "store/file.h"
 
@@ -176,7 +177,7 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
     print_findings(findings, t);
     free(findings);
     if (!alone) return true;
-    queue *q = backup_open_queue(path, e);
+    queue *q = queue_open_copy(path, e);
     bool ok = q && audit_results(q, c->state_dir, stdout, &t->results, &t->findings, e);
     t->results_seen = ok;
     queue_close(q);
@@ -200,8 +201,9 @@ int maintenance_check(const config *settings)
     tally t = {0};
     int lock = -1;
     store_file file = {0};
-    char *directory = backup_directory(settings->state_dir), *path = mem_printf("%s/check.db", directory);
-    bool ok = backup_make_directory(settings->state_dir, &e) && store_file_begin(path, &file, &e) &&
+    char *directory = backup_directory_path(settings->state_dir),
+         *path = mem_printf("%s/check.db", directory);
+    bool ok = backup_directory_make(settings->state_dir, &e) && store_file_begin(path, &file, &e) &&
               copy(settings, file.stream, file.temporary, &lock, &e);
     if (ok) {
         ok = check_copy(settings, file.temporary, lock >= 0, &t, &e) &&

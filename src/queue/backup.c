@@ -32,23 +32,6 @@
 /* Instructions of SQLite's virtual machine between two looks at the stop flag. */
 #define CHECK_TURNS 10000
 
-char *backup_directory(const char *state_dir)
-{
-    return mem_printf("%s/copies", state_dir);
-}
-
-bool backup_make_directory(const char *state_dir, error *e)
-{
-    struct stat owner;
-    char *path = backup_directory(state_dir);
-    bool made = mkdir(path, 0700) == 0;
-    bool ok = (made || errno == EEXIST) && stat(state_dir, &owner) == 0;
-    if (ok && made && geteuid() == 0) ok = chown(path, owner.st_uid, owner.st_gid) == 0;
-    if (!ok) error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    free(path);
-    return ok;
-}
-
 /* Sets the error for a failed copy or check. A damaged copy means a damaged database: then the message is only that of
  * SQLite. */
 static bool fail(const char *path, int code, error *e)

@@ -38,12 +38,4 @@ bool backup_make_idle(const char *state_dir, const char *path, error *e);
  * became true. `stop` may be NULL. */
 bool backup_check(const char *path, bool full, const atomic_bool *stop, char **findings, error *e);
 
-/* Opens a copy as a queue for reading. An older version is migrated first, in the copy. */
-queue *backup_open_queue(const char *path, error *e);
-
-/* The directory in the state directory where copies are made. It is emptied at each start. To be freed. */
-char *backup_directory(const char *state_dir);
-/* Creates it if it does not exist. Created by root, it gets the owner of the state directory. */
-bool backup_make_directory(const char *state_dir, error *e);
-
 #endif

@@ -14,7 +14,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "queue/backup.h"
+#include "queue/backup_directory.h"
 #include "queue/filesystem.h"
 #include "queue/header.h"
 #include "queue/health.h"
@@ -112,7 +112,7 @@ uint64_t database_change_count(database *d)
 
 char *database_copy_path(database *d)
 {
-    char *directory = backup_directory(d->state_dir);
+    char *directory = backup_directory_path(d->state_dir);
     char *path = mem_printf("%s/%u.db", directory, atomic_fetch_add(&d->copies, 1));
     free(directory);
     return path;
@@ -352,8 +352,8 @@ bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
 /* Creates the directory of copies and removes the files that a killed process left there. */
 static bool clear_copies(const char *state_dir, error *e)
 {
-    if (!backup_make_directory(state_dir, e)) return false;
-    char *path = backup_directory(state_dir);
+    if (!backup_directory_make(state_dir, e)) return false;
+    char *path = backup_directory_path(state_dir);
     DIR *listing = opendir(path);
     bool ok = listing || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     for (struct dirent *entry; listing && (entry = readdir(listing));)
@@ -438,7 +438,7 @@ bool database_has_room(database *d)
     return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
 }
 
-queue *backup_open_queue(const char *path, error *e)
+queue *queue_open_copy(const char *path, error *e)
 {
     return open_file("", -1, path, e);
 }

@@ -59,6 +59,8 @@ const char *queue_outcome_name(queue_outcome outcome); /* NULL for no outcome */
 /* Opens or creates the queue in an existing directory. Fails when another process holds the directory (the message says
  * so), when it is on a network file system, or when a newer version of the program created the database. */
 queue *queue_open(const char *state_dir, error *e);
+/* Opens a copy of a database (queue/backup) for reading. An older version is migrated first, in the copy. */
+queue *queue_open_copy(const char *path, error *e);
 void queue_close(queue *q); /* accepts NULL */
 
 /* Reserves `bytes` of disk space for the database, so that jobs can still be cancelled, deleted and ended when the disk

@@ -90,6 +90,16 @@ double sampler_resize(sampler *s);
 /* Whether a mean energy over mean alpha is the ideal one, within the tolerance asked for. */
 bool sampler_is_on_target(const sampler *s, double energy);
 
+/* Whether the start is given by the caller, as of a frame that follows another. */
+bool sampler_is_given(const sampler *s);
+
+/* Puts particles on the coarsest level, where they start; `support` is over the spacing. Errors: limit_memory,
+ * no_surface. */
+bool sampler_begin(sampler *s, double support, error *e);
+
+/* Whether the amplitudes have to be renewed before the next sweep. */
+bool sampler_amplitudes_are_due(const sampler *s);
+
 /* From the level at hand to the next, without relaxing it. Errors: limit_memory, no_surface. */
 bool sampler_refine(sampler *s, error *e);
 

@@ -15,6 +15,7 @@
 
 #include "base/clock.h"
 #include "queue/backup.h"
+#include "queue/backup_directory.h"
 #include "queue/checker.h"
 #include "queue_place.h"
 
@@ -347,7 +348,7 @@ static void test_what_a_killed_process_left_of_copies_is_removed(void **state)
 {
     place *p = *state;
     queue_close(p->q);
-    char *directory = backup_directory(p->base), *path = mem_printf("%s/7.db", directory);
+    char *directory = backup_directory_path(p->base), *path = mem_printf("%s/7.db", directory);
     assert_true(store_file_write(path, "x", 1, NULL));
     p->q = queue_open(p->base, NULL);
     assert_non_null(p->q);

@@ -1,0 +1,250 @@
+/* Functions that read the queue. */
+#include "queue/queue.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "queue/job_row.h"
+#include "queue/schema.h"
+
+bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
+{
+    queue_job read = {0};
+    bool ok = false, got = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
+            text(id));
+    while (database_next(q, s, &ok, e)) {
+        got = true;
+        job_row_read(s, 0, &read);
+        read.spec = database_text(s, JOB_COLUMN_COUNT);
+        read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
+    }
+    read.stamp = queue_stamp(q, read.seq);
+    database_unlock(q);
+    if (ok && got)
+        *job = read;
+    else
+        queue_job_clear(&read);
+    if (ok) *found = got;
+    return ok;
+}
+
+/* The conditions of a listing, as a set. Each combination has its own statement, so that each uses the best index. */
+enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
+
+#define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
+#define LABELLED                                                                                            \
+    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < " \
+    "?1"
+#define NEWEST " ORDER BY seq DESC LIMIT ?2"
+#define NEWEST_LABELLED " ORDER BY label.job DESC LIMIT ?2"
+
+static const char *const listings[] = {
+    [0] = LISTED NEWEST,
+    [BY_STATE] = LISTED " AND state = ?3" NEWEST,
+    [BY_OWNER] = LISTED " AND owner = ?4" NEWEST,
+    [BY_OWNER | BY_STATE] = LISTED " AND owner = ?4 AND state = ?3" NEWEST,
+    [BY_LABEL] = LABELLED NEWEST_LABELLED,
+    [BY_LABEL | BY_STATE] = LABELLED " AND state = ?3" NEWEST_LABELLED,
+    [BY_LABEL | BY_OWNER] = LABELLED " AND owner = ?4" NEWEST_LABELLED,
+    [BY_LABEL | BY_OWNER | BY_STATE] = LABELLED " AND owner = ?4 AND state = ?3" NEWEST_LABELLED,
+};
+
+bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
+{
+    int which =
+        (filter->state < 0 ? 0 : BY_STATE) | (filter->owner ? BY_OWNER : 0) | (filter->label ? BY_LABEL : 0);
+    queue_job *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(
+        q, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
+        integer(filter->limit), text(filter->state < 0 ? NULL : queue_state_name((queue_state)filter->state)),
+        text(filter->owner), text(filter->label));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        job_row_read(s, 0, &read[used++]);
+    }
+    database_unlock(q);
+    if (!ok) {
+        queue_jobs_free(read, used);
+        return false;
+    }
+    *jobs = read;
+    *count = used;
+    return true;
+}
+
+bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
+{
+    bool ok = false, read = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
+            " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
+            text(name));
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int(s, 0);
+    database_unlock(q);
+    if (ok) *wanted = read;
+    return ok;
+}
+
+bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
+{
+    int64_t read[QUEUE_STATE_COUNT] = {0};
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e, "SELECT state, count(*) FROM job WHERE ?1 GROUP BY state", integer(1));
+    while (database_next(q, s, &ok, e)) {
+        queue_state state = QUEUE_QUEUED;
+        if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
+            read[state] = sqlite3_column_int64(s, 1);
+    }
+    database_unlock(q);
+    if (ok) memcpy(count, read, sizeof read);
+    return ok;
+}
+
+bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
+                      error *e)
+{
+    queue_task *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e,
+                          "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
+                          " AND number > ?2 ORDER BY number LIMIT ?3",
+                          text(id), integer(after), integer(limit));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
+        job_row_read_task(s, 0, &read[used++]);
+    }
+    database_unlock(q);
+    if (!ok) {
+        queue_tasks_free(read, used);
+        return false;
+    }
+    *tasks = read;
+    *count = used;
+    return true;
+}
+
+bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool *found, error *e)
+{
+    queue_task read = {0};
+    bool ok = false, got = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e,
+                          "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
+                          " AND frame = ?2",
+                          text(id), integer(frame));
+    while (database_next(q, s, &ok, e)) {
+        got = true;
+        job_row_read_task(s, 0, &read);
+    }
+    database_unlock(q);
+    if (ok && got)
+        *task = read;
+    else
+        queue_task_clear(&read);
+    if (ok) *found = got;
+    return ok;
+}
+
+static int column_or(sqlite3_stmt *s, int column, int otherwise)
+{
+    return sqlite3_column_type(s, column) == SQLITE_NULL ? otherwise : sqlite3_column_int(s, column);
+}
+
+bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e)
+{
+    queue_attempt *read = NULL;
+    size_t used = 0, room = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s =
+        ASK(q, e,
+            "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
+            " peak_memory_bytes, host, reason FROM attempt a"
+            " JOIN task t ON t.job = a.job AND t.number = a.task"
+            " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
+            text(id));
+    while (database_next(q, s, &ok, e)) {
+        if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
+        read[used++] = (queue_attempt){
+            .task = sqlite3_column_int(s, 0),
+            .frame = column_or(s, 1, QUEUE_NO_FRAME),
+            .number = sqlite3_column_int(s, 2),
+            .started_ms = sqlite3_column_int64(s, 3),
+            .finished_ms = sqlite3_column_int64(s, 4),
+            .exit_status = column_or(s, 5, -1),
+            .signal = column_or(s, 6, -1),
+            .peak_memory_bytes = sqlite3_column_int64(s, 7),
+            .host = database_text(s, 8),
+            .reason = database_text(s, 9),
+        };
+    }
+    database_unlock(q);
+    if (!ok) {
+        queue_attempts_free(read, used);
+        return false;
+    }
+    *attempts = read;
+    *count = used;
+    return true;
+}
+
+/* Reads one time; INT64_MAX: there is none. */
+static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
+{
+    int64_t read = INT64_MAX;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
+    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_unlock(q);
+    if (ok) *wall_ms = read;
+    return ok;
+}
+
+bool queue_next_due(queue *q, int64_t *wall_ms, error *e)
+{
+    static const char sql[] =
+        "SELECT not_before_ms FROM task WHERE state = 'delayed' ORDER BY not_before_ms LIMIT 1";
+    return read_time(q, sql, wall_ms, e);
+}
+
+bool queue_next_expiry(queue *q, int64_t *wall_ms, error *e)
+{
+    static const char sql[] =
+        "SELECT expires_ms FROM job WHERE expires_ms IS NOT NULL ORDER BY expires_ms LIMIT 1";
+    return read_time(q, sql, wall_ms, e);
+}
+
+bool queue_list_expired(queue *q, int64_t wall_ms, int limit, char (**ids)[ULID_SIZE], size_t *count,
+                        error *e)
+{
+    char(*read)[ULID_SIZE] = mem_alloc((size_t)limit * sizeof *read);
+    size_t used = 0;
+    bool ok = false;
+    database_lock(q);
+    sqlite3_stmt *s = ASK(q, e, "SELECT id FROM job WHERE expires_ms <= ?1 ORDER BY expires_ms LIMIT ?2",
+                          integer(wall_ms), integer(limit));
+    while (database_next(q, s, &ok, e))
+        snprintf(read[used++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
+    database_unlock(q);
+    if (!ok) {
+        free(read);
+        return false;
+    }
+    *ids = read;
+    *count = used;
+    return true;
+}

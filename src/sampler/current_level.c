@@ -1,0 +1,198 @@
+/* current_level: the level of the solve at hand: where its particles start, what they need before a sweep (amplitudes, sizes,
+ * neighbour lists), and the step to the next level. See sampler_internal.h. */
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "geometry/morton.h"
+#include "packing/energy.h"
+#include "packing/packing.h"
+#include "sampler/refine.h"
+#include "sampler/sampler_internal.h"
+#include "sampler/start.h"
+#include "surface/projection.h"
+
+double sampler_amplitude(const sampler *s, double kappa)
+{
+    double k = fmin(kappa * s->setup.field->extent, s->setup.params.kappa_max);
+    return s->setup.params.gamma + 1 / (pow(k, s->setup.params.d) + s->setup.params.nu);
+}
+
+bool sampler_is_on_target(const sampler *s, double energy)
+{
+    return fabs(energy / s->setup.params.energy->ideal - 1) < s->setup.params.energy_tolerance;
+}
+
+static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    sampler *s = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        field_sample sample;
+        double kappa1, kappa2;
+        if (field_sample_at(s->setup.field, s->state.p->position[i], FIELD_HESSIAN, &sample))
+            s->state.p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+    }
+}
+
+/* Amplitudes follow the particles at ever longer intervals: every sweep at first, when they move far, and
+ * then after a quarter more sweeps each time. In between the energy is a function of positions alone, which
+ * can only fall. */
+bool sampler_amplitudes_are_due(const sampler *s)
+{
+    return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;
+}
+
+/* Sums are made of at most so many parts, by the count alone. */
+enum { SIZE_PARTS = 256, SIZE_BATCH = 64 };
+
+typedef struct size_job {
+    sampler *s;
+    size_t grain;
+    double squares[SIZE_PARTS]; /* of relative changes, a chunk each */
+} size_job;
+
+static void size_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    size_job *job = context;
+    sampler *s = job->s;
+    double over_h = 1 / packing_spacing(s->setup.scan->area, (double)s->setup.params.count), squares = 0,
+           spacing[SIZE_BATCH];
+    (void)worker;
+    for (size_t first = begin; first < end; first += SIZE_BATCH) {
+        size_t count = end - first < SIZE_BATCH ? end - first : SIZE_BATCH;
+        sizing_field_spacings(s->setup.params.sizing, count, s->state.p->position + first, spacing);
+        for (size_t k = 0; k < count; k++) {
+            double *size = &s->state.p->size[first + k], change = *size / (spacing[k] * over_h) - 1;
+            squares += change * change;
+            *size = spacing[k] * over_h;
+        }
+    }
+    job->squares[begin / job->grain] = squares;
+}
+
+double sampler_resize(sampler *s)
+{
+    if (!s->setup.params.sizing) return 0;
+    size_job job = {s, s->state.p->count / SIZE_PARTS + 1, {0}};
+    double squares = 0;
+    threads_run(s->setup.pool, s->state.p->count, job.grain, size_chunk, &job);
+    for (int k = 0; k < SIZE_PARTS; k++) squares += job.squares[k];
+    return sqrt(squares / (double)s->state.p->count);
+}
+
+bool sampler_build_lists(sampler *s, error *e)
+{
+    if (sampler_amplitudes_are_due(s)) {
+        threads_run(s->setup.pool, s->state.p->count, 256, amplitude_chunk, s);
+        s->state.next_amplitudes = s->record.sweep_count + 1 + s->record.sweep_count / 4;
+    }
+    sampler_resize(s);
+    particles_mark_boundary(s->state.p, s->setup.field, s->state.spacing);
+    if (!relax_build(s->scratch.relax, s->state.p, s->state.sigma, s->state.skin, e)) return false;
+    s->state.lists_stale = false;
+    s->state.list_age = 0;
+    return true;
+}
+
+/* The scales of the level at hand. */
+static void enter_level(sampler *s, double support)
+{
+    s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
+    s->state.sigma = support * s->state.spacing;
+    s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
+    s->state.gain = s->setup.schedule->gain[s->state.stage];
+}
+
+/* Into an order in which neighbours are near each other in memory too. */
+static bool arrange(sampler *s, error *e)
+{
+    uint32_t *order = mem_array(s->state.p->count, sizeof *order, "the order of particles", e);
+    bool ok = order && morton_order(s->state.p->position, s->state.p->count, order, e) &&
+              particles_arrange(s->state.p, order, e);
+    free(order);
+    return ok;
+}
+
+bool sampler_is_given(const sampler *s)
+{
+    return s->setup.params.start == SAMPLER_START_GIVEN;
+}
+
+/* Places the particles, in an order for sweeps. */
+static bool place(sampler *s, error *e)
+{
+    size_t removed;
+    if (sampler_is_given(s)) {
+        memcpy(s->state.p->position, s->setup.params.given, s->state.p->count * sizeof *s->state.p->position);
+        memcpy(s->state.p->normal, s->setup.params.given_normal,
+               s->state.p->count * sizeof *s->state.p->normal);
+        return true;
+    }
+    if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, s->state.spacing, s->setup.pool,
+                     s->state.p, &removed, e))
+        return false;
+    s->record.removed += removed;
+    return arrange(s, e);
+}
+
+/* Particles on the coarsest level, where they start. */
+bool sampler_begin(sampler *s, double support, error *e)
+{
+    s->state.p->count = s->state.level_count[0];
+    enter_level(s, support);
+    if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
+    if (!place(s, e)) return false;
+    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    return s->setup.method->begin(s, e);
+}
+
+static size_t count_on_boundary(const sampler *s)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < s->state.p->count; i++)
+        count += projection_boundary_axes(s->setup.field, s->state.p->position[i]) != 0;
+    return count;
+}
+
+/* When the coarsest level does not see the surface for its edges the next finer one takes its place. */
+static bool drop_coarsest(sampler *s, bool *again, error *e)
+{
+    *again = relax_creased_share(s->scratch.relax, s->state.p) > s->setup.schedule->creased_share;
+    if (!*again) return true;
+    s->state.levels--;
+    memmove(s->state.level_count, s->state.level_count + 1,
+            (size_t)s->state.levels * sizeof *s->state.level_count);
+    return sampler_begin(s, s->state.sigma / s->state.spacing, e);
+}
+
+/* Begins again with a better count once: the boundaries fill up only with time, so the last word is left to the
+ * levels between. */
+bool sampler_replan(sampler *s, bool *again, error *e)
+{
+    size_t count = s->state.p->count, edges;
+    if (s->state.stage == 0) return drop_coarsest(s, again, e);
+    if (!refine_count_edges(s->state.p, s->state.spacing, s->setup.pool, &edges, e)) return false;
+    levels_correct(s->state.level_count, s->state.levels, edges, count_on_boundary(s));
+    *again = !s->state.planned && s->state.level_count[0] != count;
+    s->state.planned = true;
+    if (*again) return sampler_begin(s, s->state.sigma / s->state.spacing, e);
+    s->state.level_count[0] = count;
+    return true;
+}
+
+/* A level has come to rest: four times as many particles, with the support that it needed. */
+bool sampler_refine(sampler *s, error *e)
+{
+    assert(s->state.level + 1 < s->state.levels);
+    double support = s->state.sigma / s->state.spacing;
+    if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing, s->state.p,
+                          s->state.level_count[++s->state.level], s->state.spacing, s->setup.params.seed,
+                          s->setup.pool, e) ||
+        !arrange(s, e))
+        return false;
+    enter_level(s, support);
+    for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
+    return sampler_build_lists(s, e);
+}
