@@ -15,7 +15,8 @@
 
 struct client {
     CURL *curl;
-    char *base; /* without a trailing slash */
+    char *server; /* as the caller named it */
+    char *base;   /* its URL without a trailing slash */
     char fault[CURL_ERROR_SIZE];
 };
 
@@ -42,6 +43,7 @@ client *client_open(const char *server, const char *token, error *e)
         error_set(e, ERROR_INTERNAL, "libcurl does not start");
         return NULL;
     }
+    c->server = mem_strdup(server);
     c->base = mem_strdup(unix_path ? "http://localhost" : server);
     for (size_t length = strlen(c->base); length && c->base[length - 1] == '/'; length--)
         c->base[length - 1] = '\0';
@@ -63,6 +65,7 @@ void client_close(client *c)
 {
     if (!c) return;
     curl_easy_cleanup(c->curl);
+    free(c->server);
     free(c->base);
     free(c);
 }
@@ -91,8 +94,13 @@ static bool perform(client *c, const char *path, long *status, error *e)
     curl_easy_setopt(c->curl, CURLOPT_URL, url);
     CURLcode code = curl_easy_perform(c->curl);
     free(url);
+    if (code == CURLE_COULDNT_CONNECT)
+        return error_set(
+            e, ERROR_INTERNAL,
+            "%s: no server answers (%s): start hexad, or name its address with --server or HEXAD_SERVER",
+            c->server, *c->fault ? c->fault : curl_easy_strerror(code));
     if (code != CURLE_OK)
-        return error_set(e, ERROR_INTERNAL, "%s: %s", c->base,
+        return error_set(e, ERROR_INTERNAL, "%s: %s", c->server,
                          *c->fault ? c->fault : curl_easy_strerror(code));
     curl_easy_getinfo(c->curl, CURLINFO_RESPONSE_CODE, status);
     return true;

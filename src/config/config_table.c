@@ -14,8 +14,8 @@ const config_row config_table[] = {
          "and is not encrypted. Port 0 takes a free port; port_file tells which."},
     {SETTING(unix_users), .type = CONFIG_LIST,
      .help = "Users, by name or number, who may read, submit and cancel on the Unix socket; separated by "
-             "colons or commas. The service's own user and root are administrators. Put a socket for other "
-             "users into a directory that they can reach."},
+             "colons or commas. The service's own user and root are administrators. Other users cannot "
+             "reach a socket in state_dir: set listen to one in a directory that they can reach."},
     {SETTING(unix_groups), .type = CONFIG_LIST,
      .help = "Groups whose members may do what unix_users may do."},
     {SETTING(unix_admins), .type = CONFIG_LIST, .help = "Users who are administrators on the Unix socket."},
@@ -27,14 +27,14 @@ const config_row config_table[] = {
          "$CONFIGURATION_DIRECTORY (of the unit: /etc/hexad), otherwise in state_dir, if it exists."},
     {SETTING(tcp_without_tokens), .type = CONFIG_TEXT,
      .help = "Whether a loopback port is served when there are no tokens. The only value that allows it is "
-             "anyone-on-this-machine-may-submit-and-cancel, which is what it means. A port that other "
+             "anyone-on-this-machine-may-submit-and-cancel, and that is the effect. A port that other "
              "machines can reach is never served without tokens."},
     {SETTING(page_origins), .type = CONFIG_WORDS,
      .help =
          "Origins of web pages (https://gui.example, http://localhost:3000) that may send requests from a "
          "browser and read the answers; separated by commas, and the key may be repeated. A port without "
-         "tokens refuses requests for any other host than its own and these (421), and requests of pages "
-         "from any other origin (403)."},
+         "tokens answers 421 to requests whose Host is neither its own nor one of these, and 403 to "
+         "requests of pages from any other origin."},
     {SETTING(trusted_proxies), .type = CONFIG_WORDS,
      .help = "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and "
              "the key may be repeated. Their header Forwarded (RFC 7239) tells the client's address, which "
@@ -62,8 +62,8 @@ const config_row config_table[] = {
          "`from` begins with a drive or with \\\\, case is ignored and \\ equals /. input_roots and "
          "output_roots apply to the mapped path."},
     {SETTING(output_mode), .type = CONFIG_TEXT, .default_text = "0644",
-     .help = "The mode of copied results, in octal. Directories that are created for them can also be "
-             "searched by those who may read."},
+     .help = "The mode of copied results, in octal. New directories get the same mode, and whoever may "
+             "read them may also enter them."},
     {SETTING(output_group), .type = CONFIG_TEXT,
      .help = "The group of copied results. Empty: the service's group."},
     {SETTING(workers), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1024,
@@ -127,8 +127,8 @@ const config_row config_table[] = {
      .help =
          "Disk space in state_dir that is set aside for the queue, in addition to the usual size of its "
          "log (5 MiB). On a full disk it lets users cancel and delete jobs, lets jobs end and lets hexad "
-         "start. The service accepts jobs only while as much is free besides. 16 MiB are enough for about "
-         "400 such changes, one by one, until the disk has room again. 0: none."},
+         "start. The service accepts jobs only while the same amount is free in addition. 16 MiB are enough for "
+         "about 400 such changes, one after the other, until the disk has room again. 0: none."},
     {SETTING(storage_retries), .type = CONFIG_INTEGER, .default_text = "300", .low = 0, .high = 1000000,
      .unit = "attempts",
      .help =
@@ -147,9 +147,9 @@ const config_row config_table[] = {
      .help = "How many attempts of a user run at once; the user's other jobs wait. 0: any number."},
     {SETTING(check_interval_s), .type = CONFIG_REAL, .default_text = "86400", .low = 1, .high = 1e7,
      .or_zero = true, .unit = "s",
-     .help = "The interval of complete checks of the database for damage. Each reads a copy, at a"
-             " time when nothing is"
-             " written. After each start there is a quick check in addition. 0: only the quick check."},
+     .help =
+         "The interval of complete checks of the database for damage. A check reads a copy, which is "
+         "made when the queue is idle. After each start there is a quick check in addition. 0: only the quick check."},
     {SETTING(retention_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e10, .unit = "s",
      .help = "How long a job and its results are kept after its end, if the job names no time. 0: forever."},
     {SETTING(grace_s), .type = CONFIG_REAL, .default_text = "5", .low = 0, .high = 3600, .unit = "s",
@@ -196,18 +196,19 @@ const config_row config_table[] = {
      .help = "The longest time that a client may have an answer wait for a change (Prefer: wait)."},
     {SETTING(kept_documents), .type = CONFIG_INTEGER, .default_text = "4096", .low = 0, .high = 1 << 20,
      .unit = "documents",
-     .help = "How many documents of jobs are cached to be sent again, each until its job changes. A document "
-             "takes its length, usually 1 to 2 KiB; documents longer than 16 KiB are not cached. 0: none."},
+     .help = "How many answers to GET /v1/jobs/ID are kept in memory, each until its job changes. An answer "
+             "takes its length, usually 1 to 2 KiB; answers longer than 16 KiB are not kept. 0: none."},
     {SETTING(webhook_hosts), .type = CONFIG_WORDS,
      .help = "Hosts that jobs may notify of their end (queue.webhook): HOST, for its ports 80 and 443, or "
              "HOST:PORT; separated by commas, and the key may be repeated. Empty: jobs with webhooks are "
              "refused and none is called."},
     {SETTING(webhook_secret_file), .type = CONFIG_TEXT,
-     .help = "The file of the secret that signs webhooks: of mode 0600, with one line of at least 16 "
-             "characters. webhook_hosts needs it. Each call has the headers of standardwebhooks.com: "
-             "webhook-id, one for each end of a job and the same in each try; webhook-timestamp, the second "
-             "of the try; and webhook-signature, v1, and the base64 of the HMAC-SHA256 of ID.TIMESTAMP.BODY. "
-             "A receiver should refuse other signatures, old timestamps and ids that it has seen."},
+     .help =
+         "The file of the secret that signs webhooks: of mode 0600, with one line of at least 16 "
+         "characters. webhook_hosts needs it. Each call has the headers of standardwebhooks.com: "
+         "webhook-id, one for each end of a job and the same in each try; webhook-timestamp, the second "
+         "of the try; and webhook-signature, which is \"v1,\" and the base64 text of the HMAC-SHA256 of ID.TIMESTAMP.BODY. "
+         "A receiver should refuse other signatures, old timestamps and ids that it has seen."},
     {SETTING(webhook_calls), .type = CONFIG_INTEGER, .default_text = "8", .low = 1, .high = 256,
      .unit = "calls", .help = "How many webhooks are called at once, each on another host."},
     {SETTING(webhook_tries), .type = CONFIG_INTEGER, .default_text = "12", .low = 1, .high = 1000,

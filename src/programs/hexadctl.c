@@ -29,7 +29,7 @@ static const char usage[] =
     "  cancel ID                        cancel a job, whether it waits or runs\n"
     "  fetch ID [--output DIR]          download and verify the results, into DIR or ./ID\n"
     "\n"
-    "  pause ID, resume ID              start no further attempt of a job; start them again\n"
+    "  pause ID, resume ID              start no more attempts of a job; allow them again\n"
     "  retry ID                         run the failed tasks of a job again\n"
     "  delete ID                        delete a job that has ended, with its results\n"
     "  priority ID --priority N         change the priority of a job\n"

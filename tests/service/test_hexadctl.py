@@ -158,10 +158,11 @@ def test_usage(run):
     assert run("--version").stdout.startswith("hexad ")
 
 
-def test_no_server(build):
-    done = subprocess.run([build / "hexadctl", "--server", "http://127.0.0.1:1", "list"], capture_output=True,
-                          text=True, timeout=PATIENCE_S)
-    assert done.returncode == 3 and "127.0.0.1:1" in done.stderr
+@pytest.mark.parametrize("server", ["http://127.0.0.1:1", "unix:/nowhere/hexad.sock"])
+def test_no_server(build, server):
+    done = subprocess.run([build / "hexadctl", "--server", server, "list"], capture_output=True, text=True,
+                          timeout=PATIENCE_S)
+    assert done.returncode == 3 and f"{server}: no server answers" in done.stderr and "--server" in done.stderr
 
 
 def test_a_wait_outlives_a_restart(new_service, build):
