@@ -62,7 +62,7 @@ static bool grow(block_map *m, error *e)
     return true;
 }
 
-bool block_map_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e)
+bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e)
 {
     uint32_t found = block_map_find(m, x, y, z);
     if (found == BLOCK_MAP_NONE) {

@@ -32,7 +32,7 @@ bool block_map_init(block_map *m, size_t expected, error *e);
 void block_map_free(block_map *m);
 
 /* The block's number in *number (which may be NULL), old or new. False when memory is out. */
-bool block_map_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
+bool block_map_find_or_add(block_map *m, int32_t x, int32_t y, int32_t z, uint32_t *number, error *e);
 
 /* Bytes that a map of `count` blocks takes at most. */
 size_t block_map_bytes(size_t count);

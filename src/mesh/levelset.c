@@ -98,7 +98,7 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t n, error *e)
         k->pairs = larger;
         k->pair_room = room;
     }
-    if (!block_map_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
+    if (!block_map_find_or_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
     k->pairs[k->pair_count][0] = number;
     k->pairs[k->pair_count++][1] = n;
     return true;
@@ -310,7 +310,7 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
     bool ok = block_map_init(&regions, 64, e);
     for (uint32_t n = 0; ok && n < k->map.count; n++) {
         const int32_t *b = k->map.blocks[n];
-        ok = block_map_add(&regions, b[0] >> 4, b[1] >> 4, b[2] >> 4, NULL, e);
+        ok = block_map_find_or_add(&regions, b[0] >> 4, b[1] >> 4, b[2] >> 4, NULL, e);
         for (int axis = 0; axis < 3; axis++)
             if (b[axis] >> 4 > high[axis]) high[axis] = b[axis] >> 4;
     }

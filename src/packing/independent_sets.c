@@ -95,7 +95,7 @@ static void form_chunk(void *context, int worker, size_t begin, size_t end)
     const form_job *job = context;
     uint32_t from, to;
     (void)worker;
-    neighbours_points(job->n, job->first_block + begin, job->first_block + end, &from, &to);
+    neighbours_block_points(job->n, job->first_block + begin, job->first_block + end, &from, &to);
     form(job->n, from, to);
 }
 

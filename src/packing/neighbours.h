@@ -96,8 +96,8 @@ static inline const uint32_t *neighbours_list(const neighbours *n, size_t i)
 
 /* Which points lie in the blocks `from` to `to` - 1, counted in the order of updates: those of `bin_item` from *begin to
  * *end - 1. */
-static inline void neighbours_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
-                                     uint32_t *end)
+static inline void neighbours_block_points(const neighbours *n, size_t from, size_t to, uint32_t *begin,
+                                           uint32_t *end)
 {
     assert(from <= to && to <= n->blocks);
     uint32_t first = n->block_begin[from], after = n->block_begin[to];

@@ -37,7 +37,7 @@
 static bool fail(const char *path, int code, error *e)
 {
     const char *why = sqlite3_errstr(code);
-    if (schema_code_is_damage(code)) return error_set(e, ERROR_DATABASE_DAMAGED, "%s", why);
+    if (schema_error_is_damage(code)) return error_set(e, ERROR_DATABASE_DAMAGED, "%s", why);
     error_code kind = code == SQLITE_FULL        ? ERROR_STORAGE_FULL
                       : code == SQLITE_INTERRUPT ? ERROR_CANCELLED
                                                  : ERROR_INTERNAL;
@@ -157,7 +157,7 @@ static bool copy_online(queue *q, sqlite3 *target, const char *path, int fd, err
     database_unlock(q);
     if (code == SQLITE_DONE) return true;
     if (code == SQLITE_OK) return error_set(e, ERROR_CANCELLED, "the service ends");
-    if (schema_code_is_doubt(code))
+    if (schema_error_is_read_fault(code))
         health_note_damage(database_health(q), "copy", sqlite3_errstr(code), true);
     return fail(path, code, e);
 }
@@ -306,7 +306,7 @@ bool backup_check(const char *path, bool full, const atomic_bool *stop, char **f
     if (code == SQLITE_OK) code = run_all_checks(file, full, stream, e);
     if (!file) code = SQLITE_NOMEM;
     /* SQLITE_ERROR: SQLite cannot parse its own schema, so a table is incomplete */
-    bool damaged = schema_code_is_damage(code) || code == SQLITE_ERROR;
+    bool damaged = schema_error_is_damage(code) || code == SQLITE_ERROR;
     if (damaged) write_findings(stream, sqlite3_errmsg(file));
     fclose(stream);
     bool ok = code == SQLITE_DONE || damaged || fail(path, code, e);

@@ -132,10 +132,10 @@ static bool fail(database *d, error *e)
 {
     int code = sqlite3_extended_errcode(d->connection);
     const char *why = sqlite3_errmsg(d->connection);
-    if (!schema_code_is_damage(code) && !schema_code_is_doubt(code))
+    if (!schema_error_is_damage(code) && !schema_error_is_read_fault(code))
         return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
                          why);
-    health_note_damage(d->health, "statement", why, schema_code_is_doubt(code));
+    health_note_damage(d->health, "statement", why, schema_error_is_read_fault(code));
     return health_allows_changes(d->health, e) &&
            error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
 }

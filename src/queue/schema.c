@@ -278,14 +278,14 @@ static const char read_execution[] =
     "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
     "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
 
-bool schema_code_is_damage(int code)
+bool schema_error_is_damage(int code)
 {
     int primary = code & 0xFF;
     return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_DATA ||
            code == SQLITE_IOERR_SHORT_READ; /* a truncated file */
 }
 
-bool schema_code_is_doubt(int code)
+bool schema_error_is_read_fault(int code)
 {
     return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* SQLite maps EIO to this one, too */
 }
@@ -293,7 +293,7 @@ bool schema_code_is_doubt(int code)
 static bool fail(sqlite3 *database, error *e)
 {
     const char *why = sqlite3_errmsg(database);
-    if (schema_code_is_damage(sqlite3_extended_errcode(database)))
+    if (schema_error_is_damage(sqlite3_extended_errcode(database)))
         return error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%s): %s", why, HEALTH_WAY_OUT);
     return error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
 }

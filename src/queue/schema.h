@@ -30,8 +30,8 @@ bool schema_prepare(sqlite3 *database, error *e);
 bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e);
 
 /* Whether this SQLite result code means that the stored data is damaged. */
-bool schema_code_is_damage(int code);
+bool schema_error_is_damage(int code);
 /* Whether it means that a file could not be read, which may be damage. */
-bool schema_code_is_doubt(int code);
+bool schema_error_is_read_fault(int code);
 
 #endif

@@ -557,7 +557,7 @@ static void sweep_chunk(void *context, int worker, size_t begin, size_t end)
     const neighbours *near = job->r->near;
     uint32_t at, to;
     block_sums sums = {0};
-    neighbours_points(near, job->first_block + begin, job->first_block + end, &at, &to);
+    neighbours_block_points(near, job->first_block + begin, job->first_block + end, &at, &to);
     if (job->r->fast)
         sweep_sets(job, worker, at, to, &sums);
     else

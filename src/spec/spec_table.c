@@ -517,9 +517,10 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_TARGET,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_control),
-     .prose = "Section 6.1: the smallest system with at least min_count points and at most the support "
-              "max_sigma at the ideal energy. paper inserts and deletes points between rounds, beginning "
-              "with min_count. sized computes the count directly, from sigma = sqrt(3) spacing."},
+     .prose =
+         "Finds the smallest count that is at least min_count and whose support at the ideal energy is at "
+         "most max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts "
+         "and deletes some between rounds. Method sized computes the count from sigma = sqrt(3) spacing."},
     {.pointer = "/sampling/control/min_count",
      .type = SPEC_TYPE_LARGE,
      .flags = SPEC_REQUIRED,
@@ -628,8 +629,9 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 1000,
      AT(curvature.ratio),
-     .prose = "The ratio of the largest to the smallest spacing. The spacing is proportional to "
-              "kappa^-exponent. It is smallest where the curvature exceeds that of 99 % of the area."},
+     .prose =
+         "The ratio of the largest to the smallest spacing. The spacing is proportional to "
+         "kappa^-exponent. Only 1 % of the area is more curved than the places of the smallest spacing."},
     {.pointer = "/sampling/curvature/exponent",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -855,7 +857,8 @@ const spec_row spec_rows[] = {
      .high = 1024,
      .otherwise = "0",
      AT(threads),
-     .prose = "The number of threads; 0: the share of the worker. The result does not depend on it."},
+     .prose = "The number of threads; 0: those that the service gives to each worker. The result does not "
+              "depend on it."},
     {.pointer = "/solver/isa",
      .type = SPEC_TYPE_WORD,
      WORDS(SPEC_ISA),
@@ -880,8 +883,8 @@ const spec_row spec_rows[] = {
      AT(step_tolerance),
      .unit = "spacings",
      .prose = "Convergence requires an rms step below this. For witkin-heckbert it is the rms displacement "
-              "per unit of time. Below 0.003 only a few defects still move: a third of it doubles the "
-              "sweeps and changes the measures of quality by less than another seed does."},
+              "per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps, "
+              "and changes the measures of quality less than another seed would."},
     {.pointer = "/solver/energy_tolerance",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -1041,7 +1044,7 @@ const spec_row spec_rows[] = {
      AT(timeout_s),
      .unit = "s",
      .prose = "The time that the job, or each frame of it, may run, summed over all attempts. Attempts "
-              "that the service gave back do not count."},
+              "that the service itself stopped, as for a restart, do not count."},
     {.pointer = "/limits/stall_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1111,7 +1114,8 @@ const spec_row spec_rows[] = {
      AT(webhook),
      .prose = "An http or https address that the service calls when the job has ended. The service must "
               "allow its host. The service repeats the call until the answer is 2xx or its retries are "
-              "spent. The address may be called twice for one end, and again after a retry."},
+              "spent. A receiver may be told of the same end more than once, and is told "
+              "again when a job that was retried ends."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;
@@ -1160,7 +1164,7 @@ static void print_values(FILE *file, const spec_row *row)
     } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_BOOL &&
                row->type != SPEC_TYPE_SURFACE) {
         const char *of = row->type == SPEC_TYPE_STRING     ? " characters"
-                         : row->type == SPEC_TYPE_LABELS   ? " labels"
+                         : row->type == SPEC_TYPE_LABELS   ? " texts"
                          : row->type == SPEC_TYPE_SURFACES ? " surfaces"
                                                            : "";
         fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from", row->low,

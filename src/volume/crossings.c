@@ -145,7 +145,8 @@ static bool add_shell(const vdb_tile *t, size_t most, block_map *candidates, err
         for (int32_t y = 0; y <= side; y++) {
             bool edge = x == 0 || x == side || y == 0 || y == side;
             for (int32_t z = 0; z <= side; z += edge ? 1 : side)
-                if (!block_map_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e)) return false;
+                if (!block_map_find_or_add(candidates, low[0] + x, low[1] + y, low[2] + z, NULL, e))
+                    return false;
         }
     if (candidates->count > most)
         return error_set(
@@ -161,7 +162,8 @@ static bool add_candidates(const grid_view *l, size_t memory_limit, block_map *c
     for (uint32_t n = 0; n < l->leaves.count; n++) {
         const int32_t *b = l->leaves.blocks[n];
         for (int k = 0; k < 8; k++)
-            if (!block_map_add(candidates, b[0] - (k & 1), b[1] - (k >> 1 & 1), b[2] - (k >> 2), NULL, e))
+            if (!block_map_find_or_add(candidates, b[0] - (k & 1), b[1] - (k >> 1 & 1), b[2] - (k >> 2), NULL,
+                                       e))
                 return false;
     }
     /* The table doubles when it grows, and old and new exist side by side then. */

@@ -66,8 +66,8 @@ static bool add_tiles(grid_view *l, error *e)
         const vdb_tile *t = &l->grid->tiles[i];
         int level = level_of(t->side), shift = 3 + tile_shift[level];
         uint32_t n;
-        if (!block_map_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift,
-                           t->origin[2] >> shift, &n, e))
+        if (!block_map_find_or_add(&l->tiles[level], t->origin[0] >> shift, t->origin[1] >> shift,
+                                   t->origin[2] >> shift, &n, e))
             return false;
         l->tile_values[level][n] = to_f(l, t->value);
     }
@@ -90,7 +90,7 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
     for (size_t i = 0; i < grid->leaf_count; i++) {
         const int32_t *o = grid->leaf_origin[i];
         uint32_t n;
-        if (!block_map_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) {
+        if (!block_map_find_or_add(&l->leaves, o[0] >> 3, o[1] >> 3, o[2] >> 3, &n, e)) {
             grid_view_free(l);
             return false;
         }

@@ -35,7 +35,8 @@ bool samples_plan(const crossings *c, int reach, block_map *map, error *e)
         for (int x = first[0]; x <= last[0]; x++)
             for (int y = first[1]; y <= last[1]; y++)
                 for (int z = first[2]; z <= last[2]; z++)
-                    if (!block_map_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL, e))
+                    if (!block_map_find_or_add(map, b->block[0] + x, b->block[1] + y, b->block[2] + z, NULL,
+                                               e))
                         return false;
     }
     return true;
@@ -199,7 +200,7 @@ static uint64_t extend_layer(samples *s, uint64_t *fresh, int layer)
     return changed;
 }
 
-bool samples_extend(samples *s, error *e)
+bool samples_fill_unknown(samples *s, error *e)
 {
     uint64_t *fresh =
         mem_array((size_t)s->map.count * SIDE, sizeof *fresh, "the voxels around the surface", e);

@@ -35,7 +35,7 @@ void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear
  * along each axis, averaged. Their side of the surface stays what it was. */
-bool samples_extend(samples *s, error *e);
+bool samples_fill_unknown(samples *s, error *e);
 
 /* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second
  * derivative) where a run of blocks ends. Source: Unser 1999, box 2; the tridiagonal system solved

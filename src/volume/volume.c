@@ -326,7 +326,7 @@ static bool read_samples(loading *l, volume *v, error *e)
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_extend(&l->samples, e)))
+    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_fill_unknown(&l->samples, e)))
         return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }

@@ -61,7 +61,7 @@ static void check(double widest)
             size_t after = block + INDEPENDENT_SET_BLOCKS;
             if (after > f.near->colour_begin[c + 1]) after = f.near->colour_begin[c + 1];
             uint32_t at, end, points[INDEPENDENT_SET_MOST];
-            neighbours_points(f.near, block, after, &at, &end);
+            neighbours_block_points(f.near, block, after, &at, &end);
             while (at < end) {
                 uint32_t count = independent_sets_next(f.near, at, points);
                 assert_in_range(count, 1, INDEPENDENT_SET_MOST);
