@@ -121,8 +121,12 @@ static void take_the_slot(service *s)
     char *worker = mem_printf("%s/worker", s->base);
     expect(chmod(worker, 0700) == 0);
     put_job(s, id);
-    executor_settings settings = {
-        .state_dir = s->base, .worker = worker, .workers = 1, .threads = 1, .memory_mb = 64};
+    executor_settings settings = {.engine = &engine_local,
+                                  .state_dir = s->base,
+                                  .worker = worker,
+                                  .workers = 1,
+                                  .threads = 1,
+                                  .memory_mb = 64};
     expect((s->x = executor_start(&settings, s->q, &e)));
     while (!is_there(s, id, QUEUE_RUNNING)) usleep(1000);
     free(worker);

@@ -1,5 +1,6 @@
 #include "executor/executor.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <limits.h>
@@ -361,6 +362,7 @@ static store_roots *open_roots(const executor_settings *settings, error *e)
 
 executor *executor_start(const executor_settings *settings, queue *q, error *e)
 {
+    assert(settings->engine && settings->worker);
     executor *x = mem_alloc(sizeof *x);
     x->q = q;
     copy_settings(x, settings);
