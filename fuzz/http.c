@@ -19,6 +19,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "executor/local.h"
 #include "executor/result.h"
 #include "fuzz/target.h"
 #include "http/server.h"
