@@ -221,6 +221,24 @@ static void put_patch(json *schemas)
     }
 }
 
+/* The call that the service makes when a job has ended (src/webhook). */
+static void put_webhook(json *document)
+{
+    json *ended = json_put_object(json_put_object(document, "webhooks"), "jobEnded");
+    json *call = json_put_object(ended, "post");
+    json_put_string(call, "operationId", "jobEnded");
+    json_put_string(call, "summary", "A job has ended that names this address in queue.webhook");
+    json_put_string(
+        call, "description",
+        "With the headers webhook-id, webhook-timestamp and webhook-signature of Standard Webhooks"
+        " (standardwebhooks.com). It is repeated, with the same id, until the answer is 2xx.");
+    json_put_array(call, "security");
+    json *body = json_put_object(call, "requestBody");
+    json_put_bool(body, "required", true);
+    put_content(body, "application/json", "JobEnded");
+    json_put_string(json_put_object(json_put_object(call, "responses"), "2XX"), "description", "Received.");
+}
+
 /* The list of all codes, and a response for each status. */
 static void put_problems(json *schemas, json *responses)
 {
@@ -262,6 +280,7 @@ json *openapi_new(void)
     json_put_string(json_append_object(json_put_array(document, "servers")), "url", "/");
     json *paths = json_put_object(document, "paths");
     for (size_t i = 0; i < api_routes.count; i++) put_operation(paths, &api_routes.row[i]);
+    put_webhook(document);
     json *components = json_put_object(document, "components"),
          *schemas = json_put_object(components, "schemas");
     json_put(schemas, "JobSpec", schema_new());

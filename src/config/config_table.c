@@ -204,10 +204,12 @@ const config_row config_table[] = {
              "refused and none is called."},
     {SETTING(webhook_secret_file), .type = CONFIG_TEXT,
      .help =
-         "The file of the secret that signs webhooks: of mode 0600, with one line of at least 16 "
-         "characters. webhook_hosts needs it. Each call has the headers of standardwebhooks.com: "
-         "webhook-id, one for each end of a job and the same in each try; webhook-timestamp, the second "
-         "of the try; and webhook-signature, which is \"v1,\" and the base64 text of the HMAC-SHA256 of ID.TIMESTAMP.BODY. "
+         "The file of the secret that signs webhooks: of mode 0600, with one line, which is whsec_ and the "
+         "base64 text of a key of 24 to 64 random bytes: the form that libraries of standardwebhooks.com "
+         "expect. A line without whsec_, of at least 16 characters, is itself the key. webhook_hosts needs "
+         "this file. Each call has the headers of Standard Webhooks: webhook-id, one for each end of a job, "
+         "the same in each try and given by no other service; webhook-timestamp, the second of the try; and "
+         "webhook-signature, which is \"v1,\" and the base64 text of the HMAC-SHA256 of ID.TIMESTAMP.BODY. "
          "A receiver should refuse other signatures, old timestamps and ids that it has seen."},
     {SETTING(webhook_calls), .type = CONFIG_INTEGER, .default_text = "8", .low = 1, .high = 256,
      .unit = "calls", .help = "How many webhooks are called at once, each on another host."},

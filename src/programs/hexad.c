@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <grp.h>
+#include <limits.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -26,6 +27,7 @@
 #include "config/config.h"
 #include "executor/estimator.h"
 #include "executor/executor.h"
+#include "executor/host.h"
 #include "executor/instance.h"
 #include "executor/local.h"
 #include "http/server.h"
@@ -68,6 +70,7 @@ typedef struct service {
     store_outputs outputs;
     path_map *mappings;
     webhook_hosts *webhook_hosts;
+    char host[HOST_NAME_MAX + 1];
     delivery *delivery; /* NULL: no webhooks */
     executor *x;
     listen_socket socket;
@@ -375,8 +378,10 @@ static bool init_webhooks(service *s, error *e)
     s->webhook_hosts =
         webhook_hosts_read((const char *const *)c->webhook_hosts.item, c->webhook_hosts.count, e);
     if (!s->webhook_hosts) return false;
+    host_name(s->host, sizeof s->host);
     delivery_settings settings = {
         .hosts = s->webhook_hosts,
+        .host = s->host,
         .secret_file = c->webhook_secret_file,
         .calls = (int)c->webhook_calls,
         .tries = (int)c->webhook_tries,

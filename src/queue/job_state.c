@@ -159,6 +159,18 @@ static bool count_for_owner(database *d, int64_t seq, int unfinished, int runnin
                 integer(seq)));
 }
 
+/* Notes that the webhook of the job, if it has one, is to be told of its end. */
+static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
+{
+    char event[ULID_SIZE];
+    ulid_make(now, event);
+    return RUN(d, e,
+               "INSERT INTO outbox (job, webhook, state, outcome, due_ms, event, ended_ms)"
+               " SELECT seq, webhook, state, outcome, ?2, ?3, ?2 FROM job"
+               " WHERE seq = ?1 AND webhook IS NOT NULL",
+               integer(seq), integer(now), text(event));
+}
+
 /* Stores one job, without those that depend on it. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
@@ -172,12 +184,7 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
     if (j->running && !j->started_ms) j->started_ms = now;
     bool ok = store(d, j, outcome, e);
     if (is_final && j->state != QUEUE_SUCCEEDED) ok = ok && store_error(d, j, e);
-    if (is_final && !was_final)
-        ok = ok &&
-             RUN(d, e,
-                 "INSERT INTO outbox (job, webhook, state, outcome, due_ms)"
-                 " SELECT seq, webhook, state, outcome, ?2 FROM job WHERE seq = ?1 AND webhook IS NOT NULL",
-                 integer(j->seq), integer(now));
+    if (is_final && !was_final) ok = ok && put_into_outbox(d, j->seq, now, e);
     if (j->state != before->state)
         ok = ok &&
              job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, outcome, QUEUE_NO_FRAME, 0, now, e);

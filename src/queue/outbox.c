@@ -9,6 +9,9 @@
 void queue_delivery_clear(queue_delivery *delivery)
 {
     free(delivery->url);
+    free(delivery->name);
+    free(delivery->labels);
+    free(delivery->trace);
     *delivery = (queue_delivery){0};
 }
 
@@ -17,7 +20,8 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
     queue_delivery read = {0};
     bool ok = false, any = false;
     static const char sql[] =
-        "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms FROM outbox"
+        "SELECT number, id, outbox.webhook, outbox.state, outbox.outcome, tries, due_ms, event, ended_ms,"
+        " name, labels, trace FROM outbox"
         " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
         " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
     database_lock(q);
@@ -31,6 +35,11 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         read.outcome = job_row_outcome(s, 4);
         read.tries = sqlite3_column_int(s, 5);
         read.due_ms = sqlite3_column_int64(s, 6);
+        snprintf(read.event, sizeof read.event, "%s", (const char *)sqlite3_column_text(s, 7));
+        read.ended_ms = sqlite3_column_int64(s, 8);
+        read.name = database_text(s, 9);
+        read.labels = database_text(s, 10);
+        read.trace = database_text(s, 11);
     }
     database_unlock(q);
     if (ok && any)

@@ -480,9 +480,14 @@ bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e);
 
 /* The notification that a job with a webhook has ended. The transaction that ends the job puts it into the outbox. */
 typedef struct queue_delivery {
-    int64_t number;
-    char id[ULID_SIZE]; /* of the job */
+    int64_t number;        /* in this outbox */
+    char event[ULID_SIZE]; /* a random id of this end of the job, which no other queue gives */
+    char id[ULID_SIZE];    /* of the job */
+    char *name;            /* of the job; NULL: none */
+    char *labels;          /* a JSON array of strings */
+    char *trace;           /* traceparent; NULL: none */
     char *url;
+    int64_t ended_ms;
     queue_state state;
     queue_outcome outcome;
     int tries;      /* that failed */

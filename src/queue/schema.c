@@ -53,6 +53,10 @@
     ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
+/* The id of a notification, and the end that it tells of. */
+#define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
+#define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
+
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
@@ -199,8 +203,7 @@ static const char tables[] =
     "  state TEXT NOT NULL,"
     "  outcome TEXT,"
     "  tries INTEGER NOT NULL DEFAULT 0,"
-    "  due_ms INTEGER NOT NULL"
-    ") STRICT;"
+    "  due_ms INTEGER NOT NULL, " OUTBOX_EVENT ", " OUTBOX_ENDED ") STRICT;"
     "CREATE INDEX outbox_by_time ON outbox (due_ms, number);"
     "CREATE INDEX outbox_by_job ON outbox (job);";
 
@@ -278,6 +281,26 @@ static const char read_execution[] =
     "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
     "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
 
+/* Migration from version 5, in which the id of a notification was its number. */
+static const char add_outbox_event[] =
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_EVENT ";"
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_ENDED ";"
+    "UPDATE outbox SET event = lower(hex(randomblob(13))),"
+    "  ended_ms = (SELECT coalesce(finished_ms, created_ms) FROM job WHERE seq = outbox.job);";
+
+/* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
+static const struct step {
+    int first, last;
+    const char *sql;
+} steps[] = {
+    {1, 1, set_old_aside},        {0, 1, tables},
+    {1, 1, carry_over},           {2, 2, add_paths},
+    {2, 3, add_times_and_inputs}, {2, 4, add_removed_events},
+    {2, 4, add_storage},          {2, 4, add_instance},
+    {2, 4, add_execution},        {1, 4, read_execution},
+    {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
+};
+
 bool schema_error_is_damage(int code)
 {
     int primary = code & 0xFF;
@@ -320,17 +343,8 @@ static bool make_tables(sqlite3 *database, int version, error *e)
 {
     error why = {0};
     bool ok = run(database, "BEGIN IMMEDIATE", &why);
-    if (ok && version == 1) ok = run(database, set_old_aside, &why);
-    if (ok && version < 2) ok = run(database, tables, &why);
-    if (ok && version == 1) ok = run(database, carry_over, &why);
-    if (ok && version == 2) ok = run(database, add_paths, &why);
-    if (ok && (version == 2 || version == 3)) ok = run(database, add_times_and_inputs, &why);
-    if (ok && version >= 2) ok = run(database, add_removed_events, &why);
-    if (ok && version >= 2) ok = run(database, add_storage, &why);
-    if (ok && version >= 2) ok = run(database, add_instance, &why);
-    if (ok && version >= 2) ok = run(database, add_execution, &why);
-    if (ok && version >= 1) ok = run(database, read_execution, &why);
-    if (ok && version >= 1) ok = run(database, leave_unnamed, &why);
+    for (size_t i = 0; ok && i < sizeof steps / sizeof *steps; i++)
+        if (version >= steps[i].first && version <= steps[i].last) ok = run(database, steps[i].sql, &why);
     ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
     if (ok) return true;
     /* SQLite cannot prepare a statement: the tables are not those of this version */

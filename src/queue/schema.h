@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 5
+#define SCHEMA_VERSION 6
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 

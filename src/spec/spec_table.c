@@ -1112,10 +1112,11 @@ const spec_row spec_rows[] = {
      .low = 1,
      .high = 2000,
      AT(webhook),
-     .prose = "An http or https address that the service calls when the job has ended. The service must "
-              "allow its host. The service repeats the call until the answer is 2xx or its retries are "
-              "spent. A receiver may be told of the same end more than once, and is told "
-              "again when a job that was retried ends."},
+     .prose =
+         "An http or https address that the service calls when the job has ended. The service must "
+         "allow its host. The service repeats the call until the answer is 2xx or its retries are "
+         "spent. A receiver may be told of the same end more than once, with the same webhook-id, and is "
+         "told again when a job that was retried ends."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;

@@ -28,6 +28,10 @@
 #define LOOK_MS 60000
 #define SECRET_LEAST 16
 #define SECRET_MOST 4096
+/* The form of a key in the Standard Webhooks specification. */
+#define KEY_PREFIX "whsec_"
+#define KEY_LEAST 24
+#define KEY_MOST 64
 
 /* A thread that makes the calls it is given, one after another. */
 typedef struct caller {
@@ -42,7 +46,8 @@ typedef struct caller {
 
 struct delivery {
     delivery_settings settings;
-    char *secret;
+    uint8_t *key;
+    size_t key_length;
     queue *q;
     _Atomic int64_t not_before_ms; /* monotonic; after trouble */
     atomic_bool stopping;
@@ -52,7 +57,47 @@ struct delivery {
     caller *callers;
 };
 
-static char *read_secret(const char *path, error *e)
+/* Decodes what follows KEY_PREFIX; NULL: it is not the base64 text of a key. */
+static uint8_t *decode_key(const char *text, size_t *length, error *e)
+{
+    struct base64_decode_ctx context;
+    size_t decoded = 0;
+    uint8_t *key = mem_alloc(BASE64_DECODE_LENGTH(strlen(text)) + 1);
+    base64_decode_init(&context);
+    bool ok =
+        base64_decode_update(&context, &decoded, key, strlen(text), text) && base64_decode_final(&context);
+    if (ok && decoded >= KEY_LEAST && decoded <= KEY_MOST) {
+        *length = decoded;
+        return key;
+    }
+    free(key);
+    if (!ok)
+        error_set(e, ERROR_SPEC_INVALID, "what follows " KEY_PREFIX " is not base64");
+    else
+        error_set(e, ERROR_SPEC_INVALID,
+                  "a key that begins with " KEY_PREFIX " has %d to %d bytes, and this one %zu", KEY_LEAST,
+                  KEY_MOST, decoded);
+    return NULL;
+}
+
+/* The key in the text of a secret, to be freed; takes over the text. */
+static uint8_t *take_key(char *text, size_t *length, error *e)
+{
+    text[strcspn(text, "\r\n")] = '\0';
+    if (strncmp(text, KEY_PREFIX, strlen(KEY_PREFIX)) == 0) {
+        uint8_t *key = decode_key(text + strlen(KEY_PREFIX), length, e);
+        free(text);
+        return key;
+    }
+    *length = strlen(text);
+    if (*length >= SECRET_LEAST) return (uint8_t *)text;
+    free(text);
+    error_set(e, ERROR_SPEC_INVALID, "the secret must have at least %d characters, in one line",
+              SECRET_LEAST);
+    return NULL;
+}
+
+static uint8_t *read_key(const char *path, size_t *key_length, error *e)
 {
     size_t length = 0;
     int fd = *path ? open(path, O_RDONLY | O_CLOEXEC) : -1;
@@ -63,28 +108,29 @@ static char *read_secret(const char *path, error *e)
     }
     bool is_private = store_file_check_private(fd, path, e);
     close(fd);
-    char *secret = is_private ? store_file_read(path, SECRET_MOST, &length, e) : NULL;
-    if (!secret) {
+    char *text = is_private ? store_file_read(path, SECRET_MOST, &length, e) : NULL;
+    uint8_t *key = text ? take_key(text, key_length, e) : NULL;
+    if (!text)
         error_prefix(e, "webhook_secret_file");
-        return NULL;
-    }
-    secret[strcspn(secret, "\r\n")] = '\0';
-    if (strlen(secret) >= SECRET_LEAST) return secret;
-    free(secret);
-    error_set(e, ERROR_SPEC_INVALID,
-              "webhook_secret_file %s: the secret must have at least %d characters, in one line", path,
-              SECRET_LEAST);
-    return NULL;
+    else if (!key)
+        error_prefix(e, "webhook_secret_file %s", path);
+    return key;
 }
 
-static char *describe(const queue_delivery *d)
+static char *describe(const delivery *c, const queue_delivery *d)
 {
+    char ended[CLOCK_TEXT_SIZE];
     json *o = json_new_object();
     json_put_string(o, "type", "job.ended");
+    json_put_string(o, "timestamp", clock_format_utc(d->ended_ms, ended));
     json *data = json_put_object(o, "data");
     json_put_string(data, "job", d->id);
     json_put_string(data, "state", queue_state_name(d->state));
     json_put_string(data, "outcome", queue_outcome_name(d->outcome));
+    json_put_string(data, "name", d->name);
+    json_put_text(data, "labels", d->labels);
+    json_put_string(data, "traceparent", d->trace);
+    json_put_string(data, "host", c->settings.host);
     char *text = json_print(o);
     json_free(o);
     return text;
@@ -96,8 +142,8 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     uint8_t digest[SHA256_DIGEST_SIZE];
     char signature[BASE64_ENCODE_RAW_LENGTH(SHA256_DIGEST_SIZE) + 1] = "";
     long long now = clock_wall_ms() / 1000;
-    char *content = mem_printf("%lld.%lld.%s", (long long)d->number, now, body);
-    hmac_sha256_set_key(&hmac, strlen(c->secret), (const uint8_t *)c->secret);
+    char *content = mem_printf("%s.%lld.%s", d->event, now, body);
+    hmac_sha256_set_key(&hmac, c->key_length, c->key);
     hmac_sha256_update(&hmac, strlen(content), (const uint8_t *)content);
     hmac_sha256_digest(&hmac, sizeof digest, digest);
     base64_encode_raw(signature, sizeof digest, digest);
@@ -105,7 +151,7 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
     char *lines[] = {
         mem_strdup("Content-Type: application/json"),
         mem_strdup("Expect:"), /* a short body is sent without being asked for */
-        mem_printf("webhook-id: %lld", (long long)d->number),
+        mem_printf("webhook-id: %s", d->event),
         mem_printf("webhook-timestamp: %lld", now),
         mem_printf("webhook-signature: v1,%s", signature),
     };
@@ -138,7 +184,7 @@ static bool post(caller *r, error *why)
     CURL *curl = r->curl;
     long status = 0;
     if (!webhook_hosts_admit(c->settings.hosts, d->url, why)) return false;
-    char *body = describe(d);
+    char *body = describe(c, d);
     struct curl_slist *headers = make_headers(c, d, body);
     curl_easy_reset(curl);
     r->fault[0] = '\0';
@@ -183,14 +229,12 @@ static bool deliver(caller *r)
     bool last = d->tries + 1 >= c->settings.tries;
     if (!taken && !last) again_ms = clock_wall_ms() + wait_ms(&c->settings, d->tries);
     if (taken)
-        log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%lld", d->id, (long long)d->number);
+        log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%s", d->id, d->event);
     else
-        log_write(LOG_LEVEL_WARNING, "webhook %s job=%s event=%lld try=%d: %s",
-                  last ? "given up" : "not delivered", d->id, (long long)d->number, d->tries + 1,
-                  why.message);
+        log_write(LOG_LEVEL_WARNING, "webhook %s job=%s event=%s try=%d: %s",
+                  last ? "given up" : "not delivered", d->id, d->event, d->tries + 1, why.message);
     if (queue_end_delivery(c->q, d->number, again_ms, &e)) return true;
-    log_write(LOG_LEVEL_ERROR, "webhook will be told again job=%s event=%lld: %s", d->id,
-              (long long)d->number, e.message);
+    log_write(LOG_LEVEL_ERROR, "webhook will be told again job=%s event=%s: %s", d->id, d->event, e.message);
     return false;
 }
 
@@ -289,7 +333,7 @@ static void release(delivery *c)
     pthread_cond_destroy(&c->given);
     pthread_mutex_destroy(&c->mutex);
     free(c->callers);
-    free(c->secret);
+    free(c->key);
     free(c);
 }
 
@@ -310,8 +354,8 @@ delivery *delivery_start(const delivery_settings *settings, queue *q, error *e)
     c->callers = mem_alloc((size_t)settings->calls * sizeof *c->callers);
     pthread_mutex_init(&c->mutex, NULL);
     pthread_cond_init(&c->given, NULL);
-    c->secret = read_secret(settings->secret_file, e);
-    bool ok = c->secret != NULL;
+    c->key = read_key(settings->secret_file, &c->key_length, e);
+    bool ok = c->key != NULL;
     for (int i = 0; ok && i < settings->calls; i++) ok = start_caller(c, &c->callers[i], e);
     if (ok && background_start(&c->thread, run, c, "webhooks", e)) return c;
     release(c);

@@ -3,10 +3,10 @@
  * They post the notifications in the queue's outbox: to several hosts at a time, to one host one after
  * another. A notification is tried until the receiver answers with a status of 2xx or the tries are used up,
  * and leaves the outbox only then. So a receiver may get one twice, but none is lost when this program dies.
- * The headers are those of standardwebhooks.com: webhook-id is one number for each end of a job and the same
- * in each try; webhook-timestamp is the second of the try; webhook-signature is `v1,` and the base64 of the
- * HMAC-SHA256, under the secret, of `ID.TIMESTAMP.BODY`. The body is `{"type": "job.ended", "data": {"job",
- * "state", "outcome"}}`. The threads follow no redirect, use no proxy and discard the body of an answer.
+ * The headers are those of standardwebhooks.com, version 1.0.0: webhook-id is one id for each end of a job, the
+ * same in each try, and of no other service; webhook-timestamp is the second of the try; webhook-signature is
+ * `v1,` and the base64 of the HMAC-SHA256, under the key, of `ID.TIMESTAMP.BODY`. The body is the schema JobEnded
+ * of the OpenAPI document. The threads follow no redirect, use no proxy and discard the body of an answer.
  */
 #ifndef HEXAD_WEBHOOK_DELIVERY_H
 #define HEXAD_WEBHOOK_DELIVERY_H
@@ -19,16 +19,18 @@ typedef struct delivery delivery;
 
 typedef struct delivery_settings {
     const webhook_hosts *hosts; /* checked again before each try; outlive the delivery */
-    const char *secret_file;    /* its bytes without a line break at the end are the secret */
-    int calls;                  /* at a time, at most */
-    int tries;                  /* of a delivery, at most */
-    double timeout_s;           /* of a try */
-    double retry_s;             /* before the second try, doubled before each further one, */
-    double retry_most_s;        /* and at most this */
+    const char *host;           /* the name of this machine, for the receivers */
+    /* Its first line is `whsec_` and the base64 of a key of 24 to 64 bytes; another text is itself the key. */
+    const char *secret_file;
+    int calls;           /* at a time, at most */
+    int tries;           /* of a delivery, at most */
+    double timeout_s;    /* of a try */
+    double retry_s;      /* before the second try, doubled before each further one, */
+    double retry_most_s; /* and at most this */
 } delivery_settings;
 
-/* The queue outlives the delivery. Error spec_invalid: the secret is missing, too short, or readable by
- * others. */
+/* The queue outlives the delivery. Error spec_invalid: the secret is missing, of no valid form, or
+ * readable by others. */
 delivery *delivery_start(const delivery_settings *settings, queue *q, error *e);
 /* Aborts a try that is under way, which then does not count. Accepts NULL. */
 void delivery_stop(delivery *c);

@@ -329,6 +329,7 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                "DROP TABLE copy; ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE removed_events;"
                                + "".join(f"ALTER TABLE spec DROP COLUMN {name};"
                                          for name in ("timeout_ms", "stall_ms", "directory", "cache_key"))
+                               + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
                                + "PRAGMA user_version = 4;")
     database.close()
     before = tree(service.state / "results")

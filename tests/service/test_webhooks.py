@@ -1,11 +1,13 @@
 """Webhooks: who is told that a job has ended, how often, and that it is this service that says so."""
 import base64
-import hashlib
 import hmac
 import http.server
 import json
 import queue
+import re
+import shutil
 import signal
+import socket
 import subprocess
 import threading
 import time
@@ -14,13 +16,29 @@ import pytest
 
 from service import PATIENCE_S, gated_worker, sphere, wait_until
 
-SECRET = "correct horse battery staple"
+KEY = bytes(range(32))
+SECRET = "whsec_" + base64.b64encode(KEY).decode()
+OLD_SECRET = "correct horse battery staple"  # any other text is the key itself
+
+
+def verify(secret, headers, body):
+    """The verification of the Standard Webhooks specification, version 1.0.0: of a symmetric signature, for a receiver."""
+    key = base64.b64decode(secret.removeprefix("whsec_"), validate=True)
+    assert 24 <= len(key) <= 64
+    number, second = headers["webhook-id"], headers["webhook-timestamp"]
+    assert number and "." not in number and re.fullmatch("[0-9]+", second)
+    assert abs(time.time() - int(second)) < 5 * 60
+    right = hmac.digest(key, f"{number}.{second}.".encode() + body, "sha256")
+    signatures = [s.partition(",") for s in headers["webhook-signature"].split(" ")]
+    assert any(version == "v1" and hmac.compare_digest(base64.b64decode(text, validate=True), right)
+               for version, _, text in signatures)
 
 
 class Receiver:
     """An HTTP server on loopback that answers with the next of `answers`, and 204 when there is none."""
 
     def __init__(self):
+        self.secret = SECRET
         self.calls, self.answers = queue.Queue(), queue.Queue()
         receiver = self
 
@@ -54,10 +72,7 @@ class Receiver:
         """The next call, after a look at whether it is genuine."""
         path, headers, body = self.calls.get(timeout=PATIENCE_S)
         assert path == "/done?show=7" and headers["Content-Type"] == "application/json"
-        signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.{body.decode()}".encode()
-        digest = hmac.new(SECRET.encode(), signed, hashlib.sha256).digest()
-        assert headers["webhook-signature"] == "v1," + base64.b64encode(digest).decode()
-        assert abs(time.time() - int(headers["webhook-timestamp"])) < PATIENCE_S
+        verify(self.secret, headers, body)
         return headers["webhook-id"], json.loads(body)
 
 
@@ -83,8 +98,9 @@ def caller(new_service, receiver, secret):
                        "--webhook_retry_s", "0.01", "--webhook_retry_most_s", "0.05").start()
 
 
-def told(job, state="succeeded", outcome="converged"):
-    return {"type": "job.ended", "data": {"job": job, "state": state, "outcome": outcome}}
+def told(job, state="succeeded", outcome="converged", name=None, labels=(), traceparent=None):
+    return {"job": job, "state": state, "outcome": outcome, "name": name, "labels": list(labels),
+            "traceparent": traceparent, "host": socket.gethostname()}
 
 
 def hooked(receiver, **parts):
@@ -99,13 +115,54 @@ def test_the_end_of_a_job_is_told(caller, receiver):
     job = caller.submit(hooked(receiver))
     number, body = receiver.next()
     done = caller.wait_state(job, "succeeded")
-    assert body == told(job, outcome=done["outcome"])
+    assert body == {"type": "job.ended", "timestamp": done["finished"], "data": told(job, outcome=done["outcome"])}
     assert done["spec"]["queue"]["webhook"] == receiver.url
     quiet = caller.submit(sphere())
     caller.wait_state(quiet, "succeeded")
     other = caller.submit(hooked(receiver))
     assert receiver.next()[1]["data"]["job"] == other
     assert "show=7" not in caller.log.read_text()  # addresses may hold secrets
+
+
+def test_what_a_job_was_called_is_told(caller, receiver):
+    trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+    spec = sphere(name="ball of \u2603", queue={"webhook": receiver.url, "labels": ["show", "shot 7"]})
+    reply = caller.request("POST", "/v1/jobs", json.dumps(spec),
+                           {"Content-Type": "application/json", "traceparent": trace})
+    data = receiver.next()[1]["data"]
+    assert data == told(reply.json["id"], outcome=data["outcome"], name="ball of \u2603", labels=["show", "shot 7"],
+                        traceparent=trace)
+
+
+def test_the_document_describes_the_call(caller, receiver):
+    jsonschema = pytest.importorskip("jsonschema", reason="no python3-jsonschema")
+    document = caller.get("/v1/openapi.json").json
+    schema = document["webhooks"]["jobEnded"]["post"]["requestBody"]["content"]["application/json"]["schema"]
+    caller.submit(hooked(receiver))
+    jsonschema.Draft202012Validator({**schema, "components": document["components"]}).validate(receiver.next()[1])
+
+
+def test_no_two_queues_give_the_same_id(new_service, receiver, secret):
+    options = ("--webhook_hosts", receiver.host, "--webhook_secret_file", secret)
+    first, second = new_service(*options).start(), new_service(*options).start()
+    ids = set()
+    for service in (first, second):
+        service.submit(hooked(receiver))
+        ids.add(receiver.next()[0])
+    first.end()
+    shutil.rmtree(first.state)  # a new queue of the same service
+    first.start().submit(hooked(receiver))
+    ids.add(receiver.next()[0])
+    assert len(ids) == 3
+
+
+def test_a_secret_of_any_text_is_the_key(new_service, receiver, secret):
+    """The form of version 0.1.0. A library gets it as base64."""
+    secret.write_text(OLD_SECRET + "\n")
+    receiver.secret = "whsec_" + base64.b64encode(OLD_SECRET.encode()).decode()
+    service = new_service("--webhook_hosts", receiver.host, "--webhook_secret_file", secret).start()
+    job = service.submit(hooked(receiver))
+    assert receiver.next()[1]["data"]["job"] == job
 
 
 def test_refusals_are_tried_again(caller, receiver):
@@ -164,10 +221,11 @@ def test_each_end_of_a_job_is_told(new_service, receiver, secret, tmp_path):
     service.wait_worker(job)
     assert service.post(f"/v1/jobs/{job}/cancel").status in (200, 202)
     number, body = receiver.next()
-    assert body == told(job, "cancelled", None)
+    assert body["data"] == told(job, "cancelled", None)
     assert service.post(f"/v1/jobs/{job}/retry").status in (200, 202)
     service.open_gate(job)
-    assert receiver.next() == (str(int(number) + 1), told(job))
+    again, body = receiver.next()
+    assert again != number and body["data"] == told(job)
 
 
 def test_hosts_that_are_not_listed_are_refused(new_service, caller, receiver):
@@ -218,13 +276,19 @@ def test_a_host_that_is_listed_no_more_is_not_called(new_service, receiver, secr
 
 def test_settings_that_miss_a_secret(build, receiver, tmp_path):
     words = [build / "hexad", "--state_dir", tmp_path / "state", "--webhook_hosts", receiver.host]
-    short, open_file = tmp_path / "short", tmp_path / "open"
-    short.write_text("too short")
-    short.chmod(0o600)
-    open_file.write_text(SECRET)
-    open_file.chmod(0o644)
-    for more, told_what in (([], "is not set"), (["--webhook_secret_file", tmp_path / "none"], "No such file"),
-                            (["--webhook_secret_file", short], "at least 16"),
-                            (["--webhook_secret_file", open_file], "chmod 600")):
-        done = subprocess.run([*words, *more], capture_output=True, text=True, timeout=PATIENCE_S)
+    missing = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert missing.returncode == 2 and "is not set" in missing.stderr
+    nothing = subprocess.run([*words, "--webhook_secret_file", tmp_path / "none"], capture_output=True, text=True,
+                             timeout=PATIENCE_S)
+    assert nothing.returncode == 2 and "No such file" in nothing.stderr
+    file = tmp_path / "secret"
+    for text, mode, told_what in (("too short", 0o600, "at least 16"), (SECRET, 0o644, "chmod 600"),
+                                  ("whsec_" + "A" * 30 + "*A", 0o600, "is not base64"),
+                                  (SECRET[:-1], 0o600, "is not base64"),
+                                  ("whsec_" + base64.b64encode(bytes(23)).decode(), 0o600, "24 to 64 bytes"),
+                                  ("whsec_" + base64.b64encode(bytes(65)).decode(), 0o600, "24 to 64 bytes")):
+        file.write_text(text)
+        file.chmod(mode)
+        done = subprocess.run([*words, "--webhook_secret_file", file], capture_output=True, text=True,
+                              timeout=PATIENCE_S)
         assert done.returncode == 2 and told_what in done.stderr, done.stderr

@@ -223,8 +223,12 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 5 had not. */
+#define BEFORE_6 "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
+
 /* What version 4 had not. */
 #define BEFORE_5                                                                               \
+    BEFORE_6                                                                                   \
     "DROP TABLE instance; DROP TABLE removal; ALTER TABLE task DROP COLUMN interrupted;"       \
     "ALTER TABLE task DROP COLUMN storage_faults; DROP TABLE copy; DROP TABLE removed_events;" \
     "ALTER TABLE spec DROP COLUMN timeout_ms; ALTER TABLE spec DROP COLUMN stall_ms;"          \
@@ -327,6 +331,33 @@ static void test_storage_is_added_to_version_4(void **state)
     assert_true(queue_list_copies(p->q, &copies, &count, NULL));
     assert_int_equal(count, 0);
     queue_copies_free(copies, count);
+}
+
+/* In version 5 the id of a notification was its number, which other queues gave, too. */
+static void test_notifications_of_version_5_get_ids(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[2][ULID_SIZE], event[2][ULID_SIZE];
+    s.webhook = "https://farm/done";
+    for (int i = 0; i < 2; i++) {
+        submit_for(p, &s, id[i]);
+        assert_true(finish(p, id[i], 0, claim(p, id[i]), &success));
+    }
+    alter_database(p, BEFORE_6 "PRAGMA user_version = 5;");
+    for (int i = 0; i < 2; i++) {
+        queue_delivery delivery = {0};
+        bool found = false;
+        assert_true(queue_next_delivery(p->q, "[]", &delivery, &found, NULL) && found);
+        queue_job job = get(p, delivery.id);
+        assert_true(delivery.ended_ms == job.finished_ms && job.finished_ms > 0);
+        memcpy(event[i], delivery.event, ULID_SIZE);
+        assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
+        queue_job_clear(&job);
+        queue_delivery_clear(&delivery);
+    }
+    assert_int_equal(strlen(event[0]), ULID_SIZE - 1);
+    assert_string_not_equal(event[0], event[1]);
 }
 
 /* Version 4 read a spec at each claim. */
@@ -559,6 +590,7 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_notifications_of_version_5_get_ids),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),
         CASE(test_the_reserve),

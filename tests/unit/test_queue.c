@@ -746,14 +746,20 @@ static void test_ends_are_told(void **state)
     assert_int_equal(delivery.state, QUEUE_SUCCEEDED);
     assert_int_equal(delivery.outcome, QUEUE_CONVERGED);
     assert_int_equal(delivery.tries, 0);
+    assert_string_equal(delivery.labels, plain.labels);
+    char event[ULID_SIZE];
+    memcpy(event, delivery.event, sizeof event);
+    assert_true(ulid_is_valid(event) && ulid_time_ms(event) == delivery.ended_ms);
     assert_true(queue_end_delivery(p->q, delivery.number, INT64_C(1) << 42, NULL));
     queue_delivery_clear(&delivery);
     delivery = next_delivery(p, told);
+    assert_string_equal(delivery.event, event);
     assert_true(delivery.due_ms == INT64_C(1) << 42);
     assert_int_equal(delivery.tries, 1);
     queue_delivery_clear(&delivery);
     assert_true(finish(p, failed, 0, claim(p, failed), &crash));
     delivery = next_delivery(p, failed); /* which is due before */
+    assert_string_not_equal(delivery.event, event);
     assert_int_equal(delivery.state, QUEUE_FAILED);
     assert_true(queue_end_delivery(p->q, delivery.number, 0, NULL));
     queue_delivery_clear(&delivery);
