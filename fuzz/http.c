@@ -20,9 +20,9 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "executor/local.h"
-#include "executor/result.h"
 #include "fuzz/target.h"
 #include "http/server.h"
+#include "results/result.h"
 #include "store/file.h"
 
 /* An answer that was asked to wait is not waited for. */

@@ -1,7 +1,7 @@
 #include "api/backup.h"
 
 #include "base/log.h"
-#include "queue/backup.h"
+#include "database/backup.h"
 
 void backup_send(const http_context *c, const http_request *request, reply *r)
 {
@@ -11,7 +11,7 @@ void backup_send(const http_context *c, const http_request *request, reply *r)
         reply_set_unavailable(r, "another backup is being made; try again when it is done");
         return;
     }
-    int fd = backup_open(c->q, executor_get_space(c->x).floor_bytes, &bytes, &e);
+    int fd = backup_open(queue_database(c->q), executor_get_space(c->x).floor_bytes, &bytes, &e);
     atomic_store(c->copying, false);
     if (fd < 0 && e.code == ERROR_CANCELLED)
         reply_set_unavailable(r, e.message);

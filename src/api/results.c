@@ -9,9 +9,9 @@
 
 #include "api/job_lookup.h"
 #include "base/memory.h"
-#include "executor/result.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
+#include "results/result.h"
 
 /* A result never changes, but each user must be authorised, so shared caches must not serve it. */
 #define CACHE_CONTROL "private, max-age=31536000, immutable"

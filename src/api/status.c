@@ -34,11 +34,11 @@ static void look_at_jobs(const http_context *c, finding *f)
 
 static void look_at_database(const http_context *c, finding *f)
 {
-    queue_health health;
+    health_report known;
     error e = {0};
-    queue_get_health(c->q, &health);
+    queue_get_health(c->q, &known);
     if (queue_allows_changes(c->q, &e)) {
-        if (health.checking) f->state = "checking"; /* no damage is known */
+        if (known.checking) f->state = "checking"; /* no damage is known */
         return;
     }
     f->state = "damaged";
@@ -123,15 +123,15 @@ static void put_load(const http_context *c, FILE *out)
 
 static void put_database(const http_context *c, FILE *out)
 {
-    queue_health health;
-    queue_get_health(c->q, &health);
+    health_report known;
+    queue_get_health(c->q, &known);
     put_figure(out, "hexad_database_damaged", "gauge", "Whether damage was found in the database.");
-    fprintf(out, "hexad_database_damaged %d\n", health.damaged);
+    fprintf(out, "hexad_database_damaged %d\n", known.damaged);
     put_figure(out, "hexad_database_last_check_timestamp_seconds", "gauge",
                "When the last check of the database ended; 0: none has ended yet.");
-    fprintf(out, "hexad_database_last_check_timestamp_seconds %.3f\n", (double)health.checked_ms / 1000);
+    fprintf(out, "hexad_database_last_check_timestamp_seconds %.3f\n", (double)known.checked_ms / 1000);
     put_figure(out, "hexad_database_last_check_duration_seconds", "gauge", "How long that check took.");
-    fprintf(out, "hexad_database_last_check_duration_seconds %.3f\n", (double)health.check_took_ms / 1000);
+    fprintf(out, "hexad_database_last_check_duration_seconds %.3f\n", (double)known.check_took_ms / 1000);
 }
 
 static void put_storage(const http_context *c, FILE *out)

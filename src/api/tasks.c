@@ -7,8 +7,8 @@
 #include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "base/memory.h"
-#include "executor/result.h"
 #include "http/parameter.h"
+#include "results/result.h"
 
 #define PAGE_DEFAULT 50 /* as the table of parameters says */
 

@@ -9,8 +9,8 @@
 
 #include "base/memory.h"
 #include "base/worker_contract.h"
-#include "executor/result.h"
 #include "json/json.h"
+#include "results/result.h"
 #include "store/inputs.h"
 
 /* Files changed in this time before the attempt are not trusted: time stamps are coarse, and file servers have clocks

@@ -50,8 +50,8 @@ typedef struct executor_settings {
     bool adopt;                   /* results that the queue does not know are added to it */
 } executor_settings;
 
-/* Settles what a crash left, compares results/ and attempts/ with the queue (executor/inventory), gives both the same
- * instance id (executor/instance), and starts the supervisor. Copies the settings. The queue must outlive the executor.
+/* Settles what a crash left, compares results/ and attempts/ with the queue (results/inventory), gives both the same
+ * instance id (results/instance), and starts the supervisor. Copies the settings. The queue must outlive the executor.
  */
 executor *executor_start(const executor_settings *settings, queue *q, error *e);
 

@@ -18,7 +18,7 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "base/worker_contract.h"
-#include "executor/result.h"
+#include "results/result.h"
 #include "store/file.h"
 
 #define PROGRESS_FD 3

@@ -13,9 +13,9 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
-#include "executor/lost_found.h"
-#include "executor/result.h"
 #include "json/json.h"
+#include "results/lost_found.h"
+#include "results/result.h"
 #include "store/file.h"
 
 static void set_end(settlement *s, queue_state state, const error *why)
@@ -261,25 +261,6 @@ static bool move_result(const char *state_dir, const char *from, const char *to,
     return ok;
 }
 
-/* Of a failed attempt only the log is kept. Deleting the rest is safe: the queue gave this attempt its number before
- * the directory was created, a start moves directories with unknown numbers to lost+found (executor/inventory), and
- * the directory contains no result that was ever reported. */
-void settlement_remove_leftovers(const char *directory)
-{
-    char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);
-    size_t length = 0;
-    error e = {0};
-    char *text = store_file_read(log, 1 << 20, &length, NULL);
-    if (!store_remove(directory, &e))
-        log_write(LOG_LEVEL_WARNING, "the files of a failed attempt could not be removed: %s", e.message);
-    if (text && length) {
-        if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
-            log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
-    }
-    free(text);
-    free(log);
-}
-
 /* Whether the attempt is still the current one (the fence). This is checked before a result moves into place. The queue
  * checks again in its transaction. */
 static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *e)
@@ -330,7 +311,7 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
         free(results);
         return ok;
     }
-    if (!s->keep) settlement_remove_leftovers(directory);
+    if (!s->keep) result_remove_leftovers(directory);
     return true;
 }
 
@@ -349,7 +330,7 @@ static bool settle_task(const settlement_place *place, const queue_claimed *c, c
         end.state = QUEUE_CANCELLED;
         end.error_code = error_code_name(ERROR_CANCELLED);
         end.error_message = "cancelled while it ran";
-        if (s->keep) settlement_remove_leftovers(directory);
+        if (s->keep) result_remove_leftovers(directory);
         ok = queue_finish(place->q, &fence, &end, &accepted, e);
     }
     if (ok)

@@ -96,9 +96,6 @@ typedef struct settlement_place {
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Removes all files of an attempt except its log. */
-void settlement_remove_leftovers(const char *directory);
-
 /* Settles the tasks that a crash left running in the queue. Such an attempt does not count, but too many of them end
  * the task (error interrupted). `restarted`: the host was restarted, too. */
 bool settlement_recover(const settlement_place *place, bool restarted, error *e);

@@ -12,10 +12,10 @@
 #include "base/worker_contract.h"
 #include "executor/cache.h"
 #include "executor/input_permissions.h"
-#include "executor/kept_result.h"
-#include "executor/publication.h"
-#include "executor/result.h"
 #include "json/json.h"
+#include "results/kept_result.h"
+#include "results/publication.h"
+#include "results/result.h"
 #include "store/file.h"
 
 /* Between two tries to decide or to settle: long enough not to spin, short enough to recover. */

@@ -25,15 +25,15 @@
 #include "base/memory.h"
 #include "base/sandbox.h"
 #include "config/config.h"
+#include "database/checker.h"
 #include "executor/estimator.h"
 #include "executor/executor.h"
 #include "executor/host.h"
-#include "executor/instance.h"
 #include "executor/local.h"
 #include "http/server.h"
 #include "programs/maintenance.h"
-#include "queue/checker.h"
 #include "queue/queue.h"
+#include "results/instance.h"
 #include "store/file.h"
 #include "store/inputs.h"
 #include "store/output.h"
@@ -133,7 +133,8 @@ static void fini_queue(service *s)
 
 static bool init_checker(service *s, error *e)
 {
-    s->checker = checker_start(s->q, s->settings.check_interval_s, s->settings.free_space_mb << 20, e);
+    s->checker =
+        checker_start(queue_database(s->q), s->settings.check_interval_s, s->settings.free_space_mb << 20, e);
     return s->checker != NULL;
 }
 

@@ -9,10 +9,10 @@
 
 #include "base/memory.h"
 #include "client/client.h"
-#include "executor/audit.h"
-#include "queue/backup.h"
-#include "queue/backup_directory.h"
-#include "queue/lock.h"
+#include "database/backup.h"
+#include "database/backup_directory.h"
+#include "database/lock.h"
+#include "results/audit.h"
 #include "store/file.h"
 
 /* Where the service has its socket when systemd runs it. */

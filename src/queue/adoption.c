@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "queue/job_state.h"
+#include "queue/members.h"
 
 /* ---- results of waiting tasks */
 
@@ -66,7 +67,7 @@ static bool end_found(database *d, change *asked)
 bool queue_end_found(queue *q, const char *id, int frame, queue_outcome outcome, bool *accepted, error *e)
 {
     finding f = {.change.apply = end_found, .id = id, .frame = frame, .outcome = outcome};
-    if (!database_change(q, &f.change, e)) return false;
+    if (!database_change(q->database, &f.change, e)) return false;
     *accepted = f.accepted;
     return true;
 }
@@ -133,5 +134,5 @@ static bool adopt(database *d, change *asked)
 bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e)
 {
     adopting x = {.change.apply = adopt, .jobs = jobs, .count = count};
-    return database_change(q, &x.change, e);
+    return database_change(q->database, &x.change, e);
 }

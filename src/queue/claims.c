@@ -5,10 +5,11 @@
 
 #include "base/clock.h"
 #include "base/memory.h"
-#include "queue/job_state.h"
+#include "database/schema.h"
 #include "queue/copy.h"
 #include "queue/job_row.h"
-#include "queue/schema.h"
+#include "queue/job_state.h"
+#include "queue/members.h"
 
 /* How many jobs of one owner are searched for one that fits. */
 #define LOOK_AHEAD "64"
@@ -17,6 +18,7 @@
 
 typedef struct claiming {
     change change;
+    queue *q;
     const queue_room *room; /* NULL: claims a task of the job `id`, whatever the room */
     const char *id;
     queue_claimed claimed;
@@ -97,10 +99,11 @@ static bool find_fitting(database *d, const queue_room *room, int64_t *seq, erro
 
 /* Chooses the job to claim from; 0: none. Others may overtake a job that does not fit, but only QUEUE_OVERTAKE_MOST
  * times. */
-static bool choose(database *d, const queue_room *room, int64_t *seq, error *e)
+static bool choose(queue *q, const queue_room *room, int64_t *seq, error *e)
 {
+    database *d = q->database;
     int64_t head = 0, fitting = 0;
-    overtaken *o = database_overtaken(d);
+    overtaken *o = &q->overtaken;
     if (!find_head(d, room, &head, e)) return false;
     if (head && !find_fitting(d, room, &fitting, e)) return false;
     if (head != fitting) {
@@ -205,7 +208,7 @@ static bool claim(database *d, change *asked)
     int64_t now = clock_wall_ms(), seq = 0;
     bool ok;
     if (c->room)
-        ok = promote(d, now, e) && choose(d, c->room, &seq, e);
+        ok = promote(d, now, e) && choose(c->q, c->room, &seq, e);
     else
         ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)),
                       &seq, e);
@@ -215,7 +218,7 @@ static bool claim(database *d, change *asked)
 static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found, error *e)
 {
     c->change.apply = claim;
-    if (!database_change(q, &c->change, e)) {
+    if (!database_change(q->database, &c->change, e)) {
         queue_claimed_clear(&c->claimed);
         return false;
     }
@@ -226,13 +229,13 @@ static bool run_claim(queue *q, claiming *c, queue_claimed *claimed, bool *found
 
 bool queue_claim(queue *q, const queue_room *room, queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.room = room};
+    claiming c = {.q = q, .room = room};
     return run_claim(q, &c, claimed, found, e);
 }
 
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e)
 {
-    claiming c = {.id = id};
+    claiming c = {.q = q, .id = id};
     return run_claim(q, &c, claimed, found, e);
 }
 
@@ -244,14 +247,14 @@ bool queue_list_unsettled(queue *q, queue_claimed **claimed, size_t *count, erro
     static const char sql[] = "SELECT " CLAIMED_COLUMNS " FROM task INDEXED BY task_running"
                               " JOIN job ON job.seq = task.job JOIN spec ON spec.job = job.seq"
                               " WHERE task.state = 'running' ORDER BY task.job, number";
-    database_lock(q);
-    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
+    while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         read[used] = (queue_claimed){.previous = QUEUE_NO_FRAME}; /* it is not going to be started */
         read_row(s, &read[used++]);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         queue_claimed_free(read, used);
         return false;
@@ -379,7 +382,7 @@ static bool settle(database *d, change *asked)
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)
 {
     s->change.apply = settle;
-    if (!database_change(q, &s->change, e)) return false;
+    if (!database_change(q->database, &s->change, e)) return false;
     *accepted = s->accepted;
     return true;
 }

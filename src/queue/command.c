@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "queue/job_state.h"
+#include "queue/members.h"
 
 typedef struct telling {
     change change;
@@ -102,7 +103,7 @@ bool queue_tell(queue *q, const char *id, queue_command command, bool *found, bo
                 error *e)
 {
     telling t = {.change.apply = tell, .id = id, .command = command};
-    if (!database_change(q, &t.change, e)) return false;
+    if (!database_change(q->database, &t.change, e)) return false;
     *found = t.found;
     *changed = t.changed;
     if (t.found) *now = t.now;
@@ -155,7 +156,7 @@ bool queue_change(queue *q, const char *id, int64_t revision, const queue_edit *
                   error *e)
 {
     editing x = {.change.apply = change_job, .id = id, .revision = revision, .edit = edit};
-    if (!database_change(q, &x.change, e)) return false;
+    if (!database_change(q->database, &x.change, e)) return false;
     *edited = x.edited;
     return true;
 }
@@ -190,7 +191,7 @@ static bool delete_job(database *d, change *asked)
 bool queue_delete(queue *q, const char *id, bool *found, bool *deleted, error *e)
 {
     deleting x = {.change.apply = delete_job, .id = id};
-    if (!database_change(q, &x.change, e)) return false;
+    if (!database_change(q->database, &x.change, e)) return false;
     *found = x.found;
     *deleted = x.deleted;
     return true;

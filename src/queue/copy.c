@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "queue/queue.h"
+#include "queue/members.h"
 
 typedef struct noting {
     change change;
@@ -27,13 +27,13 @@ static bool apply(database *d, change *asked)
 bool queue_note_copy(queue *q, const char *directory, const char *name, error *e)
 {
     noting n = {.change.apply = apply, .directory = directory, .name = name};
-    return database_change(q, &n.change, e);
+    return database_change(q->database, &n.change, e);
 }
 
 bool queue_forget_copy(queue *q, const char *name, error *e)
 {
     noting n = {.change.apply = apply, .name = name};
-    return database_change(q, &n.change, e);
+    return database_change(q->database, &n.change, e);
 }
 
 bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e)
@@ -41,13 +41,13 @@ bool queue_list_copies(queue *q, queue_copy **copies, size_t *count, error *e)
     queue_copy *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = database_ask(q, "SELECT directory, name FROM copy ORDER BY name", NULL, 0, e);
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s = database_ask(q->database, "SELECT directory, name FROM copy ORDER BY name", NULL, 0, e);
+    while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         read[used++] = (queue_copy){database_text(s, 0), database_text(s, 1)};
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         queue_copies_free(read, used);
         return false;

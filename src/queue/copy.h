@@ -5,7 +5,7 @@
 #ifndef HEXAD_QUEUE_COPY_H
 #define HEXAD_QUEUE_COPY_H
 
-#include "queue/database.h"
+#include "database/database.h"
 
 /* Deletes the note. Call it inside a change. */
 bool copy_forget(database *d, const char *name, error *e);

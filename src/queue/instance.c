@@ -1,36 +1,21 @@
 /* The service instance that the database belongs to. */
-#include <errno.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <sys/stat.h>
 
-#include "base/memory.h"
-#include "queue/database.h"
-#include "queue/queue.h"
-
-bool queue_exists(const char *state_dir)
-{
-    struct stat info;
-    char *path = mem_printf("%s/" QUEUE_FILE_NAME, state_dir);
-    /* a file that cannot be examined may exist: opening it then tells what is wrong */
-    bool there = stat(path, &info) == 0 ? info.st_size > 0 : errno != ENOENT;
-    free(path);
-    return there;
-}
+#include "queue/members.h"
 
 bool queue_get_instance(queue *q, queue_instance *instance, bool *found, error *e)
 {
     static const char sql[] = "SELECT id, boot_id FROM instance";
     queue_instance read = {0};
     bool ok = false, any = false;
-    database_lock(q);
-    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
+    while (database_next(q->database, s, &ok, e)) {
         any = true;
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 0));
         snprintf(read.boot_id, sizeof read.boot_id, "%s", (const char *)sqlite3_column_text(s, 1));
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) return false;
     *instance = read;
     *found = any;
@@ -55,5 +40,5 @@ static bool name(database *d, change *asked)
 bool queue_set_instance(queue *q, const queue_instance *instance, error *e)
 {
     naming n = {.change.apply = name, .instance = instance};
-    return database_change(q, &n.change, e);
+    return database_change(q->database, &n.change, e);
 }

@@ -1,30 +1,30 @@
 /* Functions that read the queue. */
-#include "queue/queue.h"
+#include "queue/members.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "database/schema.h"
 #include "queue/job_row.h"
-#include "queue/schema.h"
 
 bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
 {
     queue_job read = {0};
     bool ok = false, got = false;
-    database_lock(q);
-    sqlite3_stmt *s =
-        ASK(q, e, "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1",
-            text(id));
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s = ASK(
+        q->database, e,
+        "SELECT " JOB_COLUMNS ", spec, paths FROM job JOIN spec ON spec.job = seq WHERE id = ?1", text(id));
+    while (database_next(q->database, s, &ok, e)) {
         got = true;
         job_row_read(s, 0, &read);
         read.spec = database_text(s, JOB_COLUMN_COUNT);
         read.paths = database_text(s, JOB_COLUMN_COUNT + 1);
     }
     read.stamp = queue_stamp(q, read.seq);
-    database_unlock(q);
+    database_unlock(q->database);
     if (ok && got)
         *job = read;
     else
@@ -61,16 +61,16 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
     queue_job *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q);
+    database_lock(q->database);
     sqlite3_stmt *s = ASK(
-        q, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
+        q->database, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
         integer(filter->limit), text(filter->state < 0 ? NULL : queue_state_name((queue_state)filter->state)),
         text(filter->owner), text(filter->label));
-    while (database_next(q, s, &ok, e)) {
+    while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         job_row_read(s, 0, &read[used++]);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         queue_jobs_free(read, used);
         return false;
@@ -83,14 +83,14 @@ bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *
 bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
 {
     bool ok = false, read = false;
-    database_lock(q);
+    database_lock(q->database);
     sqlite3_stmt *s =
-        ASK(q, e,
+        ASK(q->database, e,
             "SELECT EXISTS (SELECT 1 FROM input JOIN job ON seq = input.job WHERE input.name = ?1"
             " AND state NOT IN (" SCHEMA_FINAL_STATES "))",
             text(name));
-    while (database_next(q, s, &ok, e)) read = sqlite3_column_int(s, 0);
-    database_unlock(q);
+    while (database_next(q->database, s, &ok, e)) read = sqlite3_column_int(s, 0);
+    database_unlock(q->database);
     if (ok) *wanted = read;
     return ok;
 }
@@ -99,14 +99,15 @@ bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
 {
     int64_t read[QUEUE_STATE_COUNT] = {0};
     bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, "SELECT state, count(*) FROM job WHERE ?1 GROUP BY state", integer(1));
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s =
+        ASK(q->database, e, "SELECT state, count(*) FROM job WHERE ?1 GROUP BY state", integer(1));
+    while (database_next(q->database, s, &ok, e)) {
         queue_state state = QUEUE_QUEUED;
         if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
             read[state] = sqlite3_column_int64(s, 1);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (ok) memcpy(count, read, sizeof read);
     return ok;
 }
@@ -117,16 +118,16 @@ bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task
     queue_task *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e,
+    database_lock(q->database);
+    sqlite3_stmt *s = ASK(q->database, e,
                           "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
                           " AND number > ?2 ORDER BY number LIMIT ?3",
                           text(id), integer(after), integer(limit));
-    while (database_next(q, s, &ok, e)) {
+    while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         job_row_read_task(s, 0, &read[used++]);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         queue_tasks_free(read, used);
         return false;
@@ -140,16 +141,16 @@ bool queue_get_frame(queue *q, const char *id, int frame, queue_task *task, bool
 {
     queue_task read = {0};
     bool ok = false, got = false;
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e,
+    database_lock(q->database);
+    sqlite3_stmt *s = ASK(q->database, e,
                           "SELECT " TASK_COLUMNS " FROM task WHERE job = (SELECT seq FROM job WHERE id = ?1)"
                           " AND frame = ?2",
                           text(id), integer(frame));
-    while (database_next(q, s, &ok, e)) {
+    while (database_next(q->database, s, &ok, e)) {
         got = true;
         job_row_read_task(s, 0, &read);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (ok && got)
         *task = read;
     else
@@ -168,15 +169,15 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
     queue_attempt *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
-    database_lock(q);
+    database_lock(q->database);
     sqlite3_stmt *s =
-        ASK(q, e,
+        ASK(q->database, e,
             "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
             " peak_memory_bytes, host, reason FROM attempt a"
             " JOIN task t ON t.job = a.job AND t.number = a.task"
             " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
             text(id));
-    while (database_next(q, s, &ok, e)) {
+    while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){
             .task = sqlite3_column_int(s, 0),
@@ -191,7 +192,7 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
             .reason = database_text(s, 9),
         };
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         queue_attempts_free(read, used);
         return false;
@@ -206,10 +207,10 @@ static bool read_time(queue *q, const char *sql, int64_t *wall_ms, error *e)
 {
     int64_t read = INT64_MAX;
     bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = database_ask(q, sql, NULL, 0, e);
-    while (database_next(q, s, &ok, e)) read = sqlite3_column_int64(s, 0);
-    database_unlock(q);
+    database_lock(q->database);
+    sqlite3_stmt *s = database_ask(q->database, sql, NULL, 0, e);
+    while (database_next(q->database, s, &ok, e)) read = sqlite3_column_int64(s, 0);
+    database_unlock(q->database);
     if (ok) *wall_ms = read;
     return ok;
 }
@@ -234,12 +235,13 @@ bool queue_list_expired(queue *q, int64_t wall_ms, int limit, char (**ids)[ULID_
     char(*read)[ULID_SIZE] = mem_alloc((size_t)limit * sizeof *read);
     size_t used = 0;
     bool ok = false;
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, "SELECT id FROM job WHERE expires_ms <= ?1 ORDER BY expires_ms LIMIT ?2",
-                          integer(wall_ms), integer(limit));
-    while (database_next(q, s, &ok, e))
+    database_lock(q->database);
+    sqlite3_stmt *s =
+        ASK(q->database, e, "SELECT id FROM job WHERE expires_ms <= ?1 ORDER BY expires_ms LIMIT ?2",
+            integer(wall_ms), integer(limit));
+    while (database_next(q->database, s, &ok, e))
         snprintf(read[used++], ULID_SIZE, "%s", (const char *)sqlite3_column_text(s, 0));
-    database_unlock(q);
+    database_unlock(q->database);
     if (!ok) {
         free(read);
         return false;

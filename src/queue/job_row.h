@@ -5,7 +5,7 @@
 #ifndef HEXAD_QUEUE_JOB_ROW_H
 #define HEXAD_QUEUE_JOB_ROW_H
 
-#include "queue/database.h"
+#include "database/database.h"
 #include "queue/queue.h"
 
 #define JOB_COLUMNS                                                                                         \

@@ -1,14 +1,14 @@
 /* job_state: the part of a job that changes: the counts of its tasks by state, what was asked of the job, and the
  * state of the job that follows from both.
  *
- * Private to src/queue. Call every function inside a change (queue/database). To change tasks: load the job state,
+ * Private to src/queue. Call every function inside a change (database/database). To change tasks: load the job state,
  * adjust its counts, save it. Saving updates everything that depends on it, and nothing else does: the state, times
  * and events of the job, the counts of its owner, and the jobs that depend on this one.
  */
 #ifndef HEXAD_QUEUE_JOB_STATE_H
 #define HEXAD_QUEUE_JOB_STATE_H
 
-#include "queue/database.h"
+#include "database/database.h"
 #include "queue/queue.h"
 
 typedef struct job_state {

@@ -2,8 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "queue/database.h"
-#include "queue/queue.h"
+#include "queue/members.h"
 #include "queue/job_row.h"
 
 void queue_delivery_clear(queue_delivery *delivery)
@@ -24,9 +23,9 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         " name, labels, trace FROM outbox"
         " JOIN job ON seq = job WHERE NOT EXISTS (SELECT 1 FROM json_each(?1)"
         " WHERE substr(outbox.webhook, 1, length(value)) = value) ORDER BY due_ms, number LIMIT 1";
-    database_lock(q);
-    sqlite3_stmt *s = ASK(q, e, sql, text(but));
-    while (database_next(q, s, &ok, e)) {
+    database_lock(q->database);
+    sqlite3_stmt *s = ASK(q->database, e, sql, text(but));
+    while (database_next(q->database, s, &ok, e)) {
         any = true;
         read.number = sqlite3_column_int64(s, 0);
         snprintf(read.id, sizeof read.id, "%s", (const char *)sqlite3_column_text(s, 1));
@@ -41,7 +40,7 @@ bool queue_next_delivery(queue *q, const char *but, queue_delivery *delivery, bo
         read.labels = database_text(s, 10);
         read.trace = database_text(s, 11);
     }
-    database_unlock(q);
+    database_unlock(q->database);
     if (ok && any)
         *delivery = read;
     else
@@ -68,5 +67,5 @@ static bool end_delivery(database *d, change *asked)
 bool queue_end_delivery(queue *q, int64_t number, int64_t again_ms, error *e)
 {
     ending_delivery x = {.change.apply = end_delivery, .number = number, .again_ms = again_ms};
-    return database_change(q, &x.change, e);
+    return database_change(q->database, &x.change, e);
 }

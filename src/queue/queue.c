@@ -1,8 +1,80 @@
-/* The words of the queue's enumerations, and the release of what it hands out. */
+/* Opening and closing; the words of the queue's enumerations, and the release of what it hands out. */
 #include "queue/queue.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+#include "base/memory.h"
+#include "queue/members.h"
+
+/* SQLite calls this for each changed row. A change that is rolled back later raises the stamp, too. */
+static void note_row(void *context, int operation, const char *schema, const char *table, sqlite3_int64 row)
+{
+    (void)operation, (void)schema;
+    queue *q = context;
+    if (strcmp(table, "job") == 0) atomic_fetch_add(&q->stamp[(uint64_t)row % MEMBERS_STAMPS], 1);
+}
+
+static queue *open_with(database *d)
+{
+    if (!d) return NULL;
+    queue *q = mem_alloc(sizeof *q);
+    q->database = d;
+    sqlite3_update_hook(database_connection(d), note_row, q);
+    return q;
+}
+
+queue *queue_open(const char *state_dir, error *e)
+{
+    return open_with(database_open(state_dir, e));
+}
+
+queue *queue_open_copy(const char *path, error *e)
+{
+    return open_with(database_open_copy(path, e));
+}
+
+void queue_close(queue *q)
+{
+    if (!q) return;
+    database_close(q->database);
+    free(q);
+}
+
+struct database *queue_database(queue *q)
+{
+    return q->database;
+}
+
+void queue_reserve(queue *q, int64_t bytes)
+{
+    database_reserve(q->database, bytes);
+}
+
+void queue_get_health(queue *q, health_report *known)
+{
+    health_get(database_health(q->database), known);
+}
+
+bool queue_allows_changes(queue *q, error *e)
+{
+    return health_allows_changes(database_health(q->database), e);
+}
+
+uint64_t queue_stamp(queue *q, int64_t seq)
+{
+    return atomic_load(&q->stamp[(uint64_t)seq % MEMBERS_STAMPS]);
+}
+
+void queue_signal(queue *q)
+{
+    database_signal(q->database);
+}
+
+bool queue_wait(queue *q, uint64_t *seen, int64_t until_ms)
+{
+    return database_wait(q->database, seen, until_ms);
+}
 
 static const char *const state_names[QUEUE_STATE_COUNT] = {
     [QUEUE_QUEUED] = "queued",   [QUEUE_BLOCKED] = "blocked",       [QUEUE_PAUSED] = "paused",

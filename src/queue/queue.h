@@ -1,4 +1,4 @@
-/* queue: the durable store of jobs, their tasks and attempts, and their events. The only user of SQLite.
+/* queue: the durable store of jobs, their tasks and attempts, and their events.
  *
  * One process owns the database. It holds a lock on the state directory, and SQLite's exclusive locking keeps other
  * programs out. There is one connection. Any thread may call any function. When a function returns true, its change is
@@ -29,12 +29,10 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "database/health.h"
 #include "queue/ulid.h"
 
 typedef struct queue queue;
-
-/* The database, in the state directory. */
-#define QUEUE_FILE_NAME "queue.db"
 
 typedef enum queue_state {
     QUEUE_QUEUED,
@@ -59,18 +57,19 @@ const char *queue_outcome_name(queue_outcome outcome); /* NULL for no outcome */
 /* Opens or creates the queue in an existing directory. Fails when another process holds the directory (the message says
  * so), when it is on a network file system, or when a newer version of the program created the database. */
 queue *queue_open(const char *state_dir, error *e);
-/* Opens a copy of a database (queue/backup) for reading. An older version is migrated first, in the copy. */
+/* Opens a copy of a database (database/backup) for reading. An older version is migrated first, in the copy. */
 queue *queue_open_copy(const char *path, error *e);
 void queue_close(queue *q); /* accepts NULL */
+
+/* For backups and checks of the database (database/backup, database/checker). */
+struct database *queue_database(queue *q);
 
 /* Reserves `bytes` of disk space for the database, so that jobs can still be cancelled, deleted and ended when the disk
  * is full. New jobs are then accepted only while the same amount is free in addition. 0: no reserve. When the space
  * cannot be reserved, a warning is logged. */
 void queue_reserve(queue *q, int64_t bytes);
-/* Whether a database that is not empty exists: then queue_open does not create one. */
-bool queue_exists(const char *state_dir);
 
-/* The service instance that the database belongs to (executor/instance.h), and the boot of the host in which the daemon
+/* The service instance that the database belongs to (results/instance.h), and the boot of the host in which the daemon
  * ran last. */
 typedef struct queue_instance {
     char id[ULID_SIZE]; /* "": the database comes from a version without instance ids */
@@ -83,19 +82,7 @@ bool queue_set_instance(queue *q, const queue_instance *instance, error *e);
 
 /* ---- health */
 
-/* The health of the database. A damaged database is not written to, so that the damage does not spread: changes fail
- * with code database_damaged, and reads still work as far as possible. This lasts until the next start. After a read
- * error it ends earlier, when a check has read the whole database (queue/checker). */
-typedef struct queue_health {
-    bool damaged, checking;
-    int64_t damaged_ms;    /* wall clock: when it was found */
-    const char *found_by;  /* "statement", "copy", "quick_check" or "integrity_check" */
-    char damage[240];      /* what was found */
-    int64_t checked_ms;    /* wall clock: the end of the last check; 0: there was none */
-    int64_t check_took_ms; /* its duration */
-} queue_health;
-
-void queue_get_health(queue *q, queue_health *known);
+void queue_get_health(queue *q, health_report *known);
 
 /* False when the database is damaged. The error tells what is damaged and what an operator has to do. */
 bool queue_allows_changes(queue *q, error *e);

@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "queue/job_state.h"
+#include "queue/members.h"
 
 typedef struct submitting {
     change change;
@@ -171,7 +172,7 @@ bool queue_put(queue *q, const queue_submission *submission, queue_receipt *rece
 {
     submitting s = {
         .change.apply = put, .in = submission, .owner = submission->owner ? submission->owner : ""};
-    if (!database_change(q, &s.change, e)) return false;
+    if (!database_change(q->database, &s.change, e)) return false;
     *receipt = s.receipt;
     return true;
 }

@@ -11,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "queue/filesystem.h"
+#include "database/filesystem.h"
 #include "queue_place.h"
 
 static void *put_one(void *argument)

@@ -21,8 +21,8 @@
 #include "executor/executor.h"
 #include "executor/host.h"
 #include "executor/local.h"
-#include "executor/result.h"
 #include "executor/settlement.h"
+#include "results/result.h"
 #include "store/file.h"
 
 /* Long enough for a loaded machine; a test that works never waits for it. */

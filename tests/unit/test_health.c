@@ -14,9 +14,9 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "queue/backup.h"
-#include "queue/backup_directory.h"
-#include "queue/checker.h"
+#include "database/backup.h"
+#include "database/backup_directory.h"
+#include "database/checker.h"
 #include "queue_place.h"
 
 #define PAGE 4096
@@ -89,9 +89,9 @@ static void ruin(const place *p)
     free(path);
 }
 
-static queue_health health_of(place *p)
+static health_report health_of(place *p)
 {
-    queue_health known;
+    health_report known;
     queue_get_health(p->q, &known);
     return known;
 }
@@ -112,7 +112,7 @@ static bool can_read_all(place *p, char id[JOBS][ULID_SIZE], error *e)
 static void test_a_sound_database_is_sound(void **state)
 {
     place *p = *state;
-    queue_health known = health_of(p);
+    health_report known = health_of(p);
     assert_false(known.damaged);
     assert_int_equal(known.checked_ms, 0);
     assert_true(queue_allows_changes(p->q, NULL));
@@ -129,7 +129,7 @@ static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
     ruin(p);
     assert_false(can_read_all(p, id, &e));
     assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
-    queue_health known = health_of(p);
+    health_report known = health_of(p);
     assert_true(known.damaged);
     assert_string_equal(known.found_by, "statement");
     assert_true(known.damaged_ms > 0 && *known.damage);
@@ -142,7 +142,7 @@ static void test_a_statement_that_meets_damage_ends_all_changes(void **state)
     assert_false(queue_claim(p->q, &wide, &claimed, &found, NULL));
 }
 
-static void wait_for_check(place *p, queue_health *known)
+static void wait_for_check(place *p, health_report *known)
 {
     for (int64_t end = clock_monotonic_ms() + 120000;
          *known = health_of(p), !known->checked_ms || known->checking;) {
@@ -155,10 +155,10 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
 {
     place *p = *state;
     static char id[JOBS][ULID_SIZE];
-    queue_health known;
+    health_report known;
     error e = {0};
     fill(p, id);
-    checker *c = checker_start(p->q, 0, 0, &e);
+    checker *c = checker_start(queue_database(p->q), 0, 0, &e);
     assert_non_null(c);
     wait_for_check(p, &known);
     checker_stop(c);
@@ -169,7 +169,7 @@ static void test_the_checker_finds_what_no_statement_met(void **state)
     char *path = database_of(p);
     overwrite(path, pages_of(path) / 2, 1, 0x5A);
     free(path);
-    c = checker_start(p->q, 0, 0, &e);
+    c = checker_start(queue_database(p->q), 0, 0, &e);
     wait_for_check(p, &known);
     checker_stop(c);
     assert_true(known.damaged);
@@ -205,7 +205,7 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     static char id[JOBS][ULID_SIZE];
     error e = {0};
     queue_receipt receipt;
-    queue_health known;
+    health_report known;
     sqlite3_vfs *vfs = sqlite3_vfs_find(NULL);
     real_open = vfs->xOpen;
     vfs->xOpen = open_with_faults;
@@ -214,7 +214,7 @@ static void test_a_fault_of_reading_ends_with_a_check(void **state)
     assert_false(can_read_all(p, id, &e));
     assert_int_equal(e.code, ERROR_DATABASE_DAMAGED);
     assert_false(queue_put(p->q, &plain, &receipt, &e));
-    checker *c = checker_start(p->q, 0, 0, &e);
+    checker *c = checker_start(queue_database(p->q), 0, 0, &e);
     wait_for_check(p, &known);
     assert_false(known.damaged);
     assert_true(queue_put(p->q, &plain, &receipt, &e));
@@ -295,7 +295,7 @@ static void test_a_copy_is_whole_while_threads_write(void **state)
         char before[ULID_SIZE], *findings = NULL;
         put(p, "before", 0, before);
         start_writers(p, w, thread);
-        if (!backup_make(p->q, path, 0, &e)) fail_msg("%s", e.message);
+        if (!backup_make(queue_database(p->q), path, 0, &e)) fail_msg("%s", e.message);
         for (int i = 0; i < WRITERS; i++)
             assert_true(atomic_load(&w[i].count) < MOST_WRITES); /* it did not wait for their end */
         stop_writers(w, thread);
@@ -316,7 +316,7 @@ static void test_what_is_wrong_with_a_copy_is_listed(void **state)
     error e = {0};
     char *findings = NULL, *path = mem_printf("%s/copy.db", p->base);
     fill(p, id);
-    assert_true(backup_make(p->q, path, 0, &e));
+    assert_true(backup_make(queue_database(p->q), path, 0, &e));
     sqlite3 *file;
     assert_int_equal(sqlite3_open(path, &file), SQLITE_OK);
     assert_int_equal(

@@ -12,8 +12,8 @@
 
 #include "base/log.h"
 #include "base/memory.h"
-#include "executor/inventory.h"
-#include "executor/lost_found.h"
+#include "results/inventory.h"
+#include "results/lost_found.h"
 #include "store/file.h"
 
 typedef struct place {

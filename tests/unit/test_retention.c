@@ -16,8 +16,8 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
-#include "executor/result.h"
-#include "executor/retention.h"
+#include "results/result.h"
+#include "results/retention.h"
 #include "store/file.h"
 
 #define PATIENCE_MS 30000

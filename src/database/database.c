@@ -1,0 +1,426 @@
+#include "database/database.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/statvfs.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "database/backup_directory.h"
+#include "database/filesystem.h"
+#include "database/header.h"
+#include "database/health.h"
+#include "database/lock.h"
+#include "database/reserve.h"
+#include "database/schema.h"
+
+/* At a start, wait this long for another program (sqlite3) that reads the database. */
+#define OPEN_PATIENCE_MS 5000
+/* More than the number of statements in the program. */
+#define STATEMENTS 128
+
+struct database {
+    int lock_fd; /* holds the lock on the state directory; -1: a copy, which has no lock */
+    char *state_dir;
+    health *health;
+    atomic_uint copies;                /* number of copies begun; used for their names */
+    atomic_int_fast64_t reserve_bytes; /* 0: none */
+
+    pthread_mutex_t line;  /* held only by the thread that is next to take `mutex` */
+    pthread_mutex_t mutex; /* of the connection and what follows */
+    sqlite3 *connection;
+    struct {
+        const char *sql;
+        sqlite3_stmt *prepared;
+    } statement[STATEMENTS];
+    char *trouble; /* why the last change could not be stored; NULL: it could */
+
+    pthread_mutex_t gate; /* guards the waiting changes; never held together with `mutex` */
+    pthread_cond_t turn;
+    change *first, **last;
+    bool leading;
+
+    pthread_mutex_t news_mutex;
+    pthread_cond_t news;
+    uint64_t happened;
+};
+
+/* A mutex may go again to the thread that has just released it. A thread that makes many changes would then block all
+ * others. The second mutex, a turnstile, prevents that. */
+void database_lock(database *d)
+{
+    pthread_mutex_lock(&d->line);
+    pthread_mutex_lock(&d->mutex);
+    pthread_mutex_unlock(&d->line);
+}
+
+void database_unlock(database *d)
+{
+    pthread_mutex_unlock(&d->mutex);
+}
+
+sqlite3 *database_connection(database *d)
+{
+    return d->connection;
+}
+
+health *database_health(database *d)
+{
+    return d->health;
+}
+
+const char *database_directory(database *d)
+{
+    return d->state_dir;
+}
+
+uint64_t database_change_count(database *d)
+{
+    database_lock(d);
+    int64_t count = sqlite3_total_changes64(d->connection);
+    database_unlock(d);
+    return (uint64_t)count;
+}
+
+char *database_copy_path(database *d)
+{
+    char *directory = backup_directory_path(d->state_dir);
+    char *path = mem_printf("%s/%u.db", directory, atomic_fetch_add(&d->copies, 1));
+    free(directory);
+    return path;
+}
+
+/* ---- statements */
+
+/* Whether the last call failed because the disk is full. SQLite reports an exhausted quota as an I/O error. */
+static bool is_full(database *d)
+{
+    int why = sqlite3_errcode(d->connection) & 0xff;
+    return why == SQLITE_FULL || (why == SQLITE_IOERR && sqlite3_system_errno(d->connection) == EDQUOT);
+}
+
+/* Sets the error of the last SQLite call. Damage is recorded in the health, which stops all writing. */
+static bool fail(database *d, error *e)
+{
+    int code = sqlite3_extended_errcode(d->connection);
+    const char *why = sqlite3_errmsg(d->connection);
+    if (!schema_error_is_damage(code) && !schema_error_is_read_fault(code))
+        return error_set(e, is_full(d) ? ERROR_STORAGE_FULL : ERROR_INTERNAL, "the queue's database: %s",
+                         why);
+    health_note_damage(d->health, "statement", why, schema_error_is_read_fault(code));
+    return health_allows_changes(d->health, e) &&
+           error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
+}
+
+static sqlite3_stmt *find_statement(database *d, const char *sql, error *e)
+{
+    size_t i = 0;
+    while (d->statement[i].sql && d->statement[i].sql != sql) i++;
+    if (d->statement[i].sql) return d->statement[i].prepared;
+    sqlite3_stmt *s = NULL;
+    if (i + 1 == STATEMENTS ||
+        sqlite3_prepare_v3(d->connection, sql, -1, SQLITE_PREPARE_PERSISTENT, &s, NULL) != SQLITE_OK) {
+        fail(d, e);
+        return NULL;
+    }
+    d->statement[i].sql = sql;
+    d->statement[i].prepared = s;
+    return s;
+}
+
+sqlite3_stmt *database_ask(database *d, const char *sql, const value *values, size_t count, error *e)
+{
+    sqlite3_stmt *s = find_statement(d, sql, e);
+    for (size_t i = 0; s && i < count; i++) {
+        int at = (int)i + 1;
+        if (values[i].integer)
+            sqlite3_bind_int64(s, at, values[i].number);
+        else
+            sqlite3_bind_text(s, at, values[i].text, -1, SQLITE_STATIC); /* NULL binds NULL */
+    }
+    return s;
+}
+
+void database_end(sqlite3_stmt *s)
+{
+    sqlite3_reset(s);
+    sqlite3_clear_bindings(s);
+}
+
+bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e)
+{
+    int status = s ? sqlite3_step(s) : SQLITE_ERROR;
+    if (status == SQLITE_ROW) return true;
+    *ok = status == SQLITE_DONE || (s && fail(d, e)); /* without a statement the error is set already */
+    if (s) database_end(s);
+    return false;
+}
+
+bool database_run(database *d, const char *sql, const value *values, size_t count, error *e)
+{
+    bool ok = false;
+    sqlite3_stmt *s = database_ask(d, sql, values, count, e);
+    while (database_next(d, s, &ok, e)) continue;
+    return ok;
+}
+
+int database_changes(database *d)
+{
+    return sqlite3_changes(d->connection);
+}
+
+int64_t database_last_row(database *d)
+{
+    return sqlite3_last_insert_rowid(d->connection);
+}
+
+char *database_text(sqlite3_stmt *s, int column)
+{
+    const char *found = (const char *)sqlite3_column_text(s, column);
+    return found ? mem_strdup(found) : NULL;
+}
+
+/* ---- changes */
+
+/* Logs when changes can no longer be stored, and when they can again, but not every failure between. */
+static void note_stored(database *d)
+{
+    if (!d->trouble) return;
+    log_write(LOG_LEVEL_INFO, "the queue stores changes again");
+    free(d->trouble);
+    d->trouble = NULL;
+}
+
+static void note_trouble(database *d, const char *why)
+{
+    if (d->trouble && strcmp(d->trouble, why) == 0) return;
+    log_write(LOG_LEVEL_ERROR, "the queue cannot store changes: %s", why);
+    free(d->trouble);
+    d->trouble = mem_strdup(why);
+}
+
+static bool plain(database *d, const char *sql, error *e)
+{
+    return database_run(d, sql, NULL, 0, e);
+}
+
+/* Applies one change; a failed one is rolled back. False when the whole transaction was rolled back. */
+static bool apply_one(database *d, change *c)
+{
+    c->ok = plain(d, "SAVEPOINT one", &c->fault) && c->apply(d, c);
+    if (c->ok) c->ok = plain(d, "RELEASE one", &c->fault);
+    if (c->ok) return true;
+    note_trouble(d, c->fault.message);
+    return !sqlite3_get_autocommit(d->connection) && plain(d, "ROLLBACK TO one", NULL) &&
+           plain(d, "RELEASE one", NULL);
+}
+
+/* Applies all changes of the list in one transaction. Returns whether anything was stored. */
+static bool apply_all(database *d, change *first)
+{
+    error e = {0};
+    bool any = false;
+    int before = sqlite3_total_changes(d->connection);
+    bool ok = plain(d, "BEGIN IMMEDIATE", &e);
+    for (change *c = first; ok && c; c = c->next) {
+        ok = apply_one(d, c);
+        if (!ok) e = c->fault;
+        any |= c->ok;
+    }
+    if (ok) ok = plain(d, "COMMIT", &e);
+    if (ok) {
+        bool different = sqlite3_total_changes(d->connection) != before;
+        if (any && different) note_stored(d);
+        return different;
+    }
+    note_trouble(d, e.message);
+    if (!sqlite3_get_autocommit(d->connection)) plain(d, "ROLLBACK", NULL);
+    for (change *c = first; c; c = c->next) {
+        if (c->ok || c->fault.code == ERROR_NONE) c->fault = e;
+        c->ok = false;
+    }
+    return false;
+}
+
+static void lead(database *d)
+{
+    change *all = d->first;
+    d->first = NULL;
+    d->last = &d->first;
+    pthread_mutex_unlock(&d->gate);
+    database_lock(d);
+    bool different = apply_all(d, all);
+    database_unlock(d);
+    if (different) database_signal(d);
+    pthread_mutex_lock(&d->gate);
+    for (change *c = all, *next; c; c = next) {
+        next = c->next;
+        c->done = true; /* from here on its thread may have returned, and the change is gone */
+    }
+}
+
+bool database_change(database *d, change *c, error *e)
+{
+    c->next = NULL;
+    c->done = c->ok = false;
+    c->fault = (error){0};
+    if (!health_allows_changes(d->health, e)) return false;
+    pthread_mutex_lock(&d->gate);
+    *d->last = c;
+    d->last = &c->next;
+    while (!c->done && d->leading) pthread_cond_wait(&d->turn, &d->gate);
+    if (!c->done) {
+        d->leading = true;
+        lead(d);
+        d->leading = false;
+        pthread_cond_broadcast(&d->turn);
+    }
+    pthread_mutex_unlock(&d->gate);
+    if (!c->ok && e) *e = c->fault;
+    return c->ok;
+}
+
+/* ---- waiting for changes */
+
+void database_signal(database *d)
+{
+    pthread_mutex_lock(&d->news_mutex);
+    d->happened++;
+    pthread_cond_broadcast(&d->news);
+    pthread_mutex_unlock(&d->news_mutex);
+}
+
+bool database_wait(database *d, uint64_t *seen, int64_t until_ms)
+{
+    struct timespec until = {.tv_sec = (time_t)(until_ms / 1000),
+                             .tv_nsec = (long)(until_ms % 1000) * 1000000};
+    int status = 0;
+    pthread_mutex_lock(&d->news_mutex);
+    while (d->happened == *seen && status != ETIMEDOUT)
+        status = pthread_cond_timedwait(&d->news, &d->news_mutex, &until);
+    bool any = d->happened != *seen;
+    *seen = d->happened;
+    pthread_mutex_unlock(&d->news_mutex);
+    return any;
+}
+
+/* ---- opening */
+
+/* Creates the directory of copies and removes the files that a killed process left there. */
+static bool clear_copies(const char *state_dir, error *e)
+{
+    if (!backup_directory_make(state_dir, e)) return false;
+    char *path = backup_directory_path(state_dir);
+    DIR *listing = opendir(path);
+    bool ok = listing || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    for (struct dirent *entry; listing && (entry = readdir(listing));)
+        if (entry->d_name[0] != '.') unlinkat(dirfd(listing), entry->d_name, 0);
+    if (listing) closedir(listing);
+    free(path);
+    return ok;
+}
+
+static void make_locks(database *d)
+{
+    pthread_condattr_t monotonic;
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_mutex_init(&d->line, NULL);
+    pthread_mutex_init(&d->mutex, NULL);
+    pthread_mutex_init(&d->gate, NULL);
+    pthread_cond_init(&d->turn, NULL);
+    pthread_mutex_init(&d->news_mutex, NULL);
+    pthread_cond_init(&d->news, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+    d->last = &d->first;
+    d->happened = 1; /* so that database_wait with *seen = 0 returns at once */
+}
+
+/* Opens the database of a state directory, or a copy that no other process uses. */
+static database *open_file(const char *state_dir, int lock_fd, const char *path, error *e)
+{
+    database *d = mem_alloc(sizeof *d);
+    make_locks(d);
+    d->lock_fd = lock_fd;
+    d->state_dir = mem_strdup(state_dir);
+    d->health = health_new();
+    bool ok = true;
+    if (sqlite3_open_v2(path, &d->connection,
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, NULL) != SQLITE_OK)
+        ok = d->connection ? fail(d, e) : error_set(e, ERROR_INTERNAL, "the queue's database: no memory");
+    if (ok) sqlite3_busy_timeout(d->connection, OPEN_PATIENCE_MS);
+    ok = ok && schema_prepare(d->connection, e);
+    /* from here on no other program has access, so waiting for a lock would be useless */
+    if (ok) {
+        sqlite3_busy_timeout(d->connection, 0);
+        return d;
+    }
+    error_prefix(e, "%s", path);
+    d->lock_fd = -1; /* the caller closes it */
+    database_close(d);
+    return NULL;
+}
+
+database *database_open(const char *state_dir, error *e)
+{
+    char *path = mem_printf("%s/" DATABASE_FILE_NAME, state_dir);
+    int lock_fd = filesystem_check(state_dir, e) ? lock_take(state_dir, NULL, e) : -1;
+    database *d = NULL;
+    if (lock_fd < 0 || !clear_copies(state_dir, e) || !header_check(path, e))
+        error_prefix(e, "%s", path);
+    else {
+        reserve_lend(state_dir);
+        d = open_file(state_dir, lock_fd, path, e);
+    }
+    if (!d && lock_fd >= 0) close(lock_fd);
+    free(path);
+    return d;
+}
+
+void database_reserve(database *d, int64_t bytes)
+{
+    atomic_store(&d->reserve_bytes, bytes);
+    database_lock(d);
+    reserve_keep(d->state_dir, bytes);
+    database_unlock(d);
+}
+
+bool database_has_room(database *d)
+{
+    int64_t wanted = atomic_load(&d->reserve_bytes);
+    struct statvfs disk;
+    if (wanted <= 0 || fstatvfs(d->lock_fd, &disk) != 0 || !disk.f_blocks)
+        return true; /* a failure shows in the transaction */
+    return (int64_t)(disk.f_bavail * disk.f_frsize) >= wanted;
+}
+
+database *database_open_copy(const char *path, error *e)
+{
+    return open_file("", -1, path, e);
+}
+
+void database_close(database *d)
+{
+    if (!d) return;
+    for (size_t i = 0; d->statement[i].sql; i++) sqlite3_finalize(d->statement[i].prepared);
+    sqlite3_close(d->connection);
+    if (d->lock_fd >= 0) close(d->lock_fd);
+    health_free(d->health);
+    pthread_mutex_destroy(&d->line);
+    pthread_mutex_destroy(&d->mutex);
+    pthread_mutex_destroy(&d->gate);
+    pthread_cond_destroy(&d->turn);
+    pthread_mutex_destroy(&d->news_mutex);
+    pthread_cond_destroy(&d->news);
+    free(d->trouble);
+    free(d->state_dir);
+    free(d);
+}

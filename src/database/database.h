@@ -1,0 +1,110 @@
+/* database: the connection to SQLite, and transactions that threads share. Only src/database and src/queue use SQLite.
+ *
+ * Any thread may call any function. To read, hold the connection between database_lock and database_unlock. To write, pass a
+ * `change` to database_change. One of the waiting threads takes all changes that have arrived, applies them one after
+ * the other in a single transaction, and commits. Then all of these threads return. So they share one flush to disk,
+ * and readers never see a change that could still be lost. Each change has a savepoint: one that fails is rolled back
+ * alone. When the commit fails, all changes of the transaction fail.
+ */
+#ifndef HEXAD_DATABASE_DATABASE_H
+#define HEXAD_DATABASE_DATABASE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <sqlite3.h>
+
+#include "base/error.h"
+
+typedef struct database database;
+
+/* Opens or creates the database in an existing directory, which stays locked until database_close. Fails when another
+ * process holds the directory (the message says so), when it is on a network file system, or when a newer version of
+ * the program created the database. */
+database *database_open(const char *state_dir, error *e);
+/* Opens a copy of a database (database/backup) for reading. An older version is migrated first, in the copy. */
+database *database_open_copy(const char *path, error *e);
+void database_close(database *d); /* accepts NULL */
+
+void database_lock(database *d);
+void database_unlock(database *d);
+
+typedef struct change change;
+struct change {
+    /* Runs inside the transaction, possibly in another thread. The change is the first member of a larger struct, which
+     * takes the outputs. */
+    bool (*apply)(database *d, change *c);
+    error fault;
+    bool done, ok;
+    change *next;
+};
+
+/* Returns when the change is on disk, or has failed: then *e tells why. */
+bool database_change(database *d, change *c, error *e);
+
+/* One value of a statement's parameters. */
+typedef struct value {
+    const char *text; /* NULL with !integer: binds NULL; must live until the statement ends */
+    int64_t number;
+    bool integer;
+} value;
+
+static inline value text(const char *t)
+{
+    return (value){.text = t};
+}
+
+static inline value integer(int64_t n)
+{
+    return (value){.number = n, .integer = true};
+}
+
+/* Binds NULL unless the number is known. */
+static inline value integer_if(int64_t n, bool known)
+{
+    return (value){.number = n, .integer = known};
+}
+
+/* `sql` must be a string constant: a statement is prepared once and found again by the address of its text. */
+sqlite3_stmt *database_ask(database *d, const char *sql, const value *values, size_t count, error *e);
+bool database_run(database *d, const char *sql, const value *values, size_t count, error *e);
+
+#define VALUES(...) (const value[]){__VA_ARGS__}, sizeof((const value[]){__VA_ARGS__}) / sizeof(value)
+/* A statement that returns rows, to be read with database_next. NULL on failure. */
+#define ASK(d, e, sql, ...) database_ask(d, sql, VALUES(__VA_ARGS__), e)
+/* A statement that returns no rows. */
+#define RUN(d, e, sql, ...) database_run(d, sql, VALUES(__VA_ARGS__), e)
+
+/* True: there is a row. False: the statement has ended; *ok is true when it returned all rows, and false on failure. */
+bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e);
+/* Ends a statement before its last row. */
+void database_end(sqlite3_stmt *s);
+
+/* Whether at least as much disk space is free as database_reserve has reserved. A new job needs that. */
+bool database_has_room(database *d);
+
+/* Reserves disk space for changes that have to succeed on a full disk (database/reserve). 0: none. When the space
+ * cannot be reserved, a warning is logged. */
+void database_reserve(database *d, int64_t bytes);
+
+/* Waits until changes were stored or database_signal was called since *seen (0 at first), or until the deadline
+ * (monotonic). Returns true and updates *seen when something happened. */
+bool database_wait(database *d, uint64_t *seen, int64_t until_ms);
+void database_signal(database *d);
+
+int database_changes(database *d); /* rows that the last RUN changed */
+int64_t database_last_row(database *d);
+
+char *database_text(sqlite3_stmt *s, int column); /* to be freed; NULL for NULL */
+
+/* ---- for copies and checks (database/backup, database/checker) */
+
+struct health;
+sqlite3 *database_connection(database *d); /* use it under the lock only */
+struct health *database_health(database *d);
+const char *database_directory(database *d); /* the state directory */
+uint64_t database_change_count(database *d); /* number of rows changed since the start */
+char *database_copy_path(database *d);       /* where a copy may be made; to be freed */
+
+#endif

@@ -1,0 +1,54 @@
+/* health: whether the database is damaged, and the result of the last check.
+ *
+ * Any thread. A damaged database is not written to, because a write that follows a wrong page may damage others: changes
+ * fail with code database_damaged, and reads still work as far as possible. This lasts until the next start. A read
+ * error counts as damage until a check has read the whole database (database/checker).
+ */
+#ifndef HEXAD_DATABASE_HEALTH_H
+#define HEXAD_DATABASE_HEALTH_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/error.h"
+
+/* What the messages tell an operator to do about damage. */
+#define HEALTH_WAY_OUT                                                                                      \
+    "stop hexad, move queue.db* away and put a backup (hexad --backup) in its place, or start with --adopt" \
+    " without one; doc/operations.md says how"
+
+typedef struct health_report {
+    bool damaged, checking;
+    int64_t damaged_ms;    /* wall clock: when it was found */
+    const char *found_by;  /* "statement", "copy", "quick_check" or "integrity_check" */
+    char damage[240];      /* what was found */
+    int64_t checked_ms;    /* wall clock: the end of the last check; 0: there was none */
+    int64_t check_took_ms; /* its duration */
+} health_report;
+
+typedef struct health health;
+
+health *health_new(void);
+void health_free(health *h); /* accepts NULL */
+
+/* Records damage. `found_by` is "statement", "copy", "quick_check" or "integrity_check". Only the first damage is
+ * logged and kept. `doubt` marks a read error: the next check that finds no damage clears it. */
+void health_note_damage(health *h, const char *found_by, const char *what, bool doubt);
+
+/* False when the database is damaged. The error (database_damaged) tells what is damaged and what to do. */
+bool health_allows_changes(health *h, error *e);
+
+void health_begin_check(health *h);
+/* `what` is the damage that was found, or NULL. `done` is false when the check could not be made. */
+void health_end_check(health *h, const char *name, bool done, const char *what);
+
+void health_get(health *h, health_report *known);
+
+/* Waits until `until_ms` (monotonic), or until a read error requires a check: then *doubt is true. False after
+ * health_stop. */
+bool health_wait(health *h, int64_t until_ms, bool *doubt);
+void health_stop(health *h); /* ends health_wait */
+const atomic_bool *health_stop_flag(const health *h);
+
+#endif

@@ -1,0 +1,56 @@
+#include "database/lock.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+
+static void say_holder(int fd, const char *state_dir, error *e)
+{
+    char holder[16] = "";
+    ssize_t got = pread(fd, holder, sizeof holder - 1, 0);
+    holder[got > 0 ? got : 0] = '\0';
+    error_set(e, ERROR_INTERNAL, "another hexad (process %s) uses the state directory %s", holder, state_dir);
+}
+
+/* A lock file that root creates gets the owner of the state directory, so that the daemon can still use it. */
+static bool give_to_owner(int fd, const char *state_dir)
+{
+    struct stat owner;
+    return geteuid() != 0 || (stat(state_dir, &owner) == 0 && fchown(fd, owner.st_uid, owner.st_gid) == 0);
+}
+
+/* Overwrites in place, because a full disk must not prevent the start. */
+static void note_holder(int fd)
+{
+    char holder[16];
+    int length = snprintf(holder, sizeof holder, "%d", (int)getpid());
+    bool ok = pwrite(fd, holder, (size_t)length, 0) == length;
+    if (ftruncate(fd, ok ? length : 0) != 0 || !ok)
+        log_write(LOG_LEVEL_WARNING, "the file lock does not tell who holds it: %s", strerror(errno));
+}
+
+int lock_take(const char *state_dir, bool *in_use, error *e)
+{
+    char *path = mem_printf("%s/lock", state_dir);
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    bool ok = fd >= 0 && give_to_owner(fd, state_dir) && flock(fd, LOCK_EX | LOCK_NB) == 0;
+    bool held = !ok && fd >= 0 && errno == EWOULDBLOCK;
+    if (held)
+        say_holder(fd, state_dir, e);
+    else if (!ok)
+        error_set(e, ERROR_INTERNAL, "%s cannot be locked: %s", path, strerror(errno));
+    else
+        note_holder(fd);
+    if (in_use) *in_use = held;
+    if (!ok && fd >= 0) close(fd);
+    free(path);
+    return ok ? fd : -1;
+}

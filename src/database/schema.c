@@ -1,0 +1,479 @@
+#include "database/schema.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "database/health.h"
+
+#define TEXT_OF(x) #x
+#define TEXT(x) TEXT_OF(x)
+
+/* The uploaded files that jobs read. */
+#define INPUTS                                                       \
+    "CREATE TABLE input ("                                           \
+    "  name TEXT NOT NULL,"                                          \
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE," \
+    "  PRIMARY KEY (name, job)"                                      \
+    ") STRICT, WITHOUT ROWID;"                                       \
+    "CREATE INDEX input_by_job ON input (job);"
+
+/* What the executor needs of a spec, read from it once, at the submission. Limits of 0: the service's own. */
+#define TIMEOUT "timeout_ms INTEGER NOT NULL DEFAULT 0"
+#define STALL "stall_ms INTEGER NOT NULL DEFAULT 0"
+#define DIRECTORY "directory TEXT"
+#define CACHE_KEY "cache_key TEXT"
+#define EXECUTION ", " TIMEOUT ", " STALL ", " DIRECTORY ", " CACHE_KEY
+
+/* The highest number of a deleted event, in one row. */
+#define REMOVED_EVENTS                           \
+    "CREATE TABLE removed_events ("              \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1)," \
+    "  up_to INTEGER NOT NULL"                   \
+    ") STRICT;"
+
+/* Temporary files of result copies in output directories. The row is stored before the file is created. */
+#define COPIES                  \
+    "CREATE TABLE copy ("       \
+    "  name TEXT PRIMARY KEY,"  \
+    "  directory TEXT NOT NULL" \
+    ") STRICT, WITHOUT ROWID;"
+
+/* The service instance (one row), and the deleted tasks whose directories are to be removed: those of the result, and
+ * of the attempts up to the stored number. */
+#define INSTANCE                    \
+    "CREATE TABLE instance ("       \
+    "  id TEXT NOT NULL,"           \
+    "  boot_id TEXT NOT NULL"       \
+    ") STRICT;"                     \
+    "CREATE TABLE removal ("        \
+    "  number INTEGER PRIMARY KEY," \
+    "  id TEXT NOT NULL,"           \
+    "  frame INTEGER,"              \
+    "  attempts INTEGER NOT NULL"   \
+    ") STRICT;"                     \
+    "CREATE INDEX removal_by_id ON removal (id);"
+
+/* The id of a notification, and the end that it tells of. */
+#define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
+#define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
+
+/* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
+ * The spec has a table of its own, because it is long and never changes, while the row changes often. */
+static const char tables[] =
+    "CREATE TABLE job ("
+    "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  id TEXT NOT NULL UNIQUE,"
+    "  revision INTEGER NOT NULL DEFAULT 1,"
+    "  owner TEXT NOT NULL,"
+    "  state TEXT NOT NULL CHECK (state IN ('queued', 'blocked', 'paused', 'running', 'cancelling',"
+    "    " SCHEMA_FINAL_STATES ")),"
+    "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
+    "  priority INTEGER NOT NULL,"
+    "  threads INTEGER NOT NULL,"
+    "  memory_mb INTEGER NOT NULL,"
+    "  max_attempts INTEGER NOT NULL,"
+    "  retention_s INTEGER NOT NULL DEFAULT 0,"
+    "  is_array INTEGER NOT NULL DEFAULT 0,"
+    "  is_ordered INTEGER NOT NULL DEFAULT 0,"
+    "  is_paused INTEGER NOT NULL DEFAULT 0,"
+    "  is_cancelled INTEGER NOT NULL DEFAULT 0,"
+    "  pending INTEGER NOT NULL DEFAULT 0 CHECK (pending >= 0),"
+    "  tasks INTEGER NOT NULL,"
+    "  ready INTEGER NOT NULL,"
+    "  delayed INTEGER NOT NULL DEFAULT 0,"
+    "  running INTEGER NOT NULL DEFAULT 0,"
+    "  succeeded INTEGER NOT NULL DEFAULT 0,"
+    "  failed INTEGER NOT NULL DEFAULT 0,"
+    "  cancelled INTEGER NOT NULL DEFAULT 0,"
+    "  timed_out INTEGER NOT NULL DEFAULT 0,"
+    "  not_converged INTEGER NOT NULL DEFAULT 0,"
+    "  attempts INTEGER NOT NULL DEFAULT 0,"
+    "  created_ms INTEGER NOT NULL,"
+    "  started_ms INTEGER,"
+    "  finished_ms INTEGER,"
+    "  expires_ms INTEGER,"
+    "  name TEXT,"
+    "  labels TEXT NOT NULL,"
+    "  trace TEXT,"
+    "  webhook TEXT,"
+    "  error_code TEXT,"
+    "  error_message TEXT,"
+    "  cached_from TEXT,"
+    "  key TEXT,"
+    "  body_hash TEXT,"
+    "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
+    "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
+    ") STRICT;"
+    "CREATE INDEX job_by_state ON job (state, seq);"
+    "CREATE INDEX job_by_owner ON job (owner, seq);"
+    "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;"
+    "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
+    "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
+    "  WHERE " SCHEMA_CLAIMABLE ";"
+
+    "CREATE TABLE spec ("
+    "  job INTEGER PRIMARY KEY REFERENCES job (seq) ON DELETE CASCADE,"
+    "  spec TEXT NOT NULL,"
+    "  paths TEXT" EXECUTION ") STRICT;"
+
+    "CREATE TABLE task ("
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  number INTEGER NOT NULL,"
+    "  frame INTEGER,"
+    "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " SCHEMA_FINAL_STATES
+    ")),"
+    "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
+    "  attempt INTEGER NOT NULL DEFAULT 0,"
+    "  spent INTEGER NOT NULL DEFAULT 0,"
+    "  interrupted INTEGER NOT NULL DEFAULT 0,"
+    "  ran_ms INTEGER NOT NULL DEFAULT 0,"
+    "  storage_faults INTEGER NOT NULL DEFAULT 0,"
+    "  not_before_ms INTEGER,"
+    "  started_ms INTEGER,"
+    "  finished_ms INTEGER,"
+    "  error_code TEXT,"
+    "  error_message TEXT,"
+    "  PRIMARY KEY (job, number)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;"
+    "CREATE INDEX task_ready ON task (job, number) WHERE state = 'queued';"
+    "CREATE INDEX task_running ON task (job, number) WHERE state = 'running';"
+    "CREATE INDEX task_delayed ON task (not_before_ms) WHERE state = 'delayed';"
+
+    "CREATE TABLE attempt ("
+    "  job INTEGER NOT NULL,"
+    "  task INTEGER NOT NULL,"
+    "  number INTEGER NOT NULL,"
+    "  started_ms INTEGER NOT NULL,"
+    "  finished_ms INTEGER,"
+    "  exit_status INTEGER,"
+    "  signal INTEGER,"
+    "  peak_memory_bytes INTEGER,"
+    "  host TEXT,"
+    "  reason TEXT,"
+    "  PRIMARY KEY (job, task, number),"
+    "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
+    ") STRICT, WITHOUT ROWID;"
+
+    /* owners that have unfinished jobs */
+    "CREATE TABLE owner ("
+    "  name TEXT PRIMARY KEY,"
+    "  unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," /* jobs */
+    "  running INTEGER NOT NULL CHECK (running >= 0)"        /* tasks */
+    ") STRICT, WITHOUT ROWID;"
+
+    "CREATE TABLE label ("
+    "  label TEXT NOT NULL,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  PRIMARY KEY (label, job)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX label_by_job ON label (job);"
+
+    "CREATE TABLE dependency ("
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  PRIMARY KEY (job, needs)"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX dependency_by_need ON dependency (needs, job);"
+
+    INPUTS COPIES INSTANCE "CREATE TABLE event ("
+    "  seq INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  at_ms INTEGER NOT NULL,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  type TEXT NOT NULL CHECK (type IN ('state', 'task', 'started', 'ended', 'edited')),"
+    "  state TEXT NOT NULL,"
+    "  outcome TEXT,"
+    "  frame INTEGER,"
+    "  attempt INTEGER"
+    ") STRICT;"
+    "CREATE INDEX event_by_job ON event (job, seq);" REMOVED_EVENTS
+    "INSERT INTO removed_events VALUES (1, 0);"
+
+    "CREATE TABLE cache ("
+    "  key TEXT PRIMARY KEY,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  inputs TEXT NOT NULL"
+    ") STRICT, WITHOUT ROWID;"
+    "CREATE INDEX cache_by_job ON cache (job);"
+
+    "CREATE TABLE outbox ("
+    "  number INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  webhook TEXT NOT NULL,"
+    "  state TEXT NOT NULL,"
+    "  outcome TEXT,"
+    "  tries INTEGER NOT NULL DEFAULT 0,"
+    "  due_ms INTEGER NOT NULL, " OUTBOX_EVENT ", " OUTBOX_ENDED ") STRICT;"
+    "CREATE INDEX outbox_by_time ON outbox (due_ms, number);"
+    "CREATE INDEX outbox_by_job ON outbox (job);";
+
+static const char set_version[] = "PRAGMA user_version = " TEXT(SCHEMA_VERSION);
+
+/* Migration from version 1, which had no tasks: a job had the attempts. */
+static const char set_old_aside[] =
+    "DROP INDEX job_waiting; DROP INDEX job_by_state;"
+    "ALTER TABLE attempt RENAME TO attempt_1; ALTER TABLE job RENAME TO job_1;";
+
+static const char carry_over[] =
+    "INSERT INTO job (seq, id, owner, state, outcome, priority, threads, memory_mb, max_attempts, tasks, "
+    "ready,"
+    "  running, succeeded, failed, cancelled, timed_out, not_converged, is_cancelled, attempts, created_ms,"
+    "  started_ms, finished_ms, name, labels, error_code, error_message)"
+    " SELECT seq, id, '', state, outcome, priority, 1, 0, max_attempts, 1, state = 'queued',"
+    "  state IN ('running', 'cancelling'), state = 'succeeded', state = 'failed', state = 'cancelled',"
+    "  state = 'timed_out', coalesce(outcome = 'not_converged', 0), state IN ('cancelling', 'cancelled'), "
+    "attempt,"
+    "  created_ms, started_ms, finished_ms, name, labels, error_code, error_message FROM job_1;"
+    "INSERT INTO spec (job, spec) SELECT seq, spec FROM job_1;"
+    "INSERT INTO task (job, number, state, outcome, attempt, spent, started_ms, finished_ms, error_code,"
+    "  error_message)"
+    " SELECT seq, 0, CASE state WHEN 'cancelling' THEN 'running' ELSE state END, outcome, attempt, spent,"
+    "  started_ms, finished_ms, error_code, error_message FROM job_1;"
+    "INSERT INTO attempt (job, task, number, started_ms, finished_ms, exit_status, signal, "
+    "peak_memory_bytes, reason)"
+    " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
+    "attempt_1;"
+    "INSERT INTO owner SELECT '', count(*), sum(state != 'queued') FROM job_1"
+    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") HAVING count(*) > 0;"
+    "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
+    "INSERT INTO event (at_ms, job, type, state, outcome)"
+    " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
+    "1;"
+    "DROP TABLE attempt_1; DROP TABLE job_1;";
+
+/* Migration from version 2, which did not map paths. */
+static const char add_paths[] = "ALTER TABLE spec ADD COLUMN paths TEXT";
+
+/* Migration from version 3, in which each attempt had the whole time limit and uploaded files were kept for ever. Notes
+ * which uploaded files the existing specs read. */
+static const char add_times_and_inputs[] =
+    "ALTER TABLE task ADD COLUMN ran_ms INTEGER NOT NULL DEFAULT 0;" INPUTS
+    "INSERT OR IGNORE INTO input (name, job) SELECT substr(value, 1, 71), spec.job FROM spec, json_tree(spec)"
+    "  WHERE json_tree.key = 'path' AND value GLOB 'sha256:*';";
+
+/* Migration from version 4, which did not record deleted events. Numbers are given without gaps, so the highest missing
+ * number is the last deleted event. */
+static const char add_removed_events[] = REMOVED_EVENTS
+    "INSERT INTO removed_events SELECT 1, CASE WHEN given > kept THEN given ELSE"
+    "  coalesce((SELECT seq - 1 FROM event AS first WHERE NOT EXISTS"
+    "    (SELECT 1 FROM event WHERE seq = first.seq - 1) ORDER BY seq DESC LIMIT 1), 0) END"
+    "  FROM (SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'event'), 0) AS given,"
+    "    coalesce((SELECT max(seq) FROM event), 0) AS kept);";
+
+/* Migration from version 4, in which a full disk failed jobs and copies left temporary files. */
+static const char add_storage[] =
+    "ALTER TABLE task ADD COLUMN storage_faults INTEGER NOT NULL DEFAULT 0;" COPIES;
+
+/* Migration from version 4, in which attempts that ended with the daemon counted, and a start removed every directory
+ * without a job. The database gets its instance id later. */
+static const char add_instance[] =
+    INSTANCE "ALTER TABLE task ADD COLUMN interrupted INTEGER NOT NULL DEFAULT 0;";
+static const char leave_unnamed[] = "INSERT INTO instance (id, boot_id) VALUES ('', '')";
+
+/* Migration from version 4, in which the executor read the specs itself. Results of jobs that wait are not reused. */
+static const char add_execution[] = "ALTER TABLE spec ADD COLUMN " TIMEOUT ";"
+                                    "ALTER TABLE spec ADD COLUMN " STALL ";"
+                                    "ALTER TABLE spec ADD COLUMN " DIRECTORY ";"
+                                    "ALTER TABLE spec ADD COLUMN " CACHE_KEY ";";
+static const char read_execution[] =
+    "UPDATE spec SET"
+    "  timeout_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.timeout_s'), 0) AS INTEGER),"
+    "  stall_ms = CAST(1000 * coalesce(json_extract(spec, '$.limits.stall_s'), 0) AS INTEGER),"
+    "  directory = json_extract(spec, '$.output.directory') WHERE json_valid(spec);";
+
+/* Migration from version 5, in which the id of a notification was its number. */
+static const char add_outbox_event[] =
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_EVENT ";"
+    "ALTER TABLE outbox ADD COLUMN " OUTBOX_ENDED ";"
+    "UPDATE outbox SET event = lower(hex(randomblob(13))),"
+    "  ended_ms = (SELECT coalesce(finished_ms, created_ms) FROM job WHERE seq = outbox.job);";
+
+/* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
+static const struct step {
+    int first, last;
+    const char *sql;
+} steps[] = {
+    {1, 1, set_old_aside},        {0, 1, tables},
+    {1, 1, carry_over},           {2, 2, add_paths},
+    {2, 3, add_times_and_inputs}, {2, 4, add_removed_events},
+    {2, 4, add_storage},          {2, 4, add_instance},
+    {2, 4, add_execution},        {1, 4, read_execution},
+    {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
+};
+
+bool schema_error_is_damage(int code)
+{
+    int primary = code & 0xFF;
+    return primary == SQLITE_CORRUPT || primary == SQLITE_NOTADB || code == SQLITE_IOERR_DATA ||
+           code == SQLITE_IOERR_SHORT_READ; /* a truncated file */
+}
+
+bool schema_error_is_read_fault(int code)
+{
+    return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS; /* SQLite maps EIO to this one, too */
+}
+
+static bool fail(sqlite3 *database, error *e)
+{
+    const char *why = sqlite3_errmsg(database);
+    if (schema_error_is_damage(sqlite3_extended_errcode(database)))
+        return error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%s): %s", why, HEALTH_WAY_OUT);
+    return error_set(e, ERROR_INTERNAL, "the queue's database: %s", why);
+}
+
+static bool run(sqlite3 *database, const char *sql, error *e)
+{
+    return sqlite3_exec(database, sql, NULL, NULL, NULL) == SQLITE_OK || fail(database, e);
+}
+
+static bool read_version(sqlite3 *database, int *version, error *e)
+{
+    sqlite3_stmt *statement = NULL;
+    bool ok = sqlite3_prepare_v2(database, "PRAGMA user_version", -1, &statement, NULL) == SQLITE_OK &&
+              sqlite3_step(statement) == SQLITE_ROW;
+    if (ok)
+        *version = sqlite3_column_int(statement, 0);
+    else
+        fail(database, e);
+    sqlite3_finalize(statement);
+    return ok;
+}
+
+static bool make_tables(sqlite3 *database, int version, error *e)
+{
+    error why = {0};
+    bool ok = run(database, "BEGIN IMMEDIATE", &why);
+    for (size_t i = 0; ok && i < sizeof steps / sizeof *steps; i++)
+        if (version >= steps[i].first && version <= steps[i].last) ok = run(database, steps[i].sql, &why);
+    ok = ok && run(database, set_version, &why) && run(database, "COMMIT", &why);
+    if (ok) return true;
+    /* SQLite cannot prepare a statement: the tables are not those of this version */
+    if (sqlite3_errcode(database) == SQLITE_ERROR)
+        error_set(e, ERROR_DATABASE_DAMAGED,
+                  "the database is damaged (its tables are not those of version %d: %s): %s", version,
+                  sqlite3_errmsg(database), HEALTH_WAY_OUT);
+    else if (e)
+        *e = why;
+    run(database, "ROLLBACK", NULL);
+    return false;
+}
+
+/* ---- comparison with the tables that this version creates */
+
+/* Compares two texts without their white space, which depends on the program that created the table. */
+static bool is_same_text(const char *a, const char *b)
+{
+    for (;; a++, b++) {
+        while (*a == ' ') a++;
+        while (*b == ' ') b++;
+        if (*a != *b || !*a) return *a == *b;
+    }
+}
+
+static const char *column(sqlite3_stmt *s, int at)
+{
+    const char *found = (const char *)sqlite3_column_text(s, at);
+    return found ? found : "";
+}
+
+/* Columns of a table that are missing or different in the other database. */
+static bool compare_columns(sqlite3 *wanted, sqlite3 *database, const char *table, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok = sqlite3_prepare_v2(wanted, "SELECT name, type, \"notnull\", pk FROM pragma_table_xinfo(?1)", -1,
+                                 &want, NULL) == SQLITE_OK &&
+              sqlite3_prepare_v2(database,
+                                 "SELECT 1 FROM pragma_table_xinfo(?1) WHERE name = ?2 AND type = ?3"
+                                 " AND \"notnull\" = ?4 AND pk = ?5",
+                                 -1, &have, NULL) == SQLITE_OK;
+    if (ok) sqlite3_bind_text(want, 1, table, -1, SQLITE_STATIC);
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        sqlite3_bind_text(have, 1, table, -1, SQLITE_STATIC);
+        for (int i = 0; i < 4; i++) sqlite3_bind_value(have, i + 2, sqlite3_column_value(want, i));
+        int found = sqlite3_step(have);
+        if (found == SQLITE_DONE) {
+            fprintf(findings, "the table %s lacks the column %s as it has to be\n", table, column(want, 0));
+            ++*count;
+        }
+        ok = found == SQLITE_DONE || found == SQLITE_ROW;
+        sqlite3_reset(have);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+static bool compare_all(sqlite3 *wanted, sqlite3 *database, FILE *findings, int *count)
+{
+    sqlite3_stmt *want = NULL, *have = NULL;
+    bool ok =
+        sqlite3_prepare_v2(
+            wanted, "SELECT type, name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'",
+            -1, &want, NULL) == SQLITE_OK &&
+        sqlite3_prepare_v2(database, "SELECT sql FROM sqlite_schema WHERE type = ?1 AND name = ?2", -1, &have,
+                           NULL) == SQLITE_OK;
+    while (ok && sqlite3_step(want) == SQLITE_ROW) {
+        const char *type = column(want, 0), *name = column(want, 1);
+        sqlite3_bind_text(have, 1, type, -1, SQLITE_STATIC);
+        sqlite3_bind_text(have, 2, name, -1, SQLITE_STATIC);
+        int found = sqlite3_step(have);
+        bool is_table = strcmp(type, "table") == 0;
+        ok = found == SQLITE_ROW || found == SQLITE_DONE;
+        if (found == SQLITE_DONE ||
+            (found == SQLITE_ROW && !is_table && !is_same_text(column(want, 2), column(have, 0)))) {
+            fprintf(findings, "the %s %s is %s\n", type, name,
+                    found == SQLITE_ROW ? "another one" : "missing");
+            ++*count;
+        }
+        sqlite3_reset(have);
+        if (found == SQLITE_ROW && is_table) ok = compare_columns(wanted, database, name, findings, count);
+    }
+    sqlite3_finalize(want);
+    sqlite3_finalize(have);
+    return ok;
+}
+
+bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e)
+{
+    sqlite3 *wanted = NULL;
+    *count = 0;
+    bool ok = sqlite3_open(":memory:", &wanted) == SQLITE_OK &&
+              sqlite3_exec(wanted, tables, NULL, NULL, NULL) == SQLITE_OK;
+    if (!ok)
+        error_set(e, ERROR_INTERNAL, "the queue's tables: %s", wanted ? sqlite3_errmsg(wanted) : "no memory");
+    if (ok) ok = compare_all(wanted, database, findings, count) || fail(database, e);
+    sqlite3_close(wanted);
+    return ok;
+}
+
+static bool check_tables(sqlite3 *database, error *e)
+{
+    char *findings = NULL;
+    size_t length = 0;
+    int count = 0;
+    FILE *stream = open_memstream(&findings, &length);
+    bool ok = schema_compare(database, stream, &count, e);
+    fclose(stream);
+    if (ok && count)
+        ok = error_set(e, ERROR_DATABASE_DAMAGED, "the database is damaged (%.*s): %s",
+                       (int)strcspn(findings, "\n"), findings, HEALTH_WAY_OUT);
+    free(findings);
+    return ok;
+}
+
+bool schema_prepare(sqlite3 *database, error *e)
+{
+    int version = 0;
+    if (!run(database,
+             "PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;"
+             "PRAGMA foreign_keys = ON; PRAGMA temp_store = MEMORY;",
+             e) ||
+        !read_version(database, &version, e))
+        return false;
+    if (version > SCHEMA_VERSION)
+        return error_set(e, ERROR_INTERNAL,
+                         "the queue's database has version %d and this hexad knows %d: a newer hexad"
+                         " made it, run that one or take another state_dir",
+                         version, SCHEMA_VERSION);
+    return (version == SCHEMA_VERSION || make_tables(database, version, e)) && check_tables(database, e);
+}

@@ -1,0 +1,37 @@
+/* schema: the tables of the queue's database, and their version.
+ *
+ * The version is SQLite's user_version. An empty database gets all tables. An older version is migrated. A newer
+ * version is refused, because writing to it could lose data that this program does not know.
+ */
+#ifndef HEXAD_DATABASE_SCHEMA_H
+#define HEXAD_DATABASE_SCHEMA_H
+
+#include <stdio.h>
+
+#include <sqlite3.h>
+
+#include "base/error.h"
+
+#define SCHEMA_VERSION 6
+
+#define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
+
+/* SQL condition on a row of job: one of its tasks may be claimed. In an ordered job a task that runs or is delayed
+ * keeps the later ones waiting. */
+#define SCHEMA_CLAIMABLE \
+    "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
+
+/* Creates or migrates the tables and compares them with the expected schema. When they cannot be read or differ, the
+ * error has the code database_damaged and tells what is wrong and what to do. */
+bool schema_prepare(sqlite3 *database, error *e);
+
+/* Compares tables, columns and indexes with those of this version. Writes a line for each difference and counts them.
+ * False when the schema could not be read. */
+bool schema_compare(sqlite3 *database, FILE *findings, int *count, error *e);
+
+/* Whether this SQLite result code means that the stored data is damaged. */
+bool schema_error_is_damage(int code);
+/* Whether it means that a file could not be read, which may be damage. */
+bool schema_error_is_read_fault(int code);
+
+#endif

@@ -1,0 +1,28 @@
+/* members: what an open queue consists of.
+ *
+ * Private to src/queue. `overtaken` belongs to whoever holds the database, `stamp` to any thread.
+ */
+#ifndef HEXAD_QUEUE_MEMBERS_H
+#define HEXAD_QUEUE_MEMBERS_H
+
+#include <stdatomic.h>
+
+#include "database/database.h"
+#include "queue/queue.h"
+
+/* Jobs whose seq differ by a multiple of this share a stamp. */
+#define MEMBERS_STAMPS 4096
+
+/* What claims remember from one to the next: the job that did not fit, and how often others have overtaken it. */
+typedef struct overtaken {
+    int64_t seq;
+    int times;
+} overtaken;
+
+struct queue {
+    database *database;
+    overtaken overtaken;
+    atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* of jobs */
+};
+
+#endif

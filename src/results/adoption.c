@@ -1,0 +1,155 @@
+#include "results/adoption.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "base/worker_contract.h"
+#include "json/json.h"
+#include "results/result.h"
+#include "store/file.h"
+
+/* A report is long, because it has a record per sweep. */
+#define REPORT_LIMIT_BYTES (256u << 20)
+/* Jobs that one transaction puts into the queue. */
+#define AT_ONCE 100
+
+typedef struct restored {
+    queue_adoption is;
+    char *name, *labels, *spec;
+} restored;
+
+static void restored_clear(restored *j)
+{
+    free(j->name);
+    free(j->labels);
+    free(j->spec);
+    free(j->is.tasks);
+    *j = (restored){0};
+}
+
+static char *copy_labels(json_at asked)
+{
+    json *labels = json_new_array();
+    json_at list = json_member(&asked, "labels");
+    for (size_t i = 0; i < json_size(list); i++) {
+        json_at element = json_element(&list, i);
+        const char *label = json_string(element, NULL);
+        if (label) json_append_string(labels, label);
+    }
+    char *text = json_print(labels);
+    json_free(labels);
+    return text;
+}
+
+/* Reads a whole number of a report. Reports are checked like any other input. */
+static int64_t integer_of(json_at object, const char *key, int64_t least, int64_t most, int64_t otherwise)
+{
+    double number = json_number(json_member(&object, key), (double)otherwise);
+    return number >= (double)least && number <= (double)most ? (int64_t)number : otherwise;
+}
+
+/* Reads the job from the report. *finished_ms is the time the report was written. */
+static bool read_report(const char *directory, restored *j, int64_t *finished_ms)
+{
+    struct stat info;
+    size_t length = 0;
+    char *path = mem_printf("%s/" WORKER_REPORT_NAME, directory);
+    char *text = stat(path, &info) == 0 ? store_file_read(path, REPORT_LIMIT_BYTES, &length, NULL) : NULL;
+    json *report = text ? json_parse(text, length, NULL) : NULL;
+    json_at root = json_root(report), spec = json_member(&root, "spec");
+    bool ok = json_type_of(spec) == JSON_OBJECT;
+    if (ok) *finished_ms = (int64_t)info.st_mtim.tv_sec * 1000 + info.st_mtim.tv_nsec / 1000000;
+    if (ok && !j->spec) {
+        json_at limits = json_member(&spec, "limits"), asked = json_member(&spec, "queue");
+        const char *name = json_string(json_member(&spec, "name"), NULL);
+        j->name = name ? mem_strdup(name) : NULL;
+        j->labels = copy_labels(asked);
+        j->spec = json_print(spec.node);
+        j->is.priority = (int)integer_of(asked, "priority", INT32_MIN, INT32_MAX, 0);
+        j->is.max_attempts = (int)integer_of(limits, "max_attempts", 1, INT32_MAX, 1);
+        j->is.threads = (int)integer_of(root, "threads", 1, INT32_MAX, 1);
+        j->is.memory_mb = integer_of(limits, "memory_mb", 0, INT32_MAX, 0);
+    }
+    json_free(report);
+    free(text);
+    free(path);
+    return ok;
+}
+
+/* Adds the result to the job if it is complete and a real directory, no symbolic link. */
+static bool add_task(const char *state_dir, const queue_directory *found, restored *j)
+{
+    struct stat info;
+    result r = {0};
+    error why = {0};
+    queue_adopted_task task = {.frame = found->frame};
+    char *directory = result_directory(state_dir, found->id, found->frame);
+    bool ok = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why) &&
+              read_report(directory, j, &task.finished_ms);
+    if (ok) {
+        task.outcome = r.outcome;
+        j->is.tasks = mem_resize(j->is.tasks, (j->is.task_count + 1) * sizeof *j->is.tasks);
+        j->is.tasks[j->is.task_count++] = task;
+    } else {
+        log_write(LOG_LEVEL_WARNING, "a result cannot be adopted: %s: %s", directory,
+                  *why.message ? why.message : "it is no directory, or its report has no spec");
+    }
+    result_clear(&r);
+    free(directory);
+    return ok;
+}
+
+static bool put(queue *q, restored *jobs, size_t *count, size_t *adopted, error *e)
+{
+    queue_adoption *list = mem_alloc((*count + 1) * sizeof *list);
+    for (size_t i = 0; i < *count; i++) {
+        list[i] = jobs[i].is;
+        list[i].name = jobs[i].name;
+        list[i].labels = jobs[i].labels;
+        list[i].spec = jobs[i].spec;
+    }
+    bool ok = queue_adopt(q, list, *count, e);
+    if (ok) *adopted += *count;
+    for (size_t i = 0; i < *count; i++) restored_clear(&jobs[i]);
+    *count = 0;
+    free(list);
+    return ok;
+}
+
+/* A job is an array or not. When there is a result without a frame, results of frames with the same id do not belong to
+ * it. */
+static bool belongs(const queue_directory *first, const queue_directory *d)
+{
+    return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);
+}
+
+bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
+                  size_t *adopted, error *e)
+{
+    restored jobs[AT_ONCE] = {0};
+    size_t used = 0, next = 0;
+    bool ok = true;
+    *adopted = 0;
+    for (size_t i = 0; ok && i < count; i = next) {
+        restored *j = &jobs[used];
+        bool unknown = true;
+        for (next = i; next < count && strcmp(results[i].id, results[next].id) == 0; next++)
+            unknown &= !results[next].known && !results[next].to_be_removed;
+        /* when the queue knows the job, unknown frames do not belong to it */
+        for (size_t k = i; unknown && k < next; k++)
+            if (belongs(&results[i], &results[k])) add_task(state_dir, &results[k], j);
+        if (!j->is.task_count) {
+            restored_clear(j);
+            continue;
+        }
+        snprintf(j->is.id, sizeof j->is.id, "%s", results[i].id);
+        if (++used == AT_ONCE) ok = put(q, jobs, &used, adopted, e);
+    }
+    if (ok && used) ok = put(q, jobs, &used, adopted, e);
+    for (size_t i = 0; i < used; i++) restored_clear(&jobs[i]);
+    return ok;
+}

@@ -1,0 +1,15 @@
+/* audit: compares the results with the queue, in a state directory that no daemon uses. */
+#ifndef HEXAD_RESULTS_AUDIT_H
+#define HEXAD_RESULTS_AUDIT_H
+
+#include <stddef.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "queue/queue.h"
+
+/* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that the queue does not know.
+ * Prints a line for each and adds their number to *findings. *results is the number of results that were checked. */
+bool audit_results(queue *q, const char *state_dir, FILE *out, size_t *results, size_t *findings, error *e);
+
+#endif

@@ -1,0 +1,258 @@
+#include "results/inventory.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "results/adoption.h"
+#include "results/lost_found.h"
+#include "results/result.h"
+
+static const char *const parts[] = {"results", "attempts"};
+enum { RESULTS, ATTEMPTS };
+
+/* The entries of results/ or attempts/: first those named like a task's directory, then all others. */
+typedef struct listing {
+    char **name;
+    queue_directory *directory; /* of the first `named` entries, in the same order */
+    size_t count, named;
+    bool linked; /* results/ or attempts/ itself is a symbolic link */
+} listing;
+
+static void listing_clear(listing *l)
+{
+    for (size_t i = 0; i < l->count; i++) free(l->name[i]);
+    free(l->name);
+    free(l->directory);
+}
+
+/* Reads ".NUMBER" as the service writes it, and advances the text. */
+static bool read_number(const char **text, int *number)
+{
+    char written[16], *end = NULL;
+    if (**text != '.' || (*text)[1] < '0' || (*text)[1] > '9') return false;
+    errno = 0;
+    long value = strtol(*text + 1, &end, 10);
+    int length = snprintf(written, sizeof written, ".%ld", value);
+    if (errno || value > INT_MAX || end - *text != length || strncmp(*text, written, (size_t)length) != 0)
+        return false;
+    *number = (int)value;
+    *text = end;
+    return true;
+}
+
+/* Results are named "ID" or "ID.FRAME", attempts "ID.N" or "ID.FRAME.N". */
+static bool read_name(const char *name, int part, queue_directory *d)
+{
+    *d = (queue_directory){.frame = QUEUE_NO_FRAME};
+    if (strlen(name) < ULID_SIZE - 1) return false;
+    memcpy(d->id, name, ULID_SIZE - 1);
+    const char *rest = name + ULID_SIZE - 1;
+    int number[2], count = 0;
+    while (count < 2 && *rest && read_number(&rest, &number[count])) count++;
+    if (*rest || !ulid_is_valid(d->id)) return false;
+    if (part == ATTEMPTS && (count == 0 || number[count - 1] == 0)) return false;
+    if (part == ATTEMPTS) d->attempt = number[--count];
+    if (count > 1) return false;
+    if (count) d->frame = number[0];
+    return true;
+}
+
+bool inventory_read_name(const char *name, queue_directory *directory)
+{
+    return read_name(name, RESULTS, directory);
+}
+
+typedef struct named {
+    char *name;
+    queue_directory directory;
+} named;
+
+static int compare(const void *a, const void *b)
+{
+    const queue_directory *x = &((const named *)a)->directory, *y = &((const named *)b)->directory;
+    int ids = strcmp(x->id, y->id);
+    if (ids) return ids;
+    if (x->frame != y->frame) return x->frame < y->frame ? -1 : 1;
+    return (x->attempt > y->attempt) - (x->attempt < y->attempt);
+}
+
+/* Sorted, because lookups of neighbouring ids are then faster. */
+static void sort(listing *l)
+{
+    named *list = mem_alloc((l->named + 1) * sizeof *list);
+    for (size_t i = 0; i < l->named; i++) list[i] = (named){l->name[i], l->directory[i]};
+    qsort(list, l->named, sizeof *list, compare);
+    for (size_t i = 0; i < l->named; i++) {
+        l->name[i] = list[i].name;
+        l->directory[i] = list[i].directory;
+    }
+    free(list);
+}
+
+static void append(listing *l, const char *name, int part, size_t *room)
+{
+    queue_directory d;
+    if (l->count == *room) {
+        *room = *room * 2 + 64;
+        l->name = mem_resize(l->name, *room * sizeof *l->name);
+        l->directory = mem_resize(l->directory, *room * sizeof *l->directory);
+    }
+    char *copy = mem_strdup(name);
+    l->name[l->count] = copy;
+    if (read_name(name, part, &d)) {
+        l->name[l->count] = l->name[l->named];
+        l->name[l->named] = copy;
+        l->directory[l->named++] = d;
+    }
+    l->count++;
+}
+
+static bool list(const char *state_dir, int part, listing *l, error *e)
+{
+    char *path = mem_printf("%s/%s", state_dir, parts[part]);
+    size_t room = 0;
+    struct stat info;
+    l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
+    DIR *stream = opendir(path);
+    for (struct dirent *entry; stream && (errno = 0, entry = readdir(stream));)
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            append(l, entry->d_name, part, &room);
+    bool ok =
+        (stream && !errno) || error_set(e, ERROR_INTERNAL, "%s cannot be listed: %s", path, strerror(errno));
+    if (stream) closedir(stream);
+    free(path);
+    sort(l);
+    return ok;
+}
+
+/* What happens to an entry. */
+typedef enum verdict {
+    STAYS,
+    BELONGS_TO_NOBODY,
+    IS_IN_THE_WAY /* in the way of a task that will run: of its result, or of an attempt with the same number */
+} verdict;
+
+/* The result of a waiting task: a complete one ends the task, any other is in its way. */
+static bool end_from_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v,
+                            size_t *ended, error *e)
+{
+    struct stat info;
+    result r = {0};
+    error why = {0};
+    bool accepted = false;
+    char *directory = result_directory(state_dir, d->id, d->frame);
+    bool whole = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why);
+    bool ok = whole || why.code != ERROR_INTERNAL ||
+              error_set(e, ERROR_INTERNAL, "the result %s: %s", directory, why.message);
+    if (whole) ok = queue_end_found(q, d->id, d->frame, r.outcome, &accepted, e);
+    *v = whole ? STAYS : IS_IN_THE_WAY;
+    *ended += accepted;
+    result_clear(&r);
+    free(directory);
+    return ok;
+}
+
+/* Decides on a result. A result of a failed task comes from a retry that the (older) database does not know. The job
+ * keeps its state, and the result would be in the way of the next retry. */
+static bool judge_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended,
+                         error *e)
+{
+    *v = d->to_be_removed || (d->known && (d->state == QUEUE_SUCCEEDED || d->state == QUEUE_RUNNING))
+             ? STAYS
+             : BELONGS_TO_NOBODY;
+    if (d->known && !queue_state_is_final(d->state) && d->state != QUEUE_RUNNING)
+        return end_from_result(q, state_dir, d, v, ended, e);
+    return true;
+}
+
+/* Decides on an attempt. The queue gives the number before the directory is created, so a higher number comes from a
+ * newer database. */
+static verdict judge_attempt(const queue_directory *d)
+{
+    if (d->to_be_removed || (d->known && d->attempt <= d->last_attempt)) return STAYS;
+    return d->known && !queue_state_is_final(d->state) ? IS_IN_THE_WAY : BELONGS_TO_NOBODY;
+}
+
+typedef struct tally {
+    size_t moved, left, ended;
+    error why; /* the first that could not be moved */
+} tally;
+
+static void move(const char *state_dir, int part, const listing *l, size_t i, tally *t)
+{
+    error why = {0};
+    if (l->linked)
+        error_set(&why, ERROR_INTERNAL,
+                  "%s/%s is a symbolic link, and nothing is taken out of other directories", state_dir,
+                  parts[part]);
+    else if (lost_found_move(state_dir, parts[part], l->name[i], &why))
+        t->moved++;
+    if (why.code == ERROR_NONE) return;
+    if (!t->left++) t->why = why;
+}
+
+static bool settle_part(queue *q, const char *state_dir, int part, const listing *l, tally *t, error *e)
+{
+    size_t before = t->moved;
+    for (size_t i = 0; i < l->count; i++) {
+        verdict v = BELONGS_TO_NOBODY;
+        if (i < l->named && part == ATTEMPTS) v = judge_attempt(&l->directory[i]);
+        if (i < l->named && part == RESULTS &&
+            !judge_result(q, state_dir, &l->directory[i], &v, &t->ended, e))
+            return false;
+        if (v == STAYS) continue;
+        size_t left = t->left;
+        move(state_dir, part, l, i, t);
+        if (v == IS_IN_THE_WAY && t->left > left)
+            return error_set(e, ERROR_INTERNAL,
+                             "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
+                             state_dir, parts[part], l->name[i], t->why.message);
+    }
+    return t->moved == before || lost_found_flush(state_dir, parts[part], e);
+}
+
+static void tell(const char *state_dir, const tally *t, size_t adopted)
+{
+    if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
+    if (t->ended)
+        log_write(LOG_LEVEL_WARNING,
+                  "waiting jobs and frames ended, because their results were found count=%zu", t->ended);
+    if (t->moved)
+        log_write(
+            LOG_LEVEL_WARNING,
+            "results and attempts that belong to no job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
+            " count=%zu: look at them, then remove them",
+            state_dir, t->moved);
+    if (t->left)
+        log_write(
+            LOG_LEVEL_WARNING,
+            "results and attempts that belong to no job in the queue stay where they are in %s count=%zu: %s",
+            state_dir, t->left, t->why.message);
+}
+
+bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e)
+{
+    listing found[2] = {0};
+    tally t = {0};
+    size_t adopted = 0;
+    listing *results = &found[RESULTS], *attempts = &found[ATTEMPTS];
+    bool ok = list(state_dir, RESULTS, results, e) && list(state_dir, ATTEMPTS, attempts, e) &&
+              queue_find_directories(q, results->directory, results->named, e);
+    if (ok && adopt)
+        ok = adoption_run(q, state_dir, results->directory, results->named, &adopted, e) &&
+             queue_find_directories(q, results->directory, results->named, e);
+    ok = ok && queue_find_directories(q, attempts->directory, attempts->named, e) &&
+         settle_part(q, state_dir, RESULTS, results, &t, e) &&
+         settle_part(q, state_dir, ATTEMPTS, attempts, &t, e);
+    tell(state_dir, &t, adopted);
+    listing_clear(results);
+    listing_clear(attempts);
+    return ok;
+}

@@ -1,0 +1,233 @@
+#include "results/result.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/log.h"
+#include "base/memory.h"
+#include "base/worker_contract.h"
+#include "json/json.h"
+#include "store/file.h"
+
+/* A report has a record per sweep, and a job may ask for a million sweeps. */
+#define REPORT_LIMIT_BYTES (256u << 20)
+#define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
+/* No output has this name, because no output name begins with a point. */
+#define LISTING_NAME ".listing.json"
+
+char *result_directory(const char *state_dir, const char *id, int frame)
+{
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/results/%s", state_dir, id)
+                                   : mem_printf("%s/results/%s.%d", state_dir, id, frame);
+}
+
+char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt)
+{
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/attempts/%s.%d", state_dir, id, attempt)
+                                   : mem_printf("%s/attempts/%s.%d.%d", state_dir, id, frame, attempt);
+}
+
+void result_clear(result *r)
+{
+    for (size_t i = 0; i < r->output_count; i++) free(r->output[i].name);
+    free(r->output);
+    *r = (result){0};
+}
+
+static bool is_plain_name(const char *name)
+{
+    if (!*name || *name == '.' || strlen(name) > 255) return false;
+    for (const char *c = name; *c; c++)
+        if (*c == '/' || (unsigned char)*c < 0x20 || *c == 0x7F) return false;
+    return true;
+}
+
+/* Whether errno means that the file does not exist, rather than that it could not be examined. */
+static bool is_absence(int fault)
+{
+    return fault == ENOENT || fault == ENOTDIR || fault == ELOOP;
+}
+
+int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e)
+{
+    char *path = mem_printf("%s/%s", directory, name);
+    int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    struct stat info;
+    if (fd < 0) {
+        error_set(e, is_absence(errno) ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL,
+                  "the result file %s cannot be opened: %s", name, strerror(errno));
+    } else if (fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
+        error_set(e, ERROR_INPUT_DAMAGED, "the result file %s is not a regular file", name);
+        close(fd);
+        fd = -1;
+    } else {
+        *bytes = (int64_t)info.st_size;
+    }
+    free(path);
+    return fd;
+}
+
+static bool read_output(const char *directory, json_at at, result_output *output, error *e)
+{
+    json_at name = json_member(&at, "name"), bytes = json_member(&at, "bytes");
+    json_at sha256 = json_member(&at, "sha256");
+    const char *file = json_string(name, "");
+    const char *hash = json_string(sha256, "");
+    double size = json_number(bytes, -1);
+    if (!is_plain_name(file) || strspn(hash, "0123456789abcdef") != 64 || hash[64] || !(size >= 0) ||
+        size > 0x1p53 || size != floor(size))
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "report.json lists an output without name, bytes and sha256");
+    int64_t there = 0;
+    int fd = result_open_file(directory, file, &there, e);
+    if (fd < 0) return false;
+    close(fd);
+    if (there != (int64_t)size)
+        return error_set(e, ERROR_INPUT_DAMAGED,
+                         "the result file %s has %lld bytes where its report says %.0f", file,
+                         (long long)there, size);
+    output->name = mem_strdup(file);
+    output->bytes = there;
+    memcpy(output->sha256, hash, sizeof output->sha256);
+    return true;
+}
+
+static bool read_report(const char *directory, const json *report, result *r, error *e)
+{
+    json_at root = json_root(report);
+    const char *outcome = json_string(json_member(&root, "outcome"), "");
+    double count = json_number(json_member(&root, "count"), -1);
+    json_at outputs = json_member(&root, "outputs");
+    if (strcmp(outcome, "converged") == 0)
+        r->outcome = QUEUE_CONVERGED;
+    else if (strcmp(outcome, "not_converged") == 0)
+        r->outcome = QUEUE_NOT_CONVERGED;
+    else
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no outcome");
+    if (!(count >= 0) || count > 0x1p53 || count != floor(count))
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");
+    r->count = (int64_t)count;
+    size_t listed = json_size(outputs);
+    if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
+        return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no list of outputs");
+    r->output = mem_alloc(listed * sizeof *r->output);
+    for (; r->output_count < listed; r->output_count++)
+        if (!read_output(directory, json_element(&outputs, r->output_count), &r->output[r->output_count], e))
+            return false;
+    return true;
+}
+
+static bool read_named(const char *directory, const char *name, result *r, error *e)
+{
+    char *path = mem_printf("%s/%s", directory, name);
+    size_t length = 0;
+    result read = {0};
+    json *report = NULL;
+    bool ok = false;
+    error why = {0};
+    char *text = store_file_read(path, REPORT_LIMIT_BYTES, &length, &why);
+    if (!text) {
+        error_set(e, is_absence(errno) || errno == EFBIG ? ERROR_INPUT_DAMAGED : ERROR_INTERNAL, "%s",
+                  why.message);
+        goto done;
+    }
+    report = json_parse(text, length, &why);
+    if (!report) {
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: %s", name, why.message);
+        goto done;
+    }
+    ok = read_report(directory, report, &read, e);
+    if (ok)
+        *r = read;
+    else
+        result_clear(&read);
+done:
+    json_free(report);
+    free(text);
+    free(path);
+    return ok;
+}
+
+bool result_read(const char *directory, result *r, error *e)
+{
+    return read_named(directory, WORKER_REPORT_NAME, r, e);
+}
+
+/* Adds report.json to the outputs. */
+static bool append_report(const char *directory, result *r, error *e)
+{
+    result_output own = {0};
+    uint64_t hashed = 0;
+    int fd = result_open_file(directory, WORKER_REPORT_NAME, &own.bytes, e);
+    if (fd < 0) return false;
+    bool ok = store_file_hash(fd, own.sha256, &hashed, e);
+    close(fd);
+    if (!ok) return false;
+    own.bytes = (int64_t)hashed;
+    own.name = mem_strdup(WORKER_REPORT_NAME);
+    r->output = mem_resize(r->output, (r->output_count + 1) * sizeof *r->output);
+    r->output[r->output_count++] = own;
+    return true;
+}
+
+/* A listing contains only those members of a report that result_read uses. */
+static char *print_listing(const result *r)
+{
+    json *document = json_new_object();
+    json_put_string(document, "outcome", queue_outcome_name(r->outcome));
+    json_put_integer(document, "count", r->count);
+    json *outputs = json_put_array(document, "outputs");
+    for (size_t i = 0; i < r->output_count; i++) {
+        json *o = json_append_object(outputs);
+        json_put_string(o, "name", r->output[i].name);
+        json_put_integer(o, "bytes", r->output[i].bytes);
+        json_put_string(o, "sha256", r->output[i].sha256);
+    }
+    char *text = json_print(document);
+    json_free(document);
+    return text;
+}
+
+bool result_list(const char *directory, result *r, error *e)
+{
+    error why = {0};
+    result found = {0};
+    if (read_named(directory, LISTING_NAME, r, &why)) return true;
+    if (!result_read(directory, &found, e)) return false;
+    if (!append_report(directory, &found, e)) {
+        result_clear(&found);
+        return false;
+    }
+    char *path = mem_printf("%s/%s", directory, LISTING_NAME), *text = print_listing(&found);
+    if (!store_file_write(path, text, strlen(text), &why)) /* the next call makes it again */
+        log_write(LOG_LEVEL_WARNING, "the list of a result's files cannot be stored: %s", why.message);
+    free(text);
+    free(path);
+    *r = found;
+    return true;
+}
+
+/* Of a failed attempt only the log is kept. Deleting the rest is safe: the queue gave this attempt its number before
+ * the directory was created, a start moves directories with unknown numbers to lost+found (results/inventory), and
+ * the directory contains no result that was ever reported. */
+void result_remove_leftovers(const char *directory)
+{
+    char *log = mem_printf("%s/" RESULT_LOG_NAME, directory);
+    size_t length = 0;
+    error e = {0};
+    char *text = store_file_read(log, 1 << 20, &length, NULL);
+    if (!store_remove(directory, &e))
+        log_write(LOG_LEVEL_WARNING, "the files of a failed attempt could not be removed: %s", e.message);
+    if (text && length) {
+        if (!store_directory_create(directory, &e) || !store_file_write(log, text, length, &e))
+            log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
+    }
+    free(text);
+    free(log);
+}

@@ -1,0 +1,53 @@
+/* result: reads and checks the result that an attempt left in its directory.
+ *
+ * A directory is a result when its report.json is valid JSON, has an outcome and a count, and lists outputs that
+ * exist as regular files of the stated sizes. A worker wrote all of it, so it is checked like any other input. No
+ * state; any thread.
+ */
+#ifndef HEXAD_RESULTS_RESULT_H
+#define HEXAD_RESULTS_RESULT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "queue/queue.h"
+
+#define RESULT_LOG_NAME "worker.log" /* written by the engine: what the worker wrote to standard error */
+
+typedef struct result_output {
+    char *name; /* a plain file name */
+    int64_t bytes;
+    char sha256[65];
+} result_output;
+
+typedef struct result {
+    queue_outcome outcome;
+    int64_t count;
+    size_t output_count;
+    result_output *output; /* as the report lists them; report.json is added by result_list only */
+} result;
+
+/* Reads and checks a result. The caller clears it. Errors: input_damaged tells what is wrong with the result. internal
+ * tells why it could not be read (no descriptors, a disk error); the result may be good. */
+bool result_read(const char *directory, result *r, error *e);
+
+/* Like result_read, with report.json as the last of the outputs. A report may be long, so the list is stored in a
+ * hidden file beside it, which later calls read. */
+bool result_list(const char *directory, result *r, error *e);
+void result_clear(result *r); /* accepts an empty one */
+
+/* Opens a file of a result without following links. -1 and an error when it does not exist. `name` must be a plain file
+ * name. */
+int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e);
+
+/* The paths "STATE_DIR/results/ID" and "STATE_DIR/attempts/ID.N"; with a frame "ID.FRAME" replaces ID. To be freed.
+ * `frame` is QUEUE_NO_FRAME when the job is no array. */
+char *result_directory(const char *state_dir, const char *id, int frame);
+char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt);
+
+/* Removes all files of an attempt except its log. */
+void result_remove_leftovers(const char *directory);
+
+#endif

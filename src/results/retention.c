@@ -1,0 +1,268 @@
+#include "results/retention.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/background.h"
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "results/result.h"
+#include "store/file.h"
+
+/* Removed at a time. In between the thread checks whether it must end. */
+#define AT_ONCE 100
+/* After a database error. */
+#define RETRY_MS 1000
+/* After something could not be removed. */
+#define REMOVE_AGAIN_MS 10000
+/* The longest time between two collections of uploaded files. It is shorter when they are kept for a short time. */
+#define LOOK_MOST_MS 3600000
+#define LOOKS_IN_KEEP 4
+
+struct retention {
+    queue *q;
+    char *state_dir;
+    store_inputs *inputs; /* NULL: uploaded files are not collected */
+    int64_t keep_ms;
+    pthread_t thread;
+    pthread_mutex_t mutex;
+    pthread_cond_t woken;
+    pthread_mutex_t removing; /* held while directories are removed */
+    bool wake, stop;
+    bool left;        /* some noted directories are still there */
+    int64_t again_ms; /* the thread's own: when the removal is tried again, wall clock */
+    bool trouble;     /* the thread's own: the log already says that they cannot be removed */
+};
+
+/* Removes the directories of a deleted task durably: the removal is flushed before the note is deleted. Directories
+ * that an earlier removal left, or none at all, are fine. */
+static bool remove_task(retention *r, const queue_removal *task, error *e)
+{
+    char *path = result_directory(r->state_dir, task->id, task->frame);
+    bool ok = store_remove(path, e);
+    free(path);
+    for (int number = 1; ok && number <= task->attempts; number++) {
+        path = result_attempt_directory(r->state_dir, task->id, task->frame, number);
+        ok = store_remove(path, e);
+        free(path);
+    }
+    return ok;
+}
+
+/* A removal just before a crash may not be flushed, although the directory is not found any more. */
+static bool flush_places(retention *r, error *e)
+{
+    char *results = mem_printf("%s/results", r->state_dir),
+         *attempts = mem_printf("%s/attempts", r->state_dir);
+    bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
+    free(results);
+    free(attempts);
+    return ok;
+}
+
+/* Removes the directories of these notes, then the notes. A directory that cannot be removed keeps its note, and the
+ * others go on. */
+static bool remove_tasks(retention *r, queue_removal *tasks, size_t count, error *e)
+{
+    size_t gone = 0;
+    bool ok = true;
+    for (size_t i = 0; i < count; i++) {
+        if (remove_task(r, &tasks[i], e))
+            tasks[gone++] = tasks[i];
+        else
+            ok = false;
+    }
+    error why = {0};
+    if (gone && !(flush_places(r, &why) && queue_end_removals(r->q, tasks, gone, &why))) {
+        if (ok && e) *e = why;
+        ok = false;
+    }
+    return ok;
+}
+
+/* Works off the notes of one job or (NULL) all jobs. False when some are left. One thread at a time. */
+static bool work_off(retention *r, const char *id, error *e)
+{
+    queue_removal *tasks = NULL;
+    size_t count = AT_ONCE;
+    int64_t after = 0;
+    bool ok = true, stop = false;
+    while (count == AT_ONCE && !stop) {
+        pthread_mutex_lock(&r->removing);
+        if (queue_list_removals(r->q, id, after, AT_ONCE, &tasks, &count, e)) {
+            if (count) after = tasks[count - 1].number;
+            if (count && !remove_tasks(r, tasks, count, e)) ok = false;
+            free(tasks);
+        } else {
+            count = 0;
+            ok = false;
+        }
+        pthread_mutex_unlock(&r->removing);
+        pthread_mutex_lock(&r->mutex);
+        stop = r->stop;
+        pthread_mutex_unlock(&r->mutex);
+    }
+    return ok && !stop;
+}
+
+static void set_left(retention *r, bool left)
+{
+    pthread_mutex_lock(&r->mutex);
+    r->left = left;
+    pthread_mutex_unlock(&r->mutex);
+}
+
+/* Tries again to remove what is left, and logs a failure once. Returns when to try next, wall clock. */
+static int64_t work_off_rest(retention *r)
+{
+    error e = {0};
+    pthread_mutex_lock(&r->mutex);
+    bool left = r->left;
+    r->left = false;
+    pthread_mutex_unlock(&r->mutex);
+    int64_t now = clock_wall_ms();
+    if (!left) return INT64_MAX;
+    /* a clock that was set back must not delay this */
+    bool due = now >= r->again_ms || r->again_ms > now + REMOVE_AGAIN_MS;
+    bool ok = due && work_off(r, NULL, &e);
+    if (!ok) set_left(r, true);
+    if (!due) return r->again_ms;
+    if (!ok && !r->trouble && e.code != ERROR_NONE)
+        log_write(LOG_LEVEL_WARNING,
+                  "the files of deleted jobs could not be removed, which is tried again: %s", e.message);
+    if (ok && r->trouble) log_write(LOG_LEVEL_INFO, "the files of deleted jobs are removed");
+    r->trouble = !ok;
+    r->again_ms = now + REMOVE_AGAIN_MS;
+    return ok ? INT64_MAX : r->again_ms;
+}
+
+bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, error *e)
+{
+    if (!queue_delete(r->q, id, found, deleted, e)) return false;
+    if (!*deleted) return true;
+    log_write(LOG_LEVEL_INFO, "job forgotten job=%s", id);
+    if (!work_off(r, id, NULL)) {
+        set_left(r, true);
+        retention_wake(r);
+    }
+    return true;
+}
+
+/* Deletes some jobs whose retention is over. *more: there may be others. */
+static bool forget_some(retention *r, bool *more)
+{
+    char(*ids)[ULID_SIZE] = NULL;
+    size_t count = 0;
+    bool found, deleted;
+    if (!queue_list_expired(r->q, clock_wall_ms(), AT_ONCE, &ids, &count, NULL)) return false;
+    bool ok = true;
+    for (size_t i = 0; ok && i < count; i++) ok = retention_delete(r, ids[i], &found, &deleted, NULL);
+    *more = count == AT_ONCE;
+    free(ids);
+    return ok;
+}
+
+/* Waits until this time (wall clock) or a wake-up. False: the thread must end. */
+static bool wait_until(retention *r, int64_t wall_ms)
+{
+    struct timespec until = {.tv_sec = (time_t)(wall_ms / 1000), .tv_nsec = (long)(wall_ms % 1000) * 1000000};
+    int status = 0;
+    pthread_mutex_lock(&r->mutex);
+    while (!r->wake && !r->stop && status != ETIMEDOUT)
+        status = pthread_cond_timedwait(&r->woken, &r->mutex, &until);
+    r->wake = false;
+    bool go_on = !r->stop;
+    pthread_mutex_unlock(&r->mutex);
+    return go_on;
+}
+
+/* Whether an unfinished job reads the file. When that is unknown, the file is kept. */
+static bool is_wanted(void *context, const char *name)
+{
+    retention *r = context;
+    bool wanted = true;
+    return !queue_wants_input(r->q, name, &wanted, NULL) || wanted;
+}
+
+/* Removes unused uploaded files, if it is time. Returns when the next collection is due, wall clock. */
+static int64_t collect_inputs(retention *r, int64_t due_ms)
+{
+    error e = {0};
+    size_t gone = 0;
+    int64_t now = clock_wall_ms(), step = r->keep_ms / LOOKS_IN_KEEP + 1;
+    if (step > LOOK_MOST_MS) step = LOOK_MOST_MS;
+    /* a clock that was set back must not delay this */
+    if (!r->inputs || (now < due_ms && due_ms <= now + step)) return due_ms;
+    if (!store_inputs_collect(r->inputs, now - r->keep_ms, is_wanted, r, &gone, &e))
+        log_write(LOG_LEVEL_WARNING, "inputs are not collected: %s", e.message);
+    if (gone) log_write(LOG_LEVEL_INFO, "inputs collected count=%zu", gone);
+    return now + step;
+}
+
+static void *keep(void *argument)
+{
+    retention *r = argument;
+    int64_t next = 0, look_ms = r->inputs ? 0 : INT64_MAX;
+    do {
+        bool more = false;
+        int64_t again = work_off_rest(r);
+        look_ms = collect_inputs(r, look_ms);
+        if (!forget_some(r, &more) || (!more && !queue_next_expiry(r->q, &next, NULL)))
+            next = clock_wall_ms() + RETRY_MS;
+        else if (more)
+            next = 0;
+        if (again < next) next = again;
+    } while (wait_until(r, next < look_ms ? next : look_ms));
+    return NULL;
+}
+
+static void release(retention *r)
+{
+    pthread_cond_destroy(&r->woken);
+    pthread_mutex_destroy(&r->removing);
+    pthread_mutex_destroy(&r->mutex);
+    free(r->state_dir);
+    free(r);
+}
+
+retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, error *e)
+{
+    retention *r = mem_alloc(sizeof *r);
+    r->q = q;
+    r->left = true; /* a crash may have left some */
+    r->inputs = keep_s > 0 ? inputs : NULL;
+    r->keep_ms = (int64_t)(keep_s * 1000);
+    r->state_dir = mem_strdup(state_dir);
+    pthread_mutex_init(&r->mutex, NULL);
+    pthread_mutex_init(&r->removing, NULL);
+    pthread_cond_init(&r->woken, NULL);
+    if (background_start(&r->thread, keep, r, "the removal of expired jobs", e)) return r;
+    release(r);
+    return NULL;
+}
+
+static void tell(retention *r, bool stop)
+{
+    pthread_mutex_lock(&r->mutex);
+    r->wake = true;
+    r->stop |= stop;
+    pthread_cond_signal(&r->woken);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+void retention_wake(retention *r)
+{
+    tell(r, false);
+}
+
+void retention_stop(retention *r)
+{
+    if (!r) return;
+    tell(r, true);
+    pthread_join(r->thread, NULL);
+    release(r);
+}
