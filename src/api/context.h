@@ -14,6 +14,7 @@
 #include "store/path_map.h"
 #include "store/output.h"
 #include "store/root.h"
+#include "webhook/delivery.h"
 #include "webhook/hosts.h"
 
 struct http_context {
@@ -26,14 +27,15 @@ struct http_context {
     const path_map *mappings;      /* of paths; NULL: none */
     const webhook_hosts *webhooks; /* NULL: none */
     const char *state_dir;
-    int max_attempts;              /* of a job that names none */
-    int64_t most_waiting;          /* unfinished jobs of one user; 0: any number */
-    int64_t retention_s;           /* of a job that names none */
-    double wait_s;                 /* the longest wait that a client may ask for */
-    int64_t started_ms;            /* wall clock */
-    const http_counters *counters; /* of the server */
-    atomic_bool *copying;          /* true while a backup is made */
-    document_cache *documents;     /* NULL: no document is cached */
+    int max_attempts;               /* of a job that names none */
+    int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */
+    int64_t retention_s;            /* of a job that names none */
+    double wait_s;                  /* the longest wait that a client may ask for */
+    int64_t started_ms;             /* wall clock */
+    const http_counters *counters;  /* of the server */
+    const delivery_counters *calls; /* of webhooks */
+    atomic_bool *copying;           /* true while a backup is made */
+    document_cache *documents;      /* NULL: no document is cached */
 };
 
 #endif

@@ -5,6 +5,7 @@
 #include "api/inputs.h"
 #include "api/job_commands.h"
 #include "api/jobs.h"
+#include "api/metrics.h"
 #include "api/openapi.h"
 #include "api/parameters.h"
 #include "api/results.h"
@@ -262,7 +263,7 @@ static const route routes[] = {
      .problems = "database_damaged"},
     {.method = "GET",
      .pattern = "/metrics",
-     .handler = status_metrics,
+     .handler = metrics_show,
      .scope = SCOPE_READ,
      .name = "getMetrics",
      .summary = "Get metrics for Prometheus",

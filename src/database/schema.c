@@ -53,6 +53,23 @@
     ") STRICT;"                     \
     "CREATE INDEX removal_by_id ON removal (id);"
 
+/* How many jobs are in each state, for a meter that looks often. */
+#define STATE_COUNT                                                                              \
+    "CREATE TABLE state_count ("                                                                 \
+    "  state TEXT PRIMARY KEY,"                                                                  \
+    "  jobs INTEGER NOT NULL CHECK (jobs >= 0)"                                                  \
+    ") STRICT, WITHOUT ROWID;"                                                                   \
+    "CREATE TRIGGER job_comes AFTER INSERT ON job BEGIN"                                         \
+    "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
+    "END;"                                                                                       \
+    "CREATE TRIGGER job_turns AFTER UPDATE OF state ON job WHEN new.state != old.state BEGIN"    \
+    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
+    "  INSERT INTO state_count VALUES (new.state, 1) ON CONFLICT DO UPDATE SET jobs = jobs + 1;" \
+    "END;"                                                                                       \
+    "CREATE TRIGGER job_goes AFTER DELETE ON job BEGIN"                                          \
+    "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
+    "END;"
+
 /* The id of a notification, and the end that it tells of. */
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
@@ -106,7 +123,7 @@ static const char tables[] =
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
     "CREATE INDEX job_by_owner ON job (owner, seq);"
-    "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;"
+    "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
     "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
     "  WHERE " SCHEMA_CLAIMABLE ";"
@@ -288,6 +305,10 @@ static const char add_outbox_event[] =
     "UPDATE outbox SET event = lower(hex(randomblob(13))),"
     "  ended_ms = (SELECT coalesce(finished_ms, created_ms) FROM job WHERE seq = outbox.job);";
 
+/* Migration from version 5, in which jobs were counted one by one. */
+static const char add_state_count[] =
+    STATE_COUNT "INSERT INTO state_count SELECT state, count(*) FROM job GROUP BY state;";
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -299,6 +320,7 @@ static const struct step {
     {2, 4, add_storage},          {2, 4, add_instance},
     {2, 4, add_execution},        {1, 4, read_execution},
     {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
+    {2, 5, add_state_count},
 };
 
 bool schema_error_is_damage(int code)

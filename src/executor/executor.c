@@ -45,6 +45,7 @@ struct executor {
     char *state_dir, *worker, **input_roots;
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
+    meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
     int threads;        /* of all attempts */
@@ -143,6 +144,7 @@ static bool claim(executor *x, slot *s)
             int width = claimed.job.threads;
             int64_t memory_mb = claimed.job.memory_mb;
             executor_size(x, &width, &memory_mb, NULL); /* the slot fails a task that can never fit */
+            meter_note_claim(&x->meter, &claimed);
             slot_take(s, &claimed, width, memory_mb);
         }
     } else {
@@ -306,6 +308,7 @@ static void copy_settings(executor *x, const executor_settings *settings)
         .q = x->q,
         .state_dir = x->state_dir,
         .host = x->host,
+        .meter = &x->meter,
         .backoff = {settings->retry_s, settings->retry_most_s},
         .storage_retries = settings->storage_retries,
         .max_interruptions = settings->max_interruptions,
@@ -481,9 +484,16 @@ progress_ring *executor_progress_ring(executor *x)
     return x->progress;
 }
 
+const meter *executor_get_meter(const executor *x)
+{
+    return &x->meter;
+}
+
 executor_space executor_get_space(const executor *x)
 {
-    return (executor_space){storage_free_bytes(&x->storage), x->storage.floor_bytes};
+    executor_space space = {.floor_bytes = x->storage.floor_bytes};
+    space.free_bytes = storage_free_bytes(&x->storage, &space.size_bytes);
+    return space;
 }
 
 executor_load executor_get_load(executor *x)

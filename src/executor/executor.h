@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/sandbox.h"
 #include "executor/engine.h"
+#include "executor/meter.h"
 #include "executor/progress_ring.h"
 #include "queue/queue.h"
 #include "store/inputs.h"
@@ -89,11 +90,13 @@ typedef struct executor_load {
 /* What the attempts take at the moment, and what there is. */
 executor_load executor_get_load(executor *x);
 
+const meter *executor_get_meter(const executor *x);
+
 typedef struct executor_space {
-    int64_t free_bytes, floor_bytes;
+    int64_t size_bytes, free_bytes; /* of the fullest disk of the state directory */
+    int64_t floor_bytes;            /* the minimum that an attempt needs to start */
 } executor_space;
 
-/* The free space on the disks of the state directory, and the minimum that an attempt needs to start. */
 executor_space executor_get_space(const executor *x);
 
 /* While held, the executor starts no attempt; running ones go on. A restart of the daemon ends it. */

@@ -38,6 +38,7 @@ static void set_crashed(settlement *s, const queue_claimed *c, const error *why)
 {
     if (c->task.spent < c->job.max_attempts) {
         s->verdict = SETTLEMENT_RETRY_CRASHED;
+        s->code = ERROR_INTERNAL;
         return;
     }
     error e = *why;
@@ -325,14 +326,18 @@ static bool settle_task(const settlement_place *place, const queue_claimed *c, c
     bool ok = requeue ? queue_requeue(place->q, &fence, s->verdict == SETTLEMENT_RETRY_CRASHED,
                                       next_try_ms(place, c, s->verdict), &end, &accepted, e)
                       : queue_finish(place->q, &fence, &end, &accepted, e);
+    error_code code = s->code;
     if (ok && !accepted && requeue) {
         requeue = false;
+        code = ERROR_CANCELLED;
         end.state = QUEUE_CANCELLED;
-        end.error_code = error_code_name(ERROR_CANCELLED);
+        end.error_code = error_code_name(code);
         end.error_message = "cancelled while it ran";
         if (s->keep) result_remove_leftovers(directory);
         ok = queue_finish(place->q, &fence, &end, &accepted, e);
     }
+    if (ok && accepted)
+        meter_note_end(place->meter, requeue ? QUEUE_QUEUED : end.state, end.outcome, code, s->ran_ms);
     if (ok)
         log_write(accepted ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
                   "attempt ended job=%s task=%d attempt=%d reason=\"%s\" state=%s%s%s", c->job.id,
@@ -365,6 +370,7 @@ static void decide_interrupted(const settlement_place *place, const queue_claime
              restarted ? "host restarted" : "daemon ended");
     if (place->max_interruptions <= 0 || times <= place->max_interruptions) {
         s->verdict = SETTLEMENT_RETRY_INTERRUPTED;
+        s->code = ERROR_INTERRUPTED;
         return;
     }
     error_set(

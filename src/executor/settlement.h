@@ -11,6 +11,7 @@
 #define HEXAD_EXECUTOR_SETTLEMENT_H
 
 #include "executor/engine.h"
+#include "executor/meter.h"
 #include "queue/queue.h"
 
 /* Why the supervisor stopped an attempt, if it did. */
@@ -86,6 +87,7 @@ typedef struct settlement_place {
     queue *q;
     const char *state_dir;
     const char *host; /* for the attempts' records */
+    meter *meter;
     settlement_backoff backoff;
     int storage_retries;   /* of a task, because a disk was full or failed */
     int max_interruptions; /* of a task; 0: any number */

@@ -175,15 +175,14 @@ static bool is_cacheable(const slot *s)
 
 /* Gives the task the result of an equal job, if there is one and its input files have not changed. False: a worker
  * has to compute it. */
-static bool take_cached(slot *s)
+static bool use_cached(slot *s)
 {
     const slot_context *x = s->context;
     work *w = &s->w;
     error e = {0};
     char *inputs = NULL;
     bool found = false;
-    if (!is_cacheable(s) ||
-        !queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
+    if (!queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
         return false;
     char *from = result_directory(x->place->state_dir, w->cached_from, QUEUE_NO_FRAME);
     found = cache_is_fresh(x->roots, inputs);
@@ -196,6 +195,16 @@ static bool take_cached(slot *s)
     }
     free(from);
     free(inputs);
+    return found;
+}
+
+/* The same, and counts it. */
+static bool take_cached(slot *s)
+{
+    if (!is_cacheable(s)) return false;
+    meter *m = s->context->place->meter;
+    bool found = use_cached(s);
+    (*(found ? &m->cache_hits : &m->cache_misses))++;
     return found;
 }
 

@@ -8,16 +8,19 @@
 
 static const char *const parts[] = {"", "/attempts", "/results", "/inputs"};
 
-int64_t storage_free_bytes(const storage *s)
+int64_t storage_free_bytes(const storage *s, int64_t *size_bytes)
 {
     int64_t least = INT64_MAX;
+    *size_bytes = 0;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
         char path[4096];
         struct statvfs disk;
         int length = snprintf(path, sizeof path, "%s%s", s->state_dir, parts[i]);
         if (length >= (int)sizeof path || statvfs(path, &disk) != 0 || !disk.f_blocks) continue;
         int64_t bytes = (int64_t)(disk.f_bavail * disk.f_frsize);
-        if (bytes < least) least = bytes;
+        if (bytes >= least) continue;
+        least = bytes;
+        *size_bytes = (int64_t)(disk.f_blocks * disk.f_frsize);
     }
     return least;
 }
@@ -25,7 +28,7 @@ int64_t storage_free_bytes(const storage *s)
 bool storage_has_room(storage *s)
 {
     if (s->floor_bytes <= 0) return true;
-    int64_t bytes = storage_free_bytes(s);
+    int64_t size, bytes = storage_free_bytes(s, &size);
     bool low = bytes < s->floor_bytes;
     if (low && !s->low)
         log_write(LOG_LEVEL_WARNING,

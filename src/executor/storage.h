@@ -15,8 +15,9 @@ typedef struct storage {
     bool low;              /* the last answer of storage_has_room was false */
 } storage;
 
-/* The bytes that the service may use (f_bavail). INT64_MAX when they cannot be determined. */
-int64_t storage_free_bytes(const storage *s);
+/* The bytes that the service may use (f_bavail), INT64_MAX when they cannot be determined, and the size of the disk
+ * where they are, 0 when it cannot. */
+int64_t storage_free_bytes(const storage *s, int64_t *size_bytes);
 
 /* Whether at least floor_bytes are free. Logs when that changes. */
 bool storage_has_room(storage *s);

@@ -72,6 +72,7 @@ typedef struct service {
     webhook_hosts *webhook_hosts;
     char host[HOST_NAME_MAX + 1];
     delivery *delivery; /* NULL: no webhooks */
+    delivery_counters calls;
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -389,6 +390,7 @@ static bool init_webhooks(service *s, error *e)
         .timeout_s = c->webhook_timeout_s,
         .retry_s = c->webhook_retry_s,
         .retry_most_s = c->webhook_retry_most_s,
+        .counters = &s->calls,
     };
     if (c->webhook_hosts.count) s->delivery = delivery_start(&settings, s->q, e);
     if (s->delivery || !c->webhook_hosts.count) return true;
@@ -463,6 +465,7 @@ static bool init_http(service *s, error *e)
         .wait_s = c->wait_limit_s,
         .started_ms = clock_wall_ms(),
         .counters = &s->counters,
+        .calls = &s->calls,
         .copying = &s->copying,
         .documents = document_cache_new((size_t)c->kept_documents),
     };

@@ -95,23 +95,6 @@ bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e)
     return ok;
 }
 
-bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e)
-{
-    int64_t read[QUEUE_STATE_COUNT] = {0};
-    bool ok = false;
-    database_lock(q->database);
-    sqlite3_stmt *s =
-        ASK(q->database, e, "SELECT state, count(*) FROM job WHERE ?1 GROUP BY state", integer(1));
-    while (database_next(q->database, s, &ok, e)) {
-        queue_state state = QUEUE_QUEUED;
-        if (queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state))
-            read[state] = sqlite3_column_int64(s, 1);
-    }
-    database_unlock(q->database);
-    if (ok) memcpy(count, read, sizeof read);
-    return ok;
-}
-
 bool queue_list_tasks(queue *q, const char *id, int after, int limit, queue_task **tasks, size_t *count,
                       error *e)
 {

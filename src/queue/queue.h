@@ -194,6 +194,17 @@ bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);
 /* How many jobs are in each state. */
 bool queue_count(queue *q, int64_t count[QUEUE_STATE_COUNT], error *e);
 
+typedef struct queue_figures {
+    int64_t
+        waiting_since_ms; /* wall clock: since when the first of the queued jobs waits; 0: none is queued */
+    int64_t deliveries;   /* of webhooks that are still to be made */
+    int64_t delivery_since_ms; /* wall clock: the end that the first of them tells of; 0: there is none */
+    int64_t database_bytes;
+} queue_figures;
+
+/* Costs a few lookups, however many jobs there are, and a walk over the deliveries. */
+bool queue_get_figures(queue *q, queue_figures *figures, error *e);
+
 typedef enum queue_command {
     QUEUE_CANCEL, /* waiting tasks are cancelled; running ones are asked to end */
     QUEUE_PAUSE,

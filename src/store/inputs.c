@@ -144,6 +144,14 @@ const char *store_inputs_directory(const store_inputs *s)
     return s->directory;
 }
 
+store_inputs_space store_inputs_get_space(store_inputs *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    store_inputs_space space = {s->used_bytes, s->total_bytes};
+    pthread_mutex_unlock(&s->mutex);
+    return space;
+}
+
 /* Sets room aside; false when there is none. */
 static bool reserve(store_inputs *s, int64_t bytes)
 {

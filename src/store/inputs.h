@@ -30,6 +30,13 @@ const char *store_inputs_directory(const store_inputs *s);
 bool store_inputs_is_hash(const char *hex);
 /* Whether a spec's path names such a file; then its name, without the ending. */
 bool store_inputs_is_sent(const char *path, char name[STORE_INPUT_NAME_SIZE]);
+
+typedef struct store_inputs_space {
+    int64_t used_bytes, limit_bytes; /* of all files */
+} store_inputs_space;
+
+store_inputs_space store_inputs_get_space(store_inputs *s);
+
 /* Its length in bytes, -1 when it is not there. */
 int64_t store_inputs_find(store_inputs *s, const char *hex);
 /* The same, as a use of the file. */

@@ -228,6 +228,8 @@ static bool deliver(caller *r)
     if (!taken && c->stopping) return true;
     bool last = d->tries + 1 >= c->settings.tries;
     if (!taken && !last) again_ms = clock_wall_ms() + wait_ms(&c->settings, d->tries);
+    delivery_counters *n = c->settings.counters;
+    (*(taken ? &n->delivered : last ? &n->given_up : &n->failed))++;
     if (taken)
         log_write(LOG_LEVEL_INFO, "webhook delivered job=%s event=%s", d->id, d->event);
     else

@@ -11,11 +11,20 @@
 #ifndef HEXAD_WEBHOOK_DELIVERY_H
 #define HEXAD_WEBHOOK_DELIVERY_H
 
+#include <stdatomic.h>
+
 #include "base/error.h"
 #include "queue/queue.h"
 #include "webhook/hosts.h"
 
 typedef struct delivery delivery;
+
+/* Calls since the start, for /metrics. */
+typedef struct delivery_counters {
+    atomic_uint_fast64_t delivered;
+    atomic_uint_fast64_t failed;   /* and repeated */
+    atomic_uint_fast64_t given_up; /* the last one that webhook_tries allows has failed */
+} delivery_counters;
 
 typedef struct delivery_settings {
     const webhook_hosts *hosts; /* checked again before each try; outlive the delivery */
@@ -27,6 +36,7 @@ typedef struct delivery_settings {
     double timeout_s;    /* of a try */
     double retry_s;      /* before the second try, doubled before each further one, */
     double retry_most_s; /* and at most this */
+    delivery_counters *counters;
 } delivery_settings;
 
 /* The queue outlives the delivery. Error spec_invalid: the secret is missing, of no valid form, or

@@ -34,8 +34,7 @@ static inline int note_connection(sqlite3 *opened, char **message, const struct 
 }
 
 /* Whether a step of a plan costs no more with a hundred thousand jobs than with one. Owners are those that
- * have unfinished jobs; partial indexes hold what runs, waits for its time, or expires. The counts of
- * states, which are for a meter that looks now and then, walk an index. */
+ * have unfinished jobs; partial indexes hold what runs, waits for its time, or expires. */
 static inline bool is_cheap(const char *sql, const char *step)
 {
     static const char *const harmless[] = {"SCAN owner",
@@ -48,9 +47,11 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN task USING INDEX task_running",
                                            "SCAN task USING INDEX task_delayed",
                                            "SCAN outbox USING INDEX outbox_by_time",
+                                           "SCAN outbox USING COVERING INDEX", /* to count them */
+                                           "SCAN state_count",
+                                           "SCAN pragma_page", /* one row */
                                            "SCAN instance",
                                            "SCAN task USING COVERING INDEX task_delayed"};
-    if (strncmp(sql, "SELECT state, count(*)", 22) == 0) return true;
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
         return strstr(sql, "FROM owner") || strstr(sql, "DISTINCT value");
     if (strncmp(step, "SCAN", 4) != 0) return true;
@@ -83,6 +84,23 @@ static inline void check_plans(void)
     }
 }
 
+/* The counts of jobs that are kept by state are those of the jobs. */
+static inline void check_counts(queue *q)
+{
+    sqlite3_stmt *s = NULL;
+    int64_t kept[QUEUE_STATE_COUNT];
+    if (!queue_count(q, kept, NULL)) return; /* a database that a test has damaged */
+    if (sqlite3_prepare_v2(connection, "SELECT state, count(*) FROM job GROUP BY state", -1, &s, NULL) ==
+        SQLITE_OK)
+        while (sqlite3_step(s) == SQLITE_ROW) {
+            queue_state in;
+            assert_true(queue_state_from_name((const char *)sqlite3_column_text(s, 0), &in));
+            kept[in] -= sqlite3_column_int64(s, 1);
+        }
+    sqlite3_finalize(s);
+    for (int i = 0; i < QUEUE_STATE_COUNT; i++) assert_int_equal(kept[i], 0);
+}
+
 static inline int set_up(void **state)
 {
     place *p = mem_alloc(sizeof *p);
@@ -98,6 +116,7 @@ static inline int set_up(void **state)
 static inline int tear_down(void **state)
 {
     place *p = *state;
+    if (p->q) check_counts(p->q);
     if (p->q) check_plans();
     queue_close(p->q);
     assert_true(store_remove(p->base, NULL));

@@ -224,7 +224,9 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 5 had not. */
-#define BEFORE_6 "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
+#define BEFORE_6                                                                     \
+    "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;" \
+    "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes; DROP TABLE state_count;"
 
 /* What version 4 had not. */
 #define BEFORE_5                                                                               \

@@ -571,7 +571,9 @@ static void test_waits_double(void **state)
     place *p = *state;
     char id[ULID_SIZE];
     static const int64_t expected_s[] = {1000, 2000, 4000, 5000, 5000};
-    const settlement_place where = {.q = p->q, .state_dir = p->base, .backoff = {1000, 5000}};
+    meter counts = {.cache_hits = 0};
+    const settlement_place where = {
+        .q = p->q, .state_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
     const queue_room room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
     put(p, "{}", 99, id);
     for (int i = 0; i < 5; i++) {
@@ -658,8 +660,12 @@ static settlement_place make_place(place *p, int max_interruptions)
     assert_true(store_directory_create(results, NULL) && store_directory_create(attempts, NULL));
     free(results);
     free(attempts);
-    return (settlement_place){
-        .q = p->q, .state_dir = p->base, .host = "here", .max_interruptions = max_interruptions};
+    static meter counts;
+    return (settlement_place){.q = p->q,
+                              .state_dir = p->base,
+                              .host = "here",
+                              .meter = &counts,
+                              .max_interruptions = max_interruptions};
 }
 
 static void recover(const settlement_place *where, bool restarted)

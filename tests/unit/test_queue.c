@@ -770,6 +770,49 @@ static void test_ends_are_told(void **state)
     next_delivery(p, NULL);
 }
 
+static queue_figures get_figures(place *p)
+{
+    queue_figures figures = {0};
+    assert_true(queue_get_figures(p->q, &figures, NULL));
+    assert_true(figures.database_bytes > 0 && figures.database_bytes % 512 == 0);
+    return figures;
+}
+
+/* When the newest event of the job's own was. */
+static int64_t last_event_ms(place *p, const char *id)
+{
+    queue_event_page page = {0};
+    assert_true(queue_list_events(p->q, &(queue_event_filter){.id = id, .limit = 100}, &page, NULL));
+    int64_t at_ms = page.events[page.count - 1].at_ms;
+    free(page.events);
+    return at_ms;
+}
+
+static void test_figures(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    queue_figures none = get_figures(p);
+    assert_true(!none.waiting_since_ms && !none.deliveries && !none.delivery_since_ms);
+    s.webhook = "https://farm/done";
+    submit_for(p, &s, first);
+    submit_for(p, &s, second);
+    assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, first));
+    int attempt = claim(p, first);
+    assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, second));
+    assert_true(finish(p, first, 0, attempt, &crash));
+    assert_int_equal(get_figures(p).deliveries, 1);
+    queue_job ended = get(p, first);
+    assert_true(finish(p, second, 0, claim(p, second), &success));
+    queue_figures both = get_figures(p);
+    assert_int_equal(both.deliveries, 2);
+    assert_true(both.delivery_since_ms == ended.finished_ms && !both.waiting_since_ms);
+    queue_job_clear(&ended);
+    tell(p, first, QUEUE_RETRY, true); /* which waits since then, and not since it was submitted */
+    assert_true(get_figures(p).waiting_since_ms == last_event_ms(p, first));
+}
+
 /* What a job's directories are, is noted with its end as a job; and whose a directory is, is known. */
 static void test_forgetting_notes_what_is_to_be_removed(void **state)
 {
@@ -945,6 +988,7 @@ int main(void)
         CASE(test_attempts_that_count_add_their_time),
         CASE(test_deliveries_to_busy_hosts_are_passed_by),
         CASE(test_ends_are_told),
+        CASE(test_figures),
         CASE(test_faults_of_storage_are_counted_apart),
         CASE(test_copies_are_noted),
         CASE(test_forgetting_notes_what_is_to_be_removed),
