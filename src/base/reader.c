@@ -16,14 +16,14 @@ bool reader_check_file(int fd, const char *what, off_t *size, error *e)
     struct stat st;
     char head[sizeof lfs] = {0};
     if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
-        return error_set(e, ERROR_INPUT_DAMAGED, "is not a regular file");
-    if (st.st_size == 0) return error_set(e, ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file is not a regular file");
+    if (st.st_size == 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file is empty (0 bytes)");
     if (pread(fd, head, sizeof lfs - 1, 0) < 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "cannot be read: %s", strerror(errno));
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be read: %s", strerror(errno));
     if (strcmp(head, lfs) == 0)
-        return error_set(e, ERROR_INPUT_DAMAGED,
-                         "is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from",
-                         what);
+        return error_set(
+            e, ERROR_INPUT_DAMAGED,
+            "the file is a Git-LFS pointer, not the %s itself: run `git lfs pull` where it came from", what);
     *size = st.st_size;
     return true;
 }
@@ -69,8 +69,8 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     if (WIFSIGNALED(status))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "made its reader crash (%s): the file is damaged, or another program must save it again",
+            "the file made its reader crash (%s): the file is damaged, or another program must save it again",
             strsignal(WTERMSIG(status)));
-    return ok &&
-           (WEXITSTATUS(status) == 0 || error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end"));
+    return ok && (WEXITSTATUS(status) == 0 ||
+                  error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end"));
 }

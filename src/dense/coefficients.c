@@ -19,8 +19,9 @@ static bool read_bytes(int fd, void *out, size_t bytes, error *e)
     for (size_t done = 0; done < bytes;) {
         ssize_t n = pread(fd, (char *)out + done, bytes - done, (off_t)done);
         if (n < 0 && errno == EINTR) continue;
-        if (n < 0) return error_set(e, ERROR_INPUT_DAMAGED, "cannot be read: %m");
-        if (n == 0) return error_set(e, ERROR_INPUT_DAMAGED, "ended after %zu of %zu bytes", done, bytes);
+        if (n < 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be read: %m");
+        if (n == 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "the file ended after %zu of %zu bytes", done, bytes);
         done += (size_t)n;
     }
     return true;
@@ -62,12 +63,12 @@ static bool decode_all(double *numbers, size_t count, size_t width, const int di
 static bool find_width(int fd, size_t count, const int dims[3], size_t *width, error *e)
 {
     struct stat status;
-    if (fstat(fd, &status) != 0) return error_set(e, ERROR_INPUT_DAMAGED, "cannot be examined: %m");
+    if (fstat(fd, &status) != 0) return error_set(e, ERROR_INPUT_DAMAGED, "the file cannot be examined: %m");
     *width = (size_t)status.st_size == 8 * count ? 8 : 4;
     if ((size_t)status.st_size == *width * count) return true;
     return error_set(
         e, ERROR_INPUT_DAMAGED,
-        "has %lld bytes: %d x %d x %d coefficients are %zu bytes as 32-bit floats and %zu as 64-bit ones",
+        "the file has %lld bytes: %d x %d x %d coefficients are %zu bytes as 32-bit floats and %zu as 64-bit ones",
         (long long)status.st_size, dims[0], dims[1], dims[2], 4 * count, 8 * count);
 }
 
@@ -77,7 +78,8 @@ double *coefficients_read(int fd, const char *path, const int dims[3], size_t me
     double *numbers = NULL;
     if (!find_width(fd, count, dims, &width, e)) goto fail;
     if (count > memory_limit / sizeof *numbers) {
-        error_set(e, ERROR_LIMIT_MEMORY, "needs %zu MB and the limit is %zu MB: raise limits.memory_mb",
+        error_set(e, ERROR_LIMIT_MEMORY,
+                  "the file needs %zu MB and the limit is %zu MB: raise limits.memory_mb",
                   (count * sizeof *numbers >> 20) + 1, memory_limit >> 20);
         goto fail;
     }

@@ -106,15 +106,17 @@ static const exr_attr_chlist_entry_t *find_channel(const image *m, int part, cha
 static bool no_part(image *m, int wanted, int found, const char *parts, const char *channels)
 {
     if (wanted == 0)
-        error_set(&m->fault, ERROR_GRID_MISSING, "has no part \"%.200s\": its parts are %s", m->part, parts);
+        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no part \"%.200s\": its parts are %s", m->part,
+                  parts);
     else if (found > 1)
-        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "has %d parts with %s, among %s: give exr.part", found,
-                  m->channel ? "that channel" : "just one channel", parts);
+        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "the file has %d parts with %s, among %s: give exr.part",
+                  found, m->channel ? "that channel" : "just one channel", parts);
     else if (m->channel)
-        error_set(&m->fault, ERROR_GRID_MISSING, "has no channel \"%.200s\": its channels are %s", m->channel,
-                  channels);
+        error_set(&m->fault, ERROR_GRID_MISSING, "the file has no channel \"%.200s\": its channels are %s",
+                  m->channel, channels);
     else
-        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "has the channels %s: give exr.channel", channels);
+        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "the file has the channels %s: give exr.channel",
+                  channels);
     return false;
 }
 
@@ -151,7 +153,7 @@ static bool open_image(image *m)
     with.size_fn = file_size;
     complaint[0] = '\0';
     if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS)
-        return damaged(m, "is no OpenEXR file, or its header is damaged");
+        return damaged(m, "the file is no OpenEXR file, or its header is damaged");
     if (!choose(m)) return false;
     if (exr_get_storage(m->file, m->part_index, &m->storage) != EXR_ERR_SUCCESS ||
         exr_get_data_window(m->file, m->part_index, &m->window) != EXR_ERR_SUCCESS)
@@ -293,12 +295,12 @@ static bool read_pixels(image *m)
     double count = (double)width_of(m) * (double)height_of(m);
     if (count * sizeof(float) > (double)m->memory / 2) {
         error_set(&m->fault, ERROR_LIMIT_MEMORY,
-                  "has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
+                  "the file has %lld x %lld pixels, too many for the memory limit: raise limits.memory_mb",
                   (long long)width_of(m), (long long)height_of(m));
         return false;
     }
     m->values = calloc((size_t)count, sizeof(float));
-    if (!m->values) return damaged(m, "does not fit into memory");
+    if (!m->values) return damaged(m, "the file does not fit into memory");
     return m->storage == EXR_STORAGE_TILED ? decode_tiles(m) : decode_rows(m);
 }
 

@@ -99,17 +99,17 @@ static bool send_request(exr_stack *s, char what, int fd, error *e)
     c->cmsg_len = CMSG_LEN(sizeof fd);
     memcpy(CMSG_DATA(c), &fd, sizeof fd);
     return sendmsg(fileno(s->reader.stream), &message, MSG_NOSIGNAL) == 1 ||
-           error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+           error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
 }
 
 static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
 {
     char text[EXR_READER_TEXT_MAX + 1] = "";
     if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
     if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > EXR_READER_TEXT_MAX ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     for (char *p = text; *p; p++)
         if ((unsigned char)*p < ' ') *p = ' ';
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
@@ -139,7 +139,7 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     close(fd);
     if (!whole) {
         s->running = false;
-        if (ok) error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        if (ok) error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
         ok = reader_end(&s->reader, false, false, e);
     }
     return ok || error_prefix(e, "%s", s->params.paths[k]);

@@ -20,7 +20,7 @@ static bool check_text(FILE *stream, const header *h, char **text, error *e)
 {
     *text = mem_alloc((size_t)h->text_length + 1);
     if (fread(*text, 1, h->text_length, stream) != h->text_length)
-        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
     (*text)[h->text_length] = '\0';
     if (h->code == ERROR_NONE) return true;
     for (char *p = *text; *p; p++)
@@ -37,7 +37,7 @@ static bool check_values(const header *h, error *e)
                              (long long)h->size[k], k, (long long)largest_side);
         if (h->size[k] == 1)
             return error_set(e, ERROR_NO_SURFACE,
-                             "is %lld x %lld x %lld samples: one slice encloses no surface",
+                             "the volume is %lld x %lld x %lld samples: one slice encloses no surface",
                              (long long)h->size[0], (long long)h->size[1], (long long)h->size[2]);
     }
     if (h->size[0] * h->size[1] > most_samples / h->size[2])
@@ -48,18 +48,19 @@ static bool check_values(const header *h, error *e)
                          (long long)h->byte_skip);
     for (int k = 0; k < 16; k++)
         if (!isfinite(h->index_to_world[k]))
-            return error_set(e, ERROR_INPUT_DAMAGED, "has an orientation whose numbers are not finite");
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the file has an orientation whose numbers are not finite");
     return (h->type < HEADER_TYPE_COUNT && h->encoding < HEADER_ENCODING_COUNT &&
             memchr(h->format, 0, sizeof h->format) && memchr(h->space, 0, sizeof h->space)) ||
-           error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
+           error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
 }
 
 static bool check_answer(FILE *stream, header *h, char **text, error *e)
 {
     if (fread(h, sizeof *h, 1, stream) != 1)
-        return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
     if (h->magic != HEADER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > HEADER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     return check_text(stream, h, text, e) && check_values(h, e);
 }
 

@@ -147,7 +147,7 @@ static bool type_of_nrrd(answer *a, int type)
             a->head.type = types[k].type;
             return true;
         }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "holds values of type \"%s\": only numbers are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file holds values of type \"%s\": only numbers are read",
                   airEnumStr(nrrdType, type));
 }
 
@@ -160,9 +160,10 @@ static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
     else if (io->encoding == nrrdEncodingAscii)
         a->head.encoding = HEADER_ASCII;
     else
-        return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                      "has the encoding \"%s\": raw, gzip and ascii are read (`unu save -e gzip` converts)",
-                      io->encoding->name);
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "the file has the encoding \"%s\": raw, gzip and ascii are read (`unu save -e gzip` converts)",
+            io->encoding->name);
     return true;
 }
 
@@ -181,14 +182,14 @@ static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
     if (found != 3)
         return refuse(
             a, ERROR_INPUT_UNSUPPORTED,
-            "has the sizes %s: a volume has three axes of two samples or more, and others only with "
+            "the file has the sizes %s: a volume has three axes of two samples or more, and others only with "
             "one sample (`unu slice` takes one volume out of several)",
             sizes);
     for (int k = 0; k < 3; k++) {
         int kind = axis[k]->kind;
         if (kind != nrrdKindUnknown && kind != nrrdKindDomain && kind != nrrdKindSpace)
             return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                          "has an axis of kind \"%s\" (%s): three axes of space are needed",
+                          "the file has an axis of kind \"%s\" (%s): three axes of space are needed",
                           airEnumStr(nrrdKind, kind), sizes);
         a->head.size[k] = (int64_t)axis[k]->size;
     }
@@ -222,9 +223,10 @@ static bool place_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
         return true;
     }
     if (directed != 3 || n->spaceDim != 3)
-        return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                      "has space directions for %d of its axes in %u dimensions: three in three are needed",
-                      directed, n->spaceDim);
+        return refuse(
+            a, ERROR_INPUT_UNSUPPORTED,
+            "the file has space directions for %d of its axes in %u dimensions: three in three are needed",
+            directed, n->spaceDim);
     for (int row = 0; row < 3; row++) {
         for (int k = 0; k < 3; k++) m[4 * row + k] = axis[k]->spaceDirection[row];
         m[4 * row + 3] = isfinite(n->spaceOrigin[row]) ? n->spaceOrigin[row] : 0;
@@ -288,7 +290,7 @@ static bool type_of_nifti(answer *a, int type)
             a->head.type = types[k].type;
             return true;
         }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "holds values of type %s: only real numbers are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file holds values of type %s: only real numbers are read",
                   nifti_datatype_string(type));
 }
 
@@ -315,7 +317,7 @@ static bool name_of_image(answer *a, const char *name)
     size_t length = strlen(name);
     if (length < 4 || length > 256 || strcmp(name + length - 4, ".hdr") != 0)
         return refuse(a, ERROR_INPUT_UNSUPPORTED,
-                      "is a header whose data are in another file: it must end in .hdr");
+                      "the file is a header whose data are in another file: it must end in .hdr");
     snprintf(image, sizeof image, "%.*s.img", (int)length - 4, name);
     return add_name(a, image, strlen(image));
 }
@@ -327,7 +329,7 @@ static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bo
         if (size[k] > 1)
             return refuse(
                 a, ERROR_INPUT_UNSUPPORTED,
-                "has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
+                "the file has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
                 (long long)size[k], k + 1, (long long)size[0], (long long)size[1], (long long)size[2]);
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
     if (!type_of_nifti(a, n->datatype)) return false;
@@ -405,7 +407,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
     if (packed) {
         gzFile stream = gzdopen(STDIN_FILENO, "rb");
         int got = stream ? gzread(stream, front, sizeof front) : -1;
-        if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "cannot be unpacked: it is damaged");
+        if (got < 0) return refuse(a, ERROR_INPUT_DAMAGED, "the file cannot be unpacked: it is damaged");
         length = (size_t)got;
     } else {
         memcpy(front, head, length < sizeof front ? length : sizeof front);
@@ -415,7 +417,7 @@ static bool read_header(answer *a, char *head, size_t length, const char *name)
         if (version == 1 || (version == 2 && length >= sizeof(nifti_2_header)))
             return read_nifti(a, front, length, name, packed);
     }
-    return refuse(a, ERROR_INPUT_UNSUPPORTED, "is %s: NRRD and NIfTI files are read",
+    return refuse(a, ERROR_INPUT_UNSUPPORTED, "the file is %s: NRRD and NIfTI files are read",
                   packed ? "packed by gzip, but holds no NIfTI file" : guess(head));
 }
 

@@ -87,7 +87,7 @@ static bool skip(raw_volume *s, int64_t count, error *e)
     while (count > 0) {
         int64_t step = count < BUFFER ? count : BUFFER;
         if (fill(s, s->buffer, step) != step)
-            return damaged(s, e, "ends before its data begin: it is damaged");
+            return damaged(s, e, "the file ends before its data begin: it is damaged");
         count -= step;
     }
     return true;
@@ -98,7 +98,7 @@ static bool skip_lines(raw_volume *s, error *e)
     uint32_t lines = s->head.line_skip;
     while (lines > 0) {
         int64_t got = fill(s, s->buffer, BUFFER);
-        if (got <= 0) return damaged(s, e, "has fewer lines than its header says are to be skipped");
+        if (got <= 0) return damaged(s, e, "the file has fewer lines than its header says are to be skipped");
         char *p = s->buffer, *end = s->buffer + got;
         while (lines > 0 && (p = memchr(p, '\n', (size_t)(end - p)))) {
             p++;
@@ -146,24 +146,25 @@ static bool skip_bytes(raw_volume *s, int64_t needed, error *e)
     s->offset = 0;
     int64_t at = length - needed + s->head.byte_skip + 1;
     return (at >= start && skip(s, at, e)) ||
-           damaged(s, e, "holds less data than its header says: it is damaged");
+           damaged(s, e, "the file holds less data than its header says: it is damaged");
 }
 
 /* Whether the file can hold `values`, before any of them is read. */
 static bool check_length(const raw_volume *s, int64_t values, error *e)
 {
     struct stat st;
-    if (fstat(s->data, &st) != 0) return damaged(s, e, "cannot be read");
+    if (fstat(s->data, &st) != 0) return damaged(s, e, "the file cannot be read");
     int64_t have = st.st_size - s->offset, needed = values * size_of[s->head.type];
     if (s->head.encoding == HEADER_ASCII) needed = 2 * values - 1; /* a digit and a blank each */
     if (s->head.encoding == HEADER_RAW && s->head.byte_skip > 0) needed += s->head.byte_skip;
     if (s->head.encoding == HEADER_GZIP) needed /= most_packed;
     if (have >= needed) return true;
     char text[200];
-    snprintf(text, sizeof text,
-             "has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
-             (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
-             (long long)needed, (long long)values);
+    snprintf(
+        text, sizeof text,
+        "the file has %lld bytes where its header promises %s%lld (%lld values): it is damaged or cut off",
+        (long long)(have > 0 ? have : 0), s->head.encoding == HEADER_RAW ? "" : "at least ",
+        (long long)needed, (long long)values);
     return damaged(s, e, text);
 }
 
@@ -180,8 +181,9 @@ static bool open_data(raw_volume *s, uint32_t index, error *e)
     s->offset = s->head.file_count ? 0 : s->head.offset;
     s->data = s->head.file_count ? s->files->open(s->files->context, s->names[index], e) : dup(s->fd);
     if (s->data < 0)
-        return s->head.file_count ? false
-                                  : error_set(e, ERROR_INTERNAL, "cannot be read: %s", strerror(errno));
+        return s->head.file_count
+                   ? false
+                   : error_set(e, ERROR_INTERNAL, "the file cannot be read: %s", strerror(errno));
     return skip_lines(s, e) && check_length(s, s->left, e) && start_unpacking(s, e) &&
            skip_bytes(s, s->left * size_of[s->head.type], e);
 }
@@ -236,7 +238,7 @@ static bool read_numbers(raw_volume *s, float *values, int64_t count, error *e)
         if (fill(s, s->buffer, some * size) != some * size)
             return damaged(
                 s, e,
-                "ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
+                "the file ends before all of its values are there, or is packed wrongly: it is damaged or cut off");
         for (int64_t k = 0; k < some; k++) {
             unsigned char one[8], *p = (unsigned char *)s->buffer + k * size;
             for (int b = 0; b < size; b++) one[b] = p[s->head.swapped ? size - 1 - b : b];
@@ -273,9 +275,10 @@ static bool read_words(raw_volume *s, float *values, int64_t count, error *e)
     char word[64], *end;
     for (int64_t k = 0; k < count; k++) {
         if (!next_word(s, word))
-            return damaged(s, e, "ends before all of its values are there: it is damaged or cut off");
+            return damaged(s, e,
+                           "the file ends before all of its values are there: it is damaged or cut off");
         values[k] = (float)strtod(word, &end);
-        if (*end) return damaged(s, e, "holds text among its numbers: it is damaged");
+        if (*end) return damaged(s, e, "the file holds text among its numbers: it is damaged");
     }
     return true;
 }
@@ -326,7 +329,8 @@ static bool place_files(raw_volume *s, error *e)
     char *name = s->text;
     for (uint32_t k = 0; k < s->head.file_count; k++) {
         char *end = strchr(name, '\n');
-        if (!end) return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
+        if (!end)
+            return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
         *end = '\0';
         s->names[k] = mem_printf("%.*s%s", *name == '/' ? 0 : folder, s->path, name);
         name = end + 1;

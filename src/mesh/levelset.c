@@ -61,7 +61,7 @@ static bool to_index_space(making *k, const levelset_params *p, double index_to_
     for (size_t n = 0; n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
     double longest = m->vertex_count ? bbox_longest(box) : 0;
     if (!(longest > 0))
-        return error_set(e, ERROR_NO_SURFACE, "has no extent: all of its triangles are points");
+        return error_set(e, ERROR_NO_SURFACE, "the mesh has no extent: all of its triangles are points");
     double size = p->voxel_size > 0 ? p->voxel_size : longest / p->resolution, voxels = longest / size;
     if (!(voxels >= fewest_voxels && voxels <= WINDING_MOST_VOXELS - 2 * origin_gap))
         return error_set(e, ERROR_SPEC_INVALID,

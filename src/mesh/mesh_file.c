@@ -45,7 +45,7 @@ static bool start(const mesh_file *file, off_t size, reader *out, error *e)
 static bool read_all(FILE *stream, void *to, size_t size, size_t count, error *e)
 {
     if (fread(to, size, count, stream) == count) return true;
-    return error_set(e, ERROR_INPUT_DAMAGED, "could not be read to its end");
+    return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
 }
 
 static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
@@ -53,23 +53,24 @@ static bool read_header(FILE *stream, mesh_reader_header *h, error *e)
     char text[MESH_READER_TEXT_MAX + 1] = "";
     if (!read_all(stream, h, sizeof *h, 1, e)) return false;
     if (h->magic != MESH_READER_MAGIC || h->code >= ERROR_CODE_COUNT || h->text_length > MESH_READER_TEXT_MAX)
-        return error_set(e, ERROR_INPUT_DAMAGED, "made its reader return an invalid answer");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     if (h->text_length && !read_all(stream, text, 1, h->text_length, e)) return false;
     for (char *p = text; *p; p++) /* it may quote the file */
         if (*p < ' ' || *p > '~') *p = '?';
     if (h->code != ERROR_NONE && !*text)
-        return error_set(e, ERROR_INPUT_DAMAGED, "was refused by its reader without a reason");
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file was refused by its reader without a reason");
     return h->code == ERROR_NONE || error_set(e, (error_code)h->code, "%s", text);
 }
 
 static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
 {
     if (h->triangles == 0)
-        return error_set(e, ERROR_NO_SURFACE, "holds no triangle (%llu vertices, %llu points or lines)",
+        return error_set(e, ERROR_NO_SURFACE,
+                         "the mesh holds no triangle (%llu vertices, %llu points or lines)",
                          (unsigned long long)h->vertices, (unsigned long long)h->others);
     if (h->vertices >= UINT32_MAX || h->triangles >= UINT32_MAX / 3)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "has %llu vertices and %llu triangles, too many for 32 bits",
+                         "the mesh has %llu vertices and %llu triangles, too many for 32 bits",
                          (unsigned long long)h->vertices, (unsigned long long)h->triangles);
     size_t needed = mesh_bytes(h->vertices, h->triangles);
     if (needed <= limit) return true;
@@ -85,9 +86,10 @@ static bool read_vertices(FILE *stream, mesh *m, error *e)
         if (!read_all(stream, at, sizeof at, 1, e)) return false;
         for (int k = 0; k < 3; k++)
             if (!(fabs((double)at[k]) <= largest_coordinate))
-                return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
-                                 largest_coordinate);
+                return error_set(
+                    e, ERROR_INPUT_DAMAGED,
+                    "the mesh has a vertex, number %zu, whose coordinates are not finite or beyond %g", n,
+                    largest_coordinate);
         m->vertex[n] = (vec3){(double)at[0], (double)at[1], (double)at[2]};
     }
     return true;
@@ -99,9 +101,10 @@ static bool read_triangles(FILE *stream, mesh *m, error *e)
     for (size_t n = 0; n < m->triangle_count; n++)
         for (int k = 0; k < 3; k++)
             if (m->triangle[n][k] >= m->vertex_count)
-                return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "has a triangle, number %zu, with a corner that is none of its %zu vertices",
-                                 n, m->vertex_count);
+                return error_set(
+                    e, ERROR_INPUT_DAMAGED,
+                    "the mesh has a triangle, number %zu, with a corner that is none of its %zu vertices", n,
+                    m->vertex_count);
     return true;
 }
 
@@ -117,7 +120,7 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
         ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e);
     }
     if (ok && fgetc(stream) != EOF)
-        ok = error_set(e, ERROR_INPUT_DAMAGED, "made its reader return more data than announced");
+        ok = error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
     if (ok)
         *out = m;
     else

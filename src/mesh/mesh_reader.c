@@ -181,14 +181,14 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
             return answer_fault(ERROR_LIMIT_MEMORY,
                                 "reading it takes more memory than the limit: raise limits.memory_mb");
         return answer_fault(ERROR_INPUT_DAMAGED,
-                            "asks for far more memory than it has data for: it is damaged");
+                            "the file asks for far more memory than it has data for: it is damaged");
     }
     if (strstr(why, "No suitable reader")) {
         return answer_fault(ERROR_INPUT_UNSUPPORTED,
-                            "is no mesh of a known format (PLY, OBJ, STL, OFF and others, told by "
+                            "the file is no mesh of a known format (PLY, OBJ, STL, OFF and others, told by "
                             "the file's name and first bytes)");
     }
-    snprintf(text, sizeof text, "cannot be read as a mesh: %s", *why ? why : "it is damaged");
+    snprintf(text, sizeof text, "the file cannot be read as a mesh: %s", *why ? why : "it is damaged");
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 
@@ -199,7 +199,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
     if (!read_bytes(&b))
-        return answer_fault(ERROR_LIMIT_MEMORY, "is larger than the memory limit: raise limits.memory_mb");
+        return answer_fault(ERROR_LIMIT_MEMORY,
+                            "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
     int status =

@@ -193,10 +193,11 @@ static bool not_closed(judging *j, error *e)
                  j->boundary_edges ? " and " : "", j->odd_edges);
     if (!j->boundary_edges)
         return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                         "encloses no volume: it has %s, where walls within it end: remove them", odd);
+                         "the mesh encloses no volume: it has %s, where walls within it end: remove them",
+                         odd);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
-        "is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: close the "
+        "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: close the "
         "holes (most mesh editors fill them) and submit it again",
         j->boundary_edges, j->holes, j->holes == 1 ? "" : "s", odd);
 }

@@ -82,10 +82,11 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
             if (!bits) continue;
             for (int axis = 0; axis < 3; axis++)
                 if (block[axis] > farthest_block || block[axis] < -farthest_block)
-                    return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                                     "has its surface at the limits of 32-bit index coordinates, near voxel "
-                                     "%lld along axis %d: move the grid nearer to its origin",
-                                     (long long)block[axis] * GRID_VIEW_SIDE, axis);
+                    return error_set(
+                        e, ERROR_INPUT_UNSUPPORTED,
+                        "the volume has its surface at the limits of 32-bit index coordinates, near voxel "
+                        "%lld along axis %d: move the grid nearer to its origin",
+                        (long long)block[axis] * GRID_VIEW_SIDE, axis);
             unsigned open = known ? bits & ~all(known + row) : 0;
             if (open) note_open(c, block, x, y, open);
             b.rows[GRID_VIEW_SIDE * x + y] = (uint8_t)bits;

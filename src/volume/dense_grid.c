@@ -151,10 +151,11 @@ static bool make_leaves(work *w, size_t count, size_t memory_limit, error *e)
     size_t leaf = SIDE * sizeof(uint64_t) + VDB_LEAF_VOXELS * sizeof(float) + sizeof(int32_t[3]);
     size_t needed = count * leaf + samples_bytes(count);
     if (needed > memory_limit)
-        return error_set(e, ERROR_LIMIT_MEMORY,
-                         "needs %zu MB for the %zu blocks around its surface and the limit is %zu MB: raise "
-                         "limits.memory_mb",
-                         (needed >> 20) + 1, count, memory_limit >> 20);
+        return error_set(
+            e, ERROR_LIMIT_MEMORY,
+            "the volume needs %zu MB for the %zu blocks around its surface and the limit is %zu MB: raise "
+            "limits.memory_mb",
+            (needed >> 20) + 1, count, memory_limit >> 20);
     vdb_grid *g = w->grid = mem_alloc(sizeof *g);
     g->grid_class = VDB_FOG;
     memcpy(g->index_to_world, w->source->index_to_world, sizeof g->index_to_world);
@@ -248,9 +249,11 @@ static void continue_leaves(work *w, const dense_grid_facts *facts)
 static bool check_surface(const work *w, size_t leaves, const dense_grid_facts *facts, error *e)
 {
     if (leaves > 0) return true;
-    if (!(facts->lowest <= facts->highest)) return error_set(e, ERROR_NO_SURFACE, "has no finite value");
-    return error_set(e, ERROR_NO_SURFACE, "has no surface at isovalue %g: its values range from %g to %g",
-                     w->isovalue, (double)facts->lowest, (double)facts->highest);
+    if (!(facts->lowest <= facts->highest))
+        return error_set(e, ERROR_NO_SURFACE, "the volume has no finite value");
+    return error_set(e, ERROR_NO_SURFACE,
+                     "the volume has no surface at isovalue %g: its values range from %g to %g", w->isovalue,
+                     (double)facts->lowest, (double)facts->highest);
 }
 
 vdb_grid *dense_grid_make(slices *s, double isovalue, size_t memory_limit, dense_grid_facts *facts, error *e)

@@ -58,14 +58,14 @@ static bool only_scalar(const vdb_listing *l, size_t *index, error *e)
         }
     if (scalars == 1) return true;
     describe(l, scalars > 0, list);
-    if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "holds no grid at all");
+    if (l->count == 0) return error_set(e, ERROR_GRID_MISSING, "the file holds no grid at all");
     if (scalars == 0)
         return error_set(
             e, ERROR_INPUT_UNSUPPORTED,
-            "holds no scalar grid (float or double), which is what a surface is taken from; it holds %s",
+            "the file holds no scalar grid (float or double), which is what a surface is taken from; it holds %s",
             list);
-    return error_set(e, ERROR_GRID_AMBIGUOUS, "holds %zu scalar grids: name one of %s as grid", scalars,
-                     list);
+    return error_set(e, ERROR_GRID_AMBIGUOUS, "the file holds %zu scalar grids: name one of %s as grid",
+                     scalars, list);
 }
 
 static bool by_name(const vdb_listing *l, const char *request, size_t *index, error *e)
@@ -80,7 +80,7 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
         describe(l, false, list);
         return error_set(
             e, ERROR_GRID_AMBIGUOUS,
-            "holds %zu grids named \"%s\": write \"%s[0]\" to \"%s[%zu]\", in the order of the file (it holds %s)",
+            "the file holds %zu grids named \"%s\": write \"%s[0]\" to \"%s[%zu]\", in the order of the file (it holds %s)",
             count, request, request, request, count - 1, list);
     }
     for (size_t i = 0; i < l->count; i++) {
@@ -91,8 +91,9 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
     }
     describe(l, false, list);
     if (l->count == 0)
-        return error_set(e, ERROR_GRID_MISSING, "has no grid \"%s\": it holds no grid at all", request);
-    return error_set(e, ERROR_GRID_MISSING, "has no grid \"%s\"; it holds %s", request, list);
+        return error_set(e, ERROR_GRID_MISSING, "the file has no grid \"%s\": it holds no grid at all",
+                         request);
+    return error_set(e, ERROR_GRID_MISSING, "the file has no grid \"%s\"; it holds %s", request, list);
 }
 
 bool grid_selection_find(const vdb_listing *listing, const char *request, size_t *index,

@@ -96,8 +96,8 @@ bool grid_view_init(grid_view *l, const vdb_grid *grid, grid_view_kind kind, dou
         }
         if (n != i) {
             grid_view_free(l);
-            return error_set(e, ERROR_INPUT_DAMAGED, "has two leaves at (%d, %d, %d): it is damaged", o[0],
-                             o[1], o[2]);
+            return error_set(e, ERROR_INPUT_DAMAGED,
+                             "the volume has two leaves at (%d, %d, %d): it is damaged", o[0], o[1], o[2]);
         }
     }
     return true;

@@ -591,7 +591,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     double determinant = affine_invert(to_world, to_index);
     if (!isfinite(1 / determinant))
         return error_set(e, ERROR_INPUT_DAMAGED,
-                         "has axes that lie in one plane: its orientation cannot be inverted");
+                         "the volume has axes that lie in one plane: its orientation cannot be inverted");
     snprintf(l->name, sizeof l->name, "the volume");
     l->kind = GRID_VIEW_DENSE;
     l->memory_limit = r->memory_limit;

@@ -38,7 +38,7 @@ def test_the_whole_guide(build, page, tmp_path):
                                text=True, timeout=5 * PATIENCE_S)
         assert shown.returncode == 0, f"{shown.stdout}\n{shown.stderr}"
         assert shown.stdout.count("succeeded") >= 5
-        assert "open.obj: is open" in shown.stdout + shown.stderr
+        assert "open.obj: the mesh is open" in shown.stdout + shown.stderr
         for name in ("sphere", "sphere-alone", "delivered/torus"):
             assert {"points.ply", "report.json"} <= {p.name for p in (tmp_path / name).iterdir()}, name
     finally:
