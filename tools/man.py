@@ -68,7 +68,7 @@ def items_of(lines):
         if not re.match(r"  \S", line):
             items[-1][1].append(line.strip())
             continue
-        split = column and len(line) > column and line[column - 1] == " "
+        split = column and len(line) > column and line[column - 2:column] == "  "
         term, text = (line[:column], line[column:]) if split else (line, "")
         items.append((term.strip(), [text.strip()]))
     return [(term, " ".join(filter(None, text))) for term, text in items]

@@ -465,11 +465,53 @@ static void add_next(const http_request *request, const char *cursor, reply *r)
     free(text);
 }
 
+static int compare_age(const void *a, const void *b)
+{
+    const queue_job *x = a, *y = b;
+    return (x->seq < y->seq) - (x->seq > y->seq);
+}
+
+/* Lists the jobs of each of the states (with commas between them; NULL: any), the newest first, at most as many as the
+ * filter says. */
+static bool list_states(const http_context *c, queue_filter filter, const char *states, queue_job **jobs,
+                        size_t *count, error *e)
+{
+    *jobs = NULL;
+    *count = 0;
+    if (!states) return queue_list(c->q, &filter, jobs, count, e);
+    for (const char *at = states; *at; at += strspn(at, ",")) {
+        queue_job *found = NULL;
+        queue_state state = QUEUE_QUEUED;
+        size_t n = strcspn(at, ","), more = 0;
+        char *name = mem_strndup(at, n);
+        queue_state_from_name(name, &state);
+        free(name);
+        filter.state = (int)state;
+        at += n;
+        if (!queue_list(c->q, &filter, &found, &more, e)) return false;
+        *jobs = mem_resize(*jobs, (*count + more + 1) * sizeof **jobs);
+        if (more) memcpy(*jobs + *count, found, more * sizeof *found);
+        *count += more;
+        free(found);
+    }
+    qsort(*jobs, *count, sizeof **jobs, compare_age);
+    size_t kept = 0;
+    for (size_t i = 0; i < *count; i++) {
+        /* one whose state has changed meanwhile is there twice */
+        bool wanted = kept < (size_t)filter.limit && (!kept || (*jobs)[kept - 1].seq != (*jobs)[i].seq);
+        if (wanted)
+            (*jobs)[kept++] = (*jobs)[i];
+        else
+            queue_job_clear(&(*jobs)[i]);
+    }
+    *count = kept;
+    return true;
+}
+
 void jobs_list(const http_context *c, const http_request *request, reply *r)
 {
-    queue_state state;
     queue_filter filter = {
-        .state = queue_state_from_name(parameter_text(request, "state", ""), &state) ? (int)state : -1,
+        .state = -1,
         .owner = parameter_text(request, "owner", NULL),
         .label = parameter_text(request, "label", NULL),
         .before_seq = parameter_integer(request, "cursor", 0),
@@ -479,7 +521,8 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
     queue_job *jobs = NULL;
     size_t count = 0, limit = (size_t)filter.limit;
     filter.limit++; /* one more tells whether there is a next page */
-    if (!queue_list(c->q, &filter, &jobs, &count, &e)) {
+    if (!list_states(c, filter, parameter_text(request, "state", NULL), &jobs, &count, &e)) {
+        queue_jobs_free(jobs, count);
         reply_set_error(r, &e, NULL);
         return;
     }

@@ -2,10 +2,9 @@
 
 #include "queue/queue.h"
 
-static bool is_state(const char *text)
+static const char *state_at(size_t index)
 {
-    queue_state state;
-    return queue_state_from_name(text, &state);
+    return index < QUEUE_STATE_COUNT ? queue_state_name((queue_state)index) : NULL;
 }
 
 static const parameter parameters[] = {
@@ -27,10 +26,10 @@ static const parameter parameters[] = {
      .pattern = "^[0-9a-f]{64}$",
      .prose = "The SHA-256 of the file: 64 hexadecimal digits in lower case."},
     {.name = "state",
-     .type = PARAMETER_WORD,
-     .is_word = is_state,
+     .type = PARAMETER_WORDS,
+     .word = state_at,
      .schema = "State",
-     .prose = "Only jobs in this state."},
+     .prose = "Only jobs in this state, or in one of these: `queued,running`."},
     {.name = "limit",
      .type = PARAMETER_INTEGER,
      .low = 1,

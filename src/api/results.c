@@ -45,8 +45,9 @@ static bool choose_frame(const http_context *c, const http_request *request, con
     if (!job->array && !given) return true;
     if (!job->array || !given) {
         reply_set_problem(r, "request_invalid", NULL,
-                          job->array ? "the job %s is an array: name a frame (query parameter frame)"
-                                     : "the job %s has no frames",
+                          job->array
+                              ? "the job %s is an array: name a frame (query parameter frame, option --frame)"
+                              : "the job %s has no frames",
                           job->id);
         return false;
     }

@@ -65,7 +65,8 @@ static int open_log(const http_context *c, const queue_job *job, int frame, int 
     return fd;
 }
 
-/* The attempt that the query names, or the last one; an attempt of 0 when there is none. */
+/* The attempt that the query names, or the last one; an attempt of 0 when there is none. Of an array the query names the
+ * frame. */
 static bool choose_attempt(const http_context *c, const http_request *request, const queue_job *job,
                            int *frame, int *attempt, reply *r)
 {
@@ -74,12 +75,17 @@ static bool choose_attempt(const http_context *c, const http_request *request, c
     queue_task *tasks = NULL, task = {0};
     size_t count = 0;
     *frame = (int)parameter_integer(request, "frame", QUEUE_NO_FRAME);
+    if (job->array && *frame == QUEUE_NO_FRAME) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "the job %s is an array: name a frame (query parameter frame, option --frame)",
+                          job->id);
+        return false;
+    }
     if (*frame != QUEUE_NO_FRAME) {
         if (!queue_get_frame(c->q, job->id, *frame, &task, &found, &e)) goto failed;
     } else {
         if (!queue_list_tasks(c->q, job->id, -1, 1, &tasks, &count, &e)) goto failed;
         found = count > 0;
-        if (found) *frame = tasks[0].frame;
     }
     int last = count ? tasks[0].attempt : task.attempt;
     *attempt = found ? (int)parameter_integer(request, "attempt", last) : 0;

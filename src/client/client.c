@@ -82,9 +82,25 @@ static size_t take_text(char *data, size_t size, size_t count, void *context)
     return length;
 }
 
+/* A file that is downloaded, or the problem that comes in its place. */
+typedef struct download {
+    CURL *curl;
+    FILE *stream;
+    buffer problem;
+} download;
+
 static size_t take_file(char *data, size_t size, size_t count, void *context)
 {
-    return fwrite(data, size, count, context);
+    download *d = context;
+    long status = 0;
+    curl_easy_getinfo(d->curl, CURLINFO_RESPONSE_CODE, &status);
+    return status == 200 ? fwrite(data, size, count, d->stream) : take_text(data, size, count, &d->problem);
+}
+
+static size_t give_file(char *data, size_t size, size_t count, void *context)
+{
+    size_t given = fread(data, size, count, context);
+    return ferror((FILE *)context) ? CURL_READFUNC_ABORT : given;
 }
 
 static bool perform(client *c, const char *path, long *status, error *e)
@@ -114,11 +130,20 @@ char *client_escape(client *c, const char *text)
     return copy;
 }
 
+/* Performs a request whose text comes to a buffer, which is freed, and makes a reply of it. */
+static bool perform_for_reply(client *c, const char *path, buffer *b, client_reply *reply, error *e)
+{
+    long status = 0;
+    bool ok = perform(c, path, &status, e);
+    if (ok) *reply = (client_reply){status, b->text ? json_parse(b->text, b->length, NULL) : NULL};
+    free(b->text);
+    return ok;
+}
+
 bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
                  client_reply *reply, error *e)
 {
     buffer b = {0};
-    long status = 0;
     struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/json");
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
@@ -132,12 +157,10 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
         curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     }
     if (patch || strcmp(method, "DELETE") == 0) curl_easy_setopt(c->curl, CURLOPT_CUSTOMREQUEST, method);
-    bool ok = perform(c, path, &status, e);
+    bool ok = perform_for_reply(c, path, &b, reply, e);
     curl_easy_setopt(c->curl, CURLOPT_CUSTOMREQUEST, NULL);
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
     curl_slist_free_all(headers);
-    if (ok) *reply = (client_reply){status, b.text ? json_parse(b.text, b.length, NULL) : NULL};
-    free(b.text);
     return ok;
 }
 
@@ -147,20 +170,42 @@ void client_reply_clear(client_reply *reply)
     *reply = (client_reply){0};
 }
 
-bool client_download(client *c, const char *path, FILE *stream, long *status, error *e)
+bool client_download(client *c, const char *path, FILE *stream, client_reply *reply, error *e)
 {
+    download d = {.curl = c->curl, .stream = stream};
     curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_file);
-    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, stream);
-    return perform(c, path, status, e);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &d);
+    return perform_for_reply(c, path, &d.problem, reply, e);
+}
+
+bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e)
+{
+    buffer b = {0};
+    /* so that a server that has the file already answers before it is sent */
+    struct curl_slist *headers = curl_slist_append(NULL, "Expect: 100-continue");
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(c->curl, CURLOPT_UPLOAD, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)bytes);
+    curl_easy_setopt(c->curl, CURLOPT_READFUNCTION, give_file);
+    curl_easy_setopt(c->curl, CURLOPT_READDATA, stream);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
+    bool ok = perform_for_reply(c, path, &b, reply, e);
+    curl_easy_setopt(c->curl, CURLOPT_UPLOAD, 0L);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
+    curl_slist_free_all(headers);
+    return ok;
 }
 
 /* An event stream, line by line. */
 typedef struct listener {
+    CURL *curl;
     FILE *stream;
     int64_t id;
     char *line;
     size_t length;
+    buffer problem; /* that comes in its place */
 } listener;
 
 static void take_line(listener *l)
@@ -175,6 +220,9 @@ static void take_line(listener *l)
 static size_t take_events(char *data, size_t size, size_t count, void *context)
 {
     listener *l = context;
+    long status = 0;
+    curl_easy_getinfo(l->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (status != 200) return take_text(data, size, count, &l->problem);
     for (size_t i = 0; i < size * count; i++) {
         if (l->length == EVENT_LIMIT_BYTES) return 0;
         l->line[l->length++] = data[i] == '\n' ? '\0' : data[i];
@@ -185,9 +233,9 @@ static size_t take_events(char *data, size_t size, size_t count, void *context)
     return size * count;
 }
 
-bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, long *status, error *e)
+bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, client_reply *reply, error *e)
 {
-    listener l = {.stream = stream, .id = *last, .line = mem_alloc(EVENT_LIMIT_BYTES)};
+    listener l = {.curl = c->curl, .stream = stream, .id = *last, .line = mem_alloc(EVENT_LIMIT_BYTES)};
     char *position = mem_printf("Last-Event-ID: %lld", (long long)*last);
     struct curl_slist *headers = curl_slist_append(NULL, "Accept: text/event-stream");
     if (*last) headers = curl_slist_append(headers, position);
@@ -195,7 +243,7 @@ bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, lon
     curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_events);
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &l);
-    bool ok = perform(c, path, status, e);
+    bool ok = perform_for_reply(c, path, &l.problem, reply, e);
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
     curl_slist_free_all(headers);
     *last = l.id;

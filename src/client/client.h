@@ -32,12 +32,16 @@ void client_reply_clear(client_reply *reply);
 char *client_escape(client *c, const char *text);
 
 /* Reads an event stream (Server-Sent Events) after the event `*last` (0: from the beginning) until the server
- * ends it. It writes the data of each event to `stream`, as a line, and sets *last to the last id. *status
- * 204: there are no more events. Fails when the connection is lost. */
-bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, long *status, error *e);
+ * ends it. It writes the data of each event to `stream`, as a line, and sets *last to the last id. The reply's status
+ * 204: there are no more events; from 300 on its document says why. Fails when the connection is lost. */
+bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, client_reply *reply, error *e);
 
-/* Writes the body of a reply to a stream, whatever its *status. After a failure ferror(stream) tells whether
- * writing failed. */
-bool client_download(client *c, const char *path, FILE *stream, long *status, error *e);
+/* Writes the body of a reply of status 200 to a stream; of another status *reply has the document, to be cleared by the
+ * caller. After a failure ferror(stream) tells whether writing failed. */
+bool client_download(client *c, const char *path, FILE *stream, client_reply *reply, error *e);
+
+/* Puts `bytes` bytes of a stream, and takes the reply as client_call does. After a failure ferror(stream) tells whether
+ * reading failed. */
+bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e);
 
 #endif

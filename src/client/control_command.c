@@ -7,21 +7,67 @@
 #include "client/command.h"
 #include "client/print.h"
 
-/* Sends a request; on success the document is the caller's, where there is one. */
-static int ask(client *c, const char *method, const char *path, const char *body, json **document)
+/* Posts a command on one job. On success *document is the job, the caller's. */
+static int tell(client *c, const char *id, const char *what, json **document)
 {
-    error e = {0};
-    client_reply reply = {0};
-    int code = COMMAND_OK;
-    if (!client_call(c, method, path, body, body ? strlen(body) : 0, &reply, &e))
-        return print_unreachable(&e);
-    if (reply.status >= 300) {
-        code = print_refused(&reply);
-    } else {
-        *document = reply.document;
-        reply.document = NULL;
+    char *path = command_job_path(id, what);
+    int code = path ? command_ask(c, "POST", path, NULL, document) : COMMAND_USAGE;
+    free(path);
+    return code;
+}
+
+static int tell_and_print(client *c, const char *id, const char *what, const command_options *options)
+{
+    json *document = NULL;
+    int code = tell(c, id, what, &document);
+    if (code == COMMAND_OK && options->json)
+        print_document(document);
+    else if (code == COMMAND_OK)
+        print_job(json_root(document));
+    json_free(document);
+    return code;
+}
+
+int command_resume(client *c, const char *argument, const command_options *options)
+{
+    return tell_and_print(c, argument, "/resume", options);
+}
+
+int command_retry(client *c, const char *argument, const command_options *options)
+{
+    return tell_and_print(c, argument, "/retry", options);
+}
+
+/* What a pause means for what runs and what waits. */
+static void explain_pause(json_at job)
+{
+    json_at tasks = json_member(&job, "tasks");
+    double running = json_number(json_member(&tasks, "running"), 0),
+           waiting = json_number(json_member(&tasks, "waiting"), 0);
+    bool array = json_bool(json_member(&job, "array"), false);
+    if (running > 0 && array)
+        printf("%.0f frame%s run%s on to the end; ", running, running == 1 ? "" : "s",
+               running == 1 ? "s" : "");
+    else if (running > 0)
+        fputs("the running attempt goes on to its end; ", stdout);
+    if (array)
+        printf("%.0f frame%s wait%s until \"hexadctl resume\"\n", waiting, waiting == 1 ? "" : "s",
+               waiting == 1 ? "s" : "");
+    else
+        puts("no attempt starts until \"hexadctl resume\"");
+}
+
+int command_pause(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    int code = tell(c, argument, "/pause", &document);
+    if (code == COMMAND_OK && options->json) {
+        print_document(document);
+    } else if (code == COMMAND_OK) {
+        print_job(json_root(document));
+        explain_pause(json_root(document));
     }
-    client_reply_clear(&reply);
+    json_free(document);
     return code;
 }
 
@@ -30,7 +76,7 @@ int command_delete(client *c, const char *argument, const command_options *optio
     (void)options;
     json *document = NULL;
     char *path = command_job_path(argument, "");
-    int code = path ? ask(c, "DELETE", path, NULL, &document) : COMMAND_USAGE;
+    int code = path ? command_ask(c, "DELETE", path, NULL, &document) : COMMAND_USAGE;
     json_free(document);
     free(path);
     return code;
@@ -46,7 +92,7 @@ int command_priority(client *c, const char *argument, const command_options *opt
         print_failure("the priority is missing: hexadctl priority ID --priority N");
     } else if (path) {
         char *body = mem_printf("{\"priority\":%ld}", priority);
-        code = ask(c, "PATCH", path, body, &document);
+        code = command_ask(c, "PATCH", path, body, &document);
         free(body);
     }
     if (code == COMMAND_OK && options->json) print_document(document);
@@ -60,38 +106,17 @@ int command_watch(client *c, const char *argument, const command_options *option
     (void)options; /* events are JSON anyway */
     error e = {0};
     int64_t last = 0;
-    long status = 0;
+    client_reply reply = {0};
     char *path = command_job_path(argument, "/events");
     int code = COMMAND_USAGE;
     if (path) {
         code = COMMAND_OK;
-        if (!client_follow(c, path, &last, stdout, &status, &e))
+        if (!client_follow(c, path, &last, stdout, &reply, &e))
             code = print_unreachable(&e);
-        else if (status >= 300)
-            code = print_refused(&(client_reply){.status = status});
+        else if (reply.status >= 300)
+            code = print_refused(&reply);
     }
-    free(path);
-    return code;
-}
-
-int command_log(client *c, const char *argument, const command_options *options)
-{
-    (void)options;
-    error e = {0};
-    long status = 0;
-    char *path = command_job_path(argument, "/log"), *text = NULL;
-    size_t size = 0;
-    int code = COMMAND_USAGE;
-    if (path) {
-        FILE *stream = open_memstream(&text, &size);
-        bool ok = client_download(c, path, stream, &status, &e);
-        fclose(stream);
-        code = !ok             ? print_unreachable(&e)
-               : status >= 300 ? print_refused(&(client_reply){.status = status})
-                               : COMMAND_OK;
-        if (code == COMMAND_OK) fwrite(text, 1, size, stdout);
-    }
-    free(text);
+    client_reply_clear(&reply);
     free(path);
     return code;
 }
@@ -99,7 +124,7 @@ int command_log(client *c, const char *argument, const command_options *options)
 static int print_whole(client *c, const char *method, const char *path)
 {
     json *document = NULL;
-    int code = ask(c, method, path, NULL, &document);
+    int code = command_ask(c, method, path, NULL, &document);
     if (code == COMMAND_OK) print_document(document);
     json_free(document);
     return code;
@@ -110,7 +135,7 @@ int command_workers(client *c, const char *argument, const command_options *opti
     (void)argument;
     json *document = NULL;
     if (options->json) return print_whole(c, "GET", "/v1/workers");
-    int code = ask(c, "GET", "/v1/workers", NULL, &document);
+    int code = command_ask(c, "GET", "/v1/workers", NULL, &document);
     json_at root = json_root(document), load = json_member(&root, "load"),
             list = json_member(&root, "workers");
     if (code == COMMAND_OK) {

@@ -1,5 +1,6 @@
 #include "client/print.h"
 
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,38 +11,90 @@ void print_text(FILE *file, const char *text)
     for (const char *c = text; *c; c++) fputc((unsigned char)*c < 0x20 || *c == 0x7F ? '?' : *c, file);
 }
 
-int print_failure(const char *what)
+int print_failure(const char *format, ...)
 {
+    char text[2048];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
     fputs("hexadctl: ", stderr);
-    print_text(stderr, what);
+    print_text(stderr, text);
     fputc('\n', stderr);
     return COMMAND_FAILED;
 }
 
 int print_unreachable(const error *e)
 {
-    print_failure(e->message);
+    print_failure("%s", e->message);
     return COMMAND_UNREACHABLE;
 }
 
-int print_refused(const client_reply *reply)
+static void print_fault(json_at fault)
 {
-    json_at root = json_root(reply->document);
-    json_at errors = json_member(&root, "errors");
+    const char *pointer = json_string(json_member(&fault, "pointer"), "");
+    print_text(stderr, *pointer ? pointer : "the whole document");
+    fputs(": ", stderr);
+    print_text(stderr, json_string(json_member(&fault, "detail"), ""));
+    fputc('\n', stderr);
+}
+
+int print_refused_spec(const client_reply *reply, const char *file)
+{
+    json_at root = json_root(reply->document), errors = json_member(&root, "errors");
     char status[32];
     snprintf(status, sizeof status, "the server answered %ld", reply->status);
-    print_failure(json_string(json_member(&root, "detail"), status));
-    for (size_t i = 0; i < json_size(errors); i++) {
-        json_at fault = json_element(&errors, i);
-        const char *pointer = json_string(json_member(&fault, "pointer"), "");
-        fputs("  ", stderr);
-        print_text(stderr, *pointer ? pointer : "(the whole spec)");
+    if (reply->status == 401) {
+        const char *token = getenv("HEXAD_TOKEN");
+        print_failure("%s: \"hexadctl token add USER\" makes one on the machine of the server",
+                      token && *token ? "the server does not know the token in HEXAD_TOKEN, or it was revoked"
+                                      : "the server needs a token, and HEXAD_TOKEN holds none");
+        return COMMAND_USAGE;
+    }
+    fputs("hexadctl: ", stderr);
+    if (file) {
+        print_text(stderr, file);
         fputs(": ", stderr);
-        print_text(stderr, json_string(json_member(&fault, "detail"), ""));
+    }
+    if (json_size(errors) == 1) {
+        print_fault(json_element(&errors, 0));
+    } else if (json_size(errors) > 1) {
+        fprintf(stderr, "%zu faults:\n", json_size(errors));
+        for (size_t i = 0; i < json_size(errors); i++) {
+            fputs("  ", stderr);
+            print_fault(json_element(&errors, i));
+        }
+    } else {
+        print_text(stderr, json_string(json_member(&root, "detail"), status));
         fputc('\n', stderr);
     }
     if (reply->status == 404 || reply->status == 409) return COMMAND_MISSING;
     return reply->status >= 400 && reply->status < 500 ? COMMAND_USAGE : COMMAND_FAILED;
+}
+
+int print_refused(const client_reply *reply)
+{
+    return print_refused_spec(reply, NULL);
+}
+
+void print_job(json_at job)
+{
+    json_at fault = json_member(&job, "error");
+    const char *outcome = json_string(json_member(&job, "outcome"), NULL);
+    print_text(stdout, json_string(json_member(&job, "id"), "?"));
+    putchar(' ');
+    print_text(stdout, json_string(json_member(&job, "state"), "?"));
+    if (outcome) {
+        putchar(' ');
+        print_text(stdout, outcome);
+    }
+    if (json_type_of(fault) == JSON_OBJECT) {
+        putchar(' ');
+        print_text(stdout, json_string(json_member(&fault, "code"), "?"));
+        fputs(": ", stdout);
+        print_text(stdout, json_string(json_member(&fault, "message"), ""));
+    }
+    putchar('\n');
 }
 
 void print_document(const json *document)

@@ -9,11 +9,16 @@
 /* Replaces control characters, since the text of a job may hold any and a terminal would act on them. */
 void print_text(FILE *file, const char *text);
 
-int print_failure(const char *what);   /* COMMAND_FAILED */
-int print_unreachable(const error *e); /* COMMAND_UNREACHABLE */
+int print_failure(const char *format, ...) __attribute__((format(printf, 1, 2))); /* COMMAND_FAILED */
+int print_unreachable(const error *e);                                            /* COMMAND_UNREACHABLE */
 
 /* Prints the problem document of a reply that is an error; returns the exit code for its status. */
 int print_refused(const client_reply *reply);
+/* The same of a spec, which came from the file of this name. */
+int print_refused_spec(const client_reply *reply, const char *file);
+
+/* One line: id, state, outcome, and the error if there is one. */
+void print_job(json_at job);
 
 void print_document(const json *document);
 

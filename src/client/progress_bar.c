@@ -25,33 +25,66 @@ static void print_member(json_at progress, const char *key, const char *format)
     if (isfinite(value)) fprintf(stderr, format, value);
 }
 
-static void draw(json_at progress, const char *state, const char *phase)
+static void draw_bar(progress_bar *b, double fraction)
 {
-    double fraction = json_number(json_member(&progress, "fraction"), 0);
     if (!(fraction >= 0)) fraction = 0;
     if (fraction > 1) fraction = 1;
     int full = (int)(fraction * BAR_WIDTH);
     fputs("\r\033[K[", stderr);
     for (int i = 0; i < BAR_WIDTH; i++) fputc(i < full ? '#' : '-', stderr);
-    fprintf(stderr, "] %3.0f%% %s", fraction * 100, *phase ? phase : state);
-    print_member(progress, "sweep", "  sweep %.0f");
-    print_member(progress, "energy_excess", "  excess %.2g");
-    print_member(progress, "eta_s", "  %.0f s left");
+    fprintf(stderr, "] %3.0f%% ", floor(fraction * 100));
+    b->drawn = true;
+}
+
+void progress_bar_show_count(progress_bar *b, int done, int frames)
+{
+    if (!b->terminal) return;
+    draw_bar(b, frames > 0 ? (double)done / frames : 0);
+    fprintf(stderr, "%d of %d frames", done, frames);
     fflush(stderr);
+}
+
+/* How many frames of an array have ended, and the share of them and of the running one whose progress is known. */
+static double describe_array(json_at job, char *text, size_t size)
+{
+    json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
+    double all = json_number(json_member(&tasks, "all"), 1),
+           running = json_number(json_member(&tasks, "running"), 0),
+           ended = all - running - json_number(json_member(&tasks, "waiting"), 0),
+           good = json_number(json_member(&tasks, "succeeded"), 0);
+    int used = snprintf(text, size, "%s: %.0f of %.0f frames", json_string(json_member(&job, "state"), ""),
+                        ended, all);
+    if (ended > good && used > 0 && (size_t)used < size)
+        snprintf(text + used, size - (size_t)used, ", %.0f without success", ended - good);
+    return (ended + json_number(json_member(&progress, "fraction"), 0)) / all;
+}
+
+static double describe_single(json_at job, char *text, size_t size)
+{
+    json_at progress = json_member(&job, "progress");
+    const char *phase = json_string(json_member(&progress, "phase"), "");
+    snprintf(text, size, "%.20s%s%.20s", json_string(json_member(&job, "state"), ""), *phase ? ": " : "",
+             phase);
+    return json_number(json_member(&progress, "fraction"), 0);
 }
 
 void progress_bar_show(progress_bar *b, json_at job)
 {
     json_at progress = json_member(&job, "progress");
-    const char *state = json_string(json_member(&job, "state"), "");
-    const char *phase = json_string(json_member(&progress, "phase"), "");
     char now[sizeof b->last];
-    snprintf(now, sizeof now, "%.20s%s%.20s", state, *phase ? ": " : "", phase);
+    bool array = json_bool(json_member(&job, "array"), false);
+    double fraction = array ? describe_array(job, now, sizeof now) : describe_single(job, now, sizeof now);
     for (char *c = now; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7F) *c = '?';
     if (b->terminal) {
-        draw(progress, state, now + (*phase ? strlen(state) + 2 : 0));
-        b->drawn = true;
+        draw_bar(b, fraction);
+        fputs(now, stderr);
+        if (!array) {
+            print_member(progress, "sweep", "  sweep %.0f");
+            print_member(progress, "energy_excess", "  excess %.2g");
+            print_member(progress, "eta_s", "  %.0f s left");
+        }
+        fflush(stderr);
     } else if (strcmp(now, b->last) != 0) {
         fprintf(stderr, "%s\n", now);
         strcpy(b->last, now);

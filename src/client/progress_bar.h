@@ -1,5 +1,5 @@
-/* progress_bar: shows the progress of a job on standard error: on a terminal a bar that is redrawn, otherwise
- * a line whenever the state or the phase changes. One thread. */
+/* progress_bar: shows progress on standard error: on a terminal a bar that is redrawn, otherwise, for a job, a line
+ * whenever its state, its phase or the number of its frames that have ended changes. One thread. */
 #ifndef HEXAD_CLIENT_PROGRESS_BAR_H
 #define HEXAD_CLIENT_PROGRESS_BAR_H
 
@@ -9,11 +9,12 @@
 
 typedef struct progress_bar {
     bool terminal, drawn;
-    char last[64]; /* state and phase last shown */
+    char last[96]; /* what was shown last */
 } progress_bar;
 
 void progress_bar_init(progress_bar *b);
-void progress_bar_show(progress_bar *b, json_at job); /* `job` as GET /v1/jobs/{id} gives it */
-void progress_bar_clear(progress_bar *b);             /* removes the bar */
+void progress_bar_show(progress_bar *b, json_at job);                /* `job` as GET /v1/jobs/{id} gives it */
+void progress_bar_show_count(progress_bar *b, int done, int frames); /* on a terminal only */
+void progress_bar_clear(progress_bar *b);                            /* removes the bar */
 
 #endif

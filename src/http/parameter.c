@@ -25,6 +25,19 @@ static bool is_listed(const char *names, const char *name)
     return false;
 }
 
+/* Whether all words between the commas are words of the parameter. */
+static bool are_words(const parameter *p, const char *text)
+{
+    for (const char *at = text;; at++) {
+        size_t n = strcspn(at, ","), i = 0;
+        const char *word;
+        while ((word = p->word(i)) && (strncmp(word, at, n) != 0 || word[n])) i++;
+        if (!word) return false;
+        at += n;
+        if (!*at) return true;
+    }
+}
+
 static bool is_good(const parameter *p, const char *value)
 {
     bool negative = false;
@@ -38,10 +51,26 @@ static bool is_good(const parameter *p, const char *value)
         if (length == 0 || length > 18 || strspn(value, "0123456789") != length) return false;
         if (negative) return -strtoll(value, NULL, 10) >= p->low;
         return strtoll(value, NULL, 10) >= p->low && strtoll(value, NULL, 10) <= p->high;
-    case PARAMETER_WORD:
-        return p->is_word(value);
+    case PARAMETER_WORDS:
+        return are_words(p, value);
     }
     return false;
+}
+
+/* What a value has to be, for a complaint. */
+static void describe_values(const parameter *p, char *text, size_t size)
+{
+    const char *word;
+    if (p->type == PARAMETER_TEXT) {
+        snprintf(text, size, "must have %lld to %lld bytes", (long long)p->low, (long long)p->high);
+    } else if (p->type == PARAMETER_INTEGER) {
+        snprintf(text, size, "must be an integer from %lld to %lld", (long long)p->low, (long long)p->high);
+    } else {
+        size_t used = (size_t)snprintf(text, size, "must be one of ");
+        for (size_t i = 0; used < size && (word = p->word(i)); i++)
+            used += (size_t)snprintf(text + used, size - used, "%s, ", word);
+        if (used < size) snprintf(text + used, size - used, "or several of them with commas");
+    }
 }
 
 bool parameter_check_query(const parameter_table *table, const char *names, const http_request *request,
@@ -50,12 +79,15 @@ bool parameter_check_query(const parameter_table *table, const char *names, cons
     for (size_t i = 0; i < request->query_count; i++) {
         const char *key = request->query[i].key, *value = request->query[i].value;
         const char *fault = NULL;
+        char values[256];
         for (size_t other = 0; other < i; other++)
             if (strcmp(key, request->query[other].key) == 0) fault = "is given twice";
-        if (!is_listed(names, key))
+        if (!is_listed(names, key)) {
             fault = "is not a parameter of this path";
-        else if (!is_good(find(table, key), value))
-            fault = "has an invalid value";
+        } else if (!is_good(find(table, key), value)) {
+            describe_values(find(table, key), values, sizeof values);
+            fault = values;
+        }
         if (!fault) continue;
         reply_set_problem(r, "request_invalid", NULL, "query %.100s=%.100s: %.100s %s", key,
                           value ? value : "", key, fault);
@@ -92,9 +124,12 @@ json *parameter_describe(const parameter_table *table, const char *name, const c
         json_put_integer(schema, "minimum", p->low);
         json_put_integer(schema, "maximum", p->high);
         if (p->otherwise) json_put_integer(schema, "default", atoll(p->otherwise));
-    } else if (p->type == PARAMETER_WORD) {
+    } else if (p->type == PARAMETER_WORDS) {
         char *ref = mem_printf("#/components/schemas/%s", p->schema);
-        json_put_string(schema, "$ref", ref);
+        json_put_string(o, "style", "form");
+        json_put_bool(o, "explode", false);
+        json_put_string(schema, "type", "array");
+        json_put_string(json_put_object(schema, "items"), "$ref", ref);
         free(ref);
     } else {
         json_put_string(schema, "type", "string");

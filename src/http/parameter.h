@@ -11,7 +11,7 @@
 typedef enum parameter_type {
     PARAMETER_TEXT,
     PARAMETER_INTEGER,
-    PARAMETER_WORD /* one of a list of words */
+    PARAMETER_WORDS /* one or more of a list of words, with commas between them */
 } parameter_type;
 
 /* A row of the table. */
@@ -19,8 +19,8 @@ typedef struct parameter {
     const char *name;
     parameter_type type;
     int64_t low, high;                 /* of a number, inclusive; of a text its length in bytes */
-    bool (*is_word)(const char *text); /* of a word */
-    const char *schema;                /* of a word: where the OpenAPI document lists them */
+    const char *(*word)(size_t index); /* of words: the index-th, NULL behind the last */
+    const char *schema;                /* of words: where the OpenAPI document lists them */
     const char *otherwise;             /* the default of a number; NULL: none */
     const char *pattern;               /* of a text, for the document; NULL: none */
     const char *prose;

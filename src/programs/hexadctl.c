@@ -1,5 +1,6 @@
 /* hexadctl: the client. Reads the command line and calls the command. */
 #include <grp.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,28 +23,47 @@
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
-    "  submit SPEC.json|- [--wait]      submit a job and print its id\n"
-    "  list [--state STATE] [--limit N] list the newest jobs\n"
-    "  show ID                          print the state of a job; everything with --json\n"
-    "  wait ID                          wait for the end of a job and show its progress\n"
-    "  cancel ID                        cancel a job, whether it waits or runs\n"
-    "  fetch ID [--output DIR]          download and verify the results, into DIR or ./ID\n"
+    "  submit SPEC|- [--wait] [--priority N] [--label LABEL]...\n"
+    "                    submit a job and print its id; --priority takes the place of the priority in\n"
+    "                    the spec, --label adds to its labels\n"
+    "  validate SPEC|-   check a spec as submit would, without submitting it\n"
+    "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
+    "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
+    "  list [--state STATES] [--owner USER] [--label LABEL] [--limit N]\n"
+    "                    list the newest jobs; STATES are words with commas between them\n"
+    "  show ID           print the state of a job; everything with --json\n"
+    "  wait ID           wait for the end of a job and show its progress\n"
+    "  cancel ID         cancel a job, whether it waits or runs\n"
+    "  cancel --label LABEL [--owner USER]\n"
+    "                    cancel all your unfinished jobs with this label; as an administrator, those of\n"
+    "                    all users\n"
+    "  fetch ID [--frame FRAMES] [--output DIR]\n"
+    "                    download and verify the results, into DIR or ./ID; of an array all frames, or\n"
+    "                    FRAMES (7, 1-100, 1-9x2,20), each into DIR/FRAME. Files that are there already\n"
+    "                    are not downloaded again: repeat a fetch that was interrupted\n"
+    "  log ID [--frame N] [--attempt K]\n"
+    "                    print the log of the last attempt of a job, or of a frame of an array\n"
     "\n"
-    "  pause ID, resume ID              start no more attempts of a job; allow them again\n"
-    "  retry ID                         run the failed tasks of a job again\n"
-    "  delete ID                        delete a job that has ended, with its results\n"
-    "  priority ID --priority N         change the priority of a job\n"
-    "  watch ID                         print the events of a job as they happen, as lines of JSON\n"
-    "  log ID                           print the log of the last attempt of a job\n"
-    "  workers                          list the running attempts, and the limits\n"
-    "  drain, undrain                   accept and start no more jobs; accept and start them again\n"
-    "  token add USER [--scopes LIST]   create a token for the REST interface and print it, once\n"
-    "  token list                       list the tokens\n"
-    "  token revoke ID                  revoke a token; it is refused at once\n"
+    "  pause ID          start no more attempts of a job; running ones go on to their end\n"
+    "  resume ID         start attempts of a paused job again\n"
+    "  retry ID          run the failed tasks of a job again\n"
+    "  delete ID         delete a job that has ended, with its results\n"
+    "  priority ID --priority N\n"
+    "                    change the priority of a job\n"
+    "  watch ID          print the events of a job as they happen, as lines of JSON\n"
+    "  workers           list the running attempts, and the limits\n"
+    "  drain, undrain    accept and start no more jobs; accept and start them again\n"
+    "  token add USER [--scopes LIST] [--file FILE]\n"
+    "                    create a token for the REST interface and print it, once\n"
+    "  token list [--file FILE]\n"
+    "                    list the tokens\n"
+    "  token revoke ID [--file FILE]\n"
+    "                    revoke a token; it is refused at once\n"
     "\n"
     "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
     "                 unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
     "                 unix:" STATE_SOCKET "\n"
+    "  --label LABEL  a word, often of the form key=value\n"
     "  --scopes LIST  of read, submit, cancel, admin; default: read,submit,cancel\n"
     "  --file FILE    the daemon's token_file; default: " SYSTEM_TOKENS " (of the service that\n"
     "                 systemd runs) if the group " SYSTEM_GROUP " exists, otherwise\n"
@@ -54,33 +74,55 @@ static const char usage[] =
     "A server that needs a token gets the one in $HEXAD_TOKEN.\n"
     "\n"
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
-    "timed out, 2 bad usage or a spec that the server refuses, 3 no server answers, 4 no such job or\n"
-    "no results, 6 the job was cancelled, 10 the job succeeded but did not converge.\n";
+    "timed out, 2 bad usage, a missing or unknown token, or a spec that the server refuses, 3 no server\n"
+    "answers, 4 no such job, or it or a wanted frame has no results, 6 the job was cancelled, 10 the job\n"
+    "succeeded but did not converge.\n";
+
+typedef enum need { NONE, ONE, MAYBE } need;
 
 static const struct entry {
     const char *name;
     command *run;
-    bool argument;
+    need argument;
+    const char *options; /* that belong to it; --server and --json belong to all */
 } commands[] = {
-    {"submit", command_submit, true},
-    {"list", command_list, false},
-    {"show", command_show, true},
-    {"wait", command_wait, true},
-    {"cancel", command_cancel, true},
-    {"fetch", command_fetch, true},
-    {"pause", command_pause, true},
-    {"resume", command_resume, true},
-    {"retry", command_retry, true},
-    {"delete", command_delete, true},
-    {"priority", command_priority, true},
-    {"watch", command_watch, true},
-    {"log", command_log, true},
-    {"workers", command_workers, false},
-    {"drain", command_drain, false},
-    {"undrain", command_undrain, false},
-    {"token add", command_token_add, true},
-    {"token list", command_token_list, false},
-    {"token revoke", command_token_revoke, true},
+    {"submit", command_submit, ONE, "--wait --priority --label"},
+    {"validate", command_validate, ONE, ""},
+    {"estimate", command_estimate, ONE, ""},
+    {"upload", command_upload, ONE, ""},
+    {"list", command_list, NONE, "--state --owner --label --limit"},
+    {"show", command_show, ONE, ""},
+    {"wait", command_wait, ONE, ""},
+    {"cancel", command_cancel, MAYBE, "--label --owner"},
+    {"fetch", command_fetch, ONE, "--frame --output"},
+    {"log", command_log, ONE, "--frame --attempt"},
+    {"pause", command_pause, ONE, ""},
+    {"resume", command_resume, ONE, ""},
+    {"retry", command_retry, ONE, ""},
+    {"delete", command_delete, ONE, ""},
+    {"priority", command_priority, ONE, "--priority"},
+    {"watch", command_watch, ONE, ""},
+    {"workers", command_workers, NONE, ""},
+    {"drain", command_drain, NONE, ""},
+    {"undrain", command_undrain, NONE, ""},
+    {"token add", command_token_add, ONE, "--scopes --file"},
+    {"token list", command_token_list, NONE, "--file"},
+    {"token revoke", command_token_revoke, ONE, "--file"},
+};
+
+#define OPTION(name, member)                         \
+    {                                                \
+        "--" name, offsetof(command_options, member) \
+    }
+
+/* Options with a value, which is kept as the command line has it. */
+static const struct {
+    const char *name;
+    size_t offset;
+} valued[] = {
+    OPTION("owner", owner),       OPTION("state", state), OPTION("limit", limit),
+    OPTION("priority", priority), OPTION("frame", frame), OPTION("attempt", attempt),
+    OPTION("output", output),     OPTION("file", file),   OPTION("scopes", scopes),
 };
 
 typedef struct line {
@@ -88,43 +130,62 @@ typedef struct line {
     const char *group; /* the first of a command's two words */
     const char *argument, *server;
     command_options options;
+    const char *given[64]; /* names of the options, in their order */
+    size_t given_count;
 } line;
 
-/* The value of `--name VALUE` or `--name=VALUE`; moves *index over a separate value. NULL when it is another
- * option, or has no value. */
-static const char *option_value(const char *name, int argc, char **argv, int *index)
+/* The option's value: behind its `=`, or the next word, to which *index moves; NULL and a message when there is none. */
+static const char *take_value(int argc, char **argv, int *index)
+{
+    const char *equals = strchr(argv[*index], '=');
+    if (equals) return equals + 1;
+    if (*index + 1 < argc) return argv[++*index];
+    fprintf(stderr, "hexadctl: %s needs a value; see hexadctl --help\n", argv[*index]);
+    return NULL;
+}
+
+static bool is_option(const char *word, const char *name)
 {
     size_t length = strlen(name);
-    if (strncmp(argv[*index], name, length) != 0) return NULL;
-    if (argv[*index][length] == '=') return argv[*index] + length + 1;
-    if (argv[*index][length] || *index + 1 >= argc) return NULL;
-    return argv[++*index];
+    return strncmp(word, name, length) == 0 && (!word[length] || word[length] == '=');
+}
+
+/* Takes an option with a value. */
+static bool take_valued(line *l, int argc, char **argv, int *index)
+{
+    const char *word = argv[*index], *value;
+    size_t i = 0, count = sizeof valued / sizeof *valued;
+    bool server = is_option(word, "--server"), label = is_option(word, "--label");
+    while (i < count && !is_option(word, valued[i].name)) i++;
+    if (!server && !label && i == count) {
+        fprintf(stderr, "hexadctl: %s is no option; see hexadctl --help\n", word);
+        return false;
+    }
+    if (!(value = take_value(argc, argv, index))) return false;
+    if (label && l->options.label_count == COMMAND_LABELS_MOST) {
+        fprintf(stderr, "hexadctl: --label may be given %d times at most\n", COMMAND_LABELS_MOST);
+        return false;
+    }
+    if (server)
+        l->server = value;
+    else if (label)
+        l->options.label[l->options.label_count++] = value;
+    else
+        *(const char **)((char *)&l->options + valued[i].offset) = value;
+    if (!server) l->given[l->given_count++] = label ? "--label" : valued[i].name;
+    return true;
 }
 
 static bool take_option(line *l, int argc, char **argv, int *index)
 {
-    const char *value;
-    if (strcmp(argv[*index], "--json") == 0)
-        l->options.json = true;
-    else if (strcmp(argv[*index], "--wait") == 0)
-        l->options.wait = true;
-    else if ((value = option_value("--server", argc, argv, index)))
-        l->server = value;
-    else if ((value = option_value("--state", argc, argv, index)))
-        l->options.state = value;
-    else if ((value = option_value("--limit", argc, argv, index)))
-        l->options.limit = value;
-    else if ((value = option_value("--output", argc, argv, index)))
-        l->options.output = value;
-    else if ((value = option_value("--priority", argc, argv, index)))
-        l->options.priority = value;
-    else if ((value = option_value("--file", argc, argv, index)))
-        l->options.file = value;
-    else if ((value = option_value("--scopes", argc, argv, index)))
-        l->options.scopes = value;
-    else
+    if (strcmp(argv[*index], "--json") == 0) return l->options.json = true;
+    if (l->given_count == sizeof l->given / sizeof *l->given) {
+        fputs("hexadctl: too many options\n", stderr);
         return false;
-    return true;
+    }
+    if (strcmp(argv[*index], "--wait") != 0) return take_valued(l, argc, argv, index);
+    l->given[l->given_count++] = "--wait";
+    return l->options.wait = true;
 }
 
 /* Whether the word names the command, within its group if it has one. */
@@ -139,17 +200,49 @@ static bool is_named(const struct entry *entry, const char *group, const char *w
 static bool take_word(line *l, const char *word)
 {
     if (l->entry) {
-        if (!l->entry->argument || l->argument) return false;
+        if (l->entry->argument == NONE || l->argument) {
+            fprintf(stderr, "hexadctl %s: %s is too much; see hexadctl --help\n", l->entry->name, word);
+            return false;
+        }
         l->argument = word;
         return true;
     }
     for (size_t i = 0; i < sizeof commands / sizeof *commands && !l->entry; i++)
         if (is_named(&commands[i], l->group, word)) l->entry = &commands[i];
-    if (l->entry || l->group) return l->entry != NULL;
+    if (l->entry) return true;
+    bool second = l->group != NULL;
     l->group = word;
     size_t length = strlen(word);
-    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++)
+    for (size_t i = 0; i < sizeof commands / sizeof *commands && !second; i++)
         if (strncmp(commands[i].name, word, length) == 0 && commands[i].name[length] == ' ') return true;
+    fprintf(stderr, "hexadctl: %s is no command; see hexadctl --help\n", word);
+    return false;
+}
+
+/* Whether the list, words with spaces between them, has the word. */
+static bool has_word(const char *list, const char *word)
+{
+    size_t length = strlen(word);
+    for (const char *at = list; (at = strstr(at, word)); at += length)
+        if ((at == list || at[-1] == ' ') && (!at[length] || at[length] == ' ')) return true;
+    return false;
+}
+
+/* Checks that the command is complete and that all options belong to it. */
+static bool check(const line *l)
+{
+    if (!l->entry) {
+        fputs(usage, stderr);
+        return false;
+    }
+    for (size_t i = 0; i < l->given_count; i++) {
+        if (has_word(l->entry->options, l->given[i])) continue;
+        fprintf(stderr, "hexadctl %s: %s does not belong to this command; see hexadctl --help\n",
+                l->entry->name, l->given[i]);
+        return false;
+    }
+    if (l->entry->argument != ONE || l->argument) return true;
+    fprintf(stderr, "hexadctl %s: its argument is missing; see hexadctl --help\n", l->entry->name);
     return false;
 }
 
@@ -189,14 +282,9 @@ int main(int argc, char **argv)
     if (is_print_only(argc, argv)) return COMMAND_OK;
     for (int i = 1; i < argc; i++) {
         bool option = argv[i][0] == '-' && argv[i][1];
-        if (option ? take_option(&l, argc, argv, &i) : take_word(&l, argv[i])) continue;
-        fprintf(stderr, "hexadctl: unknown argument %s; see --help\n", argv[i]);
-        return COMMAND_USAGE;
+        if (!(option ? take_option(&l, argc, argv, &i) : take_word(&l, argv[i]))) return COMMAND_USAGE;
     }
-    if (!l.entry || (l.entry->argument && !l.argument)) {
-        fputs(usage, stderr);
-        return COMMAND_USAGE;
-    }
+    if (!check(&l)) return COMMAND_USAGE;
     if (!l.options.file) set_default_tokens(&l.options);
     error e = {0};
     client *c = client_open(l.server, environment("HEXAD_TOKEN"), &e);

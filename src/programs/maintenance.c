@@ -18,8 +18,6 @@
 /* Where the service has its socket when systemd runs it. */
 #define SYSTEM_SOCKET "unix:/run/hexad/hexad.sock"
 #define ADDRESS_LIMIT 4096
-/* A problem document, if the answer is no backup. */
-#define PROBLEM_LIMIT (64u << 10)
 
 static int fail(const error *e)
 {
@@ -61,31 +59,22 @@ static client *open_client(const config *c, error *e)
     return found;
 }
 
-/* What came in the place of a backup. */
-static bool read_problem(FILE *stream, long status, error *e)
-{
-    char *text = mem_alloc(PROBLEM_LIMIT);
-    rewind(stream);
-    size_t length = fread(text, 1, PROBLEM_LIMIT - 1, stream);
-    json *document = json_parse(text, length, NULL);
-    json_at root = json_root(document);
-    error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
-              "the daemon gives no backup (%ld): %s", status,
-              json_string(json_member(&root, "detail"), "no reason"));
-    json_free(document);
-    free(text);
-    return false;
-}
-
 static bool fetch_copy(const config *c, FILE *stream, error *e)
 {
-    long status = 0;
+    client_reply reply = {0};
     client *daemon = open_client(c, e);
-    bool ok = daemon && client_download(daemon, "/v1/backup", stream, &status, e);
+    bool ok = daemon && client_download(daemon, "/v1/backup", stream, &reply, e);
     client_close(daemon);
+    if (ok && reply.status != 200) {
+        json_at root = json_root(reply.document);
+        ok = error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
+                       "the daemon gives no backup (%ld): %s", reply.status,
+                       json_string(json_member(&root, "detail"), "no reason"));
+    }
+    client_reply_clear(&reply);
     if (ok && fflush(stream) != 0)
         ok = error_set(e, ERROR_INTERNAL, "the copy cannot be written: %s", strerror(errno));
-    return ok && (status == 200 || read_problem(stream, status, e));
+    return ok;
 }
 
 /* ---- a copy, from a daemon or without one */

@@ -74,6 +74,13 @@ def test_no_token_no_answer(closed_service):
     assert with_token(closed_service, closed_service.token, "GET", "/v1/jobs").status == 200
 
 
+def test_hexadctl_says_that_a_token_is_missing_or_unknown(closed_service, build):
+    for token, told in (("", "HEXAD_TOKEN holds none"), ("nonsense", "the token in HEXAD_TOKEN")):
+        done = subprocess.run([build / "hexadctl", "list"], env={**closed_service.environment(), "HEXAD_TOKEN": token},
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 2 and told in done.stderr and "hexadctl token add" in done.stderr
+
+
 def test_scopes(closed_service):
     service = closed_service
     reader = new_token(service, "carol", "--scopes", "read")

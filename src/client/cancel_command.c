@@ -1,0 +1,112 @@
+/* Cancellation of one job, or of all with a label. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "client/command.h"
+#include "client/list_query.h"
+#include "client/print.h"
+
+/* The ids of jobs, the newest first. */
+typedef struct ids {
+    char **id;
+    size_t count;
+} ids;
+
+static void ids_free(ids *list)
+{
+    for (size_t i = 0; i < list->count; i++) free(list->id[i]);
+    free(list->id);
+}
+
+/* Adds the unfinished jobs that the options choose. */
+static int collect(client *c, const command_options *options, ids *list)
+{
+    command_options chosen = *options;
+    char *cursor = NULL;
+    int code = COMMAND_OK;
+    bool more = true;
+    chosen.state = "blocked,paused,queued,running";
+    chosen.limit = "500";
+    while (more && code == COMMAND_OK) {
+        json *page = NULL;
+        char *path = list_query_path(c, &chosen, cursor);
+        code = command_ask(c, "GET", path, NULL, &page);
+        free(path);
+        json_at root = json_root(page), jobs = json_member(&root, "jobs");
+        for (size_t i = 0; i < json_size(jobs); i++) {
+            json_at job = json_element(&jobs, i);
+            list->id = mem_resize(list->id, (list->count + 1) * sizeof *list->id);
+            list->id[list->count++] = mem_strdup(json_string(json_member(&job, "id"), ""));
+        }
+        const char *next = json_string(json_member(&root, "next"), NULL);
+        more = next != NULL;
+        free(cursor);
+        cursor = next ? mem_strdup(next) : NULL;
+        json_free(page);
+    }
+    free(cursor);
+    return code;
+}
+
+/* Cancels a job of the list. *cancelled is raised unless it has ended meanwhile or belongs to somebody else. */
+static int cancel_one(client *c, const char *id, size_t *cancelled)
+{
+    error e = {0};
+    client_reply reply = {0};
+    int code = COMMAND_OK;
+    char *path = command_job_path(id, "/cancel");
+    if (!path) return COMMAND_FAILED;
+    if (!client_call(c, "POST", path, NULL, 0, &reply, &e))
+        code = print_unreachable(&e);
+    else if (reply.status < 300)
+        ++*cancelled;
+    else if (reply.status != 403 && reply.status != 404 && reply.status != 409)
+        code = print_refused(&reply);
+    client_reply_clear(&reply);
+    free(path);
+    return code;
+}
+
+static int cancel_all(client *c, const command_options *options)
+{
+    ids list = {0};
+    size_t cancelled = 0;
+    int code = collect(c, options, &list);
+    /* the newest first: a dependent job is cancelled before the job whose end would have it fail */
+    for (size_t i = 0; code == COMMAND_OK && i < list.count; i++)
+        code = cancel_one(c, list.id[i], &cancelled);
+    if (options->json)
+        printf("{\"cancelled\":%zu}\n", cancelled);
+    else
+        printf("%zu job%s cancelled\n", cancelled, cancelled == 1 ? "" : "s");
+    if (code == COMMAND_OK && cancelled < list.count)
+        fprintf(stderr, "%zu others have ended meanwhile or belong to somebody else\n",
+                list.count - cancelled);
+    ids_free(&list);
+    return code;
+}
+
+int command_cancel(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    if (!argument == !options->label_count || options->label_count > 1) {
+        print_failure("cancel: give either the ID of a job or one --label");
+        return COMMAND_USAGE;
+    }
+    if (!argument) return cancel_all(c, options);
+    if (options->owner) {
+        print_failure("cancel: --owner goes with --label, not with the ID of a job");
+        return COMMAND_USAGE;
+    }
+    char *path = command_job_path(argument, "/cancel");
+    int code = path ? command_ask(c, "POST", path, NULL, &document) : COMMAND_USAGE;
+    if (code == COMMAND_OK && options->json)
+        print_document(document);
+    else if (code == COMMAND_OK)
+        print_job(json_root(document));
+    json_free(document);
+    free(path);
+    return code;
+}

@@ -1,0 +1,299 @@
+/* Downloads of results and logs. */
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/frames.h"
+#include "base/memory.h"
+#include "client/command.h"
+#include "client/print.h"
+#include "client/progress_bar.h"
+#include "store/file.h"
+
+#define TASKS_OF_A_PAGE 500
+
+/* Whether the file is there with these bytes already. */
+static bool is_there(const char *path, const char *sha256)
+{
+    char hex[STORE_HASH_SIZE] = "";
+    struct stat info;
+    uint64_t bytes = 0;
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    bool same = fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode) &&
+                store_file_hash(fd, hex, &bytes, NULL) && strcmp(hex, sha256) == 0;
+    if (fd >= 0) close(fd);
+    return same;
+}
+
+/* Downloads one result to a temporary file, verifies its hash and renames it. */
+static int download(client *c, const char *path, const char *href, const char *sha256, error *e)
+{
+    store_file file = {0};
+    char hex[STORE_HASH_SIZE] = "";
+    uint64_t bytes = 0;
+    client_reply reply = {0};
+    int code = COMMAND_FAILED;
+    store_file_clear(path);
+    if (!store_file_begin(path, &file, e)) goto done;
+    if (!client_download(c, href, file.stream, &reply, e)) {
+        if (ferror(file.stream))
+            error_set(e, ERROR_INTERNAL, "%s cannot be written", path);
+        else
+            code = COMMAND_UNREACHABLE;
+        goto done;
+    }
+    if (reply.status != 200) {
+        json_at root = json_root(reply.document);
+        error_set(e, ERROR_INTERNAL, "%s: the server answered %ld: %s", path, reply.status,
+                  json_string(json_member(&root, "detail"), "it gives no reason"));
+        goto done;
+    }
+    if (fflush(file.stream) != 0 || !store_file_hash(fileno(file.stream), hex, &bytes, e)) goto done;
+    if (strcmp(hex, sha256) != 0) {
+        error_set(e, ERROR_INPUT_DAMAGED, "%s: the received bytes do not have the announced SHA-256", path);
+        goto done;
+    }
+    if (store_file_commit(&file, e)) code = COMMAND_OK;
+done:
+    if (code != COMMAND_OK && e->code == ERROR_NONE)
+        error_set(e, ERROR_INTERNAL, "%s cannot be written", path);
+    client_reply_clear(&reply);
+    store_file_abort(&file);
+    return code;
+}
+
+static int fetch_file(client *c, const char *directory, json_at item, bool quiet)
+{
+    const char *name = json_string(json_member(&item, "name"), "");
+    const char *href = json_string(json_member(&item, "href"), "");
+    const char *sha256 = json_string(json_member(&item, "sha256"), "");
+    /* the name comes from the network and becomes a file name here */
+    if (!*name || *name == '.' || strchr(name, '/') || strncmp(href, "/v1/", 4) != 0)
+        return print_failure("the server lists a result without a plain name");
+    error e = {0};
+    char *path = mem_printf("%s/%s", directory, name);
+    int code = is_there(path, sha256) ? COMMAND_OK : download(c, path, href, sha256, &e);
+    if (code != COMMAND_OK) {
+        print_failure("%s", e.message);
+    } else if (!quiet) {
+        print_text(stdout, path);
+        putchar('\n');
+    }
+    free(path);
+    return code;
+}
+
+/* Fetches the files that the server lists, report.json last. On success *document is the list, the caller's. */
+static int fetch_list(client *c, const char *list, const char *directory, bool quiet, json **document)
+{
+    error e = {0};
+    json *found = NULL;
+    int code = command_ask(c, "GET", list, NULL, &found);
+    if (code == COMMAND_OK && !store_directory_create(directory, &e)) code = print_failure("%s", e.message);
+    json_at root = json_root(found), results = json_member(&root, "results");
+    for (size_t i = 0; code == COMMAND_OK && i < json_size(results); i++)
+        code = fetch_file(c, directory, json_element(&results, i), quiet);
+    if (code == COMMAND_OK)
+        *document = found;
+    else
+        json_free(found);
+    return code;
+}
+
+/* Frames of an array, on their way here. */
+typedef struct fetching {
+    const char *id, *directory;
+    const command_options *options;
+    int *wanted; /* NULL: all */
+    size_t wanted_count;
+    int all, fetched, unended, lost; /* frames: wanted; with their files here; not ended; without results */
+    int seen;                        /* of the wanted ones, in the job */
+    progress_bar bar;
+    json *frames; /* for --json */
+} fetching;
+
+static int compare(const void *a, const void *b)
+{
+    const int *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+static bool is_wanted(const fetching *f, int frame)
+{
+    return !f->wanted || bsearch(&frame, f->wanted, f->wanted_count, sizeof frame, compare);
+}
+
+static int fetch_frame(client *c, fetching *f, int frame)
+{
+    json *found = NULL;
+    char *list = mem_printf("/v1/jobs/%s/results?frame=%d", f->id, frame),
+         *directory = mem_printf("%s/%d", f->directory, frame);
+    progress_bar_show_count(&f->bar, f->fetched, f->all);
+    int code = fetch_list(c, list, directory, f->options->json || f->bar.terminal, &found);
+    if (code == COMMAND_OK) {
+        json_at root = json_root(found);
+        json *o = json_append_object(f->frames);
+        json_put_integer(o, "frame", frame);
+        json_put(o, "results", json_copy(json_member(&root, "results").node));
+        f->fetched++;
+    }
+    json_free(found);
+    free(list);
+    free(directory);
+    return code;
+}
+
+/* One task of the job: its results, or why there are none. */
+static int fetch_task(client *c, fetching *f, json_at task)
+{
+    int frame = (int)json_number(json_member(&task, "frame"), -1);
+    const char *state = json_string(json_member(&task, "state"), "?");
+    if (!is_wanted(f, frame)) return COMMAND_OK;
+    f->seen++;
+    if (strcmp(state, "succeeded") == 0) return fetch_frame(c, f, frame);
+    if (!command_has_ended(task)) {
+        f->unended++;
+        return COMMAND_OK;
+    }
+    json_at fault = json_member(&task, "error");
+    const char *why = json_string(json_member(&fault, "message"), NULL);
+    progress_bar_clear(&f->bar);
+    print_failure("frame %d has no results: %s%s%s", frame, state, why ? ": " : "", why ? why : "");
+    f->lost++;
+    return COMMAND_OK;
+}
+
+static int fetch_tasks(client *c, fetching *f)
+{
+    int code = COMMAND_OK;
+    double after = -1;
+    bool more = true;
+    while (more && code == COMMAND_OK) {
+        json *page = NULL;
+        char *path = after < 0
+                         ? mem_printf("/v1/jobs/%s/tasks?limit=%d", f->id, TASKS_OF_A_PAGE)
+                         : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", f->id, TASKS_OF_A_PAGE, after);
+        code = command_ask(c, "GET", path, NULL, &page);
+        json_at root = json_root(page), tasks = json_member(&root, "tasks");
+        for (size_t i = 0; code == COMMAND_OK && i < json_size(tasks); i++)
+            code = fetch_task(c, f, json_element(&tasks, i));
+        after = json_number(json_member(&root, "next"), -1);
+        more = after >= 0;
+        json_free(page);
+        free(path);
+    }
+    return code;
+}
+
+/* Says how much is here, and what is missing. */
+static int sum_up(fetching *f)
+{
+    int unknown = f->wanted ? f->all - f->seen : 0;
+    if (f->options->json) {
+        json *document = json_new_object();
+        json_put_integer(document, "all", f->all);
+        json_put_integer(document, "fetched", f->fetched);
+        json_put(document, "frames", f->frames);
+        f->frames = NULL;
+        print_document(document);
+        json_free(document);
+    }
+    fprintf(stderr, "%d of %d frames are in ", f->fetched, f->all);
+    print_text(stderr, f->directory);
+    if (f->lost) fprintf(stderr, "; %d have no results", f->lost);
+    if (f->unended) fprintf(stderr, "; %d have not ended: fetch again later", f->unended);
+    if (unknown) fprintf(stderr, "; the job does not have %d of them", unknown);
+    fputc('\n', stderr);
+    return f->fetched == f->all ? COMMAND_OK : COMMAND_MISSING;
+}
+
+static int fetch_array(client *c, fetching *f)
+{
+    error e = {0};
+    const char *given = f->options->frame;
+    if (given && !(f->wanted = frames_parse(given, &f->wanted_count, &e))) {
+        print_failure("fetch: --frame: %s", e.message);
+        return COMMAND_USAGE;
+    }
+    if (f->wanted) {
+        qsort(f->wanted, f->wanted_count, sizeof *f->wanted, compare);
+        f->all = (int)f->wanted_count;
+    }
+    f->frames = json_new_array();
+    progress_bar_init(&f->bar);
+    int code = fetch_tasks(c, f);
+    progress_bar_clear(&f->bar);
+    int sum = sum_up(f);
+    json_free(f->frames);
+    free(f->wanted);
+    return code == COMMAND_OK ? sum : code;
+}
+
+static int fetch_single(client *c, fetching *f)
+{
+    json *found = NULL;
+    if (f->options->frame) {
+        print_failure("fetch: --frame: the job %s is no array", f->id);
+        return COMMAND_USAGE;
+    }
+    char *list = mem_printf("/v1/jobs/%s/results", f->id);
+    int code = fetch_list(c, list, f->directory, f->options->json, &found);
+    if (code == COMMAND_OK && f->options->json) print_document(found);
+    json_free(found);
+    free(list);
+    return code;
+}
+
+int command_fetch(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    char *path = command_job_path(argument, "");
+    if (!path) return COMMAND_USAGE;
+    int code = command_ask(c, "GET", path, NULL, &document);
+    json_at job = json_root(document), tasks = json_member(&job, "tasks");
+    fetching f = {.id = argument,
+                  .directory = options->output ? options->output : argument,
+                  .options = options,
+                  .all = (int)json_number(json_member(&tasks, "all"), 0)};
+    if (code == COMMAND_OK)
+        code = json_bool(json_member(&job, "array"), false) ? fetch_array(c, &f) : fetch_single(c, &f);
+    json_free(document);
+    free(path);
+    return code;
+}
+
+/* The path of a log, to be freed; NULL, and a message, when the arguments cannot name one. */
+static char *log_path(client *c, const char *id, const command_options *options)
+{
+    char *path = command_job_path(id, "/log");
+    if (!path) return NULL;
+    char *frame = options->frame ? client_escape(c, options->frame) : NULL,
+         *attempt = options->attempt ? client_escape(c, options->attempt) : NULL;
+    char *whole = mem_printf("%s%s%s%s%s", path, frame ? "?frame=" : "", frame ? frame : "",
+                             !attempt ? ""
+                             : frame  ? "&attempt="
+                                      : "?attempt=",
+                             attempt ? attempt : "");
+    free(frame);
+    free(attempt);
+    free(path);
+    return whole;
+}
+
+int command_log(client *c, const char *argument, const command_options *options)
+{
+    error e = {0};
+    client_reply reply = {0};
+    char *path = log_path(c, argument, options);
+    int code = COMMAND_USAGE;
+    if (path)
+        code = !client_download(c, path, stdout, &reply, &e) ? print_unreachable(&e)
+               : reply.status != 200                         ? print_refused(&reply)
+                                                             : COMMAND_OK;
+    client_reply_clear(&reply);
+    free(path);
+    return code;
+}

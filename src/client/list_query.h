@@ -1,0 +1,10 @@
+/* list_query: the path and query by which a list of jobs is asked for. No state. */
+#ifndef HEXAD_CLIENT_LIST_QUERY_H
+#define HEXAD_CLIENT_LIST_QUERY_H
+
+#include "client/command.h"
+
+/* The jobs that the options choose, a page of them from the cursor on (NULL: the first); to be freed. */
+char *list_query_path(client *c, const command_options *options, const char *cursor);
+
+#endif

@@ -1,0 +1,249 @@
+/* Commands that send specs, and the files that specs name. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/memory.h"
+#include "client/command.h"
+#include "client/print.h"
+#include "store/file.h"
+#include "store/inputs.h"
+
+#define SPEC_LIMIT_BYTES (64u << 20)
+
+/* All of standard input, to be freed; NULL when it cannot be read or is longer than a spec. */
+static char *read_input(size_t *length, error *e)
+{
+    char *text = mem_alloc(1);
+    size_t used = 0, got;
+    do {
+        text = mem_resize(text, used + 65537);
+        got = fread(text + used, 1, 65536, stdin);
+        used += got;
+    } while (got > 0 && used <= SPEC_LIMIT_BYTES);
+    if (!ferror(stdin) && used <= SPEC_LIMIT_BYTES) {
+        text[used] = '\0';
+        *length = used;
+        return text;
+    }
+    if (ferror(stdin))
+        error_set(e, ERROR_INTERNAL, "standard input cannot be read: %s", strerror(errno));
+    else
+        error_set(e, ERROR_INTERNAL, "standard input has more than %u bytes", SPEC_LIMIT_BYTES);
+    free(text);
+    return NULL;
+}
+
+static bool is_standard_input(const char *path)
+{
+    return strcmp(path, "-") == 0;
+}
+
+/* How messages name the file of a spec. */
+static const char *name_of(const char *path)
+{
+    return is_standard_input(path) ? "standard input" : path;
+}
+
+/* The member of an object, which is made where it is missing; NULL where it is of another type. */
+static json *member_of_type(json *object, const char *pointer, json_type type)
+{
+    json *found = json_find(object, pointer);
+    if (!found)
+        return type == JSON_OBJECT ? json_put_object(object, pointer + 1)
+                                   : json_put_array(object, pointer + 1);
+    return json_type_of(json_root(found)) == type ? found : NULL;
+}
+
+/* Puts the options into the spec's group `queue`. What has the wrong type stays, for the server to refuse. */
+static bool apply_options(json *document, const command_options *options)
+{
+    char *end = NULL;
+    long priority = options->priority ? strtol(options->priority, &end, 10) : 0;
+    if (options->priority && (!*options->priority || *end)) {
+        print_failure("submit: --priority takes a whole number (given %s)", options->priority);
+        return false;
+    }
+    if (json_type_of(json_root(document)) != JSON_OBJECT) return true;
+    json *queue = member_of_type(document, "/queue", JSON_OBJECT);
+    if (queue && options->priority) json_put_integer(queue, "priority", priority);
+    json *labels = queue && options->label_count ? member_of_type(queue, "/labels", JSON_ARRAY) : NULL;
+    for (size_t i = 0; labels && i < options->label_count; i++) json_append_string(labels, options->label[i]);
+    return true;
+}
+
+/* Reads the spec at the path, with the options put into it, as text to be freed; or prints why not. */
+static char *read_spec(const char *path, const command_options *options, size_t *length)
+{
+    error e = {0};
+    char *text = is_standard_input(path) ? read_input(length, &e)
+                                         : store_file_read(path, SPEC_LIMIT_BYTES, length, &e);
+    json *document = text ? json_parse(text, *length, &e) : NULL;
+    if (!text) {
+        print_failure("%s", e.message);
+    } else if (!document) {
+        print_failure("%s: %s", name_of(path), e.message);
+        free(text);
+        text = NULL;
+    } else if (options->priority || options->label_count) {
+        free(text);
+        text = apply_options(document, options) ? json_print(document) : NULL;
+        *length = text ? strlen(text) : 0;
+    }
+    json_free(document);
+    return text;
+}
+
+/* Posts the spec. On success *document is the caller's. */
+static int post_spec(client *c, const char *to, const char *path, const command_options *options,
+                     json **document)
+{
+    error e = {0};
+    size_t length = 0;
+    client_reply reply = {0};
+    int code = COMMAND_OK;
+    char *body = read_spec(path, options, &length);
+    if (!body) return COMMAND_USAGE;
+    if (!client_call(c, "POST", to, body, length, &reply, &e)) {
+        code = print_unreachable(&e);
+    } else if (reply.status >= 300 || !reply.document) {
+        code = print_refused_spec(&reply, name_of(path));
+    } else {
+        *document = reply.document;
+        reply.document = NULL;
+    }
+    client_reply_clear(&reply);
+    free(body);
+    return code;
+}
+
+int command_submit(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    int code = post_spec(c, "/v1/jobs", argument, options, &document);
+    json_at job = json_root(document);
+    const char *id = json_string(json_member(&job, "id"), "");
+    if (code == COMMAND_OK && options->wait) {
+        char *path = command_job_path(id, "");
+        fprintf(stderr, "job %s\n", id); /* so that the user knows it when the wait is interrupted */
+        code = path ? command_wait_for(c, path, options) : COMMAND_FAILED;
+        free(path);
+    } else if (code == COMMAND_OK && options->json) {
+        print_document(document);
+    } else if (code == COMMAND_OK) {
+        puts(id);
+    }
+    json_free(document);
+    return code;
+}
+
+int command_validate(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    int code = post_spec(c, "/v1/jobs:validate", argument, options, &document);
+    if (code == COMMAND_OK && options->json) {
+        print_document(document);
+    } else if (code == COMMAND_OK) {
+        print_text(stdout, name_of(argument));
+        puts(": the spec is valid");
+    }
+    json_free(document);
+    return code;
+}
+
+/* The estimate of a single job, or of each frame. */
+static void print_estimate(json_at estimate)
+{
+    json_at count = json_member(&estimate, "count"), seconds = json_member(&estimate, "seconds");
+    double threads = json_number(json_member(&estimate, "threads"), 1);
+    if (json_type_of(count) == JSON_NUMBER)
+        printf("points   %.0f\n", json_number(count, 0));
+    else
+        puts("points   as many as the target time allows");
+    printf("area     %.6g\n", json_number(json_member(&estimate, "area"), 0));
+    printf("memory   %.0f MiB\n", json_number(json_member(&estimate, "memory_bytes"), 0) / (1 << 20));
+    if (json_type_of(seconds) == JSON_NUMBER) {
+        printf("time     %.3g s with %.0f thread%s, without writing the results\n", json_number(seconds, 0),
+               threads, threads == 1 ? "" : "s");
+    } else {
+        fputs("time     not known: ", stdout);
+        print_text(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
+        putchar('\n');
+    }
+}
+
+int command_estimate(client *c, const char *argument, const command_options *options)
+{
+    json *document = NULL;
+    int code = post_spec(c, "/v1/jobs:validate", argument, options, &document);
+    json_at root = json_root(document), estimate = json_member(&root, "estimate");
+    bool known = json_type_of(estimate) == JSON_OBJECT;
+    if (code == COMMAND_OK && options->json) print_document(document);
+    if (code == COMMAND_OK && known && !options->json) print_estimate(estimate);
+    if (code == COMMAND_OK && !known)
+        code =
+            print_failure("%s is valid, but there is no estimate: %s", name_of(argument),
+                          json_string(json_member(&root, "estimate_missing"), "the server gives no reason"));
+    json_free(document);
+    return code;
+}
+
+/* The ending by which readers tell formats apart, ".obj" or ".nii.gz"; "" when the name has none. */
+static const char *ending_of(const char *path)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
+    if (!dot || dot == name) return "";
+    if (strcmp(dot, ".gz") != 0) return dot;
+    for (const char *at = dot - 1; at > name; at--)
+        if (*at == '.') return at;
+    return dot;
+}
+
+/* Sends an open file of this hash, unless the server has it. */
+static int send_file(client *c, FILE *file, const char *path, const char *hex, uint64_t bytes,
+                     json **document)
+{
+    error e = {0};
+    client_reply reply = {0};
+    int code = COMMAND_OK;
+    char *to = mem_printf("/v1/inputs/%s", hex);
+    if (!client_upload(c, to, file, (int64_t)bytes, &reply, &e)) {
+        code = ferror(file) ? print_failure("%s cannot be read", path) : print_unreachable(&e);
+    } else if (reply.status >= 300 || !reply.document) {
+        code = print_refused_spec(&reply, path);
+    } else {
+        *document = reply.document;
+        reply.document = NULL;
+    }
+    client_reply_clear(&reply);
+    free(to);
+    return code;
+}
+
+int command_upload(client *c, const char *argument, const command_options *options)
+{
+    error e = {0};
+    char hex[STORE_HASH_SIZE] = "";
+    uint64_t bytes = 0;
+    json *document = NULL;
+    struct stat info;
+    int code = COMMAND_USAGE;
+    FILE *file = fopen(argument, "rb");
+    if (!file)
+        print_failure("%s cannot be read: %s", argument, strerror(errno));
+    else if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode))
+        print_failure("%s is not a regular file", argument);
+    else if (!store_file_hash(fileno(file), hex, &bytes, &e))
+        code = print_failure("%s: %s", argument, e.message);
+    else
+        code = send_file(c, file, argument, hex, bytes, &document);
+    if (code == COMMAND_OK && options->json)
+        print_document(document);
+    else if (code == COMMAND_OK)
+        printf(STORE_INPUT_PREFIX "%s%s\n", hex, ending_of(argument));
+    if (file) fclose(file);
+    json_free(document);
+    return code;
+}

@@ -1,0 +1,71 @@
+/* Waiting for the end of a job. */
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "client/command.h"
+#include "client/print.h"
+#include "client/progress_bar.h"
+
+/* The waits between two polls of a job grow from the first to the second. */
+#define FIRST_WAIT_MS 50
+#define LONGEST_WAIT_MS 1000
+/* How long `wait` tolerates an unreachable server, so that it outlives a restart of the daemon. */
+#define UNREACHABLE_MS 15000
+
+static int code_of_end(json_at job)
+{
+    const char *state = json_string(json_member(&job, "state"), "");
+    const char *outcome = json_string(json_member(&job, "outcome"), "");
+    if (strcmp(state, "cancelled") == 0) return COMMAND_CANCELLED;
+    if (strcmp(state, "succeeded") != 0) return COMMAND_FAILED;
+    return strcmp(outcome, "converged") == 0 ? COMMAND_OK : COMMAND_NOT_CONVERGED;
+}
+
+int command_wait_for(client *c, const char *path, const command_options *options)
+{
+    int wait_ms = FIRST_WAIT_MS, code = COMMAND_OK;
+    int64_t heard_ms = clock_monotonic_ms();
+    bool done = false;
+    progress_bar m;
+    progress_bar_init(&m);
+    while (!done) {
+        error e = {0};
+        client_reply reply = {0};
+        if (!client_call(c, "GET", path, NULL, 0, &reply, &e)) {
+            done = clock_monotonic_ms() - heard_ms > UNREACHABLE_MS;
+            if (done) code = print_unreachable(&e);
+        } else if (reply.status >= 300 || !reply.document) {
+            progress_bar_clear(&m);
+            code = print_refused(&reply);
+            done = true;
+        } else {
+            json_at job = json_root(reply.document);
+            heard_ms = clock_monotonic_ms();
+            done = command_has_ended(job);
+            if (!done) {
+                progress_bar_show(&m, job);
+            } else {
+                progress_bar_clear(&m);
+                if (options->json)
+                    print_document(reply.document);
+                else
+                    print_job(job);
+                code = code_of_end(job);
+            }
+        }
+        client_reply_clear(&reply);
+        if (!done) poll(NULL, 0, wait_ms);
+        wait_ms = wait_ms * 3 / 2 < LONGEST_WAIT_MS ? wait_ms * 3 / 2 : LONGEST_WAIT_MS;
+    }
+    return code;
+}
+
+int command_wait(client *c, const char *argument, const command_options *options)
+{
+    char *path = command_job_path(argument, "");
+    int code = path ? command_wait_for(c, path, options) : COMMAND_USAGE;
+    free(path);
+    return code;
+}

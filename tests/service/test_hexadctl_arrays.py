@@ -1,0 +1,238 @@
+"""hexadctl and arrays, files and many jobs at once."""
+import hashlib
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from service import PATIENCE_S, gated_worker, sphere
+
+FRAMES = (8, 9, 11)
+
+
+@pytest.fixture(scope="module")
+def footage(build, tmp_path_factory):
+    """A directory with the frames 8, 9 and 11 of a level set."""
+    where = tmp_path_factory.mktemp("footage")
+    subprocess.run([build / "hexad-worker", "make-example", where / "a.0008.vdb"], check=True, timeout=PATIENCE_S)
+    for frame in FRAMES[1:]:
+        shutil.copy(where / "a.0008.vdb", where / f"a.{frame:04d}.vdb")
+    return where
+
+
+@pytest.fixture
+def service(new_service, footage):
+    return new_service("--input_roots", footage).start()
+
+
+@pytest.fixture
+def run(service, build, tmp_path):
+    def call(*words, **more):
+        return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, env=service.environment(), cwd=tmp_path, **more)
+    return call
+
+
+def sequence(footage, frames, **queue):
+    return {"version": 1, "surface": {"vdb": {"path": str(footage / "a.####.vdb")}}, "sampling": {"count": 100},
+            "output": {"preview": False}, "queue": {"frames": frames, **queue}}
+
+
+def check_frame(service, job, frame, directory):
+    listed = service.get(f"/v1/jobs/{job}/results?frame={frame}").json["results"]
+    assert sorted(p.name for p in directory.iterdir()) == sorted(r["name"] for r in listed)
+    for r in listed:
+        assert hashlib.sha256((directory / r["name"]).read_bytes()).hexdigest() == r["sha256"]
+
+
+def test_all_frames_are_fetched(run, service, footage, tmp_path):
+    job = service.submit(sequence(footage, "8-9,11"))
+    service.wait_state(job, "succeeded")
+    done = run("fetch", job, "--output", "out")
+    assert done.returncode == 0 and "3 of 3 frames" in done.stderr, done.stderr
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["11", "8", "9"]
+    for frame in FRAMES:
+        check_frame(service, job, frame, tmp_path / "out" / str(frame))
+        assert f"out/{frame}/report.json" in done.stdout
+
+
+def test_a_fetch_goes_on_where_it_stopped(run, service, footage, tmp_path):
+    job = service.submit(sequence(footage, "8-9,11"))
+    service.wait_state(job, "succeeded")
+    assert run("fetch", job, "--output", "out").returncode == 0
+    kept = (tmp_path / "out/8/points.ply").stat()
+    (tmp_path / "out/9/points.ply").write_bytes(b"cut off")
+    shutil.rmtree(tmp_path / "out/11")
+    assert run("fetch", job, "--output", "out").returncode == 0
+    for frame in FRAMES:
+        check_frame(service, job, frame, tmp_path / "out" / str(frame))
+    now = (tmp_path / "out/8/points.ply").stat()
+    assert (now.st_ino, now.st_mtime_ns) == (kept.st_ino, kept.st_mtime_ns)  # it was not downloaded again
+
+
+def test_some_frames_are_fetched(run, service, footage, tmp_path):
+    job = service.submit(sequence(footage, "8-9,11"))
+    service.wait_state(job, "succeeded")
+    done = run("fetch", job, "--frame", "9-11x2", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["fetched"], told["all"]) == (2, 2) and [f["frame"] for f in told["frames"]] == [9, 11]
+    assert sorted(p.name for p in (tmp_path / job).iterdir()) == ["11", "9"]
+    done = run("fetch", job, "--frame", "9-10")
+    assert done.returncode == 4 and "1 of 2 frames" in done.stderr
+    assert run("fetch", job, "--frame", "9-").returncode == 2
+    single = service.submit(sphere())
+    service.wait_state(single, "succeeded")
+    assert run("fetch", single, "--frame", "1").returncode == 2
+
+
+def test_frames_that_are_not_there_yet_or_never(run, new_service, build, footage, tmp_path):
+    service = new_service("--input_roots", footage).start()
+    job = service.submit(sequence(footage, "8-11"))
+    service.wait_state(job, "failed")
+    words = [build / "hexadctl", "fetch", job]
+    done = subprocess.run(words, env=service.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 4 and "3 of 4 frames" in done.stderr
+    assert "frame 10 has no results: failed: " in done.stderr and "a.0010.vdb" in done.stderr
+
+
+def test_the_log_of_a_frame(run, service, footage):
+    job = service.submit(sequence(footage, "8-11"))
+    service.wait_state(job, "failed")
+    done = run("log", job, "--frame", "10")
+    assert done.returncode == 0 and "a.0010.vdb" in done.stdout
+    last = service.get(f"/v1/jobs/{job}/tasks?after=1&limit=1").json["tasks"][0]["attempt"]
+    assert run("log", job, "--frame", "10", "--attempt", last).stdout == done.stdout
+    assert "a.0008.vdb" not in done.stdout
+    done = run("log", job)
+    assert done.returncode == 2 and "--frame" in done.stderr  # of which frame?
+    assert run("log", job, "--frame", "12").returncode == 4
+    assert run("log", job, "--frame", "10", "--attempt", last + 1).returncode == 4
+
+
+def test_a_wait_tells_how_many_frames_have_ended(new_service, build, footage, tmp_path):
+    service = new_service("--input_roots", footage, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+    job = service.submit(sequence(footage, "8-9"))
+    service.wait_worker(job)
+    waiting = subprocess.Popen([build / "hexadctl", "wait", job], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               env=service.environment(), text=True)
+    assert "0 of 2 frames" in waiting.stderr.readline()
+    service.open_gate(f"{job}.8")
+    assert "1 of 2 frames" in waiting.stderr.readline()
+    service.open_gate(f"{job}.9")
+    out, _ = waiting.communicate(timeout=PATIENCE_S)
+    assert waiting.returncode == 0 and out.startswith(f"{job} succeeded")
+
+
+def test_a_pause_says_what_it_means(new_service, build, footage, tmp_path):
+    service = new_service("--input_roots", footage, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+
+    def run(*words):
+        return subprocess.run([build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
+                              timeout=PATIENCE_S).stdout
+    array = service.submit(sequence(footage, "8-9,11"))
+    service.wait_worker(array)
+    told = run("pause", array)
+    assert told.startswith(f"{array} running") and "1 frame runs on to the end; 2 frames wait" in told
+    single = service.submit(sphere())
+    told = run("pause", single)
+    assert told.startswith(f"{single} paused") and "no attempt starts" in told
+    assert run("resume", single).startswith(f"{single} queued")
+
+
+def test_jobs_with_a_label_are_cancelled_together(new_service, build, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+
+    def run(*words):
+        return subprocess.run([build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+    jobs = [service.submit(sphere(queue={"labels": ["shot=010"]})) for _ in range(3)]
+    jobs.append(service.submit(sphere(queue={"labels": ["shot=010"], "depends_on": jobs[:1]})))
+    other = service.submit(sphere(queue={"labels": ["shot=020"]}))
+    service.wait_worker(jobs[0])
+    done = run("cancel", "--label", "shot=010")
+    assert done.returncode == 0 and done.stdout == "4 jobs cancelled\n", done.stderr
+    for job in jobs:
+        service.wait_state(job, "cancelled")  # also the dependent one, which has not failed before
+    assert service.job(other)["state"] in ("queued", "running")
+    assert run("cancel", "--label", "shot=010", "--json").stdout == '{"cancelled":0}\n'
+    for words in (["cancel"], ["cancel", other, "--label", "a"], ["cancel", "--label", "a", "--label", "b"]):
+        assert run(*words).returncode == 2
+
+
+def test_submit_takes_a_priority_and_labels(run, service, tmp_path):
+    (tmp_path / "spec.json").write_text(json.dumps(sphere(queue={"labels": ["a"], "priority": 1})))
+    job = run("submit", "spec.json", "--priority", "-7", "--label", "shot=010", "--label=user=me").stdout.strip()
+    told = service.job(job)
+    assert told["priority"] == -7 and told["labels"] == ["a", "shot=010", "user=me"]
+    (tmp_path / "spec.json").write_text(json.dumps(sphere()))
+    told = json.loads(run("submit", "spec.json", "--label", "x", "--json").stdout)
+    assert told["labels"] == ["x"]
+    done = run("submit", "spec.json", "--priority", "high")
+    assert done.returncode == 2 and "--priority" in done.stderr
+    done = run("submit", "spec.json", "--priority", "5000")
+    assert done.returncode == 2 and "/queue/priority" in done.stderr
+
+
+def test_a_file_is_uploaded_and_used(run, service, footage, tmp_path):
+    done = run("upload", footage / "a.0008.vdb")
+    assert done.returncode == 0, done.stderr
+    path = done.stdout.strip()
+    assert path == f"sha256:{hashlib.sha256((footage / 'a.0008.vdb').read_bytes()).hexdigest()}.vdb"
+    assert run("upload", footage / "a.0008.vdb").stdout == done.stdout
+    spec = {"version": 1, "surface": {"vdb": {"path": path}}, "sampling": {"count": 100}}
+    service.wait_state(service.submit(spec), "succeeded")
+    (tmp_path / "large").write_bytes(b"x" * (3 << 20))
+    assert json.loads(run("upload", "large", "--json").stdout)["bytes"] == 3 << 20
+    for name in ("nowhere", "."):
+        done = run("upload", name)
+        assert done.returncode == 2 and name in done.stderr
+
+
+def test_specs_are_checked_and_estimated(run, service, tmp_path):
+    (tmp_path / "spec.json").write_text(json.dumps(sphere(count=1000)))
+    done = run("validate", "spec.json")
+    assert done.returncode == 0 and done.stdout == "spec.json: the spec is valid\n"
+    assert json.loads(run("validate", "spec.json", "--json").stdout)["spec"]["sampling"]["count"] == 1000
+    done = run("estimate", "-", input=json.dumps(sphere(count=1000)))
+    assert done.returncode == 0 and "points   1000\n" in done.stdout and "memory " in done.stdout, done.stderr
+    (tmp_path / "spec.json").write_text(json.dumps(sphere(count=-1)))
+    for command in ("validate", "estimate", "submit"):
+        done = run(command, "spec.json")
+        assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: /sampling/count: ")
+        assert done.stderr.count("/sampling/count") == 1  # it is told once
+    (tmp_path / "spec.json").write_text(json.dumps(sphere(count=-1, nonsense=1)))
+    done = run("submit", "spec.json")
+    assert "/sampling/count: " in done.stderr and "/nonsense: " in done.stderr
+    (tmp_path / "spec.json").write_text('{"version": 1,\n,}')
+    done = run("submit", "spec.json")
+    assert done.returncode == 2 and done.stderr.startswith("hexadctl: spec.json: line 2 column ")
+
+
+def test_an_option_that_does_not_belong_to_a_command(run):
+    for words, told in {("list", "--wait"): "list: --wait ", ("show", "x", "--priority", "1"): "show: --priority ",
+                        ("--label", "a", "wait", "x"): "wait: --label ", ("token", "list", "--scopes", "a"): "token list: --scopes ",
+                        ("submit",): "submit: its argument is missing", ("show", "a", "b"): "show: b is too much",
+                        ("submt", "x"): ": submt is no command", ("list", "--stat", "a"): ": --stat is no option",
+                        ("list", "--state"): ": --state needs a value"}.items():
+        done = run(*words)
+        assert done.returncode == 2 and told in done.stderr, done.stderr
+
+
+def test_states_are_listed_together_and_named_in_a_complaint(run, service, tmp_path):
+    done = service.submit(sphere())
+    service.wait_state(done, "succeeded")
+    paused = service.submit(sphere(queue={"depends_on": [done]}))
+    service.wait_state(paused, "succeeded")
+    service.post("/v1/admin/drain")
+    pages, cursor = [], ""
+    while cursor is not None:
+        page = service.get(f"/v1/jobs?state=queued,succeeded&limit=1{cursor}").json
+        pages.append([j["id"] for j in page["jobs"]])
+        cursor = page["next"] and f"&cursor={page['next']}"
+    assert pages == [[paused], [done]]
+    refused = run("list", "--state", "succeeded,foo")
+    assert refused.returncode == 2
+    for state in ("queued", "blocked", "paused", "running", "cancelling", "succeeded", "failed", "cancelled", "timed_out"):
+        assert state in refused.stderr
