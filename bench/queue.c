@@ -1,7 +1,7 @@
 /* The queue against the machine it runs on, as ratios in one run: how many submissions are acknowledged in
  * a second by 16 threads, over what SQLite makes of durable transactions of one row; and how long a
- * listing, a look at a job and a claim take with 100 000 jobs waiting, over an empty queue. Exits 1 when a
- * claim is missed. */
+ * listing, a look at a job and a claim take with 100 000 jobs waiting, of one user and of a thousand, over an
+ * empty queue. Exits 1 when a claim is missed. */
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 #include "queue/queue.h"
 #include "store/file.h"
 
-enum { CLIENTS = 16, FILLERS = 200, WAITING = 100000, ROUNDS = 5, LOOKS = 1000 };
+enum { CLIENTS = 16, FILLERS = 200, WAITING = 100000, USERS = 1000, ROUNDS = 5, LOOKS = 1000 };
 /* of one measurement of a rate; five of each alternate, so that a noisy neighbour hits both */
 static const double SPAN_S = 2;
 static const double LEAST_RATIO = 7, MOST_RATIO = 3;
@@ -33,7 +33,6 @@ static double now_s(void)
 
 static const queue_submission job = {
     .name = "sphere",
-    .owner = "bench",
     .labels = "[\"shot\"]",
     .spec =
         "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0,0,0],\"radius\":1}},"
@@ -46,28 +45,38 @@ static const queue_submission job = {
 typedef struct client {
     queue *q;
     double until_s; /* 0: until `most` */
-    int most, done;
+    int users, most, done;
     pthread_t thread;
 } client;
+
+/* Jobs of users in turn. */
+static void submit_one(queue *q, int number, int users, queue_receipt *receipt)
+{
+    char owner[32];
+    error e = {0};
+    queue_submission s = job;
+    snprintf(owner, sizeof owner, "user%d", number % users);
+    s.owner = owner;
+    if (!queue_put(q, &s, receipt, &e)) die(e.message);
+}
 
 static void *submit(void *argument)
 {
     client *c = argument;
     while (c->until_s > 0 ? now_s() < c->until_s : c->done < c->most) {
         queue_receipt receipt;
-        error e = {0};
-        if (!queue_put(c->q, &job, &receipt, &e)) die(e.message);
-        c->done++;
+        submit_one(c->q, c->done++, c->users, &receipt);
     }
     return NULL;
 }
 
-static int submit_all(queue *q, int clients, double span_s, int most)
+static int submit_all(queue *q, int clients, int users, double span_s, int most)
 {
     client *c = mem_alloc((size_t)clients * sizeof *c);
     int done = 0;
     for (int i = 0; i < clients; i++) {
-        c[i] = (client){.q = q, .until_s = span_s > 0 ? now_s() + span_s : 0, .most = most / clients};
+        c[i] = (client){
+            .q = q, .users = users, .until_s = span_s > 0 ? now_s() + span_s : 0, .most = most / clients};
         if (pthread_create(&c[i].thread, NULL, submit, &c[i]) != 0) die("no thread");
     }
     for (int i = 0; i < clients; i++) {
@@ -96,7 +105,7 @@ static double percentile(double *s)
 
 /* Of one job in every listing, since an empty queue has no page of fifty. Each look on a queue of as many
  * jobs as before: what is claimed is ended and another one put. */
-static latency measure_looks(queue *q)
+static latency measure_looks(queue *q, int users)
 {
     static double list[LOOKS], status[LOOKS], claim[LOOKS];
     const queue_room room = {.threads = 8, .all_threads = 8, .memory_mb = 65536, .all_memory_mb = 65536};
@@ -108,7 +117,7 @@ static latency measure_looks(queue *q)
         queue_job *jobs, one;
         size_t count;
         bool found, accepted;
-        if (!queue_put(q, &job, &receipt, NULL)) die("put");
+        submit_one(q, i, users, &receipt);
         double t0 = now_s();
         if (!queue_list(q, &(queue_filter){.state = QUEUE_QUEUED, .limit = 1}, &jobs, &count, NULL))
             die("list");
@@ -144,7 +153,7 @@ static bool bench_rates(queue *q, const char *base)
     double rows[ROUNDS], jobs[ROUNDS], ratio[ROUNDS];
     for (int i = 0; i < ROUNDS; i++) {
         rows[i] = durable_rows(base, SPAN_S);
-        jobs[i] = submit_all(q, CLIENTS, SPAN_S, 0) / SPAN_S;
+        jobs[i] = submit_all(q, CLIENTS, 1, SPAN_S, 0) / SPAN_S;
         ratio[i] = jobs[i] / rows[i];
         printf("durable rows %.0f/s, submissions by %d threads %.0f/s\n", rows[i], CLIENTS, jobs[i]);
     }
@@ -152,32 +161,35 @@ static bool bench_rates(queue *q, const char *base)
     return judge("submissions over rows, median", ratio[ROUNDS / 2], LEAST_RATIO, true);
 }
 
-static bool bench_looks(queue *empty, queue *full)
+static bool bench_looks(queue *q, const latency *empty, int users)
 {
-    printf("waiting: %d\n", submit_all(full, FILLERS, 0, WAITING));
-    latency a = measure_looks(empty), b = measure_looks(full);
-    printf("99th percentile, ms: list %.3f and %.3f, status %.3f and %.3f, claim %.2f and %.2f\n", a.list,
-           b.list, a.status, b.status, a.claim, b.claim);
-    bool ok = judge("list with 100 000 jobs over an empty queue", b.list / a.list, MOST_RATIO, false);
-    ok &= judge("status", b.status / a.status, MOST_RATIO, false);
-    ok &= judge("claim", b.claim / a.claim, MOST_RATIO, false);
+    printf("waiting: %d, of %d user%s\n", submit_all(q, FILLERS, users, 0, WAITING), users,
+           users > 1 ? "s" : "");
+    latency full = measure_looks(q, users);
+    printf("99th percentile, ms: list %.3f and %.3f, status %.3f and %.3f, claim %.2f and %.2f\n",
+           empty->list, full.list, empty->status, full.status, empty->claim, full.claim);
+    bool ok = judge("list with 100 000 jobs over an empty queue", full.list / empty->list, MOST_RATIO, false);
+    ok &= judge("status", full.status / empty->status, MOST_RATIO, false);
+    ok &= judge("claim", full.claim / empty->claim, MOST_RATIO, false);
     return ok;
 }
 
 int main(int argc, char **argv)
 {
-    char base[256], *place[3];
+    char base[256], *place[4];
     snprintf(base, sizeof base, "%s/hexad-bench-XXXXXX", argc > 1 ? argv[1] : "/tmp");
     if (!mkdtemp(base)) die("no directory");
-    queue *q[3];
-    for (int i = 0; i < 3; i++) {
+    queue *q[4];
+    for (int i = 0; i < 4; i++) {
         error e = {0};
         place[i] = mem_printf("%s/%d", base, i);
         if (!store_directory_create(place[i], &e) || !(q[i] = queue_open(place[i], &e))) die(e.message);
     }
     bool ok = bench_rates(q[0], base);
-    ok &= bench_looks(q[1], q[2]);
-    for (int i = 0; i < 3; i++) {
+    latency empty = measure_looks(q[1], 1);
+    ok &= bench_looks(q[2], &empty, 1);
+    ok &= bench_looks(q[3], &empty, USERS);
+    for (int i = 0; i < 4; i++) {
         queue_close(q[i]);
         free(place[i]);
     }

@@ -94,7 +94,8 @@ class Bench:
     def service(self, *more):
         base = pathlib.Path(tempfile.mkdtemp(dir=self.where))
         one = Service(self.options.built, base, "--listen", f"unix:{base}/socket", "--log_level", "warning",
-                      "--cache", 0, "--connection_limit", 4096, "--user_connection_limit", 2048, *more)
+                      "--cache", 0, "--connection_limit", 4096, "--user_connection_limit", 2048,
+                      "--user_queued", 0, "--user_submissions", 0, *more)
         one.socket = base / "socket"
         self.made.append(one)
         return one.start()

@@ -106,7 +106,7 @@ static bool is_there(service *s, const char *id, queue_state state)
 /* What an input did to them is not to be seen by the next. */
 static void put_jobs(service *s)
 {
-    executor_hold(s->x, false);
+    executor_close(s->x, false);
     if (!is_there(s, s->id[0], QUEUE_QUEUED)) put_job(s, s->id[0]);
     if (is_there(s, s->id[1], QUEUE_SUCCEEDED)) return;
     put_job(s, s->id[1]);

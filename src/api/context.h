@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "api/document_cache.h"
+#include "api/submission_rate.h"
 #include "executor/estimator.h"
 #include "executor/executor.h"
 #include "http/handler.h"
@@ -29,6 +30,8 @@ struct http_context {
     const char *state_dir;
     int max_attempts;               /* of a job that names none */
     int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */
+    const user_numbers *priorities; /* the highest that a user may give; NULL: any */
+    submission_rate *rate;          /* of each user; NULL: any */
     int64_t retention_s;            /* of a job that names none */
     double wait_s;                  /* the longest wait that a client may ask for */
     int64_t started_ms;             /* wall clock */

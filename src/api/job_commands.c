@@ -140,10 +140,12 @@ void job_commands_edit(const http_context *c, const http_request *request, reply
         errors = NULL;
         goto done;
     }
+    bool prioritised = json_member(&patch, "priority").node != NULL;
+    if (prioritised && !jobs_admit_priority(c, request, s->priority, "/priority", r)) goto done;
     json_at given = json_member(&patch, "labels");
     if (given.node) labels = json_print(given.node);
     const queue_edit edit = {
-        .priority = json_member(&patch, "priority").node ? &s->priority : NULL,
+        .priority = prioritised ? &s->priority : NULL,
         .labels = labels,
         .retention_s = json_member(&patch, "retention_s").node ? &s->retention_s : NULL,
     };

@@ -175,9 +175,25 @@ static bool check_webhook(const http_context *c, const order *o, reply *r)
     return false;
 }
 
-static bool check_order(const http_context *c, const order *o, reply *r)
+bool jobs_admit_priority(const http_context *c, const http_request *request, int priority,
+                         const char *pointer, reply *r)
 {
-    return check_inputs(c, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
+    const access_caller *caller = request->caller;
+    double most = user_numbers_of(c->priorities, caller->user, priority);
+    if (priority <= most || (caller->scopes & SCOPE_ADMIN)) return true;
+    char detail[160];
+    json *errors = json_new_array();
+    snprintf(detail, sizeof detail, "%d is more than %s may give, which is %d (setting user_priorities)",
+             priority, caller->user, (int)most);
+    reply_append_fault(errors, pointer, detail);
+    reply_set_problem(r, "priority_forbidden", errors, "%s: %s", pointer, detail);
+    return false;
+}
+
+static bool check_order(const http_context *c, const http_request *request, const order *o, reply *r)
+{
+    return jobs_admit_priority(c, request, o->s->priority, "/queue/priority", r) && check_inputs(c, o, r) &&
+           check_output(c, o, r) && check_webhook(c, o, r);
 }
 
 static char *print_labels(const spec *s)
@@ -302,6 +318,22 @@ static void answer_receipt(const http_context *c, const http_request *request, c
     free(location);
 }
 
+/* Whether the user may submit a job now; otherwise answers when. */
+static bool check_rate(const http_context *c, const http_request *request, reply *r)
+{
+    int64_t wait_s = 0;
+    char after[24];
+    const char *user = request->caller->user;
+    if (!c->rate || submission_rate_take(c->rate, user, clock_monotonic_ms(), &wait_s)) return true;
+    snprintf(after, sizeof after, "%lld", (long long)wait_s);
+    reply_set_problem(r, "too_many_submissions", NULL,
+                      "%s has submitted as many jobs as a user may in an hour (setting user_submissions): try"
+                      " again in %s s",
+                      user, after);
+    reply_add_header(r, "Retry-After", after);
+    return false;
+}
+
 /* The names of the uploaded files that the job reads. */
 static char **list_sent(const spec *s, size_t *count)
 {
@@ -336,7 +368,7 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     char hash[STORE_HASH_SIZE], result_key[STORE_HASH_SIZE];
     const char *key = NULL;
     size_t sent_count = 0;
-    if (!read_key(request, hash, &key, r)) return;
+    if (!read_key(request, hash, &key, r) || !check_rate(c, request, r)) return;
     char **sent = list_sent(s, &sent_count);
     char *labels = print_labels(s), *text = json_print(s->normalised),
          *paths = o->paths ? json_print(o->paths) : NULL,
@@ -391,7 +423,7 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
         return;
     }
     order o = {0};
-    if (read_order(c, request, &o, r) && check_order(c, &o, r)) put_in_queue(c, request, &o, r);
+    if (read_order(c, request, &o, r) && check_order(c, request, &o, r)) put_in_queue(c, request, &o, r);
     order_clear(&o);
 }
 
@@ -432,7 +464,8 @@ void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
     order o = {0};
     json *document = json_new_object();
-    if (read_order(c, request, &o, r) && check_order(c, &o, r) && put_estimate(c, request, &o, document, r)) {
+    if (read_order(c, request, &o, r) && check_order(c, request, &o, r) &&
+        put_estimate(c, request, &o, document, r)) {
         json *asked = json_copy(o.s->normalised);
         paths_restore(o.paths, asked);
         json_put(document, "spec", asked);

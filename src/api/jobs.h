@@ -14,4 +14,8 @@ http_handler jobs_submit, jobs_validate, jobs_list, jobs_show;
 /* Answers with the current document of a job. */
 void jobs_answer(const http_context *c, const http_request *request, const char *id, int status, reply *r);
 
+/* Whether the caller may give this priority; otherwise answers why not. `pointer` names it in the body. */
+bool jobs_admit_priority(const http_context *c, const http_request *request, int priority,
+                         const char *pointer, reply *r);
+
 #endif

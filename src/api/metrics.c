@@ -54,6 +54,9 @@ static void put_service(const http_context *c, FILE *out)
     fprintf(out, "hexad_build_info{version=\"%s\"} 1\n", PACKAGE_VERSION);
     put_seconds(out, "hexad_start_time_seconds", "When the service was started.", c->started_ms);
     put_gauge(out, "hexad_draining", "Whether the service accepts no jobs.", !executor_takes_jobs(c->x));
+    bool held = false;
+    if (queue_is_held(c->q, &held, NULL))
+        put_gauge(out, "hexad_held", "Whether the queue is held: jobs are accepted and not started.", held);
 }
 
 static void put_queue(const http_context *c, FILE *out)

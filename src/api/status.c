@@ -32,6 +32,13 @@ static void look_at_jobs(const http_context *c, finding *f)
     snprintf(f->detail, sizeof f->detail, "the service is draining and accepts no jobs");
 }
 
+/* The service accepts jobs meanwhile. */
+static void look_at_queue(const http_context *c, finding *f)
+{
+    bool held = false;
+    if (queue_is_held(c->q, &held, NULL) && held) f->state = "held";
+}
+
 static void look_at_database(const http_context *c, finding *f)
 {
     health_report known;
@@ -61,7 +68,10 @@ static void look_at_storage(const http_context *c, finding *f)
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
-} conditions[] = {{"jobs", look_at_jobs}, {"storage", look_at_storage}, {"database", look_at_database}};
+} conditions[] = {{"jobs", look_at_jobs},
+                  {"queue", look_at_queue},
+                  {"storage", look_at_storage},
+                  {"database", look_at_database}};
 
 /* The worst condition comes last and is the one that is reported. */
 void status_ready(const http_context *c, const http_request *request, reply *r)
@@ -133,9 +143,9 @@ void status_workers(const http_context *c, const http_request *request, reply *r
     reply_set_json(r, 200, document);
 }
 
-static void hold(const http_context *c, const http_request *request, bool on, reply *r)
+static void drain(const http_context *c, const http_request *request, bool on, reply *r)
 {
-    executor_hold(c->x, on);
+    executor_close(c->x, on);
     log_write(LOG_LEVEL_INFO, "%s user=%s", on ? "drained" : "resumed", request->caller->user);
     json *document = json_new_object();
     json_put_string(document, "status", executor_takes_jobs(c->x) ? "ok" : "draining");
@@ -145,10 +155,35 @@ static void hold(const http_context *c, const http_request *request, bool on, re
 
 void status_drain(const http_context *c, const http_request *request, reply *r)
 {
-    hold(c, request, true, r);
+    drain(c, request, true, r);
 }
 
 void status_resume(const http_context *c, const http_request *request, reply *r)
+{
+    drain(c, request, false, r);
+}
+
+static void hold(const http_context *c, const http_request *request, bool on, reply *r)
+{
+    error e = {0};
+    if (!queue_hold(c->q, on, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    executor_wake(c->x);
+    log_write(LOG_LEVEL_INFO, "queue %s user=%s", on ? "held" : "released", request->caller->user);
+    json *document = json_new_object();
+    json_put_bool(document, "held", on);
+    json_put_integer(document, "running", executor_get_load(c->x).attempts);
+    reply_set_json(r, 200, document);
+}
+
+void status_hold(const http_context *c, const http_request *request, reply *r)
+{
+    hold(c, request, true, r);
+}
+
+void status_release(const http_context *c, const http_request *request, reply *r)
 {
     hold(c, request, false, r);
 }

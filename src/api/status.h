@@ -10,4 +10,8 @@ http_handler status_health, status_ready, status_version, status_workers;
  * does a restart. */
 http_handler status_drain, status_resume;
 
+/* Hold: the service accepts jobs but starts no attempts; running ones continue. Lasts until the release, also over a
+ * restart. */
+http_handler status_hold, status_release;
+
 #endif

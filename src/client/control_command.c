@@ -165,6 +165,20 @@ int command_drain(client *c, const char *argument, const command_options *option
     return print_whole(c, "POST", "/v1/admin/drain");
 }
 
+int command_hold(client *c, const char *argument, const command_options *options)
+{
+    (void)argument;
+    (void)options;
+    return print_whole(c, "POST", "/v1/admin/hold");
+}
+
+int command_release(client *c, const char *argument, const command_options *options)
+{
+    (void)argument;
+    (void)options;
+    return print_whole(c, "POST", "/v1/admin/release");
+}
+
 int command_undrain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;

@@ -139,12 +139,30 @@ const config_row config_table[] = {
     {SETTING(cache), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: a job that is equal to an earlier one gets its result, while that is kept and no input has "
              "changed. 0: every job runs."},
-    {SETTING(user_queued), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
+    {SETTING(user_weights), .type = CONFIG_WORDS,
+     .help =
+         "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; separated by "
+         "commas, and the key may be repeated. Users take turns among jobs of equal priority; each frame of an "
+         "array takes a turn. With alice:2, bob:1 alice gets two turns for each of bob. `*` stands for all users "
+         "who are not named, whose weight is otherwise 1. Idle time saves no turns."},
+    {SETTING(user_priorities), .type = CONFIG_WORDS,
+     .help =
+         "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; written as "
+         "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and "
+         "administrators can have a job run before those of others. Higher priorities are refused "
+         "(priority_forbidden). Empty: users may give any."},
+    {SETTING(user_queued), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
      .unit = "jobs",
-     .help = "How many unfinished jobs a user may have; further ones are refused. 0: any number."},
-    {SETTING(user_running), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 20,
+     .help =
+         "How many unfinished jobs a user may have; further ones are refused (too_many_jobs). 0: any number."},
+    {SETTING(user_running), .type = CONFIG_INTEGER, .default_text = "256", .low = 0, .high = 1 << 20,
      .unit = "attempts",
      .help = "How many attempts of a user run at once; the user's other jobs wait. 0: any number."},
+    {SETTING(user_submissions), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
+     .unit = "jobs",
+     .help =
+         "How many jobs a user may submit in an hour, at once or spread over it; further ones are refused "
+         "(too_many_submissions) with the time to wait. 0: any number."},
     {SETTING(check_interval_s), .type = CONFIG_REAL, .default_text = "86400", .low = 1, .high = 1e7,
      .or_zero = true, .unit = "s",
      .help =

@@ -141,8 +141,10 @@ sqlite3_stmt *database_ask(database *d, const char *sql, const value *values, si
     sqlite3_stmt *s = find_statement(d, sql, e);
     for (size_t i = 0; s && i < count; i++) {
         int at = (int)i + 1;
-        if (values[i].integer)
+        if (values[i].type == VALUE_INTEGER)
             sqlite3_bind_int64(s, at, values[i].number);
+        else if (values[i].type == VALUE_REAL)
+            sqlite3_bind_double(s, at, values[i].real);
         else
             sqlite3_bind_text(s, at, values[i].text, -1, SQLITE_STATIC); /* NULL binds NULL */
     }
@@ -162,6 +164,14 @@ bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e)
     *ok = status == SQLITE_DONE || (s && fail(d, e)); /* without a statement the error is set already */
     if (s) database_end(s);
     return false;
+}
+
+bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e)
+{
+    bool ok = false;
+    *number = 0;
+    while (database_next(d, s, &ok, e)) *number = sqlite3_column_int64(s, 0);
+    return ok;
 }
 
 bool database_run(database *d, const char *sql, const value *values, size_t count, error *e)

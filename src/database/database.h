@@ -45,9 +45,10 @@ bool database_change(database *d, change *c, error *e);
 
 /* One value of a statement's parameters. */
 typedef struct value {
-    const char *text; /* NULL with !integer: binds NULL; must live until the statement ends */
+    enum { VALUE_TEXT, VALUE_INTEGER, VALUE_REAL } type;
+    const char *text; /* NULL binds NULL; must live until the statement ends */
     int64_t number;
-    bool integer;
+    double real;
 } value;
 
 static inline value text(const char *t)
@@ -57,13 +58,18 @@ static inline value text(const char *t)
 
 static inline value integer(int64_t n)
 {
-    return (value){.number = n, .integer = true};
+    return (value){.type = VALUE_INTEGER, .number = n};
 }
 
 /* Binds NULL unless the number is known. */
 static inline value integer_if(int64_t n, bool known)
 {
-    return (value){.number = n, .integer = known};
+    return known ? integer(n) : text(NULL);
+}
+
+static inline value real(double x)
+{
+    return (value){.type = VALUE_REAL, .real = x};
 }
 
 /* `sql` must be a string constant: a statement is prepared once and found again by the address of its text. */
@@ -80,6 +86,8 @@ bool database_run(database *d, const char *sql, const value *values, size_t coun
 bool database_next(database *d, sqlite3_stmt *s, bool *ok, error *e);
 /* Ends a statement before its last row. */
 void database_end(sqlite3_stmt *s);
+/* Reads the integer in the first column of a statement's only row; 0: there is no row, or it is NULL. */
+bool database_read_integer(database *d, sqlite3_stmt *s, int64_t *number, error *e);
 
 /* Whether at least as much disk space is free as database_reserve has reserved. A new job needs that. */
 bool database_has_room(database *d);

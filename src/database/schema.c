@@ -74,6 +74,26 @@
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
 
+/* Users who have unfinished jobs or owe a turn, in the order of their turns (queue/owner); and what is true of the whole
+ * queue, in one row. */
+#define OWNER                                                       \
+    "CREATE TABLE owner ("                                          \
+    "  name TEXT PRIMARY KEY,"                                      \
+    "  unfinished INTEGER NOT NULL CHECK (unfinished >= 0),"        \
+    "  running INTEGER NOT NULL CHECK (running >= 0),"              \
+    "  pass REAL NOT NULL,"                                         \
+    "  priority INTEGER,"                                           \
+    "  first INTEGER"                                               \
+    ") STRICT, WITHOUT ROWID;"                                      \
+    "CREATE INDEX owner_turn ON owner (priority DESC, pass, first)" \
+    "  WHERE priority IS NOT NULL;"                                 \
+    "CREATE TABLE service ("                                        \
+    "  one INTEGER PRIMARY KEY CHECK (one = 1),"                    \
+    "  turn REAL NOT NULL,"                                         \
+    "  is_held INTEGER NOT NULL"                                    \
+    ") STRICT;"                                                     \
+    "INSERT INTO service VALUES (1, 0, 0);"
+
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
@@ -172,12 +192,7 @@ static const char tables[] =
     "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
     ") STRICT, WITHOUT ROWID;"
 
-    /* owners that have unfinished jobs */
-    "CREATE TABLE owner ("
-    "  name TEXT PRIMARY KEY,"
-    "  unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," /* jobs */
-    "  running INTEGER NOT NULL CHECK (running >= 0)"        /* tasks */
-    ") STRICT, WITHOUT ROWID;"
+    OWNER
 
     "CREATE TABLE label ("
     "  label TEXT NOT NULL,"
@@ -250,8 +265,6 @@ static const char carry_over[] =
     "peak_memory_bytes, reason)"
     " SELECT job, 0, number, started_ms, finished_ms, exit_status, signal, peak_memory_bytes, reason FROM "
     "attempt_1;"
-    "INSERT INTO owner SELECT '', count(*), sum(state != 'queued') FROM job_1"
-    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") HAVING count(*) > 0;"
     "INSERT INTO label SELECT DISTINCT value, seq FROM job_1, json_each(labels);"
     "INSERT INTO event (at_ms, job, type, state, outcome)"
     " SELECT coalesce(finished_ms, started_ms, created_ms), seq, 'state', state, outcome FROM job_1 ORDER BY "
@@ -309,6 +322,13 @@ static const char add_outbox_event[] =
 static const char add_state_count[] =
     STATE_COUNT "INSERT INTO state_count SELECT state, count(*) FROM job GROUP BY state;";
 
+/* Migration from version 6, in which users had no turns: nobody has had one yet. */
+static const char add_turns[] = "DROP TABLE owner;" OWNER;
+static const char find_owners[] =
+    "INSERT INTO owner (name, unfinished, running, pass) SELECT owner, count(*), sum(running), 0 FROM job"
+    "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
+    "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -320,7 +340,8 @@ static const struct step {
     {2, 4, add_storage},          {2, 4, add_instance},
     {2, 4, add_execution},        {1, 4, read_execution},
     {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
-    {2, 5, add_state_count},
+    {2, 5, add_state_count},      {2, 6, add_turns},
+    {1, 6, find_owners},
 };
 
 bool schema_error_is_damage(int code)

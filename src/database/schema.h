@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 6
+#define SCHEMA_VERSION 7
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
@@ -20,6 +20,11 @@
  * keeps the later ones waiting. */
 #define SCHEMA_CLAIMABLE \
     "ready > 0 AND pending = 0 AND is_paused = 0 AND (is_ordered = 0 OR running + delayed = 0)"
+
+/* The priority and the seq of the first job that the user of a row of owner may have claimed. */
+#define SCHEMA_FIRST_JOB                                                                \
+    " (SELECT priority, seq FROM job INDEXED BY job_ready WHERE job.owner = owner.name" \
+    " AND " SCHEMA_CLAIMABLE " ORDER BY priority DESC, seq LIMIT 1)"
 
 /* Creates or migrates the tables and compares them with the expected schema. When they cannot be read or differ, the
  * error has the code database_damaged and tells what is wrong and what to do. */

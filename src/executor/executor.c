@@ -57,7 +57,7 @@ struct executor {
     storage storage;
     pthread_t thread;
     int wake_fd, drained_fd;
-    atomic_bool held, draining, forcing, stopping;
+    atomic_bool closed, draining, forcing, stopping;
     atomic_uint_fast64_t turns;
     _Atomic int64_t drain_ms; /* monotonic: when a drain stops what still runs */
 
@@ -121,6 +121,7 @@ static queue_room find_room(const executor *x)
         .memory_mb = x->memory_mb,
         .all_memory_mb = x->memory_mb,
         .most_of_owner = x->settings.most_of_owner,
+        .weights = x->settings.weights,
     };
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
@@ -405,15 +406,15 @@ void executor_drain(executor *x, double seconds)
     executor_wake(x);
 }
 
-void executor_hold(executor *x, bool on)
+void executor_close(executor *x, bool on)
 {
-    atomic_store(&x->held, on);
+    atomic_store(&x->closed, on);
     executor_wake(x);
 }
 
 bool executor_takes_jobs(const executor *x)
 {
-    return !atomic_load(&x->held) && !atomic_load(&x->draining);
+    return !atomic_load(&x->closed) && !atomic_load(&x->draining);
 }
 
 void executor_force(executor *x)

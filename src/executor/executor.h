@@ -41,6 +41,7 @@ typedef struct executor_settings {
     int64_t file_mb;              /* the longest file a worker may write; 0: no limit */
     sandbox_mode sandbox;         /* that workers enter */
     int most_of_owner;            /* attempts of one owner at once; 0: any number */
+    const user_numbers *weights;  /* as queue_room's; must outlive the executor */
     double timeout_s, stall_s;    /* of a job that names no limit; 0: none */
     store_outputs outputs;        /* where results may be copied to; its texts must outlive the executor */
     double grace_s;               /* between SIGTERM and SIGKILL */
@@ -99,9 +100,9 @@ typedef struct executor_space {
 
 executor_space executor_get_space(const executor *x);
 
-/* While held, the executor starts no attempt; running ones go on. A restart of the daemon ends it. */
-void executor_hold(executor *x, bool on);
-/* Neither held nor draining. */
+/* While closed, the executor starts no attempt; running ones go on. A restart of the daemon ends it. */
+void executor_close(executor *x, bool on);
+/* Neither closed nor draining. */
 bool executor_takes_jobs(const executor *x);
 
 /* Stops claiming and lets running attempts end. Those that still run after `seconds` are stopped and queued again

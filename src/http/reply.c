@@ -44,6 +44,8 @@ static const reply_problem problems[] = {
     {"database_damaged", 503, "The database of the service is damaged"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},
+    {"too_many_submissions", 429, "The user has submitted too many jobs"},
+    {"priority_forbidden", 403, "The user may not give this priority"},
     {"storage_full", 507, "The storage is full"},
     {"internal", 500, "The service has failed"}, /* the last one: also for a code not listed */
 };

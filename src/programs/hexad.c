@@ -69,6 +69,7 @@ typedef struct service {
     store_roots *roots;
     store_outputs outputs;
     path_map *mappings;
+    user_numbers *weights, *priorities; /* of users */
     webhook_hosts *webhook_hosts;
     char host[HOST_NAME_MAX + 1];
     delivery *delivery; /* NULL: no webhooks */
@@ -303,6 +304,28 @@ static void fini_mappings(service *s)
     path_map_free(s->mappings);
 }
 
+static user_numbers *read_users(const config_list *given, const char *name, double low, double high, error *e)
+{
+    user_numbers *n = user_numbers_read((const char *const *)given->item, given->count, low, high, e);
+    if (!n) error_prefix(e, "%s", name);
+    return n;
+}
+
+static bool init_users(service *s, error *e)
+{
+    s->weights = read_users(&s->settings.user_weights, "user_weights", 0.01, 100, e);
+    s->priorities =
+        s->weights ? read_users(&s->settings.user_priorities, "user_priorities", -1000, 1000, e) : NULL;
+    if (!s->priorities) user_numbers_free(s->weights);
+    return s->priorities != NULL;
+}
+
+static void fini_users(service *s)
+{
+    user_numbers_free(s->weights);
+    user_numbers_free(s->priorities);
+}
+
 static executor_settings executor_settings_of(const service *s)
 {
     const config *c = &s->settings;
@@ -323,6 +346,7 @@ static executor_settings executor_settings_of(const service *s)
         .file_mb = c->file_mb,
         .sandbox = c->sandbox,
         .most_of_owner = (int)c->user_running,
+        .weights = s->weights,
         .timeout_s = c->timeout_s,
         .stall_s = c->stall_s,
         .grace_s = c->grace_s,
@@ -426,6 +450,12 @@ static void fini_network(service *s)
     address_ranges_clear(&s->proxies);
 }
 
+static void free_context(service *s)
+{
+    document_cache_free(s->context.documents);
+    submission_rate_free(s->context.rate);
+}
+
 static bool init_http(service *s, error *e)
 {
     const config *c = &s->settings;
@@ -461,6 +491,8 @@ static bool init_http(service *s, error *e)
         .state_dir = s->state_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
+        .priorities = s->priorities,
+        .rate = c->user_submissions ? submission_rate_new(c->user_submissions) : NULL,
         .retention_s = (int64_t)c->retention_s,
         .wait_s = c->wait_limit_s,
         .started_ms = clock_wall_ms(),
@@ -472,7 +504,7 @@ static bool init_http(service *s, error *e)
     s->http = server_start(&settings, &s->socket, s->access, e);
     if (s->http) return true;
     estimator_close(m);
-    document_cache_free(s->context.documents);
+    free_context(s);
     return false;
 }
 
@@ -481,7 +513,7 @@ static void fini_http(service *s)
     if (s->context.estimator) estimator_dismiss(s->context.estimator);
     server_stop(s->http);
     estimator_close(s->context.estimator);
-    document_cache_free(s->context.documents);
+    free_context(s);
 }
 
 static bool init_port_file(service *s, error *e)
@@ -504,23 +536,15 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals},
-    {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},
-    {"inputs", init_inputs, fini_inputs},
-    {"roots", init_roots, fini_roots},
-    {"outputs", init_outputs, fini_outputs},
-    {"mappings", init_mappings, fini_mappings},
-    {"socket", init_socket, fini_socket},
-    {"access", init_access, fini_access},
-    {"executor", init_executor, fini_executor},
-    {"wait_list", init_wait_list, fini_wait_list},
-    {"notifier", init_notifier, fini_notifier},
-    {"webhooks", init_webhooks, fini_webhooks},
-    {"network", init_network, fini_network},
-    {"http", init_http, fini_http},
-    {"checker", init_checker, fini_checker},
-    {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
+    {"mappings", init_mappings, fini_mappings}, {"users", init_users, fini_users},
+    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
+    {"executor", init_executor, fini_executor}, {"wait_list", init_wait_list, fini_wait_list},
+    {"notifier", init_notifier, fini_notifier}, {"webhooks", init_webhooks, fini_webhooks},
+    {"network", init_network, fini_network},    {"http", init_http, fini_http},
+    {"checker", init_checker, fini_checker},    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Pings the watchdog of the service manager, but only while the supervisor's loop advances: the last call

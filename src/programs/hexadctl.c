@@ -53,6 +53,7 @@ static const char usage[] =
     "  watch ID          print the events of a job as they happen, as lines of JSON\n"
     "  workers           list the running attempts, and the limits\n"
     "  drain, undrain    accept and start no more jobs; accept and start them again\n"
+    "  hold, release     accept jobs but start none, also after a restart; start them again\n"
     "  token add USER [--scopes LIST] [--file FILE]\n"
     "                    create a token for the REST interface and print it, once\n"
     "  token list [--file FILE]\n"
@@ -105,6 +106,8 @@ static const struct entry {
     {"workers", command_workers, NONE, ""},
     {"drain", command_drain, NONE, ""},
     {"undrain", command_undrain, NONE, ""},
+    {"hold", command_hold, NONE, ""},
+    {"release", command_release, NONE, ""},
     {"token add", command_token_add, ONE, "--scopes --file"},
     {"token list", command_token_list, NONE, "--file"},
     {"token revoke", command_token_revoke, ONE, "--file"},

@@ -9,12 +9,9 @@
 #include "queue/copy.h"
 #include "queue/job_row.h"
 #include "queue/job_state.h"
+#include "queue/hold.h"
 #include "queue/members.h"
-
-/* How many jobs of one owner are searched for one that fits. */
-#define LOOK_AHEAD "64"
-
-#define OWNERS_TURN "owner.unfinished > 0 AND (?1 = 0 OR owner.running < ?1)"
+#include "queue/owner.h"
 
 typedef struct claiming {
     change change;
@@ -56,63 +53,6 @@ static bool promote(database *d, int64_t now, error *e)
         j.ready++;
         if (!job_state_save(d, &before, &j, now, e)) return false;
     }
-}
-
-/* Reads the seq of a job from the first row; 0: no row. */
-static bool read_seq(database *d, sqlite3_stmt *s, int64_t *seq, error *e)
-{
-    bool ok = false;
-    *seq = 0;
-    while (database_next(d, s, &ok, e)) *seq = sqlite3_column_int64(s, 0);
-    return ok;
-}
-
-/* Finds the job that is first in order, whether it fits or not. */
-static bool find_head(database *d, const queue_room *room, int64_t *seq, error *e)
-{
-    return read_seq(
-        d,
-        ASK(d, e,
-            "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
-            " (SELECT seq FROM job INDEXED BY job_ready WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
-            "  ORDER BY priority DESC, seq LIMIT 1)"
-            " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
-            integer(room->most_of_owner)),
-        seq, e);
-}
-
-/* Finds the first job that fits. */
-static bool find_fitting(database *d, const queue_room *room, int64_t *seq, error *e)
-{
-    return read_seq(d,
-                    ASK(d, e,
-                        "SELECT job.seq FROM owner CROSS JOIN job ON job.seq ="
-                        " (SELECT seq FROM (SELECT seq, threads, memory_mb FROM job INDEXED BY job_ready"
-                        "   WHERE owner = owner.name AND " SCHEMA_CLAIMABLE
-                        " ORDER BY priority DESC, seq LIMIT " LOOK_AHEAD ")"
-                        "  WHERE (min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5 LIMIT 1)"
-                        " WHERE " OWNERS_TURN " ORDER BY job.priority DESC, job.seq LIMIT 1",
-                        integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
-                        integer(room->memory_mb), integer(room->all_memory_mb)),
-                    seq, e);
-}
-
-/* Chooses the job to claim from; 0: none. Others may overtake a job that does not fit, but only QUEUE_OVERTAKE_MOST
- * times. */
-static bool choose(queue *q, const queue_room *room, int64_t *seq, error *e)
-{
-    database *d = q->database;
-    int64_t head = 0, fitting = 0;
-    overtaken *o = &q->overtaken;
-    if (!find_head(d, room, &head, e)) return false;
-    if (head && !find_fitting(d, room, &fitting, e)) return false;
-    if (head != fitting) {
-        if (o->seq != head) *o = (overtaken){.seq = head};
-        if (o->times == QUEUE_OVERTAKE_MOST) fitting = 0;
-        if (fitting) o->times++;
-    }
-    *seq = fitting;
-    return true;
 }
 
 #define CLAIMED_COLUMNS JOB_COLUMNS ", " TASK_COLUMNS ", spec, timeout_ms, stall_ms, directory, cache_key"
@@ -191,7 +131,8 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     j.ready--;
     j.running++;
     j.attempts++;
-    ok = job_state_save(d, &before, &j, now, e) &&
+    ok = owner_take_turn(d, seq, c->room ? c->room->weights : NULL, e) &&
+         job_state_save(d, &before, &j, now, e) &&
          job_state_add_event(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt,
                              now, e) &&
          read_claimed(d, seq, number, &c->claimed, e);
@@ -206,12 +147,12 @@ static bool claim(database *d, change *asked)
     claiming *c = (claiming *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms(), seq = 0;
-    bool ok;
+    bool ok, held = false;
     if (c->room)
-        ok = promote(d, now, e) && choose(c->q, c->room, &seq, e);
+        ok = promote(d, now, e) && hold_read(d, &held, e) && (held || owner_choose(c->q, c->room, &seq, e));
     else
-        ok = read_seq(d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)),
-                      &seq, e);
+        ok = database_read_integer(
+            d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)), &seq, e);
     return ok && (!seq || start_task(d, seq, c, now, e));
 }
 

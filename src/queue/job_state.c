@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "queue/owner.h"
 
 #define STATE_COLUMNS                                                                                   \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
@@ -145,20 +146,6 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         integer_if(expires, final && j->retention_s > 0), integer(j->retention_s));
 }
 
-static bool count_for_owner(database *d, int64_t seq, int unfinished, int running, error *e)
-{
-    if (!unfinished && !running) return true;
-    return RUN(d, e,
-               "INSERT INTO owner (name, unfinished, running) SELECT owner, max(?2, 0), max(?3, 0) FROM job"
-               " WHERE seq = ?1"
-               " ON CONFLICT (name) DO UPDATE SET unfinished = unfinished + ?2, running = running + ?3",
-               integer(seq), integer(unfinished), integer(running)) &&
-           (unfinished >= 0 ||
-            RUN(d, e,
-                "DELETE FROM owner WHERE name = (SELECT owner FROM job WHERE seq = ?1) AND unfinished = 0",
-                integer(seq)));
-}
-
 /* Notes that the webhook of the job, if it has one, is to be told of its end. */
 static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
 {
@@ -188,14 +175,14 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
     if (j->state != before->state)
         ok = ok &&
              job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, outcome, QUEUE_NO_FRAME, 0, now, e);
-    return ok && count_for_owner(d, j->seq, (int)was_final - (int)is_final, j->running - before->running, e);
+    return ok && owner_update(d, j->seq, (int)was_final - (int)is_final, j->running - before->running, e);
 }
 
 bool job_state_begin(database *d, const job_state *j, int64_t now, error *e)
 {
     return job_state_add_event(d, j->seq, QUEUE_EVENT_STATE, j->state, QUEUE_NO_OUTCOME, QUEUE_NO_FRAME, 0,
                                now, e) &&
-           count_for_owner(d, j->seq, 1, 0, e);
+           owner_update(d, j->seq, 1, 0, e);
 }
 
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,

@@ -31,6 +31,7 @@
 #include "base/error.h"
 #include "database/health.h"
 #include "queue/ulid.h"
+#include "queue/user_numbers.h"
 
 typedef struct queue queue;
 
@@ -299,18 +300,24 @@ void queue_claimed_free(queue_claimed *claimed, size_t count);
 typedef struct queue_room {
     int threads, all_threads;
     int64_t memory_mb, all_memory_mb;
-    int most_of_owner; /* tasks of one owner that may run at once; 0: any number */
+    int most_of_owner;           /* tasks of one owner that may run at once; 0: any number */
+    const user_numbers *weights; /* turns of an owner, in relation to others; NULL: 1 for each */
 } queue_room;
 
 /* How many later claims may overtake a job that does not fit at the moment. After that all others wait for it. */
 #define QUEUE_OVERTAKE_MOST 16
 
-/* Claims a task of the job with the highest priority, the oldest among equals, that fits into the room. The task
- * becomes running under a new attempt number. *found is false when no task may run now. */
+/* Claims a task of a job with the highest priority that fits into the room. Owners of such jobs take turns; of the jobs
+ * of one owner the oldest comes first. The task becomes running under a new attempt number. *found is false when no task
+ * may run now. */
 bool queue_claim(queue *q, const queue_room *room, queue_claimed *claimed, bool *found, error *e);
 
 /* Claims the first queued task of one job, whatever the room. */
 bool queue_claim_job(queue *q, const char *id, queue_claimed *claimed, bool *found, error *e);
+
+/* While the queue is held, queue_claim finds nothing. Lasts until it is released, also over a restart. */
+bool queue_hold(queue *q, bool on, error *e);
+bool queue_is_held(queue *q, bool *held, error *e);
 
 /* When the next delayed task may be tried again, wall clock; INT64_MAX: there is none. */
 bool queue_next_due(queue *q, int64_t *wall_ms, error *e);

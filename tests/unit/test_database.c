@@ -223,8 +223,16 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 6 had not. */
+#define BEFORE_7                                                                                      \
+    "DROP TABLE service; DROP TABLE owner;"                                                           \
+    "CREATE TABLE owner (name TEXT PRIMARY KEY, unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," \
+    "  running INTEGER NOT NULL CHECK (running >= 0)) STRICT, WITHOUT ROWID;"                         \
+    "INSERT INTO owner SELECT owner, count(*), sum(running) FROM job WHERE finished_ms IS NULL GROUP BY owner;"
+
 /* What version 5 had not. */
 #define BEFORE_6                                                                     \
+    BEFORE_7                                                                         \
     "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;" \
     "DROP TRIGGER job_comes; DROP TRIGGER job_turns; DROP TRIGGER job_goes; DROP TABLE state_count;"
 
@@ -333,6 +341,28 @@ static void test_storage_is_added_to_version_4(void **state)
     assert_true(queue_list_copies(p->q, &copies, &count, NULL));
     assert_int_equal(count, 0);
     queue_copies_free(copies, count);
+}
+
+/* Users had no turns: the oldest job came first, whoever's it was. */
+static void test_turns_are_added_to_version_6(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char ann[3][ULID_SIZE], bob[ULID_SIZE];
+    s.owner = "ann";
+    s.most_waiting = 3;
+    for (int i = 0; i < 3; i++) submit_for(p, &s, ann[i]);
+    s.owner = "bob";
+    submit_for(p, &s, bob);
+    int attempt = claim(p, ann[0]);
+    alter_database(p, BEFORE_7 "PRAGMA user_version = 6;");
+    s.owner = "ann";
+    assert_int_equal(submit(p, &s).verdict, QUEUE_TOO_MANY);
+    assert_true(finish(p, ann[0], 0, attempt, &success));
+    claim(p, ann[1]);
+    claim(p, bob);
+    claim(p, ann[2]);
+    claim(p, NULL);
 }
 
 /* In version 5 the id of a notification was its number, which other queues gave, too. */
@@ -593,6 +623,7 @@ int main(void)
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
         CASE(test_notifications_of_version_5_get_ids),
+        CASE(test_turns_are_added_to_version_6),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),
         CASE(test_the_reserve),

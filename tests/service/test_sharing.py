@@ -1,0 +1,130 @@
+"""How users share the service: turns, weights, priorities, limits, and a hold of the whole queue."""
+import pytest
+
+from service import OPEN_TCP, gated_worker, sphere, wait_until
+from test_access import new_token, run_hexad, with_token
+from test_control import control
+from test_rest import expect_problem
+
+
+class Farm:
+    """A daemon with a worker whose jobs end when they are told to, and a token for each user."""
+
+    def __init__(self, new_service, tmp_path, *options):
+        self.service = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--cache", 0, *options)
+        self.service.options = [o for o in self.service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
+        self.service.state.mkdir(mode=0o700)
+        self.tokens = {user: new_token(self.service, user) for user in ("ann", "bob", "eve")}
+        self.tokens["admin"] = new_token(self.service, "admin", "--scopes", "read,submit,cancel,admin")
+        self.service.start()
+
+    def ask(self, user, method, path, document=None):
+        return with_token(self.service, self.tokens[user], method, path, document)
+
+    def submit(self, user, **parts):
+        reply = self.ask(user, "POST", "/v1/jobs", sphere(**parts))
+        assert reply.status == 201, reply.body
+        return reply.json["id"]
+
+    def running(self):
+        """Owner and id of the only attempt that runs."""
+        workers = wait_until(lambda: self.ask("admin", "GET", "/v1/workers").json["workers"], "an attempt")
+        assert len(workers) == 1
+        return workers[0]["owner"], workers[0]["job"]
+
+    def next(self):
+        """Ends the running job; returns owner and id of the one that starts then."""
+        before = self.running()
+        self.service.open_gate(before[1])
+        wait_until(lambda: self.ask("admin", "GET", f"/v1/jobs/{before[1]}").json["state"] == "succeeded", "its end")
+        return self.running()
+
+
+@pytest.fixture
+def farm(new_service, tmp_path):
+    return lambda *options: Farm(new_service, tmp_path, *options)
+
+
+def test_one_job_is_next_behind_many(farm):
+    shared = farm()
+    for _ in range(300):
+        shared.submit("ann")
+    assert shared.running()[0] == "ann"
+    bobs = shared.submit("bob")
+    assert shared.next() == ("bob", bobs)
+    assert shared.next()[0] == "ann"
+
+
+def test_weights_give_more_turns(farm):
+    shared = farm("--user_weights", "ann:2,*:1")
+    for _ in range(8):
+        for user in ("ann", "bob", "eve"):
+            shared.submit(user)
+    order = [shared.running()[0], *(shared.next()[0] for _ in range(7))]
+    assert {user: order.count(user) for user in order} == {"ann": 4, "bob": 2, "eve": 2}
+
+
+def test_a_wrong_weight_is_told(build, tmp_path):
+    done = run_hexad(build, "--state_dir", tmp_path / "state", "--user_weights", "ann:0")
+    assert done.returncode != 0 and "user_weights: ann:0: the number must be from 0.01 to 100" in done.stderr
+
+
+def test_priorities_have_a_limit(farm):
+    shared = farm("--user_priorities", "ann:50,*:0")
+    job = shared.submit("ann", queue={"priority": 50})
+    for user, priority in (("ann", 51), ("bob", 1)):
+        refused = shared.ask(user, "POST", "/v1/jobs", sphere(queue={"priority": priority}))
+        expect_problem(refused, 403, "priority_forbidden")
+        assert refused.json["errors"][0]["pointer"] == "/queue/priority"
+        assert "user_priorities" in refused.json["detail"]
+    expect_problem(shared.ask("bob", "POST", "/v1/jobs:validate", sphere(queue={"priority": 1})), 403,
+                   "priority_forbidden")
+    refused = shared.ask("ann", "PATCH", f"/v1/jobs/{job}", {"priority": 51})
+    expect_problem(refused, 403, "priority_forbidden")
+    assert shared.ask("ann", "PATCH", f"/v1/jobs/{job}", {"priority": -3}).status == 200
+    shared.submit("bob", queue={"priority": -1000})
+    assert shared.ask("admin", "PATCH", f"/v1/jobs/{job}", {"priority": 1000}).status == 200
+    shared.submit("admin", queue={"priority": 1000})
+
+
+def test_submissions_have_a_limit(farm):
+    shared = farm("--user_submissions", 3)
+    for _ in range(3):
+        shared.submit("ann")
+    refused = shared.ask("ann", "POST", "/v1/jobs", sphere())
+    expect_problem(refused, 429, "too_many_submissions")
+    assert 0 < int(refused.headers["Retry-After"]) <= 1200
+    shared.submit("bob")
+
+
+def test_a_hold_starts_no_job(farm):
+    shared = farm()
+    first = shared.submit("ann")
+    assert shared.running() == ("ann", first)
+    assert shared.ask("ann", "POST", "/v1/admin/hold").status == 403
+    assert shared.ask("admin", "POST", "/v1/admin/hold").json == {"held": True, "running": 1}
+    second = shared.submit("bob")
+    shared.service.open_gate(first)
+    wait_until(lambda: shared.ask("ann", "GET", f"/v1/jobs/{first}").json["state"] == "succeeded", "its end")
+    shared.service.end()
+    shared.service.start()
+    ready = shared.service.get("/readyz")
+    assert ready.status == 200 and ready.json["checks"]["queue"] == "held"
+    assert b"\nhexad_held 1\n" in shared.ask("ann", "GET", "/metrics").body
+    third = shared.submit("ann", queue={"priority": 9})  # the executor looks whether it can start it
+    assert shared.ask("admin", "GET", "/v1/workers").json["workers"] == []
+    assert shared.ask("bob", "GET", f"/v1/jobs/{second}").json["state"] == "queued"
+    assert shared.ask("admin", "POST", "/v1/admin/release").json["held"] is False
+    assert shared.running() == ("ann", third)
+    assert shared.service.get("/readyz").json["checks"]["queue"] == "ok"
+
+
+def test_the_client_holds_and_releases(new_service):
+    service = new_service()
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]
+    service.start()
+    assert control(service, "hold")[0] == 0 and service.get("/readyz").json["checks"]["queue"] == "held"
+    job = service.submit(sphere())
+    assert control(service, "release")[0] == 0
+    service.wait_state(job, "succeeded")
