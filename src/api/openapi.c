@@ -43,9 +43,9 @@ static void put_ref(json *object, const char *name)
     free(ref);
 }
 
-static json *put_content(json *object, const char *type, const char *schema)
+static json *put_type(json *content, const char *type, const char *schema)
 {
-    json *media = json_put_object(json_put_object(object, "content"), type);
+    json *media = json_put_object(content, type);
     json *s = json_put_object(media, "schema");
     if (strcmp(schema, "file") == 0)
         json_put_string(s, "description", "The bytes of the file.");
@@ -54,6 +54,11 @@ static json *put_content(json *object, const char *type, const char *schema)
     else
         put_ref(s, schema);
     return media;
+}
+
+static void put_content(json *object, const char *type, const char *schema)
+{
+    put_type(json_put_object(object, "content"), type, schema);
 }
 
 /* Reads the next {name} of a pattern. */
@@ -101,14 +106,16 @@ static void put_body(json *operation, const route *r)
     if (!r->body) return;
     json *body = json_put_object(operation, "requestBody");
     json_put_bool(body, "required", true);
-    if (r->opener) {
-        put_content(body, "application/octet-stream", r->body);
-        return;
+    json *content = json_put_object(body, "content");
+    bool patch = strcmp(r->method, "PATCH") == 0;
+    const char *const types[] = {r->opener ? "application/octet-stream" : "application/json",
+                                 patch ? ROUTE_MERGE_PATCH : NULL};
+    for (size_t i = 0; i < 2 && types[i]; i++) {
+        json *media = put_type(content, types[i], r->body);
+        if (r->example)
+            json_put(json_put_object(json_put_object(media, "examples"), "example"), "value",
+                     read_quoted(r->example));
     }
-    json *media = put_content(body, "application/json", r->body);
-    if (r->example)
-        json_put(json_put_object(json_put_object(media, "examples"), "example"), "value",
-                 read_quoted(r->example));
 }
 
 /* "201:Job" */

@@ -4,6 +4,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "http/head.h"
+
 /* Proxies in a row; a header with more is not believed. */
 #define MOST_HOPS 32
 #define WORD_SIZE 128
@@ -13,9 +15,6 @@ typedef struct hops {
     size_t count;
 } hops;
 
-static const char token_bytes[] = "!#$%&'*+-.^_`|~0123456789"
-                                  "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
-
 static void skip_blanks(const char **at)
 {
     *at += strspn(*at, " \t");
@@ -23,7 +22,8 @@ static void skip_blanks(const char **at)
 
 static bool read_token(const char **at, char word[WORD_SIZE])
 {
-    size_t length = strspn(*at, token_bytes);
+    size_t length = 0;
+    while (head_is_token_byte((*at)[length])) length++;
     if (length == 0 || length >= WORD_SIZE) return false;
     snprintf(word, WORD_SIZE, "%.*s", (int)length, *at);
     *at += length;

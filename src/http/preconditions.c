@@ -22,11 +22,11 @@ bool preconditions_match(const char *list, const char *tag, bool weakly)
     return false;
 }
 
-/* Digits up to 18 of them, which is more bytes than there are. */
+/* A number of bytes. Of too many digits strtoll makes the largest number, which is beyond every end. */
 static bool read_digits(const char **text, int64_t *value)
 {
     size_t length = strspn(*text, "0123456789");
-    if (length == 0 || length > 18) return false;
+    if (length == 0) return false;
     *value = strtoll(*text, NULL, 10);
     *text += length;
     return true;

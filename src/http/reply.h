@@ -5,7 +5,7 @@
  * of jobs (base/error.h) and the ones below. The table in reply.c has the status and the title of each.
  *
  *     json_invalid 400            the body is not a JSON value
- *     request_invalid 400         the framing of the request or a query parameter is wrong
+ *     request_invalid 400         the framing of the request, a header or a query parameter is wrong
  *     unauthorized 401            the caller or the token is unknown; with WWW-Authenticate
  *     forbidden 403               the caller lacks the scope
  *     origin_forbidden 403        page_origins does not list the page, on a port without tokens
@@ -14,7 +14,7 @@
  *     conflict 409                the state of the job does not allow it
  *     precondition_failed 412     If-Match names another revision
  *     body_too_large 413          longer than body_limit_bytes; of an input, than upload_limit_bytes
- *     media_type_unsupported 415  the body is not application/json
+ *     media_type_unsupported 415  the body is not application/json, or is compressed
  *     range_not_satisfiable 416   the range begins beyond the end; Content-Range has the length
  *     misdirected_request 421     Host names another host, on a port without tokens
  *     idempotency_mismatch 422    the Idempotency-Key was used with another body

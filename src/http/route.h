@@ -9,6 +9,8 @@
 #include "http/parameter.h"
 
 #define ROUTE_PATH_BYTES 1024
+/* The body of a PATCH may have this type, as well as application/json. */
+#define ROUTE_MERGE_PATCH "application/merge-patch+json"
 
 /* A row of the table. Lists have blanks between their words; NULL is the empty list. */
 typedef struct route {

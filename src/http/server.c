@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <microhttpd.h>
@@ -17,6 +18,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "http/forwarded.h"
+#include "http/head.h"
 #include "http/loop.h"
 #include "http/parameter.h"
 #include "http/route.h"
@@ -43,15 +45,19 @@ struct server {
     connections *connections;
     thread_pool *pool;
     pthread_mutex_t mutex;
-    pthread_cond_t changed; /* monotonic clock */
-    size_t busy;            /* requests between their headers and their end */
+    pthread_cond_t changed;  /* monotonic clock */
+    size_t busy;             /* requests between their headers and their end */
+    struct exchange *unread; /* requests between their first line and the end of their headers */
 };
 
-/* A request, from its headers to its end. */
+/* A request, from its first line to its end. */
 typedef struct exchange {
     thread_pool_work work; /* first: the pool's view of it */
     server *s;
     struct MHD_Connection *connection;
+    struct exchange *previous, *next; /* of those that are unread */
+    head_target target;
+    bool begun; /* its headers have arrived */
     route_match route;
     access_caller caller;
     bool known;              /* who the caller is */
@@ -63,6 +69,7 @@ typedef struct exchange {
     size_t step;    /* of a long body, since the client's time began anew */
     bool too_large; /* the rest of the body is ignored */
     bool answered;  /* what still comes of the body is thrown away */
+    bool chunked;
     reply answer;
 } exchange;
 
@@ -84,10 +91,23 @@ static client_connection *connection_of(struct MHD_Connection *connection)
 /* A request line has arrived: the clock of the request starts now, without the idle time before. */
 static void *note_request(void *context, const char *uri, struct MHD_Connection *connection)
 {
-    (void)uri;
     server *s = context;
     connections_begin_time(s->connections, connection_of(connection));
-    return NULL;
+    exchange *x = mem_alloc(sizeof *x);
+    x->s = s;
+    x->connection = connection;
+    x->answer.fd = -1;
+    x->target = head_look(uri);
+    x->next = s->unread;
+    if (x->next) x->next->previous = x;
+    s->unread = x;
+    return x;
+}
+
+static void leave_unread(exchange *x)
+{
+    *(x->previous ? &x->previous->next : &x->s->unread) = x->next;
+    if (x->next) x->next->previous = x->previous;
 }
 
 static void note_connection(void *context, struct MHD_Connection *connection, void **socket_context,
@@ -185,6 +205,8 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
                                 r->cache_control ? r->cache_control : "no-store");
         for (size_t i = 0; i < r->header_count; i++)
             MHD_add_response_header(response, r->header[i].name, r->header[i].value);
+        /* readers of chunks disagree on malformed ones: nothing behind this body is taken for a request */
+        if (x->chunked) MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
         if (pages_has_named(x->s->settings.pages)) add_page_headers(x->page_origin, response);
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
@@ -196,6 +218,7 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
 /* The headers that the server itself reads. */
 typedef struct fields {
     int lengths, codings, authorizations, hosts, origins;
+    bool coded; /* Content-Encoding names one */
     bool chunked;
     const char *length, *authorization, *host, *origin;
     const char *forwarded[MOST_FORWARDED];
@@ -227,6 +250,8 @@ static enum MHD_Result read_field(void *context, enum MHD_ValueKind kind, const 
     } else if (strcasecmp(key, MHD_HTTP_HEADER_TRANSFER_ENCODING) == 0) {
         f->codings++;
         f->chunked = value && strcasecmp(value, "chunked") == 0;
+    } else if (strcasecmp(key, MHD_HTTP_HEADER_CONTENT_ENCODING) == 0) {
+        f->coded = f->coded || !value || strcasecmp(value, "identity") != 0;
     } else if (strcasecmp(key, MHD_HTTP_HEADER_AUTHORIZATION) == 0) {
         f->authorizations++;
         f->authorization = value;
@@ -236,11 +261,10 @@ static enum MHD_Result read_field(void *context, enum MHD_ValueKind kind, const 
     return MHD_YES;
 }
 
-/* "application/json", perhaps with parameters. */
-static bool is_json(const char *type)
+/* The media type, perhaps with parameters. */
+static bool is_media_type(const char *type, const char *wanted)
 {
-    static const char wanted[] = "application/json";
-    size_t length = sizeof wanted - 1;
+    size_t length = strlen(wanted);
     return type && strncasecmp(type, wanted, length) == 0 &&
            (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
 }
@@ -284,7 +308,7 @@ static bool refuse_page(const exchange *x, const fields *f, reply *r)
     const access_peer *from = connections_access(connection_of(x->connection));
     const pages *allowed = x->s->settings.pages;
     if (from->local || !from->scopes || (f->authorization && x->known)) return false;
-    if (f->hosts > 1 || (f->hosts && !pages_is_host(allowed, f->host))) {
+    if (f->hosts && !pages_is_host(allowed, f->host)) {
         reply_set_problem(r, "misdirected_request", NULL,
                           "this service is not at the host %.200s: use the address that it listens on, or add"
                           " an origin with this host to the setting page_origins",
@@ -342,6 +366,12 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
 static bool refuse_body(const exchange *x, const fields *f, reply *r)
 {
     size_t limit = x->s->settings.body_limit_bytes;
+    if (x->route.found->body && f->coded) {
+        reply_set_problem(r, "media_type_unsupported", NULL,
+                          "the body must come as it is: send it without the header Content-Encoding");
+        reply_add_header(r, MHD_HTTP_HEADER_ACCEPT_ENCODING, "identity");
+        return true;
+    }
     if (x->route.found->opener) return false;
     if (f->length && strtoull(f->length, NULL, 10) > limit) {
         reply_set_problem(r, "body_too_large", NULL,
@@ -349,13 +379,15 @@ static bool refuse_body(const exchange *x, const fields *f, reply *r)
                           limit);
         return true;
     }
-    if (x->route.found->body &&
-        !is_json(MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE))) {
-        reply_set_problem(r, "media_type_unsupported", NULL,
-                          "the body must be JSON: send the header Content-Type: application/json");
-        return true;
-    }
-    return false;
+    if (!x->route.found->body) return false;
+    const char *type =
+        MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE);
+    bool patch = strcmp(x->route.found->method, "PATCH") == 0;
+    if (is_media_type(type, "application/json") || (patch && is_media_type(type, ROUTE_MERGE_PATCH)))
+        return false;
+    reply_set_problem(r, "media_type_unsupported", NULL,
+                      "the body must be JSON: send the header Content-Type: application/json");
+    return true;
 }
 
 static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
@@ -371,11 +403,6 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
 static bool read_request(exchange *x, const char *method, reply *r)
 {
     http_request *request = &x->request;
-    if (MHD_get_connection_values(x->connection, MHD_GET_ARGUMENT_KIND, NULL, NULL) > HTTP_MAX_QUERY) {
-        reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters",
-                          HTTP_MAX_QUERY);
-        return false;
-    }
     request->caller = &x->caller;
     request->came_ms = clock_monotonic_ms();
     request->announced = -1;
@@ -418,9 +445,25 @@ static bool refuse(exchange *x, const fields *f, const char *method, const char 
     return refuse_body(x, f, r) || !read_request(x, method, r) || !open_sink(x, f, r);
 }
 
+/* Refuses a head that a proxy may read otherwise. True when *r was filled. */
+static bool refuse_head(const exchange *x, const fields *f, const char *method, const char *version, reply *r)
+{
+    bool old = strcmp(version, MHD_HTTP_VERSION_1_0) == 0;
+    if (head_refuse(x->connection, method, version, &x->target, r)) return true;
+    if (f->hosts > 1 || (!f->hosts && !old)) {
+        reply_set_problem(r, "request_invalid", NULL, "the header Host is missing, or given more than once");
+        return true;
+    }
+    if (f->lengths + f->codings <= 1 && (!f->codings || (f->chunked && !old))) return false;
+    reply_set_problem(r, "request_invalid", NULL,
+                      "the length of the body is missing, or given more than once");
+    return true;
+}
+
 /* As refuse. *early: the answer is sent at once and the body is never read. Otherwise the answer follows the
  * body, since many clients send everything before they read. */
-static bool refuse_early(exchange *x, const char *method, const char *path, bool *early, reply *r)
+static bool refuse_early(exchange *x, const char *method, const char *path, const char *version, bool *early,
+                         reply *r)
 {
     fields f = {0};
     MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_field, &f);
@@ -429,11 +472,8 @@ static bool refuse_early(exchange *x, const char *method, const char *path, bool
     if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
-    if (f.lengths > 1 || f.codings > 1 || (f.lengths && f.codings) || (f.codings && !f.chunked)) {
-        reply_set_problem(r, "request_invalid", NULL,
-                          "the length of the body is missing, or given more than once");
-        *early = true;
-    } else if (refuse_connection(x, &f, r) || refuse_page(x, &f, r)) {
+    x->chunked = f.codings > 0;
+    if (refuse_head(x, &f, method, version, r) || refuse_connection(x, &f, r) || refuse_page(x, &f, r)) {
         *early = true;
     } else if (answer_preflight(x, method, r)) {
         return true;
@@ -453,21 +493,18 @@ static void note_answer(const exchange *x, const char *method, const char *path,
               r->status, *x->caller.user ? x->caller.user : "-", address_print(&x->client, client));
 }
 
-static enum MHD_Result begin(server *s, struct MHD_Connection *connection, const char *method,
-                             const char *path, void **slot)
+static enum MHD_Result begin(exchange *x, const char *method, const char *path, const char *version)
 {
-    exchange *x = mem_alloc(sizeof *x);
-    x->s = s;
-    x->connection = connection;
-    x->answer.fd = -1;
-    *slot = x;
+    server *s = x->s;
+    leave_unread(x);
+    x->begun = true;
     pthread_mutex_lock(&s->mutex);
     s->busy++;
     pthread_mutex_unlock(&s->mutex);
     bool early = false;
-    x->answered = refuse_early(x, method, path, &early, &x->answer);
+    x->answered = refuse_early(x, method, path, version, &early, &x->answer);
     if (!x->answered || !early) return MHD_YES;
-    connections_end_time(s->connections, connection_of(connection));
+    connections_end_time(s->connections, connection_of(x->connection));
     note_answer(x, method, path, &x->answer);
     return queue_reply(x, &x->answer);
 }
@@ -564,10 +601,12 @@ static enum MHD_Result answer(void *context, struct MHD_Connection *connection, 
                               const char *method, const char *version, const char *data, size_t *size,
                               void **slot)
 {
-    (void)version;
-    if (!*slot) return begin(context, connection, method, path, slot);
-    if (*size) return take_body(*slot, data, size);
-    return finish(*slot, method, path);
+    (void)context;
+    (void)connection;
+    exchange *x = *slot;
+    if (!x->begun) return begin(x, method, path, version);
+    if (*size) return take_body(x, data, size);
+    return finish(x, method, path);
 }
 
 static int hex_digit(char c)
@@ -602,20 +641,61 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     exchange *x = *slot;
     connections_end_request(s->connections, connection_of(connection));
     if (!x) return;
+    bool begun = x->begun;
+    if (!begun) leave_unread(x);
     reply_clear(&x->answer);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
     free(x->body);
     free(x);
     *slot = NULL;
+    if (!begun) return;
     pthread_mutex_lock(&s->mutex);
     s->busy--;
     pthread_cond_broadcast(&s->changed);
     pthread_mutex_unlock(&s->mutex);
 }
 
+/* Writes an answer past the library, and closes the connection. */
+static void answer_at_once(exchange *x, const char *code, const char *detail)
+{
+    reply r = {.fd = -1};
+    reply_set_problem(&r, code, NULL, "%s", detail);
+    char *text =
+        mem_printf("HTTP/1.1 %d %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\nConnection: close\r\n\r\n%s",
+                   r.status, MHD_get_reason_phrase_for((unsigned)r.status), r.content_type, r.length, r.body);
+    int fd = MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+    /* all answers before it are sent; the library's own find the connection closed */
+    send(fd, text, strlen(text), MSG_DONTWAIT | MSG_NOSIGNAL);
+    shutdown(fd, SHUT_WR);
+    free(text);
+    note_answer(x, "-", "-", &r);
+    reply_clear(&r);
+}
+
+/* The library (0.9.75) answers twice when it refuses a head that has arrived: for a Content-Length that is no
+ * number, and when it has no memory for cookies. It asks no handler then, and only its log tells. The head is
+ * the one whose end was found and that no handler has seen. */
+static void refuse_once(server *s, unsigned status)
+{
+    exchange *x = s->unread;
+    while (x && !MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE)->header_size)
+        x = x->next;
+    if (!x) return;
+    if (status == MHD_HTTP_CONTENT_TOO_LARGE)
+        answer_at_once(x, "body_too_large", "Content-Length is beyond all limits");
+    else if (status == MHD_HTTP_BAD_REQUEST)
+        answer_at_once(x, "request_invalid", "Content-Length is not a number of bytes");
+    else
+        answer_at_once(x, "request_invalid", "the headers are too long (setting header_limit_bytes)");
+}
+
 static void write_library_log(void *context, const char *format, va_list arguments)
 {
-    (void)context;
+    va_list status;
+    va_copy(status, arguments);
+    if (strncmp(format, "Error processing request (HTTP response code is %u", 50) == 0)
+        refuse_once(context, va_arg(status, unsigned));
+    va_end(status);
     log_write_list(LOG_LEVEL_DEBUG, format, arguments);
 }
 
@@ -626,12 +706,11 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
     /* the library counts whole seconds; http/connections is exact, and this only a second guard */
     unsigned idle_s = (unsigned)settings->connections.timeout_s + 1;
     struct MHD_OptionItem options[] = {
-        {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, NULL},
+        {MHD_OPTION_EXTERNAL_LOGGER, (intptr_t)write_library_log, s},
         {MHD_OPTION_LISTEN_SOCKET, fd, NULL},
         {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_room(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
-        {MHD_OPTION_STRICT_FOR_CLIENT, 1, NULL},
         {MHD_OPTION_NOTIFY_COMPLETED, (intptr_t)complete, s},
         {MHD_OPTION_URI_LOG_CALLBACK, (intptr_t)note_request, s},
         {MHD_OPTION_UNESCAPE_CALLBACK, (intptr_t)unescape, NULL},

@@ -4,9 +4,9 @@
  * wait (route.waits) run in a pool of threads (http/thread_pool) while their connection is suspended.
  * http/connections limits the number of connections and the time of clients. A body over the limit is
  * answered with 413: before it is read when its length is announced, at its end when it is chunked; nothing
- * of it is kept. A request with two lengths is refused. The library itself refuses malformed request lines
- * and headers, and headers over header_limit_bytes, with an answer in HTML; all other errors are problem
- * documents.
+ * of it is kept. A request that a proxy may read otherwise is refused (http/head). The library itself refuses
+ * what is no request at all, and headers over header_limit_bytes, with an answer in HTML; all other errors are
+ * problem documents.
  */
 #ifndef HEXAD_HTTP_SERVER_H
 #define HEXAD_HTTP_SERVER_H

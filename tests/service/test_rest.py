@@ -214,9 +214,6 @@ def test_body_limit_by_length(new_service):
     expect_problem(service.post("/v1/jobs", raw=" " * 1001), 413, "body_too_large")
     fitting = json.dumps(sphere())
     assert service.post("/v1/jobs", raw=fitting + " " * (1000 - len(fitting))).status == 201
-    huge = exchange(service, b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
-                             b"Content-Length: 99999999999999999999999999\r\n\r\n")
-    assert huge.startswith(b"HTTP/1.1 4")
 
 
 def test_body_limit_chunked(new_service):
@@ -246,23 +243,6 @@ def test_an_endless_body_is_cut_off(new_service):
                             b"Transfer-Encoding: chunked\r\n\r\n" + b"190\r\n" + b" " * 400 + b"\r\n")
     assert got == b""
     assert service.get("/v1/jobs").json["jobs"] == []
-
-
-@pytest.mark.parametrize("headers", [
-    b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
-    b"Content-Length: 5\r\nContent-Length: 6\r\n",
-    b"Content-Length: 5\r\nContent-Length: 5\r\n",
-    b"Transfer-Encoding: chunked\r\nTransfer-Encoding: identity\r\n",
-    b"Transfer-Encoding: gzip\r\n",
-    b"Content-Length: -1\r\n",
-    b"Content-Length: five\r\n",
-])
-def test_ambiguous_lengths_are_refused(service, headers):
-    got = exchange(service, b"POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n" + headers +
-                   b"\r\n0\r\n\r\nGET /version HTTP/1.1\r\nHost: x\r\n\r\n")
-    # refused, and the end of the connection: what follows is not taken for a request. (What is no
-    # number at all the library refuses itself, and 0.9.75 writes that header twice.)
-    assert got.startswith(b"HTTP/1.1 4") and b"HTTP/1.1 2" not in got, got
 
 
 def test_a_dripping_client_is_cut_off(new_service):

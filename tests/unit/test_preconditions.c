@@ -50,7 +50,11 @@ static void test_ranges(void **state)
         {"bytes=0-1 ", 100, PRECONDITIONS_WHOLE, 0, 0},
         {"bytes=a-b", 100, PRECONDITIONS_WHOLE, 0, 0},
         {"lines=0-1", 100, PRECONDITIONS_WHOLE, 0, 0},
-        {"bytes=0-99999999999999999999", 100, PRECONDITIONS_WHOLE, 0, 0},
+        {"bytes=5-99999999999999999999", 100, PRECONDITIONS_PART, 5, 95},
+        {"bytes=0-9223372036854775807", 100, PRECONDITIONS_PART, 0, 100},
+        {"bytes=-99999999999999999999", 100, PRECONDITIONS_PART, 0, 100},
+        {"bytes=18446744073709551615-", 100, PRECONDITIONS_UNSATISFIABLE, 0, 0},
+        {"bytes=18446744073709551615-18446744073709551616", 100, PRECONDITIONS_UNSATISFIABLE, 0, 0},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         int64_t first = 0, count = 0;

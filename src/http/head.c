@@ -1,0 +1,76 @@
+#include "http/head.h"
+
+#include <stdint.h>
+#include <string.h>
+
+#include <microhttpd.h>
+
+#include "http/handler.h"
+
+#define LINE_END 2 /* bytes: CR LF */
+
+static bool is_control_byte(char byte)
+{
+    return (unsigned char)byte < ' ' || byte == 0x7f;
+}
+
+head_target head_look(const char *uri)
+{
+    head_target t = {.start = uri, .end = uri + strlen(uri), .plain = true};
+    for (const char *at = uri; t.plain && at < t.end; at++) t.plain = *at != ' ' && !is_control_byte(*at);
+    const char *query = strchr(uri, '?'), *next = query;
+    for (size_t count = 0; next && next[1]; count++, next = strchr(next + 1, '&'))
+        if (count == HTTP_MAX_QUERY) t.crowded = true;
+    /* the library's own buffer, which it splits at the next step */
+    if (t.crowded) *(char *)(uintptr_t)(query + 1) = '\0';
+    return t;
+}
+
+/* The walk over the headers. */
+typedef struct walk {
+    const char *at; /* where the next line starts */
+    bool plain;     /* so far */
+} walk;
+
+static enum MHD_Result pass_line(void *context, enum MHD_ValueKind kind, const char *name, size_t name_length,
+                                 const char *value, size_t length)
+{
+    (void)kind;
+    walk *w = context;
+    w->plain = name == w->at && name_length;
+    for (size_t i = 0; w->plain && i < name_length; i++) w->plain = head_is_token_byte(name[i]);
+    if (!w->plain) return MHD_NO;
+    const char *start = name + name_length + 1; /* after the colon */
+    w->plain = value == start + strspn(start, " \t");
+    for (size_t i = 0; w->plain && i < length; i++) w->plain = value[i] == '\t' || !is_control_byte(value[i]);
+    w->at = value + length + LINE_END;
+    return w->plain ? MHD_YES : MHD_NO;
+}
+
+static bool is_request_line(const char *method, const char *version, const head_target *t)
+{
+    while (head_is_token_byte(*method)) method++;
+    return method + 1 == t->start && t->plain && t->end + 1 == version;
+}
+
+bool head_refuse(struct MHD_Connection *connection, const char *method, const char *version,
+                 const head_target *target, reply *r)
+{
+    const char *fault = NULL;
+    size_t size = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE)->header_size;
+    walk w = {.at = version + strlen(version) + LINE_END, .plain = true};
+    if (!is_request_line(method, version, target)) {
+        fault = "the request line must be METHOD PATH VERSION with one blank between, and no control bytes";
+    } else {
+        MHD_get_connection_values_n(connection, MHD_HEADER_KIND, pass_line, &w);
+        if (!w.plain || w.at + LINE_END != method + size)
+            fault = "each line must end with CR LF, and each header be NAME: VALUE on one line, without a"
+                    " blank before the colon and without control bytes";
+    }
+    if (fault)
+        reply_set_problem(r, "request_invalid", NULL, "%s", fault);
+    else if (target->crowded)
+        reply_set_problem(r, "request_invalid", NULL, "the query has more than %d parameters",
+                          HTTP_MAX_QUERY);
+    return fault || target->crowded;
+}
