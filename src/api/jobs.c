@@ -40,7 +40,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     cached_document made;
     queue_attempt *attempts = NULL;
     size_t count = 0;
-    if (job->attempts && !queue_list_attempts(c->q, job->id, &attempts, &count, &e)) {
+    if (job->attempts && !queue_list_attempts(c->q, job->id, -1, 0, ATTEMPTS_SHOWN, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
         return;
     }
@@ -49,7 +49,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     bool own = access_is_owner(request->caller, job->owner);
     job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
     json *list = json_put_array(document, "attempts");
-    for (size_t i = 0; i < count && i < ATTEMPTS_SHOWN; i++) job_json_append_attempt(list, &attempts[i]);
+    for (size_t i = 0; i < count; i++) job_json_append_attempt(list, &attempts[i]);
     queue_attempts_free(attempts, count);
     job_json_print_tag(job, progress, made.tag);
     reply_set_json(r, status, document);
@@ -269,12 +269,15 @@ static bool read_key(const http_request *request, char hash[STORE_HASH_SIZE], co
     return true;
 }
 
-static void refuse_dependency(const char *id, size_t index, reply *r)
+static void refuse_dependency(const queue_submission *put, size_t index, reply *r)
 {
     char pointer[64], detail[256];
     json *errors = json_new_array();
-    snprintf(pointer, sizeof pointer, "/queue/depends_on/%zu", index);
-    snprintf(detail, sizeof detail, "there is no job %.100s to depend on", id);
+    bool after = index >= put->depends_on_count;
+    if (after) index -= put->depends_on_count;
+    snprintf(pointer, sizeof pointer, "/queue/%s/%zu", after ? "after" : "depends_on", index);
+    snprintf(detail, sizeof detail, "there is no job %.100s to wait for",
+             (after ? put->after : put->depends_on)[index]);
     reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
@@ -312,7 +315,7 @@ static void answer_receipt(const http_context *c, const http_request *request, c
             "the disk of the service is full: it accepts jobs again when there is room (setting reserve_mb)");
         break;
     case QUEUE_UNKNOWN_DEPENDENCY:
-        refuse_dependency(put->depends_on[receipt->dependency], receipt->dependency, r);
+        refuse_dependency(put, receipt->dependency, r);
         break;
     }
     free(location);
@@ -390,6 +393,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
         .ordered = s->coherent,
         .depends_on = (const char *const *)s->depends_on,
         .depends_on_count = s->depends_on_count,
+        .after = (const char *const *)s->after,
+        .after_count = s->after_count,
         .inputs = (const char *const *)sent,
         .input_count = sent_count,
         .timeout_ms = ms_of(s->timeout_s),
@@ -547,6 +552,9 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         .state = -1,
         .owner = parameter_text(request, "owner", NULL),
         .label = parameter_text(request, "label", NULL),
+        .name = parameter_text(request, "name", NULL),
+        .since_ms = parameter_time(request, "created_after"),
+        .until_ms = parameter_time(request, "created_before"),
         .before_seq = parameter_integer(request, "cursor", 0),
         .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
     };

@@ -18,7 +18,7 @@ static const parameter parameters[] = {
      .type = PARAMETER_TEXT,
      .low = 1,
      .high = 255,
-     .prose = "The name of a result, as in the list of results."},
+     .prose = "The name of a result, as in the list of results; of a list of jobs: only those of this name."},
     {.name = "sha256",
      .type = PARAMETER_TEXT,
      .low = 64,
@@ -46,6 +46,14 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 400,
      .prose = "Only jobs with this label, or their events."},
+    {.name = "created_after",
+     .type = PARAMETER_TIME,
+     .prose =
+         "Only jobs that were submitted at this time or later: RFC 3339, as 2026-01-31T18:00:00Z, or with another"
+         " offset; without one, or as a date alone, UTC."},
+    {.name = "created_before",
+     .type = PARAMETER_TIME,
+     .prose = "Only jobs that were submitted before this time."},
     {.name = "job",
      .type = PARAMETER_TEXT,
      .low = 26,

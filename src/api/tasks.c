@@ -35,18 +35,28 @@ void tasks_list(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
+/* The place of an attempt among those of its job, as one number. */
+#define ATTEMPTS_OF_A_TASK ((int64_t)1 << 31)
+
 void tasks_list_attempts(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
     queue_job job = {0};
     queue_attempt *attempts = NULL;
-    size_t count = 0;
+    size_t count = 0, limit = (size_t)parameter_integer(request, "limit", PAGE_DEFAULT);
+    int64_t after = parameter_integer(request, "after", 0);
     if (!job_lookup_find_own(c, request, &job, r)) return;
-    if (!queue_list_attempts(c->q, job.id, &attempts, &count, &e)) {
+    if (!queue_list_attempts(c->q, job.id, (int)(after / ATTEMPTS_OF_A_TASK),
+                             (int)(after % ATTEMPTS_OF_A_TASK), (int)limit + 1, &attempts, &count, &e)) {
         reply_set_error(r, &e, NULL);
     } else {
         json *document = json_new_object(), *list = json_put_array(document, "attempts");
-        for (size_t i = 0; i < count; i++) job_json_append_attempt(list, &attempts[i]);
+        for (size_t i = 0; i < count && i < limit; i++) job_json_append_attempt(list, &attempts[i]);
+        if (count > limit)
+            json_put_integer(document, "next",
+                             attempts[limit - 1].task * ATTEMPTS_OF_A_TASK + attempts[limit - 1].number);
+        else
+            json_put_null(document, "next");
         reply_set_json(r, 200, document);
     }
     queue_attempts_free(attempts, count);

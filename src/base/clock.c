@@ -33,6 +33,49 @@ char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE])
     return buffer;
 }
 
+/* Reads "+02:00" or "Z" in minutes; false when something else stands there. */
+static bool read_offset(const char *text, int *minutes)
+{
+    int hours = 0, rest = 0, end = 0;
+    char sign = 0;
+    *minutes = 0;
+    if (!*text || strcmp(text, "Z") == 0 || strcmp(text, "z") == 0) return true;
+    if (sscanf(text, "%c%2d:%2d%n", &sign, &hours, &rest, &end) != 3 || text[end] || strchr(text + 1, '+') ||
+        strchr(text + 1, '-'))
+        return false;
+    *minutes = (sign == '-' ? -1 : 1) * (60 * hours + rest);
+    return (sign == '-' || sign == '+') && hours < 24 && rest < 60;
+}
+
+bool clock_parse_utc(const char *text, int64_t *wall_ms)
+{
+    struct tm utc = {0};
+    int ms = 0, offset = 0, end = 0;
+    if (strspn(text, "0123456789TtZz:.+-") != strlen(text)) return false;
+    if (sscanf(text, "%4d-%2d-%2d%n", &utc.tm_year, &utc.tm_mon, &utc.tm_mday, &end) != 3) return false;
+    const char *at = text + end;
+    if ((*at == 'T' || *at == 't') && sscanf(at + 1, "%2d:%2d%n", &utc.tm_hour, &utc.tm_min, &end) == 2) {
+        at += 1 + end;
+        if (*at == ':' && sscanf(at + 1, "%2d%n", &utc.tm_sec, &end) == 1) at += 1 + end;
+        if (*at == '.' && sscanf(at + 1, "%3d%n", &ms, &end) == 1) {
+            for (int digits = end; digits < 3; digits++) ms *= 10;
+            at += 1 + end;
+            at += strspn(at, "0123456789");
+        }
+    }
+    if (!read_offset(at, &offset)) return false;
+    utc.tm_year -= 1900;
+    utc.tm_mon--;
+    struct tm same = utc;
+    time_t seconds = timegm(&same);
+    /* a day or an hour that is none would be another one */
+    if (ms < 0 || same.tm_mday != utc.tm_mday || same.tm_mon != utc.tm_mon || same.tm_hour != utc.tm_hour ||
+        same.tm_min != utc.tm_min || same.tm_sec != utc.tm_sec)
+        return false;
+    *wall_ms = ((int64_t)seconds - 60 * offset) * 1000 + ms;
+    return true;
+}
+
 double clock_processor_s(void)
 {
     struct timespec t;

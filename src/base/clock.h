@@ -6,6 +6,7 @@
 #ifndef HEXAD_BASE_CLOCK_H
 #define HEXAD_BASE_CLOCK_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define CLOCK_TEXT_SIZE 32
@@ -15,6 +16,10 @@ int64_t clock_wall_ms(void); /* since 1970-01-01T00:00:00Z */
 
 /* RFC 3339 in UTC, "2026-01-31T23:59:59.123Z"; writes into `buffer` and returns it. */
 char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE]);
+
+/* Reads RFC 3339, or a part of it from the left that ends with the day, the minute or the second; without an offset it is
+ * UTC. False, and *wall_ms is untouched, when the text is no such time. */
+bool clock_parse_utc(const char *text, int64_t *wall_ms);
 
 /* Seconds of processor time that this process has taken, with all its threads. */
 double clock_processor_s(void);

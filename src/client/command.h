@@ -26,7 +26,8 @@ typedef struct command_options {
     bool json, wait;
     const char *label[COMMAND_LABELS_MOST];
     size_t label_count;
-    const char *owner, *state;
+    const char *owner, *state, *name;
+    const char *since, *until; /* of list: times, or how long ago, "90m" */
     const char *limit;
     const char *priority;
     const char *frame;   /* of fetch: numbers as in queue.frames; of log: one number */
@@ -41,7 +42,7 @@ typedef struct command_options {
 typedef int command(client *c, const char *argument, const command_options *options);
 
 command command_submit, command_validate, command_estimate, command_upload;
-command command_list, command_show, command_wait;
+command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_delete, command_priority;
 command command_watch, command_workers, command_drain, command_undrain;

@@ -1,45 +1,99 @@
-/* The list of jobs. */
+/* Lists of jobs and of attempts, and one job. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/memory.h"
 #include "client/command.h"
+#include "client/job_table.h"
 #include "client/list_query.h"
 #include "client/print.h"
 
-static void print_row(json_at job)
+#define JOBS_DEFAULT 50
+#define PAGE_MOST 500
+
+/* A list that comes in pages: its entries as a document, with --json, or as rows of a table. */
+typedef struct listing {
+    const char *key; /* of the entries in a page */
+    void (*add)(table *t, json_at entry);
+    table rows;
+    json *entries; /* NULL: as rows */
+    char *next;    /* the cursor of the next page; NULL: there is none */
+} listing;
+
+static void take_page(listing *l, const json *page)
 {
-    printf("%-26s  ", json_string(json_member(&job, "id"), "?"));
-    printf("%-10s  ", json_string(json_member(&job, "state"), "?"));
-    printf("%-13s  ", json_string(json_member(&job, "outcome"), "-"));
-    printf("%8.0f  ", json_number(json_member(&job, "priority"), 0));
-    printf("%-24s  ", json_string(json_member(&job, "created"), "?"));
-    print_text(stdout, json_string(json_member(&job, "name"), "-"));
-    putchar('\n');
+    json_at root = json_root(page), list = json_member(&root, l->key), next = json_member(&root, "next");
+    for (size_t i = 0; i < json_size(list); i++) {
+        json_at entry = json_element(&list, i);
+        if (l->entries)
+            json_append(l->entries, json_copy(entry.node));
+        else
+            l->add(&l->rows, entry);
+    }
+    free(l->next);
+    l->next = json_type_of(next) == JSON_STRING   ? mem_strdup(json_string(next, ""))
+              : json_type_of(next) == JSON_NUMBER ? mem_printf("%.0f", json_number(next, 0))
+                                                  : NULL;
+}
+
+/* Prints the listing, with --json as the server would as one page. */
+static void print_listing(listing *l)
+{
+    if (l->entries) {
+        json *document = json_new_object();
+        json_put(document, l->key, l->entries);
+        json_put_string(document, "next", l->next);
+        l->entries = NULL;
+        print_document(document);
+        json_free(document);
+    } else {
+        table_print(&l->rows);
+    }
+}
+
+static void listing_clear(listing *l)
+{
+    json_free(l->entries);
+    table_clear(&l->rows);
+    free(l->next);
+}
+
+/* The limit of a list; 0, and a message, when it is none. */
+static long read_limit(const char *text)
+{
+    char *end = NULL;
+    long limit = text ? strtol(text, &end, 10) : JOBS_DEFAULT;
+    if (!text || (*text && !*end && limit > 0)) return limit;
+    print_failure("list: --limit takes a whole number from 1 on (given %s)", text);
+    return 0;
 }
 
 int command_list(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    json *document = NULL;
-    if (options->label_count > 1) {
-        print_failure("list: --label can be given once");
-        return COMMAND_USAGE;
+    long left = read_limit(options->limit);
+    command_options asked = *options;
+    if (options->label_count > 1) print_failure("list: --label can be given once");
+    if (!left || options->label_count > 1) return COMMAND_USAGE;
+    int code = COMMAND_OK;
+    listing l = {.key = "jobs", .add = job_table_add, .entries = options->json ? json_new_array() : NULL};
+    if (!options->json) l.rows = job_table_new();
+    for (bool more = true; code == COMMAND_OK && more; more = l.next && left > 0) {
+        json *page = NULL;
+        char limit[24];
+        snprintf(limit, sizeof limit, "%ld", left < PAGE_MOST ? left : PAGE_MOST);
+        asked.limit = limit;
+        char *path = list_query_path(c, &asked, l.next);
+        code = command_ask(c, "GET", path, NULL, &page);
+        if (code == COMMAND_OK) take_page(&l, page);
+        left -= PAGE_MOST;
+        json_free(page);
+        free(path);
     }
-    char *path = list_query_path(c, options, NULL);
-    int code = command_ask(c, "GET", path, NULL, &document);
-    if (code == COMMAND_OK && options->json) {
-        print_document(document);
-    } else if (code == COMMAND_OK) {
-        json_at root = json_root(document), jobs = json_member(&root, "jobs");
-        printf("%-26s  %-10s  %-13s  %8s  %-24s  %s\n", "ID", "STATE", "OUTCOME", "PRIORITY", "CREATED",
-               "NAME");
-        for (size_t i = 0; i < json_size(jobs); i++) print_row(json_element(&jobs, i));
-        if (json_type_of(json_member(&root, "next")) == JSON_STRING)
-            fputs("hexadctl: there are more jobs; see --limit\n", stderr);
-    }
-    json_free(document);
-    free(path);
+    if (l.next && !options->json) fputs("hexadctl: there are more jobs; see --limit\n", stderr);
+    if (code == COMMAND_OK) print_listing(&l);
+    listing_clear(&l);
     return code;
 }
 
@@ -51,8 +105,31 @@ int command_show(client *c, const char *argument, const command_options *options
     if (code == COMMAND_OK && options->json)
         print_document(document);
     else if (code == COMMAND_OK)
-        print_job(json_root(document));
+        job_table_print(json_root(document));
     json_free(document);
     free(path);
+    return code;
+}
+
+int command_attempts(client *c, const char *argument, const command_options *options)
+{
+    char *base = command_job_path(argument, "/attempts");
+    if (!base) return COMMAND_USAGE;
+    int code = COMMAND_OK;
+    listing l = {
+        .key = "attempts", .add = job_table_add_attempt, .entries = options->json ? json_new_array() : NULL};
+    if (!options->json) l.rows = job_table_new_attempts();
+    for (bool more = true; code == COMMAND_OK && more; more = l.next != NULL) {
+        json *page = NULL;
+        char *path =
+            mem_printf("%s?limit=%d%s%s", base, PAGE_MOST, l.next ? "&after=" : "", l.next ? l.next : "");
+        code = command_ask(c, "GET", path, NULL, &page);
+        if (code == COMMAND_OK) take_page(&l, page);
+        json_free(page);
+        free(path);
+    }
+    if (code == COMMAND_OK) print_listing(&l);
+    listing_clear(&l);
+    free(base);
     return code;
 }

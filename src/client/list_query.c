@@ -2,15 +2,36 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+
+/* A moment as the server takes it, to be freed: "90m" is as long ago as that; all else stays, for the server to check. */
+static char *moment_of(const char *given)
+{
+    static const char units[] = "smhd";
+    static const int64_t seconds[] = {1, 60, 3600, 86400};
+    char *end = NULL, text[CLOCK_TEXT_SIZE];
+    if (!given) return NULL;
+    long long n = strtoll(given, &end, 10);
+    const char *unit = end > given && *end && !end[1] ? strchr(units, *end) : NULL;
+    if (!unit || n < 0 || n > 1000000) return mem_strdup(given);
+    return mem_strdup(clock_format_utc(clock_wall_ms() - n * seconds[unit - units] * 1000, text));
+}
 
 char *list_query_path(client *c, const command_options *options, const char *cursor)
 {
+    char *since = moment_of(options->since), *until = moment_of(options->until);
     const struct {
         const char *key, *value;
     } parts[] = {
         {"state", options->state},
         {"owner", options->owner},
         {"label", options->label_count ? options->label[0] : NULL},
+        {"name", options->name},
+        {"created_after", since},
+        {"created_before", until},
         {"limit", options->limit},
         {"cursor", cursor},
     };
@@ -27,5 +48,7 @@ char *list_query_path(client *c, const command_options *options, const char *cur
         mark = '&';
     }
     fclose(out);
+    free(since);
+    free(until);
     return path;
 }

@@ -94,6 +94,14 @@
     ") STRICT;"                                                     \
     "INSERT INTO service VALUES (1, 0, 0);"
 
+/* Whether a dependent job waits for the end only, and not for success. */
+#define ANY_END "any_end INTEGER NOT NULL DEFAULT 0"
+
+/* Jobs are found by name and by the time of their submission. */
+#define FOUND                                                        \
+    "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;" \
+    "CREATE INDEX job_by_time ON job (created_ms);"
+
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
@@ -142,7 +150,7 @@ static const char tables[] =
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
     "CREATE INDEX job_by_state ON job (state, seq);"
-    "CREATE INDEX job_by_owner ON job (owner, seq);"
+    "CREATE INDEX job_by_owner ON job (owner, seq);" FOUND
     "CREATE UNIQUE INDEX job_by_key ON job (owner, key) WHERE key IS NOT NULL;" STATE_COUNT
     "CREATE INDEX job_expiring ON job (expires_ms) WHERE expires_ms IS NOT NULL;"
     "CREATE INDEX job_ready ON job (owner, priority DESC, seq, threads, memory_mb)"
@@ -203,7 +211,7 @@ static const char tables[] =
 
     "CREATE TABLE dependency ("
     "  job INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
-    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE,"
+    "  needs INTEGER NOT NULL REFERENCES job (seq) ON DELETE CASCADE, " ANY_END ","
     "  PRIMARY KEY (job, needs)"
     ") STRICT, WITHOUT ROWID;"
     "CREATE INDEX dependency_by_need ON dependency (needs, job);"
@@ -329,6 +337,9 @@ static const char find_owners[] =
     "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
     "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
 
+/* Migration from version 7, in which jobs depended on success only. */
+static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -341,7 +352,7 @@ static const struct step {
     {2, 4, add_execution},        {1, 4, read_execution},
     {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
     {2, 5, add_state_count},      {2, 6, add_turns},
-    {1, 6, find_owners},
+    {1, 6, find_owners},          {2, 7, add_any_end},
 };
 
 bool schema_error_is_damage(int code)

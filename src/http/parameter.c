@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "base/memory.h"
 
 static const parameter *find(const parameter_table *table, const char *name)
@@ -42,6 +43,7 @@ static bool is_good(const parameter *p, const char *value)
 {
     bool negative = false;
     size_t length = value ? strlen(value) : 0;
+    int64_t wall_ms;
     if (!value) return false;
     switch (p->type) {
     case PARAMETER_TEXT:
@@ -51,6 +53,8 @@ static bool is_good(const parameter *p, const char *value)
         if (length == 0 || length > 18 || strspn(value, "0123456789") != length) return false;
         if (negative) return -strtoll(value, NULL, 10) >= p->low;
         return strtoll(value, NULL, 10) >= p->low && strtoll(value, NULL, 10) <= p->high;
+    case PARAMETER_TIME:
+        return clock_parse_utc(value, &wall_ms) && wall_ms > 0;
     case PARAMETER_WORDS:
         return are_words(p, value);
     }
@@ -65,6 +69,8 @@ static void describe_values(const parameter *p, char *text, size_t size)
         snprintf(text, size, "must have %lld to %lld bytes", (long long)p->low, (long long)p->high);
     } else if (p->type == PARAMETER_INTEGER) {
         snprintf(text, size, "must be an integer from %lld to %lld", (long long)p->low, (long long)p->high);
+    } else if (p->type == PARAMETER_TIME) {
+        snprintf(text, size, "must be a time after 1970, as 2026-01-31T18:00:00Z or 2026-01-31");
     } else {
         size_t used = (size_t)snprintf(text, size, "must be one of ");
         for (size_t i = 0; used < size && (word = p->word(i)); i++)
@@ -109,6 +115,13 @@ int64_t parameter_integer(const http_request *request, const char *name, int64_t
     return text ? strtoll(text, NULL, 10) : otherwise;
 }
 
+int64_t parameter_time(const http_request *request, const char *name)
+{
+    int64_t wall_ms = 0;
+    const char *text = parameter_text(request, name, NULL);
+    return text && clock_parse_utc(text, &wall_ms) ? wall_ms : 0;
+}
+
 json *parameter_describe(const parameter_table *table, const char *name, const char *in)
 {
     const parameter *p = find(table, name);
@@ -134,6 +147,7 @@ json *parameter_describe(const parameter_table *table, const char *name, const c
     } else {
         json_put_string(schema, "type", "string");
         if (p->pattern) json_put_string(schema, "pattern", p->pattern);
+        if (p->type == PARAMETER_TIME) json_put_string(schema, "format", "date-time");
     }
     return o;
 }

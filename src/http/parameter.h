@@ -11,6 +11,7 @@
 typedef enum parameter_type {
     PARAMETER_TEXT,
     PARAMETER_INTEGER,
+    PARAMETER_TIME, /* RFC 3339 */
     PARAMETER_WORDS /* one or more of a list of words, with commas between them */
 } parameter_type;
 
@@ -39,6 +40,8 @@ bool parameter_check_query(const parameter_table *table, const char *names, cons
 /* The value of a query's parameter that was checked; `otherwise` when it is not given. */
 const char *parameter_text(const http_request *request, const char *name, const char *otherwise);
 int64_t parameter_integer(const http_request *request, const char *name, int64_t otherwise);
+int64_t parameter_time(const http_request *request,
+                       const char *name); /* in milliseconds since 1970; 0: not given */
 
 /* The OpenAPI object of a parameter; `in` is "query", "path" or "header". */
 json *parameter_describe(const parameter_table *table, const char *name, const char *in);

@@ -29,9 +29,12 @@ static const char usage[] =
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
     "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
-    "  list [--state STATES] [--owner USER] [--label LABEL] [--limit N]\n"
-    "                    list the newest jobs; STATES are words with commas between them\n"
-    "  show ID           print the state of a job; everything with --json\n"
+    "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--since TIME] [--until TIME]\n"
+    "       [--limit N]\n"
+    "                    list the newest jobs; STATES are words with commas between them, TIME is one as\n"
+    "                    2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
+    "  show ID           print the state, times and attempts of a job; the spec, too, with --json\n"
+    "  attempts ID       list all attempts of a job\n"
     "  wait ID           wait for the end of a job and show its progress\n"
     "  cancel ID         cancel a job, whether it waits or runs\n"
     "  cancel --label LABEL [--owner USER]\n"
@@ -91,8 +94,9 @@ static const struct entry {
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, ONE, ""},
-    {"list", command_list, NONE, "--state --owner --label --limit"},
+    {"list", command_list, NONE, "--state --owner --label --name --since --until --limit"},
     {"show", command_show, ONE, ""},
+    {"attempts", command_attempts, ONE, ""},
     {"wait", command_wait, ONE, ""},
     {"cancel", command_cancel, MAYBE, "--label --owner"},
     {"fetch", command_fetch, ONE, "--frame --output"},
@@ -126,6 +130,7 @@ static const struct {
     OPTION("owner", owner),       OPTION("state", state), OPTION("limit", limit),
     OPTION("priority", priority), OPTION("frame", frame), OPTION("attempt", attempt),
     OPTION("output", output),     OPTION("file", file),   OPTION("scopes", scopes),
+    OPTION("name", name),         OPTION("since", since), OPTION("until", until),
 };
 
 typedef struct line {

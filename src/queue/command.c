@@ -29,31 +29,12 @@ static bool set_paused(job_state *j, bool paused, bool *changed)
     return true;
 }
 
-/* Counts the unfinished jobs that the job depends on. *lost: one of them ended without success. */
-static bool count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
-{
-    bool ok = false;
-    *pending = 0;
-    *lost = false;
-    sqlite3_stmt *s = ASK(d, e,
-                          "SELECT state FROM dependency JOIN job ON seq = needs"
-                          " WHERE dependency.job = ?1 AND state != 'succeeded'",
-                          integer(j->seq));
-    while (database_next(d, s, &ok, e)) {
-        queue_state state = QUEUE_QUEUED;
-        queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state);
-        ++*pending;
-        *lost |= queue_state_is_final(state);
-    }
-    return ok;
-}
-
 static bool retry(database *d, job_state *j, bool *changed, error *e)
 {
     bool lost = false;
     int pending = 0;
     if (!queue_state_is_final(j->state) || j->state == QUEUE_SUCCEEDED) return true;
-    if (!count_needs(d, j, &pending, &lost, e)) return false;
+    if (!job_state_count_needs(d, j, &pending, &lost, e)) return false;
     if (lost) return true;
     *changed = true;
     if (!RUN(

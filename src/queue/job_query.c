@@ -33,39 +33,40 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e)
     return ok;
 }
 
-/* The conditions of a listing, as a set. Each combination has its own statement, so that each uses the best index. */
-enum { BY_STATE = 1, BY_OWNER = 2, BY_LABEL = 4 };
-
-#define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE seq < ?1"
-#define LABELLED                                                                                            \
-    "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5 AND label.job < " \
-    "?1"
+/* What all listings ask for. ?7, the beginning of the time, is made a bound of the place in the order, too, so that no older
+ * job is read; both orders differ where the clock was set back. */
+#define CHOSEN                                                                                             \
+    "seq < ?1 AND (?3 IS NULL OR state = ?3) AND (?4 IS NULL OR owner = ?4) AND (?6 IS NULL OR name = ?6)" \
+    " AND created_ms >= ?7 AND created_ms < ?8 AND seq >= CASE ?7 WHEN 0 THEN 0 ELSE"                      \
+    " coalesce((SELECT min(seq) FROM job INDEXED BY job_by_time WHERE created_ms >= ?7), ?1) END"
+#define LISTED "SELECT " JOB_COLUMNS " FROM job WHERE " CHOSEN
 #define NEWEST " ORDER BY seq DESC LIMIT ?2"
-#define NEWEST_LABELLED " ORDER BY label.job DESC LIMIT ?2"
 
-static const char *const listings[] = {
-    [0] = LISTED NEWEST,
-    [BY_STATE] = LISTED " AND state = ?3" NEWEST,
-    [BY_OWNER] = LISTED " AND owner = ?4" NEWEST,
-    [BY_OWNER | BY_STATE] = LISTED " AND owner = ?4 AND state = ?3" NEWEST,
-    [BY_LABEL] = LABELLED NEWEST_LABELLED,
-    [BY_LABEL | BY_STATE] = LABELLED " AND state = ?3" NEWEST_LABELLED,
-    [BY_LABEL | BY_OWNER] = LABELLED " AND owner = ?4" NEWEST_LABELLED,
-    [BY_LABEL | BY_OWNER | BY_STATE] = LABELLED " AND owner = ?4 AND state = ?3" NEWEST_LABELLED,
-};
+/* The statement that reads the fewest rows: each has an index for one of the conditions. A label is in another table, so
+ * that only its statement asks for it. */
+static const char *choose_listing(const queue_filter *f)
+{
+    if (f->label)
+        return "SELECT " JOB_COLUMNS " FROM label CROSS JOIN job ON seq = label.job WHERE label = ?5"
+               " AND label.job < ?1 AND " CHOSEN " ORDER BY label.job DESC LIMIT ?2";
+    if (f->name) return LISTED " AND name = ?6" NEWEST;
+    if (f->state >= 0 && !queue_state_is_final((queue_state)f->state)) return LISTED " AND state = ?3" NEWEST;
+    if (f->owner) return LISTED " AND owner = ?4" NEWEST;
+    return f->state >= 0 ? LISTED " AND state = ?3" NEWEST : LISTED NEWEST;
+}
 
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e)
 {
-    int which =
-        (filter->state < 0 ? 0 : BY_STATE) | (filter->owner ? BY_OWNER : 0) | (filter->label ? BY_LABEL : 0);
     queue_job *read = NULL;
     size_t used = 0, room = 0;
     bool ok = false;
     database_lock(q->database);
-    sqlite3_stmt *s = ASK(
-        q->database, e, listings[which], integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX),
-        integer(filter->limit), text(filter->state < 0 ? NULL : queue_state_name((queue_state)filter->state)),
-        text(filter->owner), text(filter->label));
+    sqlite3_stmt *s =
+        ASK(q->database, e, choose_listing(filter),
+            integer(filter->before_seq > 0 ? filter->before_seq : INT64_MAX), integer(filter->limit),
+            text(filter->state < 0 ? NULL : queue_state_name((queue_state)filter->state)),
+            text(filter->owner), text(filter->label), text(filter->name), integer(filter->since_ms),
+            integer(filter->until_ms > 0 ? filter->until_ms : INT64_MAX));
     while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 16) * sizeof *read);
         job_row_read(s, 0, &read[used++]);
@@ -147,7 +148,8 @@ static int column_or(sqlite3_stmt *s, int column, int otherwise)
     return sqlite3_column_type(s, column) == SQLITE_NULL ? otherwise : sqlite3_column_int(s, column);
 }
 
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e)
+bool queue_list_attempts(queue *q, const char *id, int after_task, int after, int limit,
+                         queue_attempt **attempts, size_t *count, error *e)
 {
     queue_attempt *read = NULL;
     size_t used = 0, room = 0;
@@ -158,8 +160,9 @@ bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, siz
             "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
             " peak_memory_bytes, host, reason FROM attempt a"
             " JOIN task t ON t.job = a.job AND t.number = a.task"
-            " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) ORDER BY a.task, a.number",
-            text(id));
+            " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) AND (a.task, a.number) > (?2, ?3)"
+            " ORDER BY a.task, a.number LIMIT ?4",
+            text(id), integer(after_task), integer(after), integer(limit));
     while (database_next(q->database, s, &ok, e)) {
         if (used == room) read = mem_resize(read, (room = room * 2 + 4) * sizeof *read);
         read[used++] = (queue_attempt){

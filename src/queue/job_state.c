@@ -209,15 +209,34 @@ bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue
                                  e);
 }
 
-/* Updates one dependent job after the end of `need`. It may end itself because of that. */
+bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e)
+{
+    bool ok = false;
+    *pending = 0;
+    *lost = false;
+    sqlite3_stmt *s = ASK(d, e,
+                          "SELECT state, any_end FROM dependency JOIN job ON seq = needs"
+                          " WHERE dependency.job = ?1 AND state != 'succeeded'",
+                          integer(j->seq));
+    while (database_next(d, s, &ok, e)) {
+        queue_state state = QUEUE_QUEUED;
+        bool any_end = sqlite3_column_int(s, 1);
+        queue_state_from_name((const char *)sqlite3_column_text(s, 0), &state);
+        *pending += !(any_end && queue_state_is_final(state));
+        *lost |= !any_end && queue_state_is_final(state);
+    }
+    return ok;
+}
+
+/* Updates one dependent job after the end of `need`. It may end itself because of that. The needs are counted anew, since
+ * one that was retried ends more than once. */
 static bool tell_dependent(database *d, const char *need, queue_state state, job_state *j, int64_t now,
                            error *e)
 {
     job_state before = *j;
-    if (state == QUEUE_SUCCEEDED)
-        j->pending--;
-    else if (!job_state_fail_dependent(d, j, need, state, now, e))
-        return false;
+    bool lost = false;
+    if (!job_state_count_needs(d, j, &j->pending, &lost, e)) return false;
+    if (lost && !job_state_fail_dependent(d, j, need, state, now, e)) return false;
     return save_one(d, &before, j, now, e);
 }
 

@@ -39,6 +39,9 @@ bool job_state_save(database *d, const job_state *before, job_state *j, int64_t 
 bool job_state_end_waiting(database *d, job_state *j, queue_state state, const char *code,
                            const char *message, int64_t now, error *e);
 
+/* Counts the jobs that the job still waits for. *lost: one of them had to succeed and has ended without success. */
+bool job_state_count_needs(database *d, const job_state *j, int *pending, bool *lost, error *e);
+
 /* Fails all waiting tasks, because the job `need`, which this one depends on, ended in the state `how`. */
 bool job_state_fail_dependent(database *d, job_state *j, const char *need, queue_state how, int64_t now,
                               error *e);

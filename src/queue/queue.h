@@ -140,8 +140,10 @@ typedef struct queue_submission {
     /* The tasks run one after the other, and each begins with the result of the task before. A task that does not
      * succeed ends the later ones. One that fails with no_surface is skipped instead. */
     bool ordered;
-    const char *const *depends_on; /* ids of jobs */
+    const char *const *depends_on; /* ids of jobs that have to succeed before this one starts */
     size_t depends_on_count;
+    const char *const *after; /* ids of jobs that have to end before */
+    size_t after_count;
     const char *const *inputs; /* names of the uploaded files that it reads */
     size_t input_count;
     int64_t timeout_ms, stall_ms; /* of an attempt; 0: the service's own */
@@ -158,7 +160,7 @@ typedef enum queue_verdict {
     QUEUE_MISMATCH,          /* the key was seen with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs already */
     QUEUE_NO_ROOM,           /* the disk has less free than queue_reserve has set aside */
-    QUEUE_UNKNOWN_DEPENDENCY /* the receipt says which of depends_on */
+    QUEUE_UNKNOWN_DEPENDENCY /* the receipt says which of depends_on, or behind these of after */
 } queue_verdict;
 
 typedef struct queue_receipt {
@@ -180,9 +182,10 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
 uint64_t queue_stamp(queue *q, int64_t seq);
 
 typedef struct queue_filter {
-    int state;                 /* a queue_state, or -1: any */
-    const char *owner, *label; /* NULL: any */
-    int64_t before_seq;        /* only jobs that came before this one; 0: all */
+    int state;                        /* a queue_state, or -1: any */
+    const char *owner, *label, *name; /* NULL: any */
+    int64_t since_ms, until_ms;       /* created at this time or later, and before this time; 0: any */
+    int64_t before_seq;               /* only jobs that came before this one; 0: all */
     int limit;
 } queue_filter;
 
@@ -276,8 +279,10 @@ typedef struct queue_attempt {
     char *reason; /* may be NULL */
 } queue_attempt;
 
-/* Sorted by task and number. The list is empty when there is no such job. */
-bool queue_list_attempts(queue *q, const char *id, queue_attempt **attempts, size_t *count, error *e);
+/* Sorted by task and number, from the one behind attempt `after` of the task `after_task` (-1: all). The list is empty
+ * when there is no such job. */
+bool queue_list_attempts(queue *q, const char *id, int after_task, int after, int limit,
+                         queue_attempt **attempts, size_t *count, error *e);
 void queue_attempts_free(queue_attempt *attempts, size_t count);
 
 /* ---- running */

@@ -57,6 +57,13 @@ static bool look_at_need(database *d, const char *id, bool *found, queue_state *
     return ok;
 }
 
+/* The index-th of the jobs that the new one waits for. *any_end: whatever their end. */
+static const char *need_at(const queue_submission *in, size_t index, bool *any_end)
+{
+    *any_end = index >= in->depends_on_count;
+    return *any_end ? in->after[index - in->depends_on_count] : in->depends_on[index];
+}
+
 /* Counts the jobs that the new one has to wait for. *lost is one that ended without success, or NULL. */
 static bool check_needs(database *d, submitting *s, int *pending, const char **lost, queue_state *how,
                         bool *unknown, error *e)
@@ -64,10 +71,10 @@ static bool check_needs(database *d, submitting *s, int *pending, const char **l
     *unknown = false;
     *pending = 0;
     *lost = NULL;
-    for (size_t i = 0; i < s->in->depends_on_count; i++) {
-        bool found;
+    for (size_t i = 0; i < s->in->depends_on_count + s->in->after_count; i++) {
+        bool found, any_end, again = false;
         queue_state state = QUEUE_QUEUED;
-        const char *id = s->in->depends_on[i];
+        const char *id = need_at(s->in, i, &any_end);
         if (!look_at_need(d, id, &found, &state, e)) return false;
         if (!found) {
             s->receipt.verdict = QUEUE_UNKNOWN_DEPENDENCY;
@@ -75,10 +82,11 @@ static bool check_needs(database *d, submitting *s, int *pending, const char **l
             *unknown = true;
             return true;
         }
-        bool again = false;
-        for (size_t k = 0; k < i; k++) again |= strcmp(id, s->in->depends_on[k]) == 0;
-        if (state != QUEUE_SUCCEEDED && !again) ++*pending;
-        if (queue_state_is_final(state) && state != QUEUE_SUCCEEDED) {
+        bool other;
+        for (size_t k = 0; k < i; k++) again |= strcmp(id, need_at(s->in, k, &other)) == 0;
+        if (again || state == QUEUE_SUCCEEDED || (any_end && queue_state_is_final(state))) continue;
+        ++*pending;
+        if (queue_state_is_final(state)) {
             *lost = id;
             *how = state;
         }
@@ -119,9 +127,14 @@ static bool insert_tasks(database *d, const submitting *s, const job_state *j, e
     for (int i = 0; ok && i < j->tasks; i++)
         ok = RUN(d, e, "INSERT INTO task (job, number, frame) VALUES (?1, ?2, ?3)", integer(j->seq),
                  integer(i), integer_if(j->array ? s->in->frames[i] : 0, j->array));
-    for (size_t i = 0; ok && i < s->in->depends_on_count; i++)
-        ok = RUN(d, e, "INSERT OR IGNORE INTO dependency (job, needs) SELECT ?1, seq FROM job WHERE id = ?2",
-                 integer(j->seq), text(s->in->depends_on[i]));
+    for (size_t i = 0; ok && i < s->in->depends_on_count + s->in->after_count; i++) {
+        bool any_end;
+        const char *id = need_at(s->in, i, &any_end);
+        ok = RUN(
+            d, e,
+            "INSERT OR IGNORE INTO dependency (job, needs, any_end) SELECT ?1, seq, ?3 FROM job WHERE id = ?2",
+            integer(j->seq), text(id), integer(any_end));
+    }
     for (size_t i = 0; ok && i < s->in->input_count; i++)
         ok = RUN(d, e, "INSERT OR IGNORE INTO input (name, job) VALUES (?1, ?2)", text(s->in->inputs[i]),
                  integer(j->seq));

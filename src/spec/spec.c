@@ -227,6 +227,8 @@ void spec_free(spec *s)
     free(s->labels);
     for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);
     free(s->depends_on);
+    for (size_t i = 0; i < s->after_count; i++) free(s->after[i]);
+    free(s->after);
     free(s->frames);
     free(s->frame);
     free(s->directory);

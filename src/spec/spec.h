@@ -188,6 +188,8 @@ typedef struct spec {
     size_t label_count;
     char **depends_on; /* ids of jobs */
     size_t depends_on_count;
+    char **after; /* likewise */
+    size_t after_count;
     char *frames; /* as given; NULL: the job is not a sequence. Their numbers: */
     int *frame;
     size_t frame_count;

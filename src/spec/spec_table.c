@@ -1085,6 +1085,13 @@ const spec_row spec_rows[] = {
      AT_HAS(depends_on, depends_on_count),
      .prose = "Identifiers of jobs that must succeed before this one starts. If one of them does not "
               "succeed, this job fails."},
+    {.pointer = "/queue/after",
+     .type = SPEC_TYPE_LABELS,
+     .low = 0,
+     .high = 1000,
+     .otherwise = "[]",
+     AT_HAS(after, after_count),
+     .prose = "Identifiers of jobs that must end before this one starts, whether they succeed or not."},
     {.pointer = "/queue/frames",
      .type = SPEC_TYPE_STRING,
      .low = 1,

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from service import PATIENCE_S, sphere, wait_until
+from service import PATIENCE_S, long_sphere, sphere, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,30 @@ def test_a_job_that_depends_on_another(service):
     assert done["started"] >= service.job(first)["finished"]
     refused = service.post("/v1/jobs", sphere(queue={"depends_on": [first, "nobody"]}))
     assert refused.status == 422 and refused.json["errors"][0]["pointer"] == "/queue/depends_on/1"
+
+
+def test_a_job_that_waits_for_any_end(service):
+    first = service.submit(long_sphere(limits={"timeout_s": 0.2, "max_attempts": 1}))
+    second = service.submit(sphere(queue={"after": [first]}))
+    strict = service.submit(sphere(queue={"depends_on": [first]}))
+    done = service.wait_state(second, "succeeded")
+    assert done["started"] >= service.job(first)["finished"]
+    assert service.job(strict)["error"]["code"] == "dependency_failed"
+    refused = service.post("/v1/jobs", sphere(queue={"after": [first, "nobody"]}))
+    assert refused.status == 422 and refused.json["errors"][0]["pointer"] == "/queue/after/1"
+
+
+def test_attempts_come_in_pages(new_service, footage):
+    service = new_service("--input_roots", footage).start()
+    job = service.submit(sequence(footage, "8-9,11"))
+    service.wait_state(job, "succeeded")
+    seen, after = [], ""
+    while after is not None:
+        page = service.get(f"/v1/jobs/{job}/attempts?limit=2{after}").json
+        seen.append([a["frame"] for a in page["attempts"]])
+        after = page["next"] and f"&after={page['next']}"
+    assert seen == [[8, 9], [11]]
+    assert service.get(f"/v1/jobs/{job}/attempts").json["next"] is None
 
 
 def test_the_worker_alone_runs_one_frame(build, footage, tmp_path):

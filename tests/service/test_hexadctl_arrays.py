@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, sphere
+from service import PATIENCE_S, gated_worker, sphere, wait_until
 
 FRAMES = (8, 9, 11)
 
@@ -236,3 +236,67 @@ def test_states_are_listed_together_and_named_in_a_complaint(run, service, tmp_p
     assert refused.returncode == 2
     for state in ("queued", "blocked", "paused", "running", "cancelling", "succeeded", "failed", "cancelled", "timed_out"):
         assert state in refused.stderr
+
+
+def test_a_list_tells_whose_how_old_and_how_far(new_service, build, footage, tmp_path):
+    service = new_service("--input_roots", footage, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+
+    def told(*words):
+        done = subprocess.run([build / "hexadctl", *words], env=service.environment(), capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+    array = service.submit({**sequence(footage, "8-9"), "name": "smoke"})
+    service.wait_worker(array)
+    service.open_gate(f"{array}.8")
+    wait_until(lambda: service.job(array)["tasks"]["succeeded"] == 1, "the first frame")
+    single = service.submit(sphere(name="ball", queue={"labels": ["shot=010"], "after": [array]}))
+    owner = service.job(array)["owner"]
+    titles, *rows = [line.split() for line in told("list").splitlines()]
+    assert titles == ["ID", "STATE", "OUTCOME", "OWNER", "AGE", "TIME", "PROGRESS", "PRIORITY", "NAME"]
+    assert [row[0] for row in rows] == [single, array]
+    assert rows[0][1:4] == ["blocked", "-", owner] and rows[0][5:] == ["-", "-", "0", "ball"]
+    assert rows[1][6:] == ["1/2", "0", "smoke"] and rows[1][4].endswith("s")
+    shown = told("show", array)
+    assert shown.startswith(f"{array} running") and f"owner     {owner}" in shown and "name      smoke" in shown
+    assert "1/2 frames have ended, 1 succeeded, 1 running" in shown and "created   20" in shown
+    assert "FRAME  ATTEMPT" in shown and "relax" in shown
+    assert f"after     {array}" in told("show", single) and "labels    shot=010" in told("show", single)
+    assert [line.split()[:2] for line in told("attempts", array).splitlines()[1:]] == [["8", "1"], ["9", "1"]]
+    assert [a["frame"] for a in json.loads(told("attempts", array, "--json"))["attempts"]] == [8, 9]
+
+
+def test_a_list_is_filtered_by_the_server(run, service):
+    ids = [service.submit(sphere(name=name, queue={"labels": [label]})) for name, label in
+           (("ball", "a"), ("cube", "a"), ("ball", "b"))]
+    for job in ids:
+        service.wait_state(job, "succeeded")
+    owner = service.job(ids[0])["owner"]
+    created = service.job(ids[1])["created"]
+
+    def listed(*words):
+        done = run("list", "--json", *words)
+        assert done.returncode == 0, done.stderr
+        return [j["id"] for j in json.loads(done.stdout)["jobs"]]
+    assert listed("--name", "ball") == [ids[2], ids[0]]
+    assert listed("--name", "ball", "--label", "a", "--owner", owner, "--state", "failed,succeeded") == [ids[0]]
+    assert listed("--owner", "nobody") == []
+    assert listed("--since", created) == [ids[2], ids[1]]
+    assert listed("--until", created) == [ids[0]]
+    assert listed("--since", "1h") == ids[::-1] and listed("--until", "1h") == []
+    assert listed("--since", created, "--until", created) == []
+    for words in (["--since", "yesterday"], ["--limit", "0"], ["--limit", "a"], ["--label", "a", "--label", "b"]):
+        done = run("list", *words)
+        assert done.returncode == 2 and not done.stdout
+    done = run("list", "--limit", "2")
+    assert len(done.stdout.splitlines()) == 3 and "more jobs" in done.stderr
+
+
+def test_a_long_list_comes_in_pages(new_service, build, tmp_path):
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1, "--user_queued", 2000).start()
+    for _ in range(520):  # more than a page of the server
+        service.submit(sphere())
+    done = subprocess.run([build / "hexadctl", "list", "--limit", "515", "--json"], env=service.environment(),
+                          capture_output=True, text=True, timeout=PATIENCE_S)
+    jobs = json.loads(done.stdout)
+    assert len({j["id"] for j in jobs["jobs"]}) == 515 and jobs["next"]

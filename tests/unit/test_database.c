@@ -214,7 +214,7 @@ static void test_an_older_schema_is_carried_over(void **state)
     assert_int_equal(tell(p, "failed", QUEUE_RETRY, true), QUEUE_QUEUED);
     queue_attempt *attempts;
     size_t count;
-    assert_true(queue_list_attempts(p->q, "running", &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, "running", -1, 0, 100, &attempts, &count, NULL));
     assert_int_equal(count, 2);
     queue_attempts_free(attempts, count);
     char id[ULID_SIZE];
@@ -223,8 +223,12 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 7 had not. */
+#define BEFORE_8 "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
+
 /* What version 6 had not. */
 #define BEFORE_7                                                                                      \
+    BEFORE_8                                                                                          \
     "DROP TABLE service; DROP TABLE owner;"                                                           \
     "CREATE TABLE owner (name TEXT PRIMARY KEY, unfinished INTEGER NOT NULL CHECK (unfinished >= 0)," \
     "  running INTEGER NOT NULL CHECK (running >= 0)) STRICT, WITHOUT ROWID;"                         \
@@ -363,6 +367,22 @@ static void test_turns_are_added_to_version_6(void **state)
     claim(p, bob);
     claim(p, ann[2]);
     claim(p, NULL);
+}
+
+/* In version 7 jobs depended on success only, and still do. */
+static void test_dependencies_of_version_7_are_on_success(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE];
+    submit_for(p, &s, first);
+    const char *needs[] = {first};
+    s.depends_on = needs;
+    s.depends_on_count = 1;
+    submit_for(p, &s, second);
+    alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
+    assert_true(finish(p, first, 0, claim(p, first), &crash));
+    expect_state(p, second, QUEUE_FAILED);
 }
 
 /* In version 5 the id of a notification was its number, which other queues gave, too. */
@@ -622,6 +642,7 @@ int main(void)
         CASE(test_a_killed_process_loses_nothing),
         CASE(test_an_older_schema_is_carried_over),
         CASE(test_storage_is_added_to_version_4),
+        CASE(test_dependencies_of_version_7_are_on_success),
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),

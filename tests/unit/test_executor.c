@@ -161,7 +161,7 @@ static size_t count_attempts(place *p, const char *id)
 {
     queue_attempt *attempts;
     size_t count;
-    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 100, &attempts, &count, NULL));
     queue_attempts_free(attempts, count);
     return count;
 }
@@ -237,7 +237,7 @@ static void test_a_crash_is_tried_again(void **state)
     expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
     queue_attempt *attempts;
     size_t count;
-    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 100, &attempts, &count, NULL));
     assert_int_equal(count, 2);
     assert_int_equal(attempts[0].signal, SIGSEGV);
     assert_int_equal(attempts[1].exit_status, 0);
@@ -334,7 +334,7 @@ static void test_a_missing_worker_costs_no_job(void **state)
     expect_end(p, id, QUEUE_SUCCEEDED, NULL, NULL);
     queue_attempt *attempts;
     size_t count;
-    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 100, &attempts, &count, NULL));
     assert_true(count >= 2);
     assert_non_null(strstr(attempts[0].reason, "not started"));
     queue_attempts_free(attempts, count);
@@ -748,7 +748,7 @@ static void test_the_reason_says_what_ended(void **state)
         claim_and_die(p, id);
         recover(&where, restarted);
     }
-    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 100, &attempts, &count, NULL));
     assert_int_equal(count, 2);
     assert_string_equal(attempts[0].reason, "the daemon ended during the attempt");
     assert_string_equal(attempts[1].reason, "the host restarted during the attempt");

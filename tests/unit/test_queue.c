@@ -89,7 +89,7 @@ static void test_only_the_current_attempt_settles(void **state)
     assert_int_equal(get_task(p, id, 0).spent, 2);
     queue_attempt *attempts;
     size_t count;
-    assert_true(queue_list_attempts(p->q, id, &attempts, &count, NULL));
+    assert_true(queue_list_attempts(p->q, id, -1, 0, 100, &attempts, &count, NULL));
     assert_int_equal(count, 2);
     assert_int_equal(attempts[0].signal, 9);
     assert_int_equal(attempts[0].exit_status, -1);
@@ -372,7 +372,70 @@ static void test_who_depends_on_a_failure_fails(void **state)
     claim(p, id[1]);
 }
 
+static void test_jobs_wait_for_any_end(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char first[ULID_SIZE], second[ULID_SIZE], last[ULID_SIZE];
+    put(p, "first", 0, first);
+    put(p, "second", 0, second);
+    const char *ends[] = {first, second}, *nobody[] = {"01aaaaaaaaaaaaaaaaaaaaaaaa"};
+    s.after = ends;
+    s.after_count = 2;
+    submit_for(p, &s, last);
+    expect_state(p, last, QUEUE_BLOCKED);
+    assert_true(finish(p, first, 0, claim(p, first), &crash));
+    expect_state(p, last, QUEUE_BLOCKED);
+    tell(p, first, QUEUE_RETRY, true); /* and it ends once more */
+    assert_true(finish(p, first, 0, claim(p, first), &crash));
+    reopen(p);
+    expect_state(p, last, QUEUE_BLOCKED);
+    tell(p, second, QUEUE_CANCEL, true);
+    expect_state(p, last, QUEUE_QUEUED);
+    assert_int_equal(submit(p, &s).state, QUEUE_QUEUED); /* both have ended */
+    s.depends_on = &ends[0];
+    s.depends_on_count = 1;
+    assert_int_equal(submit(p, &s).state, QUEUE_FAILED); /* both demands of the same job: the stricter one */
+    s.after = nobody;
+    s.after_count = 1;
+    queue_receipt receipt = submit(p, &s);
+    assert_int_equal(receipt.verdict, QUEUE_UNKNOWN_DEPENDENCY);
+    assert_int_equal(receipt.dependency, 1);
+}
+
 static const int frames[] = {1, 3, 5};
+
+/* Attempts of the job from the one behind `after` of the task on: "task.number ...". */
+static void expect_attempts(place *p, const char *id, int task, int after, int limit, const char *expected)
+{
+    queue_attempt *attempts;
+    size_t count;
+    char text[200] = "";
+    assert_true(queue_list_attempts(p->q, id, task, after, limit, &attempts, &count, NULL));
+    for (size_t i = 0; i < count; i++)
+        snprintf(text + strlen(text), sizeof text - strlen(text), "%d.%d ", attempts[i].task,
+                 attempts[i].number);
+    assert_string_equal(text, expected);
+    queue_attempts_free(attempts, count);
+}
+
+static void test_attempts_come_in_pages(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[ULID_SIZE];
+    s.frames = frames;
+    s.frame_count = 3;
+    submit_for(p, &s, id);
+    for (int i = 0; i < 3; i++) claim_in(p, &wide, id);
+    bool accepted = false;
+    assert_true(queue_requeue(p->q, &(queue_fence){id, 1, 1}, true, 0, &crash, &accepted, NULL) && accepted);
+    claim_in(p, &wide, id);
+    expect_attempts(p, id, -1, 0, 9, "0.1 1.1 1.2 2.1 ");
+    expect_attempts(p, id, -1, 0, 2, "0.1 1.1 ");
+    expect_attempts(p, id, 1, 1, 2, "1.2 2.1 ");
+    expect_attempts(p, id, 2, 1, 2, "");
+}
 
 static void test_an_array_has_one_state(void **state)
 {
@@ -630,6 +693,49 @@ static void test_list_pages_newest_first(void **state)
     assert_int_equal(in_state[QUEUE_QUEUED], 4);
     assert_int_equal(in_state[QUEUE_RUNNING], 1);
     assert_int_equal(in_state[QUEUE_FAILED], 0);
+}
+
+static void test_list_by_name_and_time(void **state)
+{
+    place *p = *state;
+    queue_submission s = plain;
+    char id[3][ULID_SIZE];
+    int64_t created_ms[3];
+    for (int i = 0; i < 3; i++) {
+        s.name = i == 1 ? NULL : "ball";
+        submit_for(p, &s, id[i]);
+        queue_job job = get(p, id[i]);
+        created_ms[i] = job.created_ms;
+        queue_job_clear(&job);
+    }
+    /* a day between each, and the clock was set back before the last */
+    queue_close(p->q);
+    p->q = NULL;
+    sqlite3 *database = open_raw(p);
+    for (int i = 0; i < 3; i++) {
+        static const int day[] = {0, 2, 1};
+        char *sql = mem_printf("UPDATE job SET created_ms = %lld WHERE id = '%s'",
+                               (long long)(created_ms[0] + day[i] * 86400000LL), id[i]);
+        assert_int_equal(sqlite3_exec(database, sql, NULL, NULL, NULL), SQLITE_OK);
+        free(sql);
+    }
+    sqlite3_close(database);
+    reopen(p);
+    queue_filter f = {.state = -1, .limit = 9, .name = "ball"};
+    expect_listed(p, &f, (const char *[]){id[2], id[0]}, 2);
+    f.since_ms = created_ms[0] + 1;
+    expect_listed(p, &f, (const char *[]){id[2]}, 1);
+    f.name = NULL;
+    expect_listed(p, &f, (const char *[]){id[2], id[1]}, 2);
+    f.until_ms = created_ms[0] + 2 * 86400000LL;
+    expect_listed(p, &f, (const char *[]){id[2]}, 1);
+    f.since_ms = 0;
+    expect_listed(p, &f, (const char *[]){id[2], id[0]}, 2);
+    f.until_ms = created_ms[0];
+    expect_listed(p, &f, NULL, 0);
+    f.until_ms = 0;
+    f.since_ms = created_ms[0] + 3 * 86400000LL;
+    expect_listed(p, &f, NULL, 0);
 }
 
 /* All eight combinations of conditions. */
@@ -975,6 +1081,9 @@ int main(void)
         CASE(test_a_user_runs_so_many),
         CASE(test_what_fits_passes_by_but_not_for_ever),
         CASE(test_jobs_wait_for_others),
+        CASE(test_jobs_wait_for_any_end),
+        CASE(test_attempts_come_in_pages),
+        CASE(test_list_by_name_and_time),
         CASE(test_who_depends_on_a_failure_fails),
         CASE(test_an_array_has_one_state),
         CASE(test_cancel_of_an_array),

@@ -1,0 +1,212 @@
+#include "client/job_table.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "client/command.h"
+#include "client/print.h"
+
+/* Of the attempts of a job, those that `show` prints. */
+#define ATTEMPTS_SHOWN 10
+
+static const char *text_of(json_at object, const char *key, const char *otherwise)
+{
+    return json_string(json_member(&object, key), otherwise);
+}
+
+static double number_of(json_at object, const char *key)
+{
+    return json_number(json_member(&object, key), 0);
+}
+
+/* The time of this member, in milliseconds; 0: none. */
+static int64_t time_of(json_at object, const char *key)
+{
+    int64_t wall_ms = 0;
+    const char *text = text_of(object, key, NULL);
+    return text && clock_parse_utc(text, &wall_ms) ? wall_ms : 0;
+}
+
+/* "45s", "12m", "3h", "4d": at least two digits of the larger unit, or the smaller one. */
+static char *print_span(int64_t ms, char *text, size_t size)
+{
+    int64_t s = ms > 0 ? ms / 1000 : 0;
+    if (s < 120)
+        snprintf(text, size, "%llds", (long long)s);
+    else if (s < 2 * 3600)
+        snprintf(text, size, "%lldm", (long long)(s / 60));
+    else if (s < 2 * 86400)
+        snprintf(text, size, "%lldh", (long long)(s / 3600));
+    else
+        snprintf(text, size, "%lldd", (long long)(s / 86400));
+    return text;
+}
+
+/* How long something took, or has taken up to now; "-" when it has not begun. */
+static char *print_duration(json_at object, char *text, size_t size)
+{
+    int64_t from = time_of(object, "started"), to = time_of(object, "finished");
+    if (!from) {
+        snprintf(text, size, "-");
+        return text;
+    }
+    return print_span((to ? to : clock_wall_ms()) - from, text, size);
+}
+
+/* "12/100" frames that have ended; of a single job that runs its share, "45%". */
+static void print_progress(json_at job, char *text, size_t size)
+{
+    json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
+    if (json_bool(json_member(&job, "array"), false))
+        snprintf(text, size, "%.0f/%.0f",
+                 number_of(tasks, "all") - number_of(tasks, "waiting") - number_of(tasks, "running"),
+                 number_of(tasks, "all"));
+    else if (json_type_of(progress) == JSON_OBJECT)
+        snprintf(text, size, "%.0f%%", 100 * number_of(progress, "fraction"));
+    else
+        snprintf(text, size, "-");
+}
+
+table job_table_new(void)
+{
+    static const char *const titles[] = {"ID",   "STATE",    "OUTCOME",  "OWNER", "AGE",
+                                         "TIME", "PROGRESS", "PRIORITY", "NAME"};
+    return table_new(titles, sizeof titles / sizeof *titles);
+}
+
+void job_table_add(table *t, json_at job)
+{
+    char age[24], took[24], progress[48];
+    print_progress(job, progress, sizeof progress);
+    table_add(t, mem_strdup(text_of(job, "id", "?")));
+    table_add(t, mem_strdup(text_of(job, "state", "?")));
+    table_add(t, mem_strdup(text_of(job, "outcome", "-")));
+    table_add(t, mem_strdup(text_of(job, "owner", "?")));
+    table_add(t, mem_strdup(print_span(clock_wall_ms() - time_of(job, "created"), age, sizeof age)));
+    table_add(t, mem_strdup(print_duration(job, took, sizeof took)));
+    table_add(t, mem_strdup(progress));
+    table_add(t, mem_printf("%.0f", number_of(job, "priority")));
+    table_add(t, mem_strdup(text_of(job, "name", "-")));
+}
+
+table job_table_new_attempts(void)
+{
+    static const char *const titles[] = {"FRAME", "ATTEMPT", "STARTED", "TIME",
+                                         "EXIT",  "MEMORY",  "HOST",    "REASON"};
+    return table_new(titles, sizeof titles / sizeof *titles);
+}
+
+void job_table_add_attempt(table *t, json_at attempt)
+{
+    json_at frame = json_member(&attempt, "frame"), status = json_member(&attempt, "exit_status"),
+            killed = json_member(&attempt, "signal"), memory = json_member(&attempt, "peak_memory_bytes");
+    char took[24];
+    table_add(t, frame.node ? mem_printf("%.0f", json_number(frame, 0)) : mem_strdup("-"));
+    table_add(t, mem_printf("%.0f", number_of(attempt, "number")));
+    table_add(t, mem_strdup(text_of(attempt, "started", "-")));
+    table_add(t, mem_strdup(print_duration(attempt, took, sizeof took)));
+    table_add(t, killed.node   ? mem_printf("signal %.0f", json_number(killed, 0))
+                 : status.node ? mem_printf("%.0f", json_number(status, 0))
+                               : mem_strdup("-"));
+    table_add(t, memory.node ? mem_printf("%.0f MiB", json_number(memory, 0) / (1 << 20)) : mem_strdup("-"));
+    table_add(t, mem_strdup(text_of(attempt, "host", "-")));
+    table_add(t, mem_strdup(text_of(attempt, "reason", "-")));
+}
+
+/* ---- one job */
+
+static void print_line(const char *title, const char *text)
+{
+    printf("  %-10s", title);
+    print_text(stdout, text);
+    putchar('\n');
+}
+
+/* A list of words, where there are any. */
+static void print_words(const char *title, json_at list)
+{
+    for (size_t i = 0; i < json_size(list); i++) {
+        if (i == 0)
+            printf("  %-10s", title);
+        else
+            fputs(", ", stdout);
+        print_text(stdout, json_string(json_element(&list, i), "?"));
+    }
+    if (json_size(list)) putchar('\n');
+}
+
+/* "2026-01-31T18:00:00.000Z", and in words how far that is from another time. */
+static void print_moment(json_at job, const char *key, int64_t since_ms, const char *before,
+                         const char *behind)
+{
+    char span[24];
+    int64_t at = time_of(job, key);
+    if (!at) return;
+    int64_t ms = since_ms > at ? since_ms - at : at - since_ms;
+    printf("  %-10s%s (%s%s%s)\n", key, text_of(job, key, "?"), before, print_span(ms, span, sizeof span),
+           behind);
+}
+
+static void print_tasks(json_at job)
+{
+    json_at tasks = json_member(&job, "tasks"), progress = json_member(&job, "progress");
+    char text[200];
+    print_progress(job, text, sizeof text);
+    if (json_bool(json_member(&job, "array"), false)) {
+        static const char *const parts[] = {"succeeded", "failed",  "timed_out",
+                                            "cancelled", "running", "waiting"};
+        size_t used = strlen(text);
+        used += (size_t)snprintf(text + used, sizeof text - used, " frames have ended");
+        for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+            double n = number_of(tasks, parts[i]);
+            if (n > 0) used += (size_t)snprintf(text + used, sizeof text - used, ", %.0f %s", n, parts[i]);
+        }
+        print_line("frames", text);
+    }
+    if (json_type_of(progress) != JSON_OBJECT) return;
+    snprintf(text, sizeof text, "%.0f%% %.40s", 100 * number_of(progress, "fraction"),
+             text_of(progress, "phase", ""));
+    print_line("progress", text);
+}
+
+static void print_attempts(json_at job)
+{
+    json_at attempts = json_member(&job, "attempts");
+    size_t all = (size_t)number_of(job, "attempt"), shown = json_size(attempts);
+    if (!shown) return;
+    if (shown <= ATTEMPTS_SHOWN) {
+        table t = job_table_new_attempts();
+        for (size_t i = 0; i < shown; i++) job_table_add_attempt(&t, json_element(&attempts, i));
+        putchar('\n');
+        table_print(&t);
+        table_clear(&t);
+    }
+    if (all > shown || shown > ATTEMPTS_SHOWN)
+        printf("  %-10s%zu; \"hexadctl attempts %s\" lists them\n", "attempts", all,
+               text_of(job, "id", "ID"));
+}
+
+void job_table_print(json_at job)
+{
+    json_at spec = json_member(&job, "spec"), queue = json_member(&spec, "queue");
+    int64_t now = clock_wall_ms(), created = time_of(job, "created"), started = time_of(job, "started");
+    char number[32];
+    snprintf(number, sizeof number, "%.0f", number_of(job, "priority"));
+    print_job(job);
+    if (text_of(job, "name", NULL)) print_line("name", text_of(job, "name", ""));
+    print_line("owner", text_of(job, "owner", "?"));
+    print_words("labels", json_member(&job, "labels"));
+    print_line("priority", number);
+    if (json_bool(json_member(&job, "paused"), false)) print_line("paused", "no attempt starts");
+    print_words("depends on", json_member(&queue, "depends_on"));
+    print_words("after", json_member(&queue, "after"));
+    print_moment(job, "created", now, "", " ago");
+    print_moment(job, "started", created, "waited ", "");
+    print_moment(job, "finished", started ? started : created, "took ", "");
+    if (text_of(job, "cached_from", NULL)) print_line("result of", text_of(job, "cached_from", ""));
+    print_tasks(job);
+    print_attempts(job);
+}

@@ -1,0 +1,17 @@
+/* job_table: what the commands of hexadctl print of jobs and attempts. One thread. */
+#ifndef HEXAD_CLIENT_JOB_TABLE_H
+#define HEXAD_CLIENT_JOB_TABLE_H
+
+#include "client/table.h"
+#include "json/json.h"
+
+/* A table of jobs, and of attempts. */
+table job_table_new(void);
+void job_table_add(table *t, json_at job);
+table job_table_new_attempts(void);
+void job_table_add_attempt(table *t, json_at attempt);
+
+/* Prints all of one job that a person wants to know, without its spec. */
+void job_table_print(json_at job);
+
+#endif

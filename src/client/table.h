@@ -1,0 +1,20 @@
+/* table: texts in columns, each as wide as its widest text. One thread. */
+#ifndef HEXAD_CLIENT_TABLE_H
+#define HEXAD_CLIENT_TABLE_H
+
+#include <stddef.h>
+
+#define TABLE_COLUMNS_MOST 12
+
+typedef struct table {
+    size_t columns, count; /* of cells, row by row */
+    char **cell;
+} table;
+
+/* A table with a row of titles. table_clear frees it. */
+table table_new(const char *const *titles, size_t columns);
+void table_add(table *t, char *text); /* the next cell; takes the text over */
+void table_print(const table *t);
+void table_clear(table *t); /* accepts an empty one */
+
+#endif
