@@ -166,7 +166,7 @@ static void start(service *s)
     expect((s->access = access_open(&(access_settings){.token_file = file}, &e)));
     expect((s->q = queue_open(s->base, &e)));
     expect((s->inputs = store_inputs_open(uploads, 1000, 10000, &e)));
-    expect((s->roots = store_roots_open(roots, 1, &e)));
+    expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
     s->context = (http_context){.q = s->q,

@@ -24,6 +24,7 @@ struct http_context {
     estimator *estimator;     /* NULL: no estimates */
     const store_roots *roots; /* where jobs may read, uploads included */
     store_inputs *inputs;
+    bool share_inputs; /* users may name what others have sent */
     const store_outputs *outputs;
     const path_map *mappings;      /* of paths; NULL: none */
     const webhook_hosts *webhooks; /* NULL: none */

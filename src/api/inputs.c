@@ -8,7 +8,7 @@
 
 typedef struct upload {
     http_sink sink;     /* first: the server's view of it */
-    store_upload *file; /* NULL: the file exists already; the received bytes are ignored */
+    store_upload *file; /* NULL: the caller may use it already; the received bytes are ignored */
     store_upload_verdict verdict;
     error why;
 } upload;
@@ -72,13 +72,19 @@ static void drop(http_sink *sink)
     free(u);
 }
 
+bool inputs_may_use(const http_context *c, const access_caller *caller, const char *hex)
+{
+    return c->share_inputs || caller->scopes & SCOPE_ADMIN ||
+           store_inputs_was_sent_by(c->inputs, hex, caller->user);
+}
+
 http_sink *inputs_begin(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
     store_upload *file = NULL;
     const char *hex = read_hash(request, r);
     if (!hex) return NULL;
-    int64_t there = store_inputs_use(c->inputs, hex);
+    int64_t there = inputs_may_use(c, request->caller, hex) ? store_inputs_use(c->inputs, hex) : -1;
     if (there >= 0 && request->waits) { /* the client has not begun to send */
         show(hex, there, 200, r);
         return NULL;
@@ -101,6 +107,9 @@ void inputs_put(const http_context *c, const http_request *request, reply *r)
     const char *hex = request->parameter[0];
     bool sent = u->file != NULL;
     if (sent && u->verdict == STORE_UPLOAD_GOOD) u->verdict = store_upload_commit(u->file, &u->why);
+    if (sent && u->verdict == STORE_UPLOAD_GOOD &&
+        !store_inputs_note_sender(c->inputs, hex, request->caller->user, &u->why))
+        u->verdict = STORE_UPLOAD_FAILED;
     if (u->verdict != STORE_UPLOAD_GOOD) {
         refuse(u->verdict, &u->why, r);
         return;
@@ -117,11 +126,11 @@ void inputs_show(const http_context *c, const http_request *request, reply *r)
 {
     const char *hex = read_hash(request, r);
     if (!hex) return;
-    int64_t bytes = store_inputs_find(c->inputs, hex);
+    int64_t bytes = inputs_may_use(c, request->caller, hex) ? store_inputs_find(c->inputs, hex) : -1;
     if (bytes >= 0)
         show(hex, bytes, 200, r);
     else
-        reply_set_problem(r, "not_found", NULL, "there is no input %s", hex);
+        reply_set_problem(r, "not_found", NULL, "you have sent no input %s, or it is not kept any more", hex);
 }
 
 void inputs_delete(const http_context *c, const http_request *request, reply *r)

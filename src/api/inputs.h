@@ -4,6 +4,10 @@
 
 #include "api/context.h"
 
+/* Whether jobs of the caller may read the file of this hash: the caller has sent its bytes, or is an administrator, or
+ * what is sent is shared. To know a hash is not enough. The file may be gone. */
+bool inputs_may_use(const http_context *c, const access_caller *caller, const char *hex);
+
 http_opener inputs_begin; /* of PUT: opens the sink that inputs_put finishes */
 http_handler inputs_put, inputs_show, inputs_delete;
 

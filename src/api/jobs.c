@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "api/document_cache.h"
+#include "api/inputs.h"
 #include "api/job_json.h"
 #include "api/job_lookup.h"
 #include "api/paths.h"
@@ -136,7 +137,7 @@ static void refuse_member(const order *o, const char *pointer, const error *why,
 
 /* Checks that the inputs exist and may be read, so that a mistake shows at once; the worker opens them again
  * under the same roots. Of a sequence the first frame is checked. */
-static bool check_inputs(const http_context *c, const order *o, reply *r)
+static bool check_inputs(const http_context *c, const access_caller *caller, const order *o, reply *r)
 {
     spec_input input;
     const spec *s = o->s;
@@ -144,9 +145,17 @@ static bool check_inputs(const http_context *c, const order *o, reply *r)
         error e = {0};
         char name[STORE_INPUT_NAME_SIZE];
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
-        /* before the check, so that it is not removed in between */
-        if (store_inputs_is_sent(path, name)) store_inputs_use(c->inputs, name + strlen(STORE_INPUT_PREFIX));
-        int fd = store_open_input(c->roots, path, &e);
+        bool sent = store_inputs_is_sent(path, name);
+        const char *hex = name + strlen(STORE_INPUT_PREFIX);
+        int fd = -1;
+        /* a use before the check, so that it is not removed in between */
+        if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
+            error_set(&e, ERROR_INPUT_MISSING,
+                      "%s: you have not sent this file, or it is not kept any more: send it"
+                      " (hexadctl upload)",
+                      path);
+        else
+            fd = store_open_input(c->roots, path, &e);
         free(path);
         if (fd >= 0) {
             close(fd);
@@ -192,8 +201,8 @@ bool jobs_admit_priority(const http_context *c, const http_request *request, int
 
 static bool check_order(const http_context *c, const http_request *request, const order *o, reply *r)
 {
-    return jobs_admit_priority(c, request, o->s->priority, "/queue/priority", r) && check_inputs(c, o, r) &&
-           check_output(c, o, r) && check_webhook(c, o, r);
+    return jobs_admit_priority(c, request, o->s->priority, "/queue/priority", r) &&
+           check_inputs(c, request->caller, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
 }
 
 static char *print_labels(const spec *s)

@@ -49,8 +49,8 @@ const config_row config_table[] = {
     {SETTING(input_roots), .type = CONFIG_LIST,
      .help =
          "Input files that jobs may read: directories, with all below them, or single files; separated by "
-         "colons or commas, and the key may be repeated. Empty: jobs may read only the files that clients "
-         "uploaded."},
+         "colons or commas, and the key may be repeated. Symbolic links are followed as long as they lead below one "
+         "of these. Empty: jobs may read only the files that clients uploaded."},
     {SETTING(output_roots), .type = CONFIG_LIST,
      .help = "Directories below which a job may have its results copied (output.directory); written as "
              "input_roots. Empty: no results are copied."},
@@ -183,6 +183,10 @@ const config_row config_table[] = {
     {SETTING(upload_total_bytes), .type = CONFIG_INTEGER, .default_text = "137438953472", .low = 0,
      .high = 1e15, .unit = "bytes",
      .help = "The total size of all uploaded files, in the directory inputs of state_dir."},
+    {SETTING(share_inputs), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
+     .help =
+         "1: a job may name a file that any user has sent. 0: its user must have sent the same bytes, or be an "
+         "administrator."},
     {SETTING(inputs_keep_s), .type = CONFIG_REAL, .default_text = "604800", .low = 60, .high = 1e10,
      .or_zero = true, .unit = "s",
      .help = "How long an uploaded file is kept after its last use: an upload, the submission of a job that "

@@ -352,18 +352,6 @@ static bool recover(const executor *x, error *e)
            instance_join(x->q, x->state_dir, boot_id, e);
 }
 
-/* Opens the directory of uploaded files and the configured input roots, in this order. */
-static store_roots *open_roots(const executor_settings *settings, error *e)
-{
-    size_t count = 0;
-    const char **paths = mem_alloc((settings->input_root_count + 1) * sizeof *paths);
-    if (settings->inputs) paths[count++] = store_inputs_directory(settings->inputs);
-    for (size_t i = 0; i < settings->input_root_count; i++) paths[count++] = settings->input_roots[i];
-    store_roots *roots = store_roots_open(paths, count, e);
-    free(paths);
-    return roots;
-}
-
 executor *executor_start(const executor_settings *settings, queue *q, error *e)
 {
     assert(settings->engine && settings->worker);
@@ -380,7 +368,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     bool ok = true;
     if (x->wake_fd < 0 || x->drained_fd < 0)
         ok = error_set(e, ERROR_INTERNAL, "no event descriptor can be created: %s", strerror(errno));
-    x->roots = ok ? open_roots(settings, e) : NULL;
+    const char *sent = settings->inputs ? store_inputs_directory(settings->inputs) : NULL;
+    x->roots = ok ? store_roots_open(sent, settings->input_roots, settings->input_root_count, e) : NULL;
     set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&

@@ -282,7 +282,7 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
     if (!(*spec_file = open_spec(a->spec_path, e))) return false;
     if (a->previous && !sequence_open(a->previous, previous, e)) return false;
     if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
-        !(*roots = store_roots_open(a->roots, a->root_count, e)))
+        !(*roots = store_roots_open(NULL, a->roots, a->root_count, e)))
         return false;
     if (a->sandbox == SANDBOX_OFF) return true;
     char text[SANDBOX_TEXT_SIZE];

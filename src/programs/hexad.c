@@ -63,8 +63,6 @@ typedef struct service {
     queue *q;
     checker *checker;
     store_inputs *inputs;
-    const char **input_roots; /* the directory of inputs, and those of the settings */
-    size_t input_root_count;
     char *inputs_dir;
     store_roots *roots;
     store_outputs outputs;
@@ -163,18 +161,13 @@ static void fini_inputs(service *s)
 static bool init_roots(service *s, error *e)
 {
     const config_list *given = &s->settings.input_roots;
-    s->input_roots = mem_alloc((given->count + 1) * sizeof *s->input_roots);
-    s->input_roots[s->input_root_count++] = s->inputs_dir; /* the first, since its files are verified */
-    for (size_t i = 0; i < given->count; i++) s->input_roots[s->input_root_count++] = given->item[i];
-    s->roots = store_roots_open(s->input_roots, s->input_root_count, e);
-    if (!s->roots) free(s->input_roots);
+    s->roots = store_roots_open(s->inputs_dir, (const char *const *)given->item, given->count, e);
     return s->roots != NULL;
 }
 
 static void fini_roots(service *s)
 {
     store_roots_close(s->roots);
-    free(s->input_roots);
 }
 
 static bool init_socket(service *s, error *e)
@@ -485,6 +478,7 @@ static bool init_http(service *s, error *e)
         .estimator = m,
         .roots = s->roots,
         .inputs = s->inputs,
+        .share_inputs = s->settings.share_inputs != 0,
         .outputs = &s->outputs,
         .mappings = s->mappings,
         .webhooks = s->webhook_hosts,

@@ -14,6 +14,8 @@
 #include "base/memory.h"
 #include "store/file.h"
 
+#define SENDER_PREFIX "sender:"
+
 struct store_inputs {
     char *directory;
     int64_t most_bytes, total_bytes;
@@ -56,6 +58,34 @@ static char *path_of(const store_inputs *s, const char *hex)
     return mem_printf("%s/" STORE_INPUT_PREFIX "%s", s->directory, hex);
 }
 
+static void print_digest(struct sha256_ctx *hash, char hex[STORE_INPUT_HEX + 1])
+{
+    uint8_t digest[SHA256_DIGEST_SIZE];
+    sha256_digest(hash, sizeof digest, digest);
+    for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
+}
+
+/* The user's name may have any byte, so that the path has its hash. */
+static char *sender_path(const store_inputs *s, const char *hex, const char *user)
+{
+    struct sha256_ctx hash;
+    char name[STORE_INPUT_HEX + 1];
+    sha256_init(&hash);
+    sha256_update(&hash, strlen(user), (const uint8_t *)user);
+    print_digest(&hash, name);
+    return mem_printf("%s/" SENDER_PREFIX "%s:%s", s->directory, hex, name);
+}
+
+/* Whether the name is a sender's, of a file that is there. */
+static bool is_sender(int directory, const char *name)
+{
+    char input[STORE_INPUT_NAME_SIZE];
+    size_t prefix = strlen(SENDER_PREFIX);
+    if (strncmp(name, SENDER_PREFIX, prefix) != 0) return false;
+    snprintf(input, sizeof input, STORE_INPUT_PREFIX "%.*s", STORE_INPUT_HEX, name + prefix);
+    return is_name(input) && faccessat(directory, input, F_OK, AT_SYMLINK_NOFOLLOW) == 0;
+}
+
 /* Counts what is in place and removes what is not. */
 static bool take_stock(store_inputs *s, error *e)
 {
@@ -68,7 +98,7 @@ static bool take_stock(store_inputs *s, error *e)
             continue;
         if (is_name(d->d_name))
             s->used_bytes += info.st_size;
-        else
+        else if (!is_sender(dirfd(directory), d->d_name))
             unlinkat(dirfd(directory), d->d_name, 0);
     }
     closedir(directory);
@@ -115,6 +145,36 @@ int64_t store_inputs_use(store_inputs *s, const char *hex)
     return bytes;
 }
 
+bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e)
+{
+    char *path = sender_path(s, hex, user);
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    bool ok = fd >= 0 || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
+    if (fd >= 0) close(fd);
+    free(path);
+    return ok && store_directory_sync(s->directory, e);
+}
+
+bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user)
+{
+    char *path = sender_path(s, hex, user);
+    bool noted = access(path, F_OK) == 0;
+    free(path);
+    return noted && store_inputs_find(s, hex) >= 0;
+}
+
+/* Removes what is noted of the senders of files that are gone. */
+static void forget_senders(store_inputs *s)
+{
+    DIR *directory = opendir(s->directory);
+    if (!directory) return;
+    for (struct dirent *d; (d = readdir(directory));)
+        if (strncmp(d->d_name, SENDER_PREFIX, strlen(SENDER_PREFIX)) == 0 &&
+            !is_sender(dirfd(directory), d->d_name))
+            unlinkat(dirfd(directory), d->d_name, 0);
+    closedir(directory);
+}
+
 bool store_inputs_collect(store_inputs *s, int64_t before_ms,
                           bool (*is_wanted)(void *context, const char *name), void *context, size_t *gone,
                           error *e)
@@ -136,6 +196,7 @@ bool store_inputs_collect(store_inputs *s, int64_t before_ms,
         pthread_mutex_unlock(&s->mutex);
     }
     closedir(directory);
+    if (*gone) forget_senders(s);
     return !*gone || store_directory_sync(s->directory, e);
 }
 
@@ -176,7 +237,10 @@ bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e
     bool gone = bytes >= 0 && unlink(path) == 0;
     bool ok =
         bytes < 0 || gone || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
-    if (gone) release(s, bytes);
+    if (gone) {
+        release(s, bytes);
+        forget_senders(s);
+    }
     if (ok) *found = gone;
     free(path);
     return ok && (!gone || store_directory_sync(s->directory, e));
@@ -222,20 +286,19 @@ store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size
 
 store_upload_verdict store_upload_commit(store_upload *u, error *e)
 {
-    uint8_t digest[SHA256_DIGEST_SIZE];
     char hex[STORE_INPUT_HEX + 1];
     if (u->verdict != STORE_UPLOAD_GOOD) return u->verdict;
-    sha256_digest(&u->hash, sizeof digest, digest);
-    for (size_t i = 0; i < sizeof digest; i++) sprintf(hex + 2 * i, "%02x", digest[i]);
+    print_digest(&u->hash, hex);
     if (strcmp(hex, u->wanted) != 0) return u->verdict = STORE_UPLOAD_MISMATCH;
     bool ok = store_file_flush(&u->file, e); /* before others wait for the mutex */
     if (ok) {
         /* what is there must not be collected in between: its room would be given back twice */
         pthread_mutex_lock(&u->owner->mutex);
-        /* two that send the same at once: the second takes the place of the first, which has the same bytes */
-        bool twice = store_inputs_find(u->owner, hex) >= 0;
-        ok = store_file_commit(&u->file, e);
-        u->committed = ok && !twice;
+        /* of two that send the same the first is kept: workers may read it */
+        bool there = store_inputs_find(u->owner, hex) >= 0;
+        ok = there ? utimensat(AT_FDCWD, u->file.path, NULL, AT_SYMLINK_NOFOLLOW) == 0
+                   : store_file_commit(&u->file, e);
+        u->committed = ok && !there;
         pthread_mutex_unlock(&u->owner->mutex);
     }
     if (ok) return STORE_UPLOAD_GOOD;

@@ -2,8 +2,9 @@
  *
  * The directory holds files named `sha256:HEX`. It can be an input root of jobs (store/root.h): a spec names a file as
  * "sha256:HEX", optionally with an extension, "sha256:HEX.obj". A stored file was verified and never changes. A file
- * that is uploaded again is stored once. Its modification time is the time of its last use. Opening the directory
- * removes unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload
+ * that is uploaded again is stored once. Its modification time is the time of its last use. Who has sent a file is noted
+ * in an empty file beside it, `sender:HEX:USER` with the SHA-256 of the user's name; it goes with the file. Opening the
+ * directory removes unfinished uploads that a crash left. One process owns the directory. Any thread may call; an upload
  * belongs to one thread at a time.
  */
 #ifndef HEXAD_STORE_INPUTS_H
@@ -49,6 +50,11 @@ bool store_inputs_collect(store_inputs *s, int64_t before_ms,
 /* *found false: there is none. A job that names it will not find it. */
 bool store_inputs_remove(store_inputs *s, const char *hex, bool *found, error *e);
 
+/* Notes that the user has sent these bytes. */
+bool store_inputs_note_sender(store_inputs *s, const char *hex, const char *user, error *e);
+/* Whether the user has, and the file is there. */
+bool store_inputs_was_sent_by(store_inputs *s, const char *hex, const char *user);
+
 typedef enum store_upload_verdict {
     STORE_UPLOAD_GOOD,
     STORE_UPLOAD_TOO_LARGE, /* over most_bytes */
@@ -64,7 +70,7 @@ store_upload_verdict store_upload_begin(store_inputs *s, const char *hex, int64_
                                         store_upload **upload, error *e);
 /* After a result other than GOOD the caller may pass the remaining bytes; they are discarded. */
 store_upload_verdict store_upload_write(store_upload *u, const void *bytes, size_t count, error *e);
-/* Verifies, flushes and puts in place. */
+/* Verifies, flushes and puts in place, unless the same file is there. */
 store_upload_verdict store_upload_commit(store_upload *u, error *e);
 void store_upload_end(store_upload *u); /* what was not committed is gone; accepts NULL */
 

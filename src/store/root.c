@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -22,12 +23,16 @@
 /* O_NONBLOCK: opening a FIFO must not wait for a writer; it has no effect on regular files. */
 #define OPEN_FLAGS (O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK)
 
+/* Links on the way to a file; the kernel follows as many. */
+#define MOST_LINKS 40
+
 /* openat2 answers EAGAIN when a rename happens while it walks; that many times is an attack. */
 #define OPEN_TRIES 64
 
 typedef struct root {
     int directory;
     char *only;     /* the one file in it that may be read; NULL: all */
+    bool sent;      /* the directory of files that clients have sent */
     char *given;    /* as configured, without trailing slashes */
     char *resolved; /* without symbolic links */
 } root;
@@ -68,20 +73,22 @@ static bool root_open(const char *path, root *r, error *e)
         free(resolved);
         return false;
     }
-    *r = (root){directory, only, without_trailing_slashes(path), resolved};
+    *r = (root){directory, only, false, without_trailing_slashes(path), resolved};
     return true;
 }
 
-store_roots *store_roots_open(const char *const *paths, size_t count, error *e)
+store_roots *store_roots_open(const char *sent, const char *const *paths, size_t count, error *e)
 {
-    store_roots *roots = mem_alloc(sizeof *roots + count * sizeof roots->item[0]);
-    for (; roots->count < count; roots->count++) {
-        if (!root_open(paths[roots->count], &roots->item[roots->count], e)) {
-            store_roots_close(roots);
-            return NULL;
-        }
+    store_roots *roots = mem_alloc(sizeof *roots + (count + 1) * sizeof roots->item[0]);
+    bool ok = !sent || root_open(sent, &roots->item[0], e);
+    if (sent && ok) roots->item[roots->count++].sent = true;
+    for (size_t i = 0; ok && i < count; i++) {
+        ok = root_open(paths[i], &roots->item[roots->count], e);
+        roots->count += ok;
     }
-    return roots;
+    if (ok) return roots;
+    store_roots_close(roots);
+    return NULL;
 }
 
 void store_roots_close(store_roots *roots)
@@ -169,33 +176,150 @@ static const char *below(const char *path, const char *prefix)
     return path + length + strspn(path + length, "/");
 }
 
-static const char *inside(const root *r, const char *path)
+/* What is left of the path below the root; NULL: it does not lie there. */
+static const char *inside(const root *r, const char *path, bool sent)
 {
     if (r->only) {
         bool meant =
             strcmp(path, r->only) == 0 || strcmp(path, r->given) == 0 || strcmp(path, r->resolved) == 0;
         return meant ? r->only : NULL;
     }
+    if (r->sent) return sent ? path : NULL;
     if (path[0] != '/') return path;
     const char *rest = below(path, r->given);
     return rest ? rest : below(path, r->resolved);
 }
 
+/* A path that is being freed of its links: the part without links, below a root, and the rest. */
+typedef struct route {
+    const root *in;
+    char done[PATH_MAX], rest[PATH_MAX];
+} route;
+
+/* Puts `first` in front of the rest; false and errno when that is too long. */
+static bool prepend(route *w, const char *first)
+{
+    char rest[PATH_MAX];
+    strcpy(rest, w->rest);
+    bool fits = (size_t)snprintf(w->rest, sizeof w->rest, "%s/%s", first, rest) < sizeof w->rest;
+    if (!fits) errno = ENAMETOOLONG;
+    return fits;
+}
+
+/* Takes the first part off the rest; false: there is none. */
+static bool next_part(route *w, char part[PATH_MAX])
+{
+    const char *start = w->rest + strspn(w->rest, "/");
+    size_t length = strcspn(start, "/");
+    memcpy(part, start, length);
+    part[length] = '\0';
+    memmove(w->rest, start + length, strlen(start + length) + 1);
+    return length > 0;
+}
+
+/* Appends a part, at the place where the text ends; false and errno when it is too long. */
+static bool append_part(char path[PATH_MAX], const char *part)
+{
+    size_t used = strlen(path), length = strlen(part);
+    if (used + length + 2 > PATH_MAX) {
+        errno = ENAMETOOLONG;
+        return false;
+    }
+    path[used] = '/';
+    memcpy(path + used + 1, part, length + 1);
+    return true;
+}
+
+static bool drop_last(char *path)
+{
+    char *slash = strrchr(path, '/');
+    if (slash) *slash = '\0';
+    return slash != NULL;
+}
+
+/* The rest is an absolute path: goes on below the root that it leads into. */
+static bool enter_root(const store_roots *roots, route *w)
+{
+    char part[PATH_MAX];
+    w->done[0] = '\0';
+    for (;;) {
+        for (size_t i = 0; i < roots->count; i++) {
+            const root *r = &roots->item[i];
+            bool here = strcmp(w->done, r->given) == 0 || strcmp(w->done, r->resolved) == 0 ||
+                        (!*w->done && strcmp(r->resolved, "/") == 0);
+            if (!here || r->sent || r->only) continue;
+            w->in = r;
+            w->done[0] = '\0';
+            return true;
+        }
+        if (!next_part(w, part)) break;
+        if (strcmp(part, "..") == 0)
+            drop_last(w->done);
+        else if (strcmp(part, ".") != 0 && !append_part(w->done, part))
+            return false;
+    }
+    errno = EXDEV;
+    return false;
+}
+
+/* Takes the next part of the rest, through one link at most. */
+static bool take_part(const store_roots *roots, route *w, const char *part, int *links)
+{
+    char target[PATH_MAX];
+    size_t used = strlen(w->done);
+    if (strcmp(part, ".") == 0) return true;
+    if (strcmp(part, "..") == 0) {
+        if (drop_last(w->done)) return true;
+        char above[PATH_MAX]; /* the root */
+        snprintf(above, sizeof above, "%s", w->in->resolved);
+        drop_last(above);
+        return prepend(w, above) && enter_root(roots, w);
+    }
+    if (!append_part(w->done, part)) return false;
+    ssize_t length = readlinkat(w->in->directory, w->done + 1, target, sizeof target - 1);
+    if (length < 0) return errno == EINVAL; /* no link */
+    w->done[used] = '\0';
+    target[length] = '\0';
+    if (++*links > MOST_LINKS) {
+        errno = ELOOP;
+        return false;
+    }
+    return prepend(w, target) && (*target != '/' || enter_root(roots, w));
+}
+
+/* Opens a path whose links may lead from root to root. */
+static int open_linked(const store_roots *roots, const root *in, const char *path)
+{
+    char part[PATH_MAX];
+    route w = {.in = in};
+    int links = 0;
+    if (!prepend(&w, path)) return -1;
+    while (next_part(&w, part))
+        if (!take_part(roots, &w, part, &links)) return -1;
+    return store_open_walking(w.in->directory, *w.done ? w.done + 1 : ".");
+}
+
+static int open_below(const store_roots *roots, const root *r, const char *path)
+{
+    int fd = open_beneath(r->directory, path);
+    return fd < 0 && errno == EXDEV && !r->only && !r->sent ? open_linked(roots, r, path) : fd;
+}
+
 static int open_in_roots(const store_roots *roots, const char *path, error *e)
 {
     char name[STORE_INPUT_NAME_SIZE];
-    const char *asked = store_inputs_is_sent(path, name) ? name : path;
-    bool found_root = asked == name; /* what was sent and is gone has no root any more */
+    bool sent = store_inputs_is_sent(path, name);
+    bool found_root = sent; /* what was sent and is gone has no root any more */
     int why = ENOENT;
     if (has_parent_step(path)) {
         error_set(e, ERROR_PATH_FORBIDDEN, "%s: a path may not contain \"..\"", path);
         return -1;
     }
     for (size_t i = 0; i < roots->count; i++) {
-        const char *rest = inside(&roots->item[i], asked);
+        const char *rest = inside(&roots->item[i], sent ? name : path, sent);
         if (!rest) continue;
         found_root = true;
-        int fd = open_beneath(roots->item[i].directory, *rest ? rest : ".");
+        int fd = open_below(roots, &roots->item[i], *rest ? rest : ".");
         if (fd >= 0) return fd;
         why = errno;
         if (why != ENOENT && why != ENOTDIR) break;
@@ -205,9 +329,9 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
                   "%s lies outside the input roots: move the file below one, or add its directory to them",
                   path);
     else if (why == EXDEV || why == ELOOP)
-        error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of its input root by a symbolic link", path);
+        error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of the input roots by a symbolic link", path);
     else
-        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read below the input roots: %s", path, strerror(why));
+        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(why));
     return -1;
 }
 

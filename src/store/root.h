@@ -1,12 +1,14 @@
 /* root: input files, opened beneath configured directories.
  *
- * A path from outside may only reach regular files below one of the roots: a `..`, a symbolic link
- * that is absolute or leads out of the root, and a magic link are refused by the kernel while it
- * walks (openat2 with RESOLVE_BENEATH), so there is no moment between check and use. A kernel
- * without openat2 gets a walk that follows no symbolic link at all, which is stricter.
+ * A path from outside may only reach regular files below one of the roots. The kernel walks (openat2 with
+ * RESOLVE_BENEATH), so there is no moment between check and use; it follows links that stay below the root. A
+ * link that is absolute, or leads out of the root, may lead below a root again, as `latest` does on farms. It
+ * is read as text and put in place of its name, as often as there are links; what comes of it is opened by a
+ * walk that follows no link at all. So whoever moves things meanwhile gains nothing.
  *
- * A root that is a file stands for itself alone, named by its last part. The directory of files that clients have
- * sent (store/inputs.h) is a root like others; an ending behind the hash, `sha256:HEX.obj`, is not looked at.
+ * A root that is a file stands for itself alone, named by its last part. Of the directory of files that clients have
+ * sent (store/inputs.h) only these can be opened, and only by the name `sha256:HEX`; an ending behind the hash,
+ * `sha256:HEX.obj`, is not looked at.
  *
  * Roots are immutable once opened and may be used by any thread.
  */
@@ -19,10 +21,11 @@
 
 typedef struct store_roots store_roots;
 
-/* Opens the directories or files. NULL and an error (input_missing) when one is not there. The caller
+/* Opens the directories or files. `sent` is the directory of files that clients have sent, NULL: none; it is
+ * searched first. NULL and an error (input_missing) when one is not there. The caller
  * releases with store_roots_close, which accepts NULL. A count of 0 gives an empty set, which
  * admits nothing. */
-store_roots *store_roots_open(const char *const *paths, size_t count, error *e);
+store_roots *store_roots_open(const char *sent, const char *const *paths, size_t count, error *e);
 void store_roots_close(store_roots *roots);
 
 /* Opens a file for reading and returns its descriptor (close-on-exec), or -1 and an error:
@@ -33,8 +36,9 @@ void store_roots_close(store_roots *roots);
  * in order. With `roots` NULL (a worker that stands alone) the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);
 
-/* The walk for kernels without openat2, here so that it is tested on every kernel: the file at the
- * relative `path` beneath `directory`, or -1 and errno (EXDEV: leads out, or a symbolic link). */
+/* The walk that follows no link, which kernels without openat2 get at once; here so that it is tested on every
+ * kernel: the file at the relative `path` beneath `directory`, or -1 and errno (EXDEV: leads out, or a symbolic
+ * link). */
 int store_open_walking(int directory, const char *path);
 
 #endif

@@ -184,6 +184,19 @@ def test_paths_stay_inside_the_roots(new_service, tmp_path):
     expect_problem(service.get(f"/v1/jobs/{bad}/results"), 404, "not_found")
 
 
+def test_links_from_root_to_root_are_followed(new_service, build, tmp_path):
+    """As `latest` on farms, by the service and by a worker in the sandbox."""
+    shows, shared = tmp_path / "shows", tmp_path / "shared"
+    (shows / "v2").mkdir(parents=True)
+    shared.mkdir()
+    subprocess.run([build / "hexad-worker", "make-example", shared / "example.vdb"], check=True, timeout=PATIENCE_S)
+    (shows / "latest").symlink_to(shows / "v2")
+    (shows / "v2" / "cloud.vdb").symlink_to(shared / "example.vdb")
+    service = new_service("--input_roots", f"{shows},{shared}").start()
+    for path in ("latest/cloud.vdb", shows / "latest/cloud.vdb"):
+        service.wait_state(service.submit(vdb(path)), "succeeded")
+
+
 def test_without_roots_no_file_is_read(service, tmp_path):
     (tmp_path / "a.vdb").write_bytes(b"x")
     expect_problem(service.post("/v1/jobs", vdb(tmp_path / "a.vdb")), 403, "path_forbidden", "/surface/vdb/path")

@@ -6,7 +6,8 @@ import socket
 
 import pytest
 
-from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
+from service import OPEN_TCP, PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
+from test_access import new_token, with_token
 from test_rest import exchange, expect_problem
 
 TETRAHEDRON = b"""v 1 1 1
@@ -87,6 +88,11 @@ def put(service, data, name=None, **headers):
     return service.request("PUT", f"/v1/inputs/{name}", data, headers)
 
 
+def kept_by(service):
+    """The names of the files that were sent."""
+    return [f.name for f in (service.state / "inputs").iterdir() if not f.name.startswith("sender:")]
+
+
 def mesh(path):
     return sphere(surface={"mesh": {"path": path, "resolution": 24}})
 
@@ -101,7 +107,7 @@ def test_an_input_is_sent_and_used(service):
     again = put(service, TETRAHEDRON)
     assert again.status == 200 and again.json == first.json
     assert service.get(f"/v1/inputs/{name}").json == first.json
-    assert [f.name for f in (service.state / "inputs").iterdir()] == [f"sha256:{name}"]
+    assert kept_by(service) == [f"sha256:{name}"]
     job = service.submit(mesh(f"sha256:{name}.obj"))
     service.wait_state(job, "succeeded")
     report = service.get(f"/v1/jobs/{job}/results/report.json").json
@@ -154,7 +160,6 @@ def test_an_input_that_is_sent_twice_is_not_asked_for(service):
 
 def test_inputs_that_are_refused(new_service):
     service = new_service("--upload_limit_bytes", 1000, "--upload_total_bytes", 1500).start()
-    kept = service.state / "inputs"
     expect_problem(put(service, b"x", name="0" * 64), 422, "digest_mismatch")
     for bad in ("0" * 63, "A" * 64, "..", "x" * 64):
         expect_problem(put(service, b"x", name=bad), 400, "request_invalid")
@@ -169,7 +174,7 @@ def test_inputs_that_are_refused(new_service):
     assert put(service, b"a" * 1000).status == 201
     expect_problem(put(service, b"b" * 1000), 507, "storage_full")
     assert put(service, b"c" * 500).status == 201
-    assert len(list(kept.iterdir())) == 2
+    assert len(kept_by(service)) == 2
     # what was given up gave its room back
     name = hashlib.sha256(b"a" * 1000).hexdigest()
     assert service.request("DELETE", f"/v1/inputs/{name}").status == 403  # nobody administers over an open port
@@ -183,15 +188,15 @@ def test_a_broken_upload_leaves_nothing(new_service):
     name = hashlib.sha256(data).hexdigest()
     with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as s:
         s.sendall(f"PUT /v1/inputs/{name} HTTP/1.1\r\nHost: {service.address}\r\nContent-Length: 1000\r\n\r\n".encode() + data[:600])
-        wait_until(lambda: list(kept.iterdir()), "the upload")
+        wait_until(lambda: kept_by(service), "the upload")
         expect_problem(put(service, data), 507, "storage_full")  # its room is taken
-    wait_until(lambda: not list(kept.iterdir()), "the end of it")
+    wait_until(lambda: not kept_by(service), "the end of it")
     assert put(service, data).status == 201
     # and what a crash leaves is swept away
     service.end(9)
     (kept / f"sha256:{name}.0123456789abcdef").write_bytes(b"a part")
     service.start()
-    assert [f.name for f in kept.iterdir()] == [f"sha256:{name}"]
+    assert kept_by(service) == [f"sha256:{name}"]
     expect_problem(put(service, b"y"), 507, "storage_full")
 
 
@@ -205,17 +210,16 @@ def start_later(service):
 
 def test_an_input_that_nobody_uses_goes(new_service, tmp_path):
     service = new_service("--inputs_keep_s", 60, "--worker", gated_worker(tmp_path), "--workers", 1).start()
-    kept = service.state / "inputs"
     name = put(service, TETRAHEDRON).json["path"]
     job = service.submit(mesh(f"{name}.obj"))
     service.wait_worker(job)
     put(service, b"another")
     start_later(service)
-    wait_until(lambda: [f.name for f in kept.iterdir()] == [name], "the other to go")
+    wait_until(lambda: kept_by(service) == [name], "the other to go")
     service.open_gate(job)
     service.wait_state(job, "succeeded")
     start_later(service)
-    wait_until(lambda: not list(kept.iterdir()), "the input to go")
+    wait_until(lambda: not list((service.state / "inputs").iterdir()), "the input and its senders to go")
     expect_problem(service.post("/v1/jobs", mesh(f"{name}.obj")), 422, "input_missing", "/surface/mesh/path")
 
 
@@ -241,3 +245,80 @@ def test_an_admin_deletes_an_input(new_service):
     assert service.request("DELETE", f"/v1/inputs/{name}").status == 204
     expect_problem(service.request("DELETE", f"/v1/inputs/{name}"), 404, "not_found")
     assert list((service.state / "inputs").iterdir()) == []
+
+
+@pytest.fixture
+def shared_by(new_service):
+    """Makes services with tokens of alice, bob and an administrator."""
+    def make(*options):
+        service = new_service(*options)
+        service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
+        service.state.mkdir(mode=0o700)
+        service.tokens = {user: new_token(service, user) for user in ("alice", "bob")}
+        service.tokens["root"] = new_token(service, "root", "--scopes", "admin")
+        service.start()
+
+        def ask(user, method, path, document=None, raw=None, **headers):
+            if raw is None:
+                return with_token(service, service.tokens[user], method, path, document)
+            return service.request(method, path, raw, {"Authorization": f"Bearer {service.tokens[user]}", **headers})
+
+        service.ask = ask
+        return service
+
+    return make
+
+
+def test_a_hash_alone_opens_nothing(shared_by):
+    """Who knows the hash of a file that another has sent can neither name it nor find out that it is there."""
+    service = shared_by()
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    where, spec = f"/v1/inputs/{name}", mesh(f"sha256:{name}.obj")
+    assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
+    assert service.ask("alice", "POST", "/v1/jobs", spec).status == 201
+
+    def expect_nothing():
+        expect_problem(service.ask("bob", "GET", where), 404, "not_found")
+        for path in ("/v1/jobs", "/v1/jobs:validate"):
+            expect_problem(service.ask("bob", "POST", path, spec), 422, "input_missing", "/surface/mesh/path")
+
+    expect_nothing()
+    expect_problem(service.ask("bob", "POST", "/v1/jobs", mesh(str(service.state / "inputs" / f"sha256:{name}"))), 403,
+                   "path_forbidden", "/surface/mesh/path")
+    # other bytes under its name do not make it bob's
+    expect_problem(service.ask("bob", "PUT", where, raw=b"x" * len(TETRAHEDRON)), 422, "digest_mismatch")
+    got = exchange(service, f"PUT {where} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {service.tokens['bob']}\r\n"
+                            f"Expect: 100-continue\r\nContent-Length: {len(TETRAHEDRON)}\r\nConnection: close\r\n\r\n".encode()
+                   + b"x" * len(TETRAHEDRON))
+    assert got.startswith(b"HTTP/1.1 100 ") and b'"digest_mismatch"' in got
+    expect_nothing()
+    # administrators may name all
+    assert service.ask("root", "POST", "/v1/jobs", spec).status == 201
+    assert service.ask("root", "GET", where).status == 200
+
+
+def test_the_same_bytes_make_it_ones_own(shared_by):
+    service = shared_by("--upload_total_bytes", 3 * len(TETRAHEDRON))
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    where, spec = f"/v1/inputs/{name}", mesh(f"sha256:{name}.obj")
+    file = service.state / "inputs" / f"sha256:{name}"
+    assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
+    first = file.stat().st_ino
+    for _ in range(5):  # kept once, however often it is sent: nothing of the room for uploads is lost
+        assert service.ask("bob", "PUT", where, raw=TETRAHEDRON).status in (200, 201)
+    assert kept_by(service) == [file.name] and file.stat().st_ino == first  # which a worker may be about to open
+    assert service.ask("bob", "POST", "/v1/jobs", spec).status == 201
+    service.end(9)
+    service.start()
+    assert service.ask("bob", "GET", where).status == 200  # noted for good
+    assert service.ask("root", "DELETE", where).status == 204
+    assert not list((service.state / "inputs").iterdir())
+    assert service.ask("alice", "PUT", where, raw=TETRAHEDRON).status == 201
+    expect_problem(service.ask("bob", "GET", where), 404, "not_found")
+
+
+def test_what_is_sent_can_be_shared(shared_by):
+    service = shared_by("--share_inputs", 1)
+    name = hashlib.sha256(TETRAHEDRON).hexdigest()
+    assert service.ask("alice", "PUT", f"/v1/inputs/{name}", raw=TETRAHEDRON).status == 201
+    assert service.ask("bob", "POST", "/v1/jobs", mesh(f"sha256:{name}.obj")).status == 201

@@ -42,7 +42,7 @@ static int set_up(void **state)
     free(text);
     free(report);
     free(points);
-    p->roots = store_roots_open((const char *[]){p->base}, 1, NULL);
+    p->roots = store_roots_open(NULL, (const char *[]){p->base}, 1, NULL);
     assert_non_null(p->roots);
     *state = p;
     return 0;

@@ -61,7 +61,7 @@ static int set_up(void **state)
     assert_int_equal(mkfifo(fifo, 0600), 0);
     const char *paths[] = {p->root, p->second};
     error e = {0};
-    p->roots = store_roots_open(paths, 2, &e);
+    p->roots = store_roots_open(NULL, paths, 2, &e);
     assert_non_null(p->roots);
     free(inner);
     free(fifo);
@@ -86,7 +86,7 @@ static void expect_open(place *p, const char *path, const char *content)
     error e = {0};
     int fd = store_open_input(p->roots, path, &e);
     if (fd < 0) fail_msg("%s: %s", path, e.message);
-    char text[64] = {0};
+    char text[128] = {0};
     assert_true(read(fd, text, sizeof text - 1) >= 0);
     assert_string_equal(text, content);
     close(fd);
@@ -153,7 +153,7 @@ static void test_no_roots(void **state)
 {
     place *p = *state;
     error e = {0};
-    store_roots *none = store_roots_open(NULL, 0, &e);
+    store_roots *none = store_roots_open(NULL, NULL, 0, &e);
     assert_non_null(none);
     char *path = mem_printf("%s/outside", p->base);
     assert_int_equal(store_open_input(none, path, &e), -1);
@@ -164,7 +164,7 @@ static void test_no_roots(void **state)
     store_roots_close(none);
     free(path);
     const char *missing[] = {"/nonexistent/root"};
-    assert_null(store_roots_open(missing, 1, &e));
+    assert_null(store_roots_open(NULL, missing, 1, &e));
     assert_non_null(strstr(e.message, "/nonexistent/root"));
 }
 
@@ -174,7 +174,7 @@ static void test_a_file_is_a_root_of_itself(void **state)
     error e = {0};
     char *file = mem_printf("%s/file", p->root);
     const char *paths[] = {file};
-    store_roots *roots = store_roots_open(paths, 1, &e);
+    store_roots *roots = store_roots_open(NULL, paths, 1, &e);
     if (!roots) fail_msg("%s", e.message);
     const char *names[] = {"file", file};
     for (size_t i = 0; i < 2; i++) {
@@ -189,6 +189,80 @@ static void test_a_file_is_a_root_of_itself(void **state)
     }
     store_roots_close(roots);
     free(file);
+}
+
+/* As `latest` on farms: absolute, through another link, out and in again, and from one root to another. */
+static void test_links_may_lead_below_a_root(void **state)
+{
+    place *p = *state;
+    char *inner = mem_printf("%s/inner", p->root), *latest = mem_printf("%s/latest", p->root),
+         *other = mem_printf("%s/./other", p->second),
+         *round = mem_printf("%s/../second/../root/latest/deep", p->root);
+    put_link(p->root, inner, "latest");
+    put_link(p->root, latest, "newest");
+    put_link(p->root, other, "across");
+    put_link(p->root, "../second", "beside");
+    put_link(p->root, round, "round");
+    put_link(p->root, "newest/../latest/deep", "mixed");
+    expect_open(p, "latest/deep", "inner/deep");
+    expect_open(p, "newest//deep", "inner/deep");
+    expect_open(p, "across", "other");
+    expect_open(p, "beside/other", "other");
+    expect_open(p, "round", "inner/deep");
+    expect_open(p, "mixed", "inner/deep");
+    char *absolute = mem_printf("%s/newest/deep", p->root);
+    expect_open(p, absolute, "inner/deep");
+    expect_error(p, "latest", ERROR_INPUT_UNSUPPORTED); /* a directory */
+    expect_error(p, "latest/nothing", ERROR_INPUT_MISSING);
+    expect_error(p, "across/below", ERROR_INPUT_MISSING);
+    free(absolute);
+    free(round);
+    free(other);
+    free(latest);
+    free(inner);
+}
+
+static void test_links_do_not_lead_elsewhere(void **state)
+{
+    place *p = *state;
+    char *near = mem_printf("%s-not/outside", p->root), *back = mem_printf("%s/absolute", p->root),
+         *above = mem_printf("%s/../outside", p->root), *loop = mem_printf("%s/turn", p->root);
+    put_link(p->root, near, "near");
+    put_link(p->root, back, "back");
+    put_link(p->root, above, "above");
+    put_link(p->root, "/proc/self/root", "magic");
+    put_link(p->root, "/..", "top");
+    put_link(p->root, loop, "turn");
+    const char *const bad[] = {"near", "back", "above", "magic/etc/passwd", "top/etc/passwd", "turn"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) expect_error(p, bad[i], ERROR_PATH_FORBIDDEN);
+    free(loop);
+    free(above);
+    free(back);
+    free(near);
+}
+
+/* Files that clients have sent are reached by their hashes only. */
+static void test_sent_files_are_named_by_their_hash(void **state)
+{
+    place *p = *state;
+    error e = {0};
+    const char name[] = "sha256:0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+    char *link = mem_printf("%s/%s", p->second, name), *with_ending = mem_printf("%s.obj", name);
+    put(p->second, name);
+    put_link(p->root, link, "by-link");
+    put_link(p->root, "../second/other", "by-step");
+    const char *paths[] = {p->root};
+    store_roots_close(p->roots);
+    p->roots = store_roots_open(p->second, paths, 1, &e);
+    assert_non_null(p->roots);
+    expect_open(p, name, name);
+    expect_open(p, with_ending, name);
+    expect_error(p, link, ERROR_PATH_FORBIDDEN);
+    expect_error(p, "by-link", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "by-step", ERROR_PATH_FORBIDDEN);
+    expect_error(p, "other", ERROR_INPUT_MISSING);
+    free(with_ending);
+    free(link);
 }
 
 static void expect_walk(int directory, const char *path, int want)
@@ -223,6 +297,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_files_inside_open, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_escapes_are_forbidden, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_links_may_lead_below_a_root, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_links_do_not_lead_elsewhere, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(test_sent_files_are_named_by_their_hash, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_what_is_no_readable_file_says_so, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_no_roots, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_file_is_a_root_of_itself, set_up, tear_down),
