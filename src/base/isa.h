@@ -1,5 +1,5 @@
-/* isa: the instruction sets that the numerical kernels are compiled for, out of one source each. Their
- * results are the same to the last bit, for each sums in the same fixed order; only the time differs. */
+/* isa: the instruction sets that each numerical kernel is compiled for, from one source. All give the same bits, since
+ * sums have one fixed order; only the time differs. */
 #ifndef HEXAD_BASE_ISA_H
 #define HEXAD_BASE_ISA_H
 
@@ -14,7 +14,7 @@
 
 typedef enum isa { ISA_LIST(WORDS_ENUMERATOR, ISA) ISA_COUNT } isa;
 
-isa isa_best(void); /* of those that this machine has */
+isa isa_best(void); /* the best of this machine */
 bool isa_available(isa which);
 const char *isa_name(isa which); /* "portable", "avx2", "avx512" */
 

@@ -1,14 +1,14 @@
-/* sandbox: what a process that reads files from outside may still do, for itself and all that it starts.
+/* sandbox: restricts a process that reads untrusted files, and all that it starts. The only user of libseccomp.
  *
- * Three walls, none of which can be taken down again: no new privileges; a seccomp filter that knows the
- * calls of a worker and answers ENOSYS to every other (no sockets but a stream between its own processes, no
- * tracing, no name spaces, no mounts, no rings); and Landlock, where the kernel has it: files are read below the places that were named, written
- * below one, and the only programs to execute are this one and its loader. Libraries stay readable where the
- * loader looks for them, as a worker loads those that it needs when it needs them. The only user of
- * libseccomp.
+ * Three restrictions, none of which can be lifted again:
+ * - no new privileges;
+ * - a seccomp filter that allows the system calls of a worker. Others return ENOSYS: no sockets except stream pairs, no
+ *   tracing, no namespaces, no mounts, no io_uring;
+ * - Landlock, where the kernel has it: reading below the given places, writing below one, executing this program and
+ *   its loader only. Libraries stay readable where the loader looks for them, since a worker loads modules late.
  *
- * A process enters before it has threads and before it looks at a byte from outside. Under the sanitizers the
- * filter knows the calls of their runtimes as well, /proc can be read, and leaks are not looked for.
+ * A process enters before it starts threads and before it reads untrusted bytes. With the sanitizers the filter also
+ * allows the calls of their runtimes, /proc is readable, and leaks are not searched.
  */
 #ifndef HEXAD_BASE_SANDBOX_H
 #define HEXAD_BASE_SANDBOX_H
@@ -19,7 +19,7 @@
 #include "base/error.h"
 #include "base/words.h"
 
-/* available: what the kernel has; required: an error where it lacks Landlock or filters */
+/* available: as much as the kernel supports; required: an error if it lacks Landlock or filters */
 #define SANDBOX_LIST(ENTRY, prefix)       \
     ENTRY(prefix, OFF, "off")             \
     ENTRY(prefix, AVAILABLE, "available") \
@@ -37,14 +37,14 @@ typedef struct sandbox_places {
 bool sandbox_mode_from_name(const char *name, sandbox_mode *mode);
 const char *sandbox_mode_name(sandbox_mode mode);
 
-/* Whether this kernel can do what the mode asks for; internal and a message when not. */
+/* Whether this kernel supports the mode. Error: internal. */
 bool sandbox_check(sandbox_mode mode, error *e);
 
-/* Enters, for good. On failure the process may be restricted in part: it should end. SANDBOX_OFF does
- * nothing. Places must be there. */
+/* Restricts the process for the rest of its life. After a failure it may be restricted in part and should end.
+ * SANDBOX_OFF does nothing. The places must exist. */
 bool sandbox_enter(sandbox_mode mode, const sandbox_places *places, error *e);
 
-/* What sandbox_enter puts up on this kernel, for the log; asked before it. */
+/* Describes for the log what sandbox_enter will do on this kernel; call it before. */
 enum { SANDBOX_TEXT_SIZE = 96 };
 const char *sandbox_describe(sandbox_mode mode, char text[SANDBOX_TEXT_SIZE]);
 

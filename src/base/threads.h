@@ -3,10 +3,10 @@
  * threads_run splits 0 .. count into chunks of `grain`, which workers take as they come. Which worker
  * runs a chunk is not determined, so a loop's result must not depend on it: write to places that
  * belong to the chunk, and reduce afterwards in a fixed order. One loop at a time per pool, started
- * by the thread that made the pool (which works too, as worker 0).
+ * by the thread that made the pool, which is worker 0.
  *
- * A pool may watch a flag that a signal handler sets: from then on loops hand out no more chunks, and who
- * ran one asks threads_stopped whether it is whole.
+ * A pool may watch a flag that a signal handler sets. Once it is set, loops start no more chunks; after a loop
+ * threads_stopped tells whether it is complete.
  */
 #ifndef HEXAD_BASE_THREADS_H
 #define HEXAD_BASE_THREADS_H
@@ -27,7 +27,7 @@ threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);
 int threads_count(const threads *t);
 
-/* Whether loops from now on are run by the calling thread alone: the right thing for small ones. */
+/* Whether loops run on the calling thread alone from now on, which is faster for small ones. */
 void threads_narrow(threads *t, bool narrow);
 
 bool threads_stopped(const threads *t); /* false for NULL */

@@ -22,7 +22,7 @@ typedef enum analytic_shape {
     ANALYTIC_GYROID
 } analytic_shape;
 
-/* World units; ranges as in the job contract (checked by whoever parses it, asserted here). */
+/* World units; ranges as in the spec (the parser checks them, this module asserts them). */
 typedef struct analytic_params {
     analytic_shape shape;
     vec3 center;
@@ -43,8 +43,8 @@ typedef struct analytic {
     cell_grid grid;
 } analytic;
 
-/* Errors: no_surface when no cell is crossed, limit_memory, cancelled (the pool, which may be NULL, was
- * told to stop). */
+/* Errors: no_surface when no cell is crossed, limit_memory, cancelled (through
+ * the pool, which may be NULL). */
 analytic *analytic_new(const analytic_params *params, threads *pool, error *e);
 void analytic_free(analytic *a);
 

@@ -32,7 +32,7 @@ typedef struct cell_grid_oracle {
 } cell_grid_oracle;
 
 /* Fills in `crossing` and `count`; no crossing cell is no error. Errors: limit_memory (more than
- * CELL_GRID_MOST), cancelled (the pool, which may be NULL, was told to stop). */
+ * CELL_GRID_MOST), cancelled (through the pool, which may be NULL). */
 bool cell_grid_search(cell_grid *g, const field *f, const cell_grid_oracle *oracle, threads *pool, error *e);
 
 /* Cells along each axis of a block; blocks begin at the lowest corner. */

@@ -1,6 +1,5 @@
-/* job: one job while it runs, and its steps. Private to run.c, which runs a job as a ladder of phases, time_target.c,
- * which runs the relaxation of one whose target is a time, and estimate.c, which looks at what a job would take.
- * One thread at a time; the steps use the job's pool. */
+/* job: a running job and its phases. Private to run.c (runs the phases), time_target.c (relaxation when the target is a
+ * time) and estimate.c (what a job would take). One thread at a time; phases use the job's pool. */
 #ifndef HEXAD_RUN_JOB_H
 #define HEXAD_RUN_JOB_H
 
@@ -15,7 +14,7 @@
 /* Below this many points a second thread costs more than it brings. */
 #define JOB_THREADS_FROM 20000
 
-/* A system at rest and what was measured of it. */
+/* A particle system at rest and its measures. */
 typedef struct solution {
     sizing_field *sizing; /* NULL: even, or by alpha */
     sampler *sampler;
@@ -33,43 +32,43 @@ typedef struct job {
     isa isa;
     source source;
     surface *scan;
-    size_t count; /* that the target asks for; of the next run, when it asks for time */
+    size_t count; /* points that the target asks for; with a time as target: points of the next run */
     solution solution;
     sequence sequence; /* with queue.coherent */
-    int64_t end_ms;    /* with a time for a target: when the job is to be over */
+    int64_t end_ms;    /* with a time as target: when the job must end */
     json *report;
     results_facts results;
 } job;
 
-/* A step of a job. Errors: those of the job contract. */
+/* A phase of a job. Errors: those of run_job. */
 typedef bool job_phase(job *j, error *e);
 
-/* False once the job was told to stop; the error says why: cancelled, or limit_time. To be asked after every loop that
- * a stop ends, since such a loop says cancelled whatever the reason. */
+/* False once the job must stop; the error is cancelled or limit_time. Call it after every loop that a stop ends: such a
+ * loop reports cancelled for both. */
 bool job_may_go_on(const job *j, error *e);
 
 /* Opens the inputs: the pool, the instruction set, the frame before, and the source. */
 bool job_load(job *j, error *e);
 
-/* Scans the surface, and finds how many points the target asks for, unless the target is a time. */
+/* Scans the surface and computes the count from the target, unless the target is a time. */
 bool job_survey(job *j, error *e);
 
-/* Places j->count particles: those of the frame before, if there are any. Release *out also after failure. */
+/* Places j->count particles; with a previous frame, that frame's points. Free *out after failure, too. */
 bool job_place(job *j, solution *out, error *e);
 
-/* Sweeps until the system is at rest, or, when time is the target, no more than `reserve_s` of it are left. */
+/* Sweeps until the system is at rest. With a time as target, ends also when only `reserve_s` of it are left. */
 bool job_relax(job *j, sampler *s, double reserve_s, error *e);
 
 /* Measures the quality of a solution whose points are final. */
 bool job_measure(job *j, solution *s, error *e);
 
-/* Writes all results but the report, and begins the report anew. */
+/* Writes all results except the report, and starts a new report. */
 bool job_write_points(job *j, error *e);
 
-/* Runs phases one after the other beside a watchdog, as long as they succeed and the job may go on. */
+/* Runs phases in order, with a watchdog, until one fails or the job must stop. */
 bool job_run_phases(job *j, job_phase *const *phases, size_t count, error *e);
 
-/* With a time for a target: what is left of it. */
+/* With a time as target: seconds that are left. */
 double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);

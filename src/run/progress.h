@@ -1,8 +1,7 @@
-/* progress: what a running job says about itself, as JSON lines on a descriptor.
+/* progress: a running job's progress, as JSON lines on a descriptor.
  *
- * At most ten lines a second, except that the first line of a phase is always written. Lines that the
- * reader does not take are dropped, never waited for. The members are in ARCHITECTURE.md. One thread runs the
- * job; another may tick beside it.
+ * At most ten lines a second; the first line of a phase is always written. A line that the reader does not take at
+ * once is dropped. doc/worker.md lists the members. One thread runs the job; another may call progress_tick.
  */
 #ifndef HEXAD_RUN_PROGRESS_H
 #define HEXAD_RUN_PROGRESS_H
@@ -47,7 +46,7 @@ void progress_begin(progress *p, int fd, bool bar);
 void progress_enter(progress *p, progress_phase phase);
 void progress_update(progress *p, const progress_numbers *numbers);
 
-/* Says again what was said last, if that is long enough ago; returns after how many ms it would be, > 0. */
+/* Repeats the last line when it is old enough. Returns the milliseconds until the next repetition, > 0. */
 int64_t progress_tick(progress *p);
 
 void progress_end(progress *p); /* closes the last phase; phase_ms is then complete */

@@ -1,4 +1,4 @@
-/* report: report.json, built from what a job did. See SPEC `report.json`. */
+/* report: builds report.json, which doc/report.md describes. */
 #ifndef HEXAD_RUN_REPORT_H
 #define HEXAD_RUN_REPORT_H
 
@@ -25,10 +25,10 @@ typedef struct report_facts {
     const progress *progress; /* ended */
 } report_facts;
 
-/* All but `outputs`, which the caller has put into the object already. */
+/* Fills in all members except `outputs`, which the caller has added. */
 void report_fill(json *report, const report_facts *facts);
 
-/* The object's `bounding_box`. */
+/* Adds the member `bounding_box`. */
 void report_put_box(json *object, bbox box);
 
 #endif

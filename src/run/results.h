@@ -1,5 +1,5 @@
-/* results: the files of a finished job, each written beside its place, re-read, verified, hashed and
- * only then renamed. */
+/* results: the files of a finished job. Each is written under a temporary name, read again, verified, hashed and then
+ * renamed. */
 #ifndef HEXAD_RUN_RESULTS_H
 #define HEXAD_RUN_RESULTS_H
 
@@ -12,17 +12,16 @@
 #include "sampler/sampler.h"
 #include "spec/spec.h"
 
-/* Above this fraction of h the rounding of single precision would show: such points are written in double. */
+/* A residual above this fraction of h comes from single precision: such points are written in double. */
 #define RESULTS_RESIDUAL 1e-3
 
 typedef struct results_facts {
-    double max_residual; /* largest |F| / |grad F| of the positions as they stand in points.ply, over h */
+    double max_residual; /* largest |F| / (|grad F| h) of the positions in points.ply */
     bool widened;        /* float was asked for, and double was written */
     bool has_mesh;
     triangulation_facts mesh;
 } results_facts;
 
-/* What there is to write. */
 typedef struct results_input {
     const spec *spec;
     const field *field;
@@ -38,11 +37,10 @@ typedef struct results_input {
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e);
 
-/* The same for the report itself, which comes last and makes the directory a result. */
+/* Writes the report. It comes last: a directory with a report is a result. */
 bool results_write_report(const char *directory, const json *report, error *e);
 
-/* Removes what an earlier run has left in the directory under the names of results; and what one that is over
- * has begun there. */
+/* results_remove removes the results of an earlier run; results_clear the temporary files of an interrupted one. */
 bool results_remove(const char *directory, error *e);
 void results_clear(const char *directory);
 

@@ -1,8 +1,7 @@
 /* run: one job from start to end, without a daemon.
  *
- * run_job loads the surface, samples it, measures the points, writes the results into a directory and
- * verifies them by reading them back; report.json comes last, by rename, so that a directory without
- * it is no result. What a caller may do meanwhile: set *cancel, from a signal handler.
+ * run_job loads the surface, samples it, measures the points, and writes and verifies the results. report.json comes
+ * last, by rename: a directory without it is no result. Meanwhile a signal handler may set *cancel.
  */
 #ifndef HEXAD_RUN_RUN_H
 #define HEXAD_RUN_RUN_H
@@ -22,21 +21,19 @@ typedef struct run_summary {
     double hex_fraction, max_residual, total_s;
 } run_summary;
 
-/* Errors: every code of the job contract. On failure no report.json is in the directory. */
+/* Errors: any code in base/error.h. On failure the directory has no report.json. */
 bool run_job(const spec *s, const run_options *options, run_summary *out, error *e);
 
-/* What the job would take, found out without doing it: an object to be freed with json_free. The surface is
- * loaded and measured, however long that takes, and a few runs of few points tell what more of them take: they
- * are given up when they have taken two seconds of processor time, by all threads; what is at work then, a step or
- * the placing or measuring of one run's points, comes to its end.
+/* Estimates what the job would take; free the object with json_free. It loads and scans the surface, and runs the job
+ * with few points. These trial runs end after two seconds of processor time of all threads, at the end of the step
+ * that is under way.
  *     count         points; null when a time is the target
  *     area, bounding_box {min, max}   of the surface
  *     memory_bytes  at the peak
- *     seconds       that `threads` processors would take, without what writing the results takes; null when
- *                   it cannot be told
- *     seconds_missing   why not; null when it can
+ *     seconds       on `threads` processors, without writing the results; null when there is no estimate
+ *     seconds_missing   why there is none, or null
  *     threads
- * Errors: those that run_job would end with before the first point is placed. Writes no file. */
+ * Errors: those of run_job before the first point is placed. Writes no file. */
 json *run_estimate(const spec *s, const run_options *options, error *e);
 
 #endif

@@ -1,4 +1,4 @@
-/* run_options: what a job is given beside its spec. */
+/* run_options: what a caller sets beside the spec. */
 #ifndef HEXAD_RUN_RUN_OPTIONS_H
 #define HEXAD_RUN_RUN_OPTIONS_H
 
@@ -11,17 +11,17 @@
 #include "store/root.h"
 
 typedef struct run_options {
-    const char *output;             /* directory; made if missing */
-    const store_roots *roots;       /* where inputs may lie; NULL: anywhere */
-    int64_t memory_mb;              /* when the spec does not say */
-    int threads;                    /* at most, and when the spec does not say; 0: the processors there are */
-    int frame;                      /* that is run, of a spec with queue.frames */
-    const sequence_files *previous; /* of a coherent sequence the frame before; NULL: there is none */
-    int progress_fd;                /* -1: no progress lines */
-    bool progress_bar;              /* on standard error */
+    const char *output;                  /* directory; made if missing */
+    const store_roots *roots;            /* where inputs may lie; NULL: anywhere */
+    int64_t memory_mb;                   /* when the spec has no limit */
+    int threads;                         /* most, and the default; 0: one per processor */
+    int frame;                           /* the frame to run, of a spec with queue.frames */
+    const sequence_files *previous;      /* previous frame of a coherent sequence, or NULL */
+    int progress_fd;                     /* -1: no progress lines */
+    bool progress_bar;                   /* on standard error */
     const volatile sig_atomic_t *cancel; /* a signal's number: stop; SIGALRM: time is up. May be NULL */
-    /* Says e and ends the process, called on a thread of its own when the job was told to stop and is busy
-     * with what cannot be stopped; nothing half written is left then. NULL: it is waited for. */
+    /* Prints e and ends the process. Called on another thread when the job must stop and is in a call that cannot be
+     * interrupted; no half-written file is left then. NULL: the job waits for the call. */
     void (*leave)(const error *e);
 } run_options;
 

@@ -1,5 +1,4 @@
-/* source: the surface that a spec names, opened: a formula, a B-spline, a volume or mesh of a file, or what
- * is combined of such. */
+/* source: opens the surface that a spec names: a formula, a B-spline, a volume, a mesh, or a combination of these. */
 #ifndef HEXAD_RUN_SOURCE_H
 #define HEXAD_RUN_SOURCE_H
 
@@ -18,14 +17,14 @@
 #include "volume/map.h"
 #include "volume/volume.h"
 
-/* A file that was read. */
+/* An input file. */
 typedef struct source_input {
-    char *path; /* as the spec, or a file that it names, has it */
+    char *path; /* as written in the spec, or in a file that the spec names */
     uint64_t bytes;
     char sha256[STORE_HASH_SIZE];
 } source_input;
 
-/* One surface of the spec, opened: a leaf of one kind, or what combines or places its parts. */
+/* One surface of the spec: a leaf of one kind, or a combination or placement of parts. */
 typedef struct source_part source_part;
 
 struct source_part {
@@ -44,23 +43,23 @@ typedef struct source {
     const field *field;
     source_part whole;
     map *map;                 /* of sampling.grid, or NULL */
-    region *region;           /* the part of it that the spec asks for, or NULL */
-    const store_roots *roots; /* for files, or NULL; as long as the source is being opened */
+    region *region;           /* of surface.region, or NULL */
+    const store_roots *roots; /* for files, or NULL; used while the source opens */
     source_input *inputs;     /* in the order in which they were first opened */
     size_t input_count;
 } source;
 
-/* `memory` bounds what the surface may hold, in bytes; it is sampled with `kernels`; the spec outlives the
- * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts a
- * zeroed struct. */
+/* `memory`: most bytes that the surface may hold. `kernels`: instruction set for sampling. The spec outlives the
+ * source. Errors: those of volume_open and store_open_input, prefixed with the path. source_close accepts a zeroed
+ * struct. */
 bool source_open(const spec *s, const store_roots *roots, size_t memory, isa kernels, threads *pool,
                  source *out, error *e);
 void source_close(source *s);
 
-/* The report's `inputs`, a volume's members of `surface`, and what it warns of. */
+/* Adds `inputs` to the report, a volume's members to `surface`, and warnings. */
 void source_describe(const source *s, json *report, json *surface, json *warnings);
 
-/* Whether random starts are drawn from the cells that the surface crosses, not from the domain. */
+/* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
 /* Bytes that the source holds; 0 for one that is not open. */

@@ -1,4 +1,4 @@
-/* exports: what a program that loads the shim as a module calls, vdb.h as a table. */
+/* exports: the functions of vdb.h as a table, for programs that load the shim as a module. */
 #ifndef HEXAD_VDB_EXPORTS_H
 #define HEXAD_VDB_EXPORTS_H
 

@@ -1,4 +1,4 @@
-/* shim: what the two C++ units of this folder share. Not for C. */
+/* shim: shared by the C++ units of this folder. Not for C. */
 #ifndef HEXAD_VDB_SHIM_H
 #define HEXAD_VDB_SHIM_H
 
@@ -14,14 +14,14 @@
 
 namespace shim {
 
-/* A fault that already knows its code. */
+/* An exception with an error code. */
 struct fault : std::runtime_error {
     fault(error_code c, const std::string &message) : std::runtime_error(message), code(c) {}
     error_code code;
 };
 
-/* Runs `body` and turns whatever it throws into *e. `what` is the thing that is read or written.
- * Library messages are kept: they say what the reader stumbled over. */
+/* Runs `body` and turns whatever it throws into *e. `what` names the object that is read or written.
+ * The library's own message is kept. */
 template <typename Body> bool guard(error *e, error_code otherwise, const char *what, Body body)
 {
     try {
@@ -36,13 +36,13 @@ template <typename Body> bool guard(error *e, error_code otherwise, const char *
         return error_set(e, ERROR_LIMIT_MEMORY, "there is no memory left for %s: raise limits.memory_mb",
                          what);
     } catch (const std::length_error &) {
-        return error_set(e, otherwise, "%s cannot be had: a length in it is impossible", what);
+        return error_set(e, otherwise, "%s cannot be read: a length in it is impossible", what);
     } catch (const std::ios_base::failure &) {
         return error_set(e, otherwise, "ends within %s: it was cut short or is damaged", what);
     } catch (const std::exception &x) {
-        return error_set(e, otherwise, "%s cannot be had: %s", what, x.what());
+        return error_set(e, otherwise, "%s failed: %s", what, x.what());
     } catch (...) {
-        return error_set(e, otherwise, "%s cannot be had", what);
+        return error_set(e, otherwise, "%s failed", what);
     }
 }
 

@@ -1,9 +1,8 @@
 /* vdb: OpenVDB files to and from plain arrays; the only C++ of the project is behind this header.
  *
- * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads
- * all it needs before it returns: nothing is loaded later or mapped, and nothing of the library's is kept.
- * Sizes that the file states are held against its length and against a memory limit before they are
- * believed. No exception crosses this boundary. The library can still abort or fault on a hostile
+ * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all it needs
+ * before it returns: nothing is loaded later or mapped, and no object of the library is kept. Sizes in the file are
+ * checked against its length and a memory limit before they are used. No exception crosses this boundary. The library can still abort or fault on a hostile
  * file, so callers run it in a process of its own.
  *
  * Messages name the grid; the caller, who knows the file's name, puts it before them. Threads: calls
@@ -56,7 +55,7 @@ typedef struct vdb_tile {
 } vdb_tile;
 
 /* A scalar grid. Within a leaf voxel (x, y, z) has offset 64 x + 8 y + z; its active flag is bit
- * 8 y + z of word x. What is in no leaf and no tile has the background's value and is inactive. */
+ * 8 y + z of word x. A voxel in no leaf and no tile has the background value and is inactive. */
 typedef struct vdb_grid {
     vdb_class grid_class;
     float background;
@@ -69,8 +68,8 @@ typedef struct vdb_grid {
     vdb_tile *tiles;
 } vdb_grid;
 
-/* Loads entry `index` of the listing. Doubles become floats. `memory_limit` bounds what the call takes
- * at its peak, the library's tree and the arrays together. Errors: input_damaged; input_unsupported
+/* Loads entry `index` of the listing. Doubles become floats. `memory_limit` bounds the call's peak,
+ * the library's tree and the arrays together. Errors: input_damaged; input_unsupported
  * for a type that is not scalar and for a transform that is not affine or not invertible; limit_memory. */
 vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e);
 void vdb_grid_free(vdb_grid *grid);
@@ -120,7 +119,7 @@ typedef struct vdb_points {
  * made of the contents. Errors: limit_memory; internal when writing fails. */
 bool vdb_write_points(int fd, const vdb_points *points, error *e);
 
-/* Reads a file from its beginning and says (internal) when it does not hold the points. */
+/* Reads a file from its beginning. Error: internal when it does not hold the points. */
 bool vdb_verify_points(int fd, const vdb_points *points, error *e);
 
 #ifdef __cplusplus
