@@ -228,7 +228,7 @@ def _energies(points, h, graded):
     same = facing(points, i, j) > OTHER_SIDE
     i, j, distance = i[same], j[same], distance[same]
     between = 0.5 * (support[i] + support[j])
-    phi = 0.5 * (points.alpha[i] + points.alpha[j]) * cotangent(distance / between)
+    phi = cotangent(distance / between)
     return (numpy.bincount(i, phi * (between / support[i]) ** 2, n) +
             numpy.bincount(j, phi * (between / support[j]) ** 2, n))
 
@@ -258,10 +258,15 @@ def measure(points, area, domain=None):
     cell = voronoi_areas(points, triangles)
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
     whole = inner & ~without_cell(points, triangles, edges)
-    ends = numpy.concatenate([relative[whole[i] & inner[j] & same], relative[whole[j] & inner[i] & same]])
     sized = whole & (local > 0)
     uneven = is_uneven(points.spacing[inner])
-    energy = _energies(points, h, uneven and not is_uneven(points.alpha))
+    if is_uneven(points.alpha):  # no spacing is requested: order is measured against the achieved one
+        own = dataclasses.replace(points, spacing=numpy.where(local > 0, local, points.spacing))
+        energy = _energies(own, h, True)
+        relative = length / (0.5 * (own.spacing[i] + own.spacing[j]))
+    else:
+        energy = _energies(points, h, uneven)
+    ends = numpy.concatenate([relative[whole[i] & inner[j] & same], relative[whole[j] & inner[i] & same]])
     slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if uneven else 1
     return {
         "count": n, "h": float(h), "rim_count": int(rim.sum()),
@@ -269,7 +274,7 @@ def measure(points, area, domain=None):
         "hex_fraction": float((degree[whole] == 6).mean()) if whole.any() else float("nan"),
         "edge_cv": _variation(ends),
         "area_cv": _variation((cell / points.spacing ** 2)[whole]),
-        "energy_excess": float(energy[inner].sum() / points.alpha[inner].sum() / E_IDEAL - 1),
+        "energy_excess": float(energy[inner].mean() / E_IDEAL - 1),
         "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),

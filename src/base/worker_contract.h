@@ -17,7 +17,8 @@ typedef enum worker_exit {
     WORKER_EXIT_LIMIT = 5,     /* a limit of memory or time was exceeded */
     WORKER_EXIT_CANCELLED = 6, /* by SIGTERM or SIGINT */
     WORKER_EXIT_STORAGE = 7,   /* a disk is full or failed */
-    WORKER_EXIT_NOT_CONVERGED = 10
+    WORKER_EXIT_NOT_CONVERGED = 10,
+    WORKER_EXIT_UNRESOLVED = 11 /* at rest, but not in order: outcome unresolved */
 } worker_exit;
 
 /* Commands: hexad-worker COMMAND SPEC|- [OPTION VALUE]... */

@@ -27,7 +27,7 @@ typedef struct moments {
 /* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double boundary, unresolved, hex, alpha, energy, nearest;
+    double boundary, inner, unresolved, hex, energy, nearest;
     moments edge, area, ratio;
     double finest, coarsest;
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
@@ -37,7 +37,6 @@ typedef struct tally {
 typedef struct quality_part {
     partition partition;
     quality_input in; /* of the partition's points, in their order */
-    double *alpha;
     bool *unresolved;
     tally *tally; /* per chunk */
     bool graded;  /* spacings differ enough for a slope */
@@ -49,11 +48,6 @@ typedef struct measure_job {
     voronoi_sites sites;
     double *local, *degree; /* of all points; either may be NULL */
 } measure_job;
-
-static double alpha_of(const quality_input *in, size_t i)
-{
-    return in->alpha ? in->alpha[i] : 1;
-}
 
 static bool is_near_boundary(const quality_input *in, size_t i)
 {
@@ -93,7 +87,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
     const quality_input *in = job->in;
     const uint32_t *list = neighbours_list(job->sites.near, i);
     pair_batch b = {.count = 0};
-    double over = 1 / in->spacing[i], alpha = alpha_of(in, i), least = INFINITY;
+    double over = 1 / in->spacing[i], least = INFINITY;
     double support = packing_support(in->sized ? in->spacing[i] : in->h), over2 = 1 / (support * support);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
@@ -106,7 +100,7 @@ static double energy_of(const measure_job *job, uint32_t i, double *nearest2)
         double u2 = square * over2 / size2;
         if (b.count == PAIR_BATCH) sum_pairs(&b);
         b.u2[b.count] = u2 > CLOSEST * CLOSEST ? u2 : CLOSEST * CLOSEST;
-        b.weight[b.count] = 0.5 * (alpha + alpha_of(in, j)) * size2;
+        b.weight[b.count] = size2;
         b.count += u2 < 1; /* as good as random: no branch */
     }
     sum_pairs(&b);
@@ -186,7 +180,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     double nearest2;
     t->energy += energy_of(job, i, &nearest2);
     t->nearest = fmin(t->nearest, nearest2);
-    t->alpha += alpha_of(in, i);
+    t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
     if (!has_cell(job, i, &star)) {
@@ -228,7 +222,7 @@ static void add_tally(tally *t, const tally *other)
     t->boundary += other->boundary;
     t->unresolved += other->unresolved;
     t->hex += other->hex;
-    t->alpha += other->alpha;
+    t->inner += other->inner;
     t->energy += other->energy;
     t->nearest = fmin(t->nearest, other->nearest);
     add_moments(&t->edge, &other->edge);
@@ -258,7 +252,7 @@ static quality conclude(const tally *t)
                  .euler = t->degrees / 6,
                  .min_spacing_ratio = sqrt(t->nearest)};
     q.grading_exponent = 1;
-    q.energy_excess = t->energy / t->alpha / energy_cotangent.ideal - 1; /* NAN of nothing but boundaries */
+    q.energy_excess = t->energy / t->inner / energy_cotangent.ideal - 1; /* NAN of nothing but boundaries */
     if (t->area.n < 1) { /* no cells: there is nothing to say of them */
         q.hex_fraction = q.edge_cv = q.area_cv = q.grading_cv = q.grading_exponent = NAN;
         return q;
@@ -292,7 +286,6 @@ static extent extent_of(const quality_input *in)
 static void free_part(quality_part *p)
 {
     partition_free(&p->partition);
-    free(p->alpha);
     free(p->unresolved);
     free(p->tally);
 }
@@ -303,17 +296,14 @@ static bool fill_part(const quality_input *in, const partitions_input *cut, cons
     const char *what = "the quality measures";
     const partition *s = &out->partition;
     if (!partition_fill(cut, all, k, pool, &out->partition, e)) return false;
-    out->alpha = mem_array(s->count, sizeof *out->alpha, what, e);
     out->unresolved = mem_array(s->count, sizeof *out->unresolved, what, e);
     out->tally = mem_array(s->count / CHUNK + 1, sizeof *out->tally, what, e);
-    if (!out->alpha || !out->unresolved || !out->tally) return false;
-    for (size_t i = 0; i < s->count; i++) out->alpha[i] = alpha_of(in, s->index[i]);
+    if (!out->unresolved || !out->tally) return false;
     out->in = *in;
     out->in.count = s->count;
     out->in.position = s->position;
     out->in.normal = s->normal;
     out->in.spacing = s->spacing;
-    out->in.alpha = out->alpha;
     return true;
 }
 

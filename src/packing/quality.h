@@ -9,11 +9,12 @@
  * (the mean of both; beside a hole of 1.2 in the other sheet), the cosine of whose normals is below -0.4, and
  * either is less than 1.2 spacings off the other's tangent plane. On a crease of right angle the cosine of a
  * spline's normals stays above -0.38. Unresolved points and those joined to them have no cell to be measured,
- * nor have those whose star is pinched. See SPEC `report.json` for the meaning of each measure.
+ * nor have those whose star is pinched. doc/report.md defines each measure.
  */
 #ifndef HEXAD_PACKING_QUALITY_H
 #define HEXAD_PACKING_QUALITY_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -25,7 +26,6 @@
 typedef struct quality_input {
     size_t count;
     const vec3 *position, *normal;
-    const double *alpha;   /* NULL: 1 everywhere */
     const double *spacing; /* requested spacing of each, world units */
     double h;              /* spacing of the ideal even packing (packing_spacing) */
     bool sized;            /* the energies' support is that of each pair's spacing, not that of h */
@@ -37,7 +37,7 @@ typedef struct quality {
     /* share with six neighbours; as edge_cv, area_cv and grading, of points with a cell */
     double hex_fraction;
     double edge_cv, area_cv;
-    /* mean E_i / E_ideal - 1, support sqrt(3) h; over mean alpha. Sized: sqrt(3) times the mean of the pair's
+    /* mean E_i / E_ideal - 1 of the cotangent energy, support sqrt(3) h. Sized: sqrt(3) times the mean of the pair's
      * spacings, E_i over its own spacing squared */
     double energy_excess;
     double min_spacing_ratio; /* smallest distance of neighbours over the mean of their spacings */

@@ -295,15 +295,26 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
 /* What comes of a spec that could be read; the exit status, or -1 and an error. */
 typedef int command(const spec *s, const run_options *options, error *e);
 
+static const worker_exit exit_of_outcome[VERDICT_OUTCOMES] = {
+    [VERDICT_CONVERGED] = WORKER_EXIT_CONVERGED,
+    [VERDICT_UNRESOLVED] = WORKER_EXIT_UNRESOLVED,
+    [VERDICT_NOT_CONVERGED] = WORKER_EXIT_NOT_CONVERGED,
+};
+
 static int run(const spec *s, const run_options *options, error *e)
 {
     run_summary summary;
     start_timer(s->timeout_s);
     if (!run_job(s, options, &summary, e)) return -1;
     printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
-           summary.converged ? "converged" : "not converged", summary.hex_fraction, summary.max_residual,
+           verdict_names[summary.verdict.outcome], summary.hex_fraction, summary.max_residual,
            summary.total_s);
-    return summary.converged ? WORKER_EXIT_CONVERGED : WORKER_EXIT_NOT_CONVERGED;
+    for (size_t k = 0; k < summary.verdict.reason_count; k++) {
+        const verdict_reason *r = &summary.verdict.reason[k];
+        fprintf(stderr, "%s: %s %.3g, bound %.3g: %s\n", verdict_names[summary.verdict.outcome], r->criterion,
+                r->value, r->bound, r->message);
+    }
+    return exit_of_outcome[summary.verdict.outcome];
 }
 
 static int estimate(const spec *s, const run_options *options, error *e)

@@ -197,6 +197,27 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e)
     return true;
 }
 
+/* Where no spacing is requested, as with amplitudes, order is measured against the achieved spacing: of a point its own,
+ * of one without a cell the expected one. */
+static bool measure_order(const quality_input *in, const double *achieved, threads *pool, quality *q,
+                          error *e)
+{
+    double *spacing = mem_array(in->count, sizeof *spacing, "the quality measures", e);
+    quality against_own;
+    for (size_t i = 0; spacing && i < in->count; i++)
+        spacing[i] = achieved[i] > 0 ? achieved[i] : in->spacing[i];
+    quality_input own = *in;
+    own.spacing = spacing;
+    own.sized = true;
+    bool ok = spacing && quality_measure(&own, pool, NULL, NULL, &against_own, e);
+    free(spacing);
+    if (!ok) return false;
+    q->edge_cv = against_own.edge_cv;
+    q->energy_excess = against_own.energy_excess;
+    q->min_spacing_ratio = against_own.min_spacing_ratio;
+    return true;
+}
+
 bool job_measure(job *j, solution *s, error *e)
 {
     const sampler_points *p = sampler_result_points(s->sampler);
@@ -206,16 +227,16 @@ bool job_measure(job *j, solution *s, error *e)
         s->degree = mem_array(p->count, sizeof *s->degree, "the result", e);
         if (!s->degree) return false;
     }
-    const quality_input in = {p->count,
-                              p->position,
-                              p->normal,
-                              p->alpha,
-                              p->spacing,
-                              sampler_spacing(s->sampler),
-                              s->sizing != NULL,
-                              j->source.field->open,
-                              j->source.field->boundary_box};
-    return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e);
+    const quality_input in = {.count = p->count,
+                              .position = p->position,
+                              .normal = p->normal,
+                              .spacing = p->spacing,
+                              .h = sampler_spacing(s->sampler),
+                              .sized = s->sizing != NULL,
+                              .open = j->source.field->open,
+                              .domain = j->source.field->boundary_box};
+    return quality_measure(&in, j->pool, s->spacing_local, s->degree, &s->quality, e) &&
+           (!j->spec->has_alpha || measure_order(&in, s->spacing_local, j->pool, &s->quality, e));
 }
 
 bool job_write_points(job *j, error *e)

@@ -187,7 +187,7 @@ void report_fill(json *report, const report_facts *facts)
     const sampler_points *solved = sampler_result_points(facts->sampler);
     json_put_string(report, "schema", "hexad.report");
     json_put_integer(report, "version", 1);
-    json_put_string(report, "outcome", facts->converged ? "converged" : "not_converged");
+    verdict_describe(facts->verdict, report);
     json_put_integer(report, "count", (int64_t)solved->count);
     put_target(report, facts);
     put_surface(report, facts);

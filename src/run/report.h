@@ -7,6 +7,7 @@
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/source.h"
+#include "run/verdict.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
 #include "surface/surface.h"
@@ -19,7 +20,7 @@ typedef struct report_facts {
     const sampler *sampler;
     const quality *quality;
     const results_facts *results;
-    bool converged;
+    const verdict *verdict;
     int threads;
     isa isa;
     const progress *progress; /* ended */

@@ -37,17 +37,19 @@ static bool write_report(job *j, run_summary *out, error *e)
 {
     const solution *s = &j->solution;
     const sampler_points *p = sampler_result_points(s->sampler);
-    bool converged = sampler_result(s->sampler) == SAMPLER_CONVERGED && p->lost == 0;
+    const verdict_input judged = {s->sampler, &s->quality, j->spec->has_control ? 0 : j->count,
+                                  j->spec->step_tolerance, j->spec->energy_tolerance};
+    const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         j->spec,     &j->source,   j->scan,
         s->sizing,   s->sampler,   &s->quality,
-        &j->results, converged,    threads_count(j->pool),
+        &j->results, &v,           threads_count(j->pool),
         j->isa,      &j->progress,
     };
     report_fill(j->report, &facts);
     if (j->spec->coherent) sequence_describe(&j->sequence, j->report);
     if (!job_may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
-    *out = (run_summary){converged, p->count, s->quality.hex_fraction, j->results.max_residual,
+    *out = (run_summary){v, p->count, s->quality.hex_fraction, j->results.max_residual,
                          1e-3 * (double)(clock_monotonic_ms() - j->progress.start_ms)};
     return true;
 }

@@ -13,10 +13,11 @@
 #include "base/error.h"
 #include "json/json.h"
 #include "run/run_options.h"
+#include "run/verdict.h"
 #include "spec/spec.h"
 
 typedef struct run_summary {
-    bool converged;
+    verdict verdict;
     size_t count;
     double hex_fraction, max_residual, total_s;
 } run_summary;

@@ -198,6 +198,11 @@ double sampler_excess(const sampler *s, const sampler_sweep *sweep)
     return sweep->energy / s->setup.params.energy->ideal - 1;
 }
 
+double sampler_coarsest_gain(const sampler *s)
+{
+    return s->setup.schedule->coarsest_gain;
+}
+
 double sampler_spacing(const sampler *s)
 {
     return s->state.spacing;

@@ -71,6 +71,8 @@ double sampler_fraction(const sampler *s);
 const sampler_sweep *sampler_sweeps(const sampler *s, size_t *count);
 const sampler_round *sampler_rounds(const sampler *s, size_t *count);
 double sampler_spacing(const sampler *s); /* h of the ideal packing */
+double
+sampler_coarsest_gain(const sampler *s); /* a round that ended with a larger gain did not come to rest */
 size_t sampler_removed_offsurface(const sampler *s);
 
 /* Puts every particle on the surface to rounding, and computes what the output holds. A particle that

@@ -18,7 +18,7 @@ enum { SIDE = 40, LATTICE = SIDE * SIDE };
 
 typedef struct sheet {
     vec3 position[LATTICE], normal[LATTICE];
-    double spacing[LATTICE], alpha[LATTICE], local[LATTICE];
+    double spacing[LATTICE], local[LATTICE];
     double degree[LATTICE];
     quality_input in;
 } sheet;
@@ -32,12 +32,11 @@ static sheet *make_sheet(void)
             int k = j * SIDE + i;
             s->position[k] = (vec3){i + 0.5 * (j & 1), j * sqrt(3) / 2, 0};
             s->normal[k] = (vec3){0, 0, 1};
-            s->spacing[k] = s->alpha[k] = 1;
+            s->spacing[k] = 1;
         }
     s->in = (quality_input){.count = LATTICE,
                             .position = s->position,
                             .normal = s->normal,
-                            .alpha = s->alpha,
                             .spacing = s->spacing,
                             .h = 1,
                             .open = true,
@@ -168,7 +167,6 @@ static void threads_do_not_matter(void **state)
         vec3 noise = random_between(&r, (vec3){-0.2, -0.2, -0.1}, (vec3){0.2, 0.2, 0.1});
         s->position[k] = vec3_add(s->position[k], noise);
         s->spacing[k] = 1 + 0.1 * rng_uniform(&r);
-        s->alpha[k] = 1 + rng_uniform(&r);
     }
     s->in.sized = true;
     quality one, q;
@@ -190,40 +188,32 @@ static void energies_are_those_of_all_pairs(void **state)
     (void)state;
     enum { POINTS = 400 };
     vec3 x[POINTS];
-    double spacing[POINTS], alpha[POINTS], h = sqrt(8 * M_PI / (sqrt(3) * POINTS));
+    double spacing[POINTS], h = sqrt(8 * M_PI / (sqrt(3) * POINTS));
     error e = {0};
     rng r = rng_seed(test_seed(), 2);
     threads *pool = threads_new(1, NULL, &e);
     for (int sized = 0; sized < 2; sized++) {
-        double energy = 0, alphas = 0, nearest = INFINITY;
+        double energy = 0, nearest = INFINITY;
         for (int k = 0; k < POINTS; k++) {
             double z = 1 - (2 * k + 1.0) / POINTS, angle = k * M_PI * (3 - sqrt(5)), w = sqrt(1 - z * z);
             vec3 noise = random_between(&r, (vec3){-1, -1, -1}, (vec3){1, 1, 1});
             x[k] = vec3_unit(vec3_axpy(0.1 * h, noise, (vec3){w * cos(angle), w * sin(angle), z}));
             spacing[k] = h * (sized ? 1 + 0.1 * rng_uniform(&r) : 0.6 + 0.8 * rng_uniform(&r));
-            alpha[k] = 1 + rng_uniform(&r);
         }
         for (int i = 0; i < POINTS; i++) {
-            alphas += alpha[i];
             for (int j = 0; j < POINTS; j++) {
                 double distance = vec3_norm(vec3_sub(x[i], x[j])), mean = 0.5 * (spacing[i] + spacing[j]);
                 double size = sized ? mean / spacing[i] : 1, support = sqrt(3) * (sized ? mean : h);
                 if (i == j) continue;
                 nearest = fmin(nearest, distance / mean);
-                energy +=
-                    0.5 * (alpha[i] + alpha[j]) * size * size * energy_cotangent.value(distance / support);
+                energy += size * size * energy_cotangent.value(distance / support);
             }
         }
         quality q;
-        quality_input in = {.count = POINTS,
-                            .position = x,
-                            .normal = x,
-                            .alpha = alpha,
-                            .spacing = spacing,
-                            .h = h,
-                            .sized = sized};
+        quality_input in = {
+            .count = POINTS, .position = x, .normal = x, .spacing = spacing, .h = h, .sized = sized};
         assert_true(quality_measure(&in, pool, NULL, NULL, &q, &e));
-        assert_close(q.energy_excess, energy / alphas / energy_cotangent.ideal - 1, 1e-11);
+        assert_close(q.energy_excess, energy / POINTS / energy_cotangent.ideal - 1, 1e-11);
         assert_close(q.min_spacing_ratio, nearest, 1e-12);
     }
     threads_free(pool);
@@ -321,7 +311,6 @@ static size_t measure_plate(double gap, int rows, quality *q)
     s->in.position = x;
     s->in.normal = normal;
     s->in.spacing = spacing;
-    s->in.alpha = NULL;
     error e = {0};
     threads *pool = threads_new(2, NULL, &e);
     assert_true(quality_measure(&s->in, pool, NULL, NULL, q, &e));

@@ -42,9 +42,14 @@ static void solve_shape(const analytic_params *shape, const sampler_params *para
     while (!sampler_ended(out->s)) assert_true(sampler_step(out->s, &e));
     assert_true(sampler_finalize(out->s, &e));
     out->points = sampler_result_points(out->s);
-    quality_input in = {out->points->count,     out->points->position, out->points->normal,
-                        out->points->alpha,     out->points->spacing,  sampler_spacing(out->s),
-                        params->sizing != NULL, out->a->base.open,     out->a->base.domain};
+    quality_input in = {.count = out->points->count,
+                        .position = out->points->position,
+                        .normal = out->points->normal,
+                        .spacing = out->points->spacing,
+                        .h = sampler_spacing(out->s),
+                        .sized = params->sizing != NULL,
+                        .open = out->a->base.open,
+                        .domain = out->a->base.domain};
     assert_true(quality_measure(&in, out->pool, NULL, NULL, &out->q, &e));
 }
 

@@ -196,7 +196,6 @@ static void solve(const analytic_params *shape, const sampler_params *params, in
     quality_input in = {x->points->count,
                         x->points->position,
                         x->points->normal,
-                        x->points->alpha,
                         x->points->spacing,
                         sampler_spacing(x->s),
                         false,

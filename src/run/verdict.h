@@ -1,0 +1,51 @@
+/* verdict: the outcome of a job, judged from the points that it delivers.
+ *
+ * not_converged: the particles did not come to rest, or missed a target. unresolved: they are at rest, but not in order,
+ * most often because the surface has features below the spacing. converged: at rest and in order. Each criterion
+ * compares one number with its bound; those that fail are the reasons. Pure functions, any thread.
+ */
+#ifndef HEXAD_RUN_VERDICT_H
+#define HEXAD_RUN_VERDICT_H
+
+#include "base/words.h"
+#include "json/json.h"
+#include "packing/quality.h"
+#include "sampler/sampler.h"
+
+#define VERDICT_LIST(ENTRY, prefix)         \
+    ENTRY(prefix, CONVERGED, "converged")   \
+    ENTRY(prefix, UNRESOLVED, "unresolved") \
+    ENTRY(prefix, NOT_CONVERGED, "not_converged")
+
+typedef enum verdict_outcome { VERDICT_LIST(WORDS_ENUMERATOR, VERDICT) VERDICT_OUTCOMES } verdict_outcome;
+
+extern const char *const verdict_names[VERDICT_OUTCOMES];
+
+typedef struct verdict_input {
+    const sampler *sampler; /* finalized */
+    const quality *quality; /* of its points */
+    size_t count;           /* requested; 0: the count is not a target */
+    double step_tolerance, energy_tolerance;
+} verdict_input;
+
+enum { VERDICT_MOST_REASONS = 12 };
+
+/* A criterion that failed. Texts are constants. */
+typedef struct verdict_reason {
+    const char *criterion; /* stable name */
+    double value, bound;   /* value is on the wrong side of bound */
+    const char *message;   /* what it means and what to do */
+} verdict_reason;
+
+typedef struct verdict {
+    verdict_outcome outcome;
+    size_t reason_count; /* 0 when converged */
+    verdict_reason reason[VERDICT_MOST_REASONS];
+} verdict;
+
+verdict verdict_judge(const verdict_input *in);
+
+/* Adds `outcome` and `outcome_reasons` to a report. */
+void verdict_describe(const verdict *v, json *report);
+
+#endif
