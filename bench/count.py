@@ -49,7 +49,7 @@ def instruction_set():
 
 def run(command, where):
     done = subprocess.run(command, cwd=where, capture_output=True, text=True)
-    if done.returncode not in (0, 10):  # 10: succeeded, not converged
+    if done.returncode not in (0, 10, 11):  # succeeded, whatever the outcome
         sys.exit(f"{' '.join(map(str, command))}: exit code {done.returncode}\n{done.stderr}")
     return done.stdout
 

@@ -23,7 +23,7 @@ COUNT, SLICES = 500, 6
 RESIDUAL = 1e-3
 PATIENCE_S = 300
 # The worker's exit codes: a result, converged or not; and errors that are those of the input.
-RESULTS, FAULTS = (0, 10), (2, 3, 4, 5)
+RESULTS, FAULTS = (0, 10, 11), (2, 3, 4, 5)
 # Codes that blame the file; the others are nothing that a file should come to.
 OF_FILES = {"input_damaged", "input_unsupported", "input_missing", "no_surface", "grid_missing", "grid_ambiguous",
             "isovalue_required", "limit_memory", "spec_invalid"}

@@ -64,7 +64,7 @@ def run_worker(worker, spec, where):
     """points and report; raises Unavailable for what the worker does not know yet."""
     done = subprocess.run([worker, "run", "-", "--output", where], input=json.dumps(spec), text=True,
                           capture_output=True)
-    if done.returncode not in (0, 10):
+    if done.returncode not in (0, 10, 11):
         last = (done.stderr.strip().splitlines() or ["{}"])[-1]
         try:
             told = json.loads(last)

@@ -17,6 +17,7 @@ enum {
     COMMAND_MISSING = 4,     /* no such job, or it or a wanted frame of it has no results */
     COMMAND_CANCELLED = 6,   /* the job was cancelled */
     COMMAND_NOT_CONVERGED = 10, /* the job succeeded but did not converge */
+    COMMAND_UNRESOLVED = 11,    /* the job succeeded with the outcome unresolved */
 };
 
 #define COMMAND_LABELS_MOST 32

@@ -20,7 +20,9 @@ static int code_of_end(json_at job)
     const char *outcome = json_string(json_member(&job, "outcome"), "");
     if (strcmp(state, "cancelled") == 0) return COMMAND_CANCELLED;
     if (strcmp(state, "succeeded") != 0) return COMMAND_FAILED;
-    return strcmp(outcome, "converged") == 0 ? COMMAND_OK : COMMAND_NOT_CONVERGED;
+    return strcmp(outcome, "converged") == 0    ? COMMAND_OK
+           : strcmp(outcome, "unresolved") == 0 ? COMMAND_UNRESOLVED
+                                                : COMMAND_NOT_CONVERGED;
 }
 
 int command_wait_for(client *c, const char *path, const command_options *options)

@@ -70,6 +70,9 @@
     "  UPDATE state_count SET jobs = jobs - 1 WHERE state = old.state;"                          \
     "END;"
 
+#define OUTCOME "outcome TEXT CHECK (outcome IN ('converged', 'unresolved', 'not_converged'))"
+#define UNRESOLVED "unresolved INTEGER NOT NULL DEFAULT 0"
+
 /* The id of a notification, and the end that it tells of. */
 #define OUTBOX_EVENT "event TEXT NOT NULL DEFAULT ''"
 #define OUTBOX_ENDED "ended_ms INTEGER NOT NULL DEFAULT 0"
@@ -112,7 +115,7 @@ static const char tables[] =
     "  owner TEXT NOT NULL,"
     "  state TEXT NOT NULL CHECK (state IN ('queued', 'blocked', 'paused', 'running', 'cancelling',"
     "    " SCHEMA_FINAL_STATES ")),"
-    "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
+    "  " OUTCOME ","
     "  priority INTEGER NOT NULL,"
     "  threads INTEGER NOT NULL,"
     "  memory_mb INTEGER NOT NULL,"
@@ -131,6 +134,7 @@ static const char tables[] =
     "  failed INTEGER NOT NULL DEFAULT 0,"
     "  cancelled INTEGER NOT NULL DEFAULT 0,"
     "  timed_out INTEGER NOT NULL DEFAULT 0,"
+    "  " UNRESOLVED ","
     "  not_converged INTEGER NOT NULL DEFAULT 0,"
     "  attempts INTEGER NOT NULL DEFAULT 0,"
     "  created_ms INTEGER NOT NULL,"
@@ -167,7 +171,7 @@ static const char tables[] =
     "  frame INTEGER,"
     "  state TEXT NOT NULL DEFAULT 'queued' CHECK (state IN ('queued', 'delayed', 'running', " SCHEMA_FINAL_STATES
     ")),"
-    "  outcome TEXT CHECK (outcome IN ('converged', 'not_converged')),"
+    "  " OUTCOME ","
     "  attempt INTEGER NOT NULL DEFAULT 0,"
     "  spent INTEGER NOT NULL DEFAULT 0,"
     "  interrupted INTEGER NOT NULL DEFAULT 0,"
@@ -336,6 +340,14 @@ static const char find_owners[] =
     "INSERT INTO owner (name, unfinished, running, pass) SELECT owner, count(*), sum(running), 0 FROM job"
     "  WHERE state NOT IN (" SCHEMA_FINAL_STATES ") GROUP BY owner;"
     "UPDATE owner SET (priority, first) =" SCHEMA_FIRST_JOB ";";
+/* Migration from version 7, which knew two outcomes. */
+#define WIDEN_OUTCOME(table)                               \
+    "ALTER TABLE " table " RENAME COLUMN outcome TO told;" \
+    "ALTER TABLE " table " ADD COLUMN " OUTCOME ";"        \
+    "UPDATE " table " SET outcome = told;"                 \
+    "ALTER TABLE " table " DROP COLUMN told;"
+static const char add_unresolved[] =
+    WIDEN_OUTCOME("job") WIDEN_OUTCOME("task") "ALTER TABLE job ADD COLUMN " UNRESOLVED ";";
 
 /* Migration from version 7, in which jobs depended on success only. */
 static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
@@ -353,6 +365,7 @@ static const struct step {
     {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
     {2, 5, add_state_count},      {2, 6, add_turns},
     {1, 6, find_owners},          {2, 7, add_any_end},
+    {2, 7, add_unresolved},
 };
 
 bool schema_error_is_damage(int code)

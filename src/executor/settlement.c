@@ -116,7 +116,8 @@ static void decide_signal(const queue_claimed *c, const engine_ending *ending, s
 
 static bool is_success(const engine_ending *ending)
 {
-    return ending->exit_status == WORKER_EXIT_CONVERGED || ending->exit_status == WORKER_EXIT_NOT_CONVERGED;
+    return ending->exit_status == WORKER_EXIT_CONVERGED || ending->exit_status == WORKER_EXIT_UNRESOLVED ||
+           ending->exit_status == WORKER_EXIT_NOT_CONVERGED;
 }
 
 static void describe(const engine_ending *ending, const char *prefix, settlement *s)

@@ -71,9 +71,9 @@ static const char help_text[] =
     "                     those below the input roots and DIR; available: as much of it as the kernel supports\n"
     "  --help, --version\n"
     "\n"
-    "Exit codes: 0 succeeded and converged, 10 succeeded but not converged, 2 bad spec, 3 bad input\n"
-    "file, 4 no surface found, 5 limits exceeded, 6 cancelled, 7 a disk is full or fails, 1 anything\n"
-    "else. The last line on standard error of a failed run is a JSON object with code and message.\n";
+    "Exit codes: 0 succeeded with the outcome converged, 10 not_converged, 11 unresolved; 2 bad spec,\n"
+    "3 bad input file, 4 no surface found, 5 limits exceeded, 6 cancelled, 7 a disk is full or fails,\n"
+    "1 anything else. The last line on standard error of a failed run is a JSON object with code and message.\n";
 
 static worker_exit exit_code_of(error_code code)
 {

@@ -80,7 +80,7 @@ static const char usage[] =
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
     "timed out, 2 bad usage, a missing or unknown token, or a spec that the server refuses, 3 no server\n"
     "answers, 4 no such job, or it or a wanted frame has no results, 6 the job was cancelled, 10 the job\n"
-    "succeeded but did not converge.\n";
+    "succeeded but did not converge, 11 its points do not resolve the surface (outcome unresolved).\n";
 
 typedef enum need { NONE, ONE, MAYBE } need;
 

@@ -53,7 +53,7 @@ static bool end_found(database *d, change *asked)
     job_state before = j;
     --*(delayed ? &j.delayed : &j.ready);
     j.succeeded++;
-    j.not_converged += f->outcome == QUEUE_NOT_CONVERGED;
+    job_state_count_outcome(&j, f->outcome);
     f->accepted = true;
     return RUN(d, e,
                "UPDATE task SET state = 'succeeded', outcome = ?3, not_before_ms = NULL,"
@@ -96,22 +96,23 @@ static bool insert_tasks(database *d, const queue_adoption *a, int64_t seq, erro
 static bool adopt_one(database *d, const queue_adoption *a, int64_t now, error *e)
 {
     int64_t finished = 0;
-    int not_converged = 0;
+    job_state counts = {0};
+    queue_outcome outcome = QUEUE_CONVERGED;
     bool array = a->tasks[0].frame != QUEUE_NO_FRAME;
     for (size_t i = 0; i < a->task_count; i++) {
         if (a->tasks[i].finished_ms > finished) finished = a->tasks[i].finished_ms;
-        not_converged += a->tasks[i].outcome == QUEUE_NOT_CONVERGED;
+        job_state_count_outcome(&counts, a->tasks[i].outcome);
+        if (a->tasks[i].outcome > outcome) outcome = a->tasks[i].outcome;
     }
-    queue_outcome outcome = not_converged ? QUEUE_NOT_CONVERGED : QUEUE_CONVERGED;
     if (!RUN(
             d, e,
             "INSERT INTO job (id, owner, state, outcome, priority, threads, memory_mb, max_attempts, is_array,"
-            " tasks, ready, succeeded, not_converged, created_ms, finished_ms, name, labels)"
-            " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13)",
+            " tasks, ready, succeeded, not_converged, unresolved, created_ms, finished_ms, name, labels)"
+            " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
             text(a->id), text(queue_outcome_name(outcome)), integer(a->priority), integer(a->threads),
             integer(a->memory_mb), integer(a->max_attempts), integer(array), integer((int64_t)a->task_count),
-            integer(not_converged), integer(ulid_time_ms(a->id)), integer(finished), text(a->name),
-            text(a->labels)))
+            integer(counts.not_converged), integer(counts.unresolved), integer(ulid_time_ms(a->id)),
+            integer(finished), text(a->name), text(a->labels)))
         return false;
     int64_t seq = database_last_row(d);
     return RUN(d, e, "INSERT INTO spec (job, spec) VALUES (?1, ?2)", integer(seq), text(a->spec)) &&

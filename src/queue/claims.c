@@ -275,7 +275,7 @@ static bool end_task(database *d, const settling *s, job_state *j, int frame, in
              text(queue_outcome_name(x->outcome)), text(x->error_code), text(x->error_message), integer(now)))
         return false;
     ++*job_state_counter(j, x->state);
-    if (x->outcome == QUEUE_NOT_CONVERGED) j->not_converged++;
+    job_state_count_outcome(j, x->outcome);
     if (x->cached_from &&
         !RUN(d, e, "UPDATE job SET cached_from = ?2 WHERE seq = ?1", integer(j->seq), text(x->cached_from)))
         return false;

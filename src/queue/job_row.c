@@ -5,8 +5,7 @@
 
 queue_outcome job_row_outcome(sqlite3_stmt *s, int column)
 {
-    const char *name = (const char *)sqlite3_column_text(s, column);
-    return !name ? QUEUE_NO_OUTCOME : strcmp(name, "converged") == 0 ? QUEUE_CONVERGED : QUEUE_NOT_CONVERGED;
+    return queue_outcome_from_name((const char *)sqlite3_column_text(s, column));
 }
 
 void job_row_read(sqlite3_stmt *s, int at, queue_job *job)

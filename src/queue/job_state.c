@@ -10,7 +10,7 @@
 #define STATE_COLUMNS                                                                                   \
     "seq, revision, state, is_array, is_paused, is_cancelled, pending, tasks, ready, delayed, running," \
     " succeeded, failed, cancelled, timed_out, not_converged, attempts, started_ms, finished_ms, "      \
-    "retention_s, is_ordered"
+    "retention_s, is_ordered, unresolved"
 
 static void read_state(sqlite3_stmt *s, job_state *j)
 {
@@ -35,6 +35,7 @@ static void read_state(sqlite3_stmt *s, job_state *j)
         .finished_ms = sqlite3_column_int64(s, 18),
         .retention_s = sqlite3_column_int64(s, 19),
         .ordered = sqlite3_column_int(s, 20),
+        .unresolved = sqlite3_column_int(s, 21),
     };
     queue_state_from_name((const char *)sqlite3_column_text(s, 2), &j->state);
 }
@@ -136,14 +137,14 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
         " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
         " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
-        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, error_code = NULL, error_message = NULL"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, error_code = NULL, error_message = NULL"
         " WHERE seq = ?1",
         integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
         text(queue_outcome_name(outcome)), integer(j->paused), integer(j->cancelled), integer(j->pending),
         integer(j->ready), integer(j->delayed), integer(j->running), integer(j->succeeded),
         integer(j->failed), integer(j->cancelled_tasks), integer(j->timed_out), integer(j->not_converged),
         integer(j->attempts), integer_if(j->started_ms, j->started_ms > 0), integer_if(j->finished_ms, final),
-        integer_if(expires, final && j->retention_s > 0), integer(j->retention_s));
+        integer_if(expires, final && j->retention_s > 0), integer(j->retention_s), integer(j->unresolved));
 }
 
 /* Notes that the webhook of the job, if it has one, is to be told of its end. */
@@ -158,6 +159,12 @@ static bool put_into_outbox(database *d, int64_t seq, int64_t now, error *e)
                integer(seq), integer(now), text(event));
 }
 
+void job_state_count_outcome(job_state *j, queue_outcome outcome)
+{
+    j->unresolved += outcome == QUEUE_UNRESOLVED;
+    j->not_converged += outcome == QUEUE_NOT_CONVERGED;
+}
+
 /* Stores one job, without those that depend on it. */
 static bool save_one(database *d, const job_state *before, job_state *j, int64_t now, error *e)
 {
@@ -166,6 +173,7 @@ static bool save_one(database *d, const job_state *before, job_state *j, int64_t
     bool was_final = queue_state_is_final(before->state), is_final = queue_state_is_final(j->state);
     queue_outcome outcome = j->state != QUEUE_SUCCEEDED ? QUEUE_NO_OUTCOME
                             : j->not_converged          ? QUEUE_NOT_CONVERGED
+                            : j->unresolved             ? QUEUE_UNRESOLVED
                                                         : QUEUE_CONVERGED;
     if (is_final && !was_final) j->finished_ms = now;
     if (j->running && !j->started_ms) j->started_ms = now;

@@ -16,7 +16,8 @@ typedef struct job_state {
     queue_state state; /* as stored; job_state_save updates it */
     bool array, ordered, paused, cancelled;
     int pending; /* number of jobs that this one waits for */
-    int tasks, ready, delayed, running, succeeded, failed, cancelled_tasks, timed_out, not_converged;
+    int tasks, ready, delayed, running, succeeded, failed, cancelled_tasks, timed_out, unresolved,
+        not_converged;
     int attempts;
     int64_t started_ms, finished_ms, retention_s;
 } job_state;
@@ -28,6 +29,9 @@ bool job_state_load_seq(database *d, int64_t seq, job_state *j, error *e);
 
 /* The state that follows from the counts and flags. */
 queue_state job_state_derive(const job_state *j);
+
+/* Counts the outcome of a task that succeeded. */
+void job_state_count_outcome(job_state *j, queue_outcome outcome);
 
 /* Adds the first event of a job whose row was just inserted, and counts the job for its owner. */
 bool job_state_begin(database *d, const job_state *j, int64_t now, error *e);

@@ -103,9 +103,18 @@ bool queue_state_is_final(queue_state state)
     return state >= QUEUE_SUCCEEDED;
 }
 
+static const char *const outcome_names[] = {NULL, "converged", "unresolved", "not_converged"};
+
 const char *queue_outcome_name(queue_outcome outcome)
 {
-    return outcome == QUEUE_CONVERGED ? "converged" : outcome == QUEUE_NOT_CONVERGED ? "not_converged" : NULL;
+    return outcome_names[outcome];
+}
+
+queue_outcome queue_outcome_from_name(const char *name)
+{
+    for (size_t k = 1; name && k < sizeof outcome_names / sizeof *outcome_names; k++)
+        if (strcmp(name, outcome_names[k]) == 0) return (queue_outcome)k;
+    return QUEUE_NO_OUTCOME;
 }
 
 void queue_job_clear(queue_job *job)

@@ -48,12 +48,19 @@ typedef enum queue_state {
     QUEUE_STATE_COUNT
 } queue_state;
 
-typedef enum queue_outcome { QUEUE_NO_OUTCOME, QUEUE_CONVERGED, QUEUE_NOT_CONVERGED } queue_outcome;
+/* From good to bad. doc/report.md defines them. */
+typedef enum queue_outcome {
+    QUEUE_NO_OUTCOME,
+    QUEUE_CONVERGED,
+    QUEUE_UNRESOLVED,
+    QUEUE_NOT_CONVERGED
+} queue_outcome;
 
 const char *queue_state_name(queue_state state); /* "queued", ... */
 bool queue_state_from_name(const char *name, queue_state *state);
 bool queue_state_is_final(queue_state state);
-const char *queue_outcome_name(queue_outcome outcome); /* NULL for no outcome */
+const char *queue_outcome_name(queue_outcome outcome);   /* NULL for no outcome */
+queue_outcome queue_outcome_from_name(const char *name); /* QUEUE_NO_OUTCOME for NULL and other words */
 
 /* Opens or creates the queue in an existing directory. Fails when another process holds the directory (the message says
  * so), when it is on a network file system, or when a newer version of the program created the database. */
@@ -108,7 +115,7 @@ typedef struct queue_job {
     char *spec;       /* opaque to the queue; NULL in a listing */
     char *paths;      /* as the submission's; NULL in a listing */
     queue_state state;
-    queue_outcome outcome; /* converged when all tasks are */
+    queue_outcome outcome; /* the worst of its tasks */
     bool paused;
     bool array; /* has a task per frame */
     queue_counts tasks;

@@ -104,11 +104,8 @@ static bool read_report(const char *directory, const json *report, result *r, er
     const char *outcome = json_string(json_member(&root, "outcome"), "");
     double count = json_number(json_member(&root, "count"), -1);
     json_at outputs = json_member(&root, "outputs");
-    if (strcmp(outcome, "converged") == 0)
-        r->outcome = QUEUE_CONVERGED;
-    else if (strcmp(outcome, "not_converged") == 0)
-        r->outcome = QUEUE_NOT_CONVERGED;
-    else
+    r->outcome = queue_outcome_from_name(outcome);
+    if (r->outcome == QUEUE_NO_OUTCOME)
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no outcome");
     if (!(count >= 0) || count > 0x1p53 || count != floor(count))
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");

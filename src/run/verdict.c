@@ -12,100 +12,108 @@ static const double DISORDERED_EDGES = 0.1;
  * through a thin part. */
 static const double CLOSEST_POINTS = 0.5;
 
-/* One criterion. `value` returns the number that is compared with its bound, both of the input. */
+/* One criterion. `fails` also returns the number that was compared, and its bound. */
 typedef struct criterion {
     const char *name;
     verdict_outcome otherwise; /* the outcome when it fails */
-    double (*value)(const verdict_input *in, double *bound);
-    bool is_least; /* the bound is the least value, not the largest */
+    bool (*fails)(const verdict_input *in, double *value, double *bound);
     const char *message;
 } criterion;
 
-static double rms_step(const verdict_input *in, double *bound)
+/* The solve was stopped, whatever its last step. */
+static bool rms_step(const verdict_input *in, double *value, double *bound)
 {
     size_t count;
     const sampler_sweep *sweep = sampler_sweeps(in->sampler, &count);
     sampler_outcome end = sampler_result(in->sampler);
-    bool is_stopped = end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS;
-    *bound = is_stopped ? in->step_tolerance : INFINITY;
-    return count > 0 ? sweep[count - 1].rms_step : 0;
+    *value = count > 0 ? sweep[count - 1].rms_step : 0;
+    *bound = in->step_tolerance;
+    return end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS;
 }
 
-static double gain(const verdict_input *in, double *bound)
+static bool gain(const verdict_input *in, double *value, double *bound)
 {
     size_t count;
     const sampler_round *round = sampler_rounds(in->sampler, &count);
+    *value = count > 0 ? round[count - 1].gain : 0;
     *bound = sampler_coarsest_gain(in->sampler);
-    return count > 0 ? round[count - 1].gain : 0;
+    return *value > *bound;
 }
 
-static double target_energy(const verdict_input *in, double *bound)
+static bool target_energy(const verdict_input *in, double *value, double *bound)
 {
     const sampler_points *p = sampler_result_points(in->sampler);
+    *value = fabs(p->mean_energy / p->ideal_energy - 1);
     *bound = in->energy_tolerance;
-    return fabs(p->mean_energy / p->ideal_energy - 1);
+    return *value > *bound;
 }
 
-/* Particles of which there are as many as a method comes to; the count of all others is exact. */
-static double count_error(const verdict_input *in, double *bound)
+/* Some methods end with as many particles as they come to; the count of others is exact. */
+static bool count_error(const verdict_input *in, double *value, double *bound)
 {
-    double count = (double)sampler_result_points(in->sampler)->count;
+    *value = fabs((double)sampler_result_points(in->sampler)->count - (double)in->count);
     *bound = 0;
-    return in->count > 0 ? fabs(count - (double)in->count) : 0;
+    return in->count > 0 && *value > *bound;
 }
 
-static double lost(const verdict_input *in, double *bound)
+static bool lost(const verdict_input *in, double *value, double *bound)
 {
+    *value = (double)sampler_result_points(in->sampler)->lost;
     *bound = 0;
-    return (double)sampler_result_points(in->sampler)->lost;
+    return *value > *bound;
 }
 
-static double unresolved_share(const verdict_input *in, double *bound)
+static bool unresolved_share(const verdict_input *in, double *value, double *bound)
 {
     size_t inner = sampler_result_points(in->sampler)->count - in->quality->rim_count;
+    *value = inner > 0 ? (double)in->quality->unresolved_count / (double)inner : 0;
     *bound = UNRESOLVED_SHARE;
-    return inner > 0 ? (double)in->quality->unresolved_count / (double)inner : 0;
+    return *value > *bound;
 }
 
-static double energy_excess(const verdict_input *in, double *bound)
+/* Measures are NaN, which fails nothing, where no point can be measured. */
+static bool energy_excess(const verdict_input *in, double *value, double *bound)
 {
+    *value = in->quality->energy_excess;
     *bound = in->energy_tolerance;
-    return in->quality->energy_excess;
+    return *value > *bound;
 }
 
-static double edge_cv(const verdict_input *in, double *bound)
+static bool edge_cv(const verdict_input *in, double *value, double *bound)
 {
+    *value = in->quality->edge_cv;
     *bound = DISORDERED_EDGES;
-    return in->quality->edge_cv;
+    return *value > *bound;
 }
 
-static double min_spacing_ratio(const verdict_input *in, double *bound)
+static bool min_spacing_ratio(const verdict_input *in, double *value, double *bound)
 {
+    *value = in->quality->min_spacing_ratio;
     *bound = CLOSEST_POINTS;
-    return in->quality->min_spacing_ratio;
+    return *value < *bound;
 }
 
 static const criterion criteria[] = {
-    {"rms_step", VERDICT_NOT_CONVERGED, rms_step, false,
+    {"rms_step", VERDICT_NOT_CONVERGED, rms_step,
      "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s"},
-    {"gain", VERDICT_NOT_CONVERGED, gain, false,
+    {"gain", VERDICT_NOT_CONVERGED, gain,
      "some points creep without end, most often at features smaller than the spacing: ask for more points"},
-    {"target_energy", VERDICT_NOT_CONVERGED, target_energy, false,
+    {"target_energy", VERDICT_NOT_CONVERGED, target_energy,
      "the support that was found or allowed does not give the ideal energy: see sigma, and max_sigma of the spec"},
-    {"count_error", VERDICT_NOT_CONVERGED, count_error, false,
+    {"count_error", VERDICT_NOT_CONVERGED, count_error,
      "the method came to so many more or fewer points than requested: use method sized for an exact count"},
-    {"lost", VERDICT_NOT_CONVERGED, lost, false,
+    {"lost", VERDICT_NOT_CONVERGED, lost,
      "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault"},
-    {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share, false,
+    {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
      "other sheets of the surface lie closer than 1.2 spacings to so many points: ask for more points, or a finer "
      "spacing"},
-    {"energy_excess", VERDICT_UNRESOLVED, energy_excess, false,
+    {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
      "the points are at rest but not in order: ask for more points where the surface has small features, and use the "
      "cotangent energy"},
-    {"edge_cv", VERDICT_UNRESOLVED, edge_cv, false,
+    {"edge_cv", VERDICT_UNRESOLVED, edge_cv,
      "distances between neighbours differ more than in an ordered packing: ask for more points where the surface has "
      "small features, and use the cotangent energy"},
-    {"min_spacing_ratio", VERDICT_UNRESOLVED, min_spacing_ratio, true,
+    {"min_spacing_ratio", VERDICT_UNRESOLVED, min_spacing_ratio,
      "two points are this close, in spacings: ask for more points where the surface has small features, and use the "
      "cotangent energy"},
 };
@@ -117,10 +125,10 @@ verdict verdict_judge(const verdict_input *in)
     verdict v = {.outcome = VERDICT_CONVERGED};
     for (size_t k = 0; k < sizeof criteria / sizeof *criteria; k++) {
         const criterion *c = &criteria[k];
-        double bound, value = c->value(in, &bound);
-        if (c->is_least ? !(value < bound) : !(value > bound)) continue; /* without points to measure: NaN */
+        verdict_reason reason = {.criterion = c->name, .message = c->message};
+        if (!c->fails(in, &reason.value, &reason.bound)) continue;
         if (c->otherwise > v.outcome) v.outcome = c->otherwise;
-        v.reason[v.reason_count++] = (verdict_reason){c->name, value, bound, c->message};
+        v.reason[v.reason_count++] = reason;
     }
     return v;
 }

@@ -33,7 +33,7 @@ enum { VERDICT_MOST_REASONS = 12 };
 /* A criterion that failed. Texts are constants. */
 typedef struct verdict_reason {
     const char *criterion; /* stable name */
-    double value, bound;   /* value is on the wrong side of bound */
+    double value, bound;   /* the value is on the wrong side of the bound */
     const char *message;   /* what it means and what to do */
 } verdict_reason;
 

@@ -892,9 +892,10 @@ const spec_row spec_rows[] = {
      .high = 10,
      .otherwise = "0.05",
      AT(energy_tolerance),
-     .prose = "Convergence requires |E / E_ideal - 1| below this. 0.05 allows for the defects that every "
-              "closed surface has and for an area known to 1 % (2.3 % of E). A disordered packing exceeds "
-              "it."},
+     .prose = "The outcome converged requires that quality.energy_excess is at most this: the mean energy "
+              "of the points with the support that belongs to their spacing. An ordered packing has 0.02 and "
+              "less, a disordered one 0.05 and more. The energy under the support that the solver found must "
+              "be as close to the ideal."},
 
     GROUP("/output", 0, "The files to write."),
     GROUP("/output/ply", 0, "Options of points.ply."),

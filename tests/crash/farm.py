@@ -254,7 +254,7 @@ class Book:
     def check_end(self, daemon, now, known):
         job, digest = now["id"], None
         if now["state"] == "succeeded":
-            if now["outcome"] not in ("converged", "not_converged"):
+            if now["outcome"] not in ("converged", "unresolved", "not_converged"):
                 raise Violation(f"the job {job} succeeded without an outcome")
             document = self.sent[now["name"]]
             queries = [f"?frame={frame}" for frame in FRAMES] if "queue" in document else [""]

@@ -8,7 +8,7 @@ import time
 import copies
 from farm import Book, Daemon, Load, Violation, make_footage, wait_until
 
-GOOD = (0, 10)  # exit statuses of a worker that has a result
+GOOD = (0, 10, 11)  # exit statuses of a worker that has a result
 CYCLES_A_ROUND = 50  # then all jobs end, everything is looked at, and the next round begins with nothing
 # what is killed, and how often
 TARGETS = {"daemon": 4, "daemon while it starts": 2, "workers": 2, "both": 3, "daemon while it drains": 1}

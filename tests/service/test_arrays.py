@@ -29,7 +29,7 @@ def test_a_sequence_is_one_job(new_service, footage):
     service = new_service("--input_roots", footage).start()
     job = service.submit(sequence(footage, "8-9,11"))
     done = service.wait_state(job, "succeeded")
-    assert done["outcome"] in ("converged", "not_converged")
+    assert done["outcome"] in ("converged", "unresolved", "not_converged")
     assert len(done["attempts"]) == 3
     names = sorted(p.name for p in (service.state / "results").iterdir())
     assert names == sorted(f"{job}.{frame}" for frame in (8, 9, 11))
@@ -98,7 +98,7 @@ def test_the_worker_alone_runs_one_frame(build, footage, tmp_path):
     words = [build / "hexad-worker", "run", "-", "--output", tmp_path / "out"]
     spec = json.dumps(sequence(footage, "8-11"))
     done = subprocess.run([*words, "--frame", "9"], input=spec, text=True, capture_output=True, timeout=PATIENCE_S)
-    assert done.returncode in (0, 10), done.stderr
+    assert done.returncode in (0, 10, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["inputs"][0]["path"] == str(footage / "a.0009.vdb")
     for more in ([], ["--frame", "12"]):

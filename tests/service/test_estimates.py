@@ -30,7 +30,7 @@ TORUS = {"analytic": {"shape": "torus", "center": [0, 0, 0], "axis": [0, 0, 1], 
 def test_it_is_what_the_job_comes_to(estimate, worker, tmp_path, sampling):
     spec = sphere(surface=TORUS, sampling=sampling, output={"preview": False})
     found = estimate(spec, "--threads", 1)
-    assert worker(spec, "--threads", 1).returncode in (0, 10)
+    assert worker(spec, "--threads", 1).returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert found["count"] == report["count"] and found["threads"] == report["threads"]
     assert found["area"] == report["surface"]["area"]
@@ -61,7 +61,7 @@ def write_balls(where):
 
 def test_points_can_be_carried_only_once(estimate, worker, tmp_path):
     spec = sphere(surface=write_balls(tmp_path), queue={"frames": "3-4", "coherent": True})
-    assert worker(spec, "--frame", 3, output="3").returncode in (0, 10)
+    assert worker(spec, "--frame", 3, output="3").returncode in (0, 10, 11)
     assert estimate(spec, "--frame", 3)["seconds"] > 0
     found = estimate(spec, "--frame", 4, "--previous", "3")
     assert found["count"] == 200 and found["seconds"] is None and "frame before" in found["seconds_missing"]

@@ -39,7 +39,7 @@ def test_submit_wait_fetch(run, tmp_path, service):
     assert job.returncode == 0
     job = job.stdout.strip()
     waited = run("wait", job)
-    assert waited.returncode in (0, 10) and waited.stdout.startswith(f"{job} succeeded")
+    assert waited.returncode in (0, 10, 11) and waited.stdout.startswith(f"{job} succeeded")
     fetched = run("fetch", job, "--output", tmp_path / "out")
     assert fetched.returncode == 0, fetched.stderr
     listed = service.get(f"/v1/jobs/{job}/results").json["results"]
@@ -58,7 +58,7 @@ def test_submit_and_wait_from_standard_input(run):
     done = run("submit", "-", "--wait", "--json", input=json.dumps(sphere()))
     job = json.loads(done.stdout)
     assert job["state"] == "succeeded"
-    assert done.returncode == (0 if job["outcome"] == "converged" else 10)
+    assert done.returncode == {"converged": 0, "not_converged": 10, "unresolved": 11}[job["outcome"]]
     assert "\r" not in done.stderr  # no bar where there is no terminal
 
 
@@ -66,6 +66,13 @@ def test_not_converged(run, tmp_path):
     spec = sphere(count=500, solver={"max_sweeps": 1, "step_tolerance": 1e-9})
     done = run("submit", write(tmp_path, spec), "--wait")
     assert done.returncode == 10 and "not_converged" in done.stdout
+
+
+def test_unresolved(run, tmp_path):
+    spec = {"version": 1, "surface": {"analytic": {"shape": "box", "half_size": [1, 1, 0.01]}},
+            "sampling": {"count": 300}}
+    done = run("submit", write(tmp_path, spec), "--wait")
+    assert done.returncode == 11 and "unresolved" in done.stdout
 
 
 def test_a_bar_on_a_terminal(service, build, tmp_path):
@@ -183,7 +190,7 @@ def test_a_wait_outlives_a_restart(new_service, build):
         service.end(signal.SIGKILL)
         service.start()
         out, _ = process.communicate(timeout=PATIENCE_S)
-        assert process.returncode in (0, 10) and "succeeded" in out
+        assert process.returncode in (0, 10, 11) and "succeeded" in out
     finally:
         process.kill()
         process.wait()

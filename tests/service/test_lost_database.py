@@ -330,6 +330,7 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                + "".join(f"ALTER TABLE spec DROP COLUMN {name};"
                                          for name in ("timeout_ms", "stall_ms", "directory", "cache_key"))
                                + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
+                               + "ALTER TABLE job DROP COLUMN unresolved;"
                                + "".join(f"DROP TRIGGER job_{does};" for does in ("comes", "turns", "goes"))
                                + "DROP TABLE state_count; PRAGMA user_version = 4;")
     database.close()

@@ -56,7 +56,7 @@ def test_every_member_is_explained(page, worker, tmp_path, build):
     words = {"graded": (), "mesh": (), "both": (), "sequence": ("--frame", 1)}
     for name, document in (("graded", graded), ("mesh", mesh), ("both", both), ("sequence", sequence)):
         run = worker(document, *words[name], output=name)
-        assert run.returncode in (0, 10), run.stderr
+        assert run.returncode in (0, 10, 11), run.stderr
         report = json.loads((tmp_path / name / "report.json").read_text())
         assert len(list(members(report))) > 60
         assert not unnamed(page, report), name
@@ -69,7 +69,7 @@ def test_a_member_that_is_not_explained_is_found(page):
 def test_every_property_and_file_is_explained(page, worker, tmp_path, build):
     everything = {"preview": {"turntable": 1, "size": 64}, "mesh": True, "points_vdb": True, "convergence": True}
     run = worker(make_sequence(build, tmp_path, everything), "--frame", 1)
-    assert run.returncode in (0, 10), run.stderr
+    assert run.returncode in (0, 10, 11), run.stderr
     header = (tmp_path / "out/points.ply").read_bytes().split(b"end_header")[0].decode()
     properties = re.findall(r"^property \w+ (\w+)$", header, re.M)
     assert len(properties) == 17

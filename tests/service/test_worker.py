@@ -98,7 +98,7 @@ def test_bounds_on_count_and_sigma(worker, tmp_path, method, min_count, max_sigm
 
 def test_the_best_that_fits_in_a_time(worker, tmp_path):
     done = worker(sphere(sampling={"time_s": 1.5}))
-    assert done.returncode in (0, 10), done.stderr
+    assert done.returncode in (0, 10, 11), done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     count = Points((tmp_path / "out" / "points.ply").read_bytes()).count
     assert report["requested"] == {"time_s": 1.5} and set(report["reached"]) == {"count", "time_s"}
@@ -173,7 +173,7 @@ def test_points_far_from_the_origin(worker, tmp_path, far):
 ])
 def test_converged_is_said_of_the_final_points(worker, tmp_path, shape):
     done = worker(sphere(600, surface={"analytic": shape}, output={"preview": False}))
-    assert done.returncode in (0, 10)
+    assert done.returncode in (0, 10, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["count"] == 600 and report["quality"]["lost"] == 0
     if report["outcome"] == "converged":
@@ -209,7 +209,32 @@ def test_not_converged_is_10_and_delivers(worker, tmp_path):
     assert done.returncode == 10, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["outcome"] == "not_converged" and report["count"] == 500
+    assert "rms_step" in [r["criterion"] for r in report["outcome_reasons"]]
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).count == 500
+
+
+QUARTIC, PLATE = {"analytic": {"shape": "quartic"}}, {"analytic": {"shape": "box", "half_size": [1, 1, 0.01]}}
+
+
+@pytest.mark.parametrize("seed", (1, 2, 3))
+@pytest.mark.parametrize("surface, count, solver, failed", (
+    (QUARTIC, 1000, {"energy": "gaussian"}, "edge_cv"),  # at rest in disorder: six of ten have six neighbours
+    (PLATE, 300, {}, "unresolved_share"),  # the sheets are nearer than the points
+))
+def test_at_rest_without_order_is_11_and_says_why(worker, tmp_path, seed, surface, count, solver, failed):
+    done = worker({"version": 1, "surface": surface, "sampling": {"count": count}, "solver": {"seed": seed, **solver}})
+    assert done.returncode == 11, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["outcome"] == "unresolved" and report["count"] == count
+    reason = next(r for r in report["outcome_reasons"] if r["criterion"] == failed)
+    assert reason["value"] > reason["bound"] and reason["message"] in done.stderr
+
+
+@pytest.mark.parametrize("sampling", ({}, {"alpha": {}}, {"curvature": {"ratio": 3}}))
+def test_order_has_no_reasons(worker, tmp_path, sampling):
+    done = worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 1000, **sampling}})
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome_reasons"] == []
 
 
 def test_a_spec_from_standard_input(worker, tmp_path):
@@ -321,7 +346,7 @@ def test_a_bad_input_is_3(worker, tmp_path, example):
         words = last_words(done)
         assert code in (None, words["code"]) and word in words["message"], words
         assert not (tmp_path / "out" / "report.json").exists()
-    assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 0
+    assert worker(volume(example), "--input-root", tmp_path, "--input-root", example.parent).returncode == 11
 
 
 def test_no_surface_is_4(worker, example):
@@ -384,7 +409,7 @@ def test_progress(start_worker):
     process = start_worker(sphere(200000))  # to relax takes several times as long as lines are apart
     lines = [json.loads(line) for line in process.progress]
     process.communicate(timeout=PATIENCE_S)
-    assert process.returncode in (0, 10)
+    assert process.returncode in (0, 10, 11)
     known = {"phase", "fraction", "round", "sweep", "count", "energy_excess", "rms_step", "mean_log10_lambda",
              "elapsed_s", "eta_s"}
     for line in lines:
@@ -472,7 +497,7 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
 
 def test_points_too_few_to_tell_sheets_apart_have_no_measures_of_cells(example, worker, tmp_path):
     done = worker(volume(example, 100))
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 11, done.stderr
     quality = json.loads((tmp_path / "out" / "report.json").read_text())["quality"]
     assert quality["unresolved_count"] == 100
     assert quality["hex_fraction"] is None and quality["edge_cv"] is None and quality["area_cv"] is None

@@ -224,7 +224,15 @@ static void test_an_older_schema_is_carried_over(void **state)
 }
 
 /* What version 7 had not. */
-#define BEFORE_8 "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
+#define TWO_OUTCOMES(table)                                                                            \
+    "ALTER TABLE " table " RENAME COLUMN outcome TO told;"                                             \
+    "ALTER TABLE " table " ADD COLUMN outcome TEXT CHECK (outcome IN ('converged', 'not_converged'));" \
+    "UPDATE " table " SET outcome = told; ALTER TABLE " table " DROP COLUMN told;"
+#define BEFORE_8                                          \
+    TWO_OUTCOMES("job")                                   \
+    TWO_OUTCOMES(                                         \
+        "task") "ALTER TABLE job DROP COLUMN unresolved;" \
+                "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
 
 /* What version 6 had not. */
 #define BEFORE_7                                                                                      \
@@ -410,6 +418,25 @@ static void test_notifications_of_version_5_get_ids(void **state)
     }
     assert_int_equal(strlen(event[0]), ULID_SIZE - 1);
     assert_string_not_equal(event[0], event[1]);
+}
+
+/* Version 7 knew two outcomes. */
+static void test_version_7_learns_the_outcome_unresolved(void **state)
+{
+    place *p = *state;
+    char id[2][ULID_SIZE];
+    for (int i = 0; i < 2; i++) submit_for(p, &plain, id[i]);
+    queue_ending end = success;
+    end.outcome = QUEUE_NOT_CONVERGED;
+    assert_true(finish(p, id[0], 0, claim(p, id[0]), &end));
+    alter_database(p, BEFORE_8 "PRAGMA user_version = 7;");
+    end.outcome = QUEUE_UNRESOLVED;
+    assert_true(finish(p, id[1], 0, claim(p, id[1]), &end));
+    for (int i = 0; i < 2; i++) {
+        queue_job job = get(p, id[i]);
+        assert_int_equal(job.outcome, i == 0 ? QUEUE_NOT_CONVERGED : QUEUE_UNRESOLVED);
+        queue_job_clear(&job);
+    }
 }
 
 /* Version 4 read a spec at each claim. */
@@ -645,6 +672,7 @@ int main(void)
         CASE(test_dependencies_of_version_7_are_on_success),
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
+        CASE(test_version_7_learns_the_outcome_unresolved),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),
         CASE(test_the_reserve),
