@@ -332,7 +332,7 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
                                + "ALTER TABLE job DROP COLUMN unresolved;"
                                + "".join(f"DROP TRIGGER job_{does};" for does in ("comes", "turns", "goes"))
-                               + "DROP TABLE state_count; PRAGMA user_version = 4;")
+                               + "DROP TABLE state_count; DROP TABLE service; PRAGMA user_version = 4;")
     database.close()
     before = tree(service.state / "results")
     instance = service.state / "instance"
