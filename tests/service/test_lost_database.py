@@ -332,7 +332,8 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
                                + "ALTER TABLE job DROP COLUMN unresolved;"
                                + "".join(f"DROP TRIGGER job_{does};" for does in ("comes", "turns", "goes"))
-                               + "DROP TABLE state_count; DROP TABLE service; PRAGMA user_version = 4;")
+                               + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name; DROP INDEX job_by_time;"
+                               + "ALTER TABLE dependency DROP COLUMN any_end; PRAGMA user_version = 4;")
     database.close()
     before = tree(service.state / "results")
     instance = service.state / "instance"
