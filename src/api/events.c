@@ -19,11 +19,15 @@
 
 _Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is not cut off");
 
+/* Of progress lines: none of those there are now. */
+#define ROWS_FROM_NOW INT64_MAX
+
 /* Which events a request asks for. */
 typedef struct selection {
     const char *id, *owner, *label; /* NULL: any */
     bool whole_job;                 /* of one job, with its progress, until its end */
     int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
+    int64_t row;                    /* the last progress line that the client has, or ROWS_FROM_NOW */
 } selection;
 
 /* One stream. */
@@ -94,8 +98,9 @@ static void write_position(follower *f, FILE *out, const queue_event_page *page,
     json_free(o);
 }
 
-/* Writes a progress line of a worker, with the id of its job. */
-static void write_row(FILE *out, const progress_ring_line *line)
+/* Writes a progress line of a worker, with the id of its job. Its own id is that of the last event, and behind a dot
+ * the number of the line. */
+static void write_row(const follower *f, FILE *out, const progress_ring_line *line)
 {
     json *o = json_new_object(), *progress = json_parse(line->text, strlen(line->text), NULL);
     json_put_string(o, "job", line->id);
@@ -103,7 +108,8 @@ static void write_row(FILE *out, const progress_ring_line *line)
     json_put_integer(o, "attempt", line->attempt);
     if (progress) json_put(o, "progress", progress);
     char *data = json_print(o);
-    fprintf(out, "event: progress\ndata: %s\n\n", data);
+    fprintf(out, "id: %lld.%lld\nevent: progress\ndata: %s\n\n", (long long)f->told_seq,
+            (long long)line->number, data);
     free(data);
     json_free(o);
 }
@@ -139,7 +145,7 @@ static bool read_news(follower *f, FILE *out, error *e)
             progress_ring_list(executor_progress_ring(f->c->x), f->id, f->row, BATCH, &lines, &f->row);
     while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
         write_event(f, out, &page.events[told++]);
-    for (size_t i = 0; i < line_count; i++) write_row(out, &lines[i]);
+    for (size_t i = 0; i < line_count; i++) write_row(f, out, &lines[i]);
     for (; told < page.count; told++) write_event(f, out, &page.events[told]);
     f->seq = page.position;
     if (page.count) f->at_end = ends_job(&page.events[page.count - 1]);
@@ -197,17 +203,26 @@ static void free_follower(reply_source *source)
     free(f);
 }
 
-/* Where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. False when
- * the header is not a number. */
-static bool read_position(const http_request *request, int64_t otherwise, int64_t *after)
+/* Up to 18 digits. */
+static bool read_number(const char **text, int64_t *number)
+{
+    size_t length = strspn(*text, "0123456789");
+    if (length == 0 || length > 18) return false;
+    *number = strtoll(*text, NULL, 10);
+    *text += length;
+    return true;
+}
+
+/* Where to continue: after Last-Event-ID of an interrupted stream, or after the query parameter. Who has a position has
+ * the progress up to then. False when the header is no id of an event. */
+static bool read_position(const http_request *request, int64_t otherwise, selection *s)
 {
     const char *last = request->header[HTTP_LAST_EVENT_ID];
-    *after = parameter_integer(request, "after", otherwise);
+    s->after = parameter_integer(request, "after", otherwise);
     if (!last) return true;
-    size_t length = strlen(last);
-    if (length == 0 || length > 18 || strspn(last, "0123456789") != length) return false;
-    *after = strtoll(last, NULL, 10);
-    return true;
+    s->row = ROWS_FROM_NOW;
+    if (!read_number(&last, &s->after)) return false;
+    return !*last || (*last++ == '.' && read_number(&last, &s->row) && !*last);
 }
 
 static char *copy(const char *text)
@@ -217,7 +232,7 @@ static char *copy(const char *text)
 
 static void refuse_position(reply *r)
 {
-    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not a number");
+    reply_set_problem(r, "request_invalid", NULL, "Last-Event-ID is not the id of an event");
 }
 
 /* The stream begins here and not when the first bytes are sent, so that it has all events after the client
@@ -235,6 +250,7 @@ static void follow(const http_context *c, const selection *s, reply *r)
                     .whole_job = s->whole_job,
                     .seq = s->after,
                     .told_seq = s->after,
+                    .row = s->row,
                     .told_ms = clock_monotonic_ms()};
     if (s->id)
         strcpy(topic, s->id);
@@ -305,7 +321,7 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     selection s = {.whole_job = true};
     if (!job_lookup_find_own(c, request, &job, r)) return;
     s.id = job.id;
-    if (!read_position(request, 0, &s.after))
+    if (!read_position(request, 0, &s))
         refuse_position(r);
     else if (wants_stream(request) && is_over(c, &job, s.after))
         reply_set_empty(r, 204); /* the stream is complete; 204 tells a browser not to reconnect */
@@ -337,7 +353,7 @@ void events_of_all(const http_context *c, const http_request *request, reply *r)
     selection s = {.id = parameter_text(request, "job", NULL),
                    .owner = parameter_text(request, "owner", NULL),
                    .label = parameter_text(request, "label", NULL)};
-    if (!read_position(request, QUEUE_EVENTS_FROM_NOW, &s.after)) {
+    if (!read_position(request, QUEUE_EVENTS_FROM_NOW, &s)) {
         refuse_position(r);
     } else if (may_select(c, request, &s, r)) {
         if (!(request->caller->scopes & SCOPE_ADMIN)) s.owner = request->caller->user;

@@ -638,7 +638,10 @@ void jobs_show(const http_context *c, const http_request *request, reply *r)
     char *progress = progress_of(c, &job);
     job_json_print_tag(&job, progress, tag);
     free(progress);
-    if (patient && (known ? knows_revision(known, &job) : !queue_state_is_final(job.state))) {
+    /* who knows less than there is now is told at once; who waits, with the next revision */
+    bool knows =
+        known && (request->waited ? knows_revision(known, &job) : preconditions_match(known, tag, true));
+    if (patient && (known ? knows : !queue_state_is_final(job.state))) {
         reply_set_waiting(r, job.id, until_ms);
     } else if (known && preconditions_match(known, tag, true)) {
         reply_set_empty(r, 304);

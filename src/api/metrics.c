@@ -21,7 +21,7 @@ static void put_gauge(FILE *out, const char *name, const char *prose, int64_t va
 static void put_seconds(FILE *out, const char *name, const char *prose, int64_t value_ms)
 {
     put_head(out, name, "gauge", prose);
-    fprintf(out, "%s %.3f\n", name, 1e-3 * (double)value_ms);
+    fprintf(out, "%s %.3f\n", name, clock_seconds(value_ms));
 }
 
 static void put_counter(FILE *out, const char *name, const char *prose, uint_fast64_t value)
@@ -38,7 +38,7 @@ static void put_histogram(FILE *out, const char *name, const char *prose, const 
         fprintf(out, "%s_bucket{le=\"%g\"} %llu\n", name, histogram_bounds_s[i], all += h->count[i]);
     all += h->count[HISTOGRAM_BOUNDS];
     fprintf(out, "%s_bucket{le=\"+Inf\"} %llu\n%s_sum %.3f\n%s_count %llu\n", name, all, name,
-            1e-3 * (double)h->sum_ms, name, all);
+            clock_seconds(h->sum_ms), name, all);
 }
 
 /* How long ago that was; 0 for a time of 0. The wall clock may have been set back. */

@@ -17,7 +17,8 @@
     " jobs begins with an event `position`: its `id` and `data.seq` are the number after which the stream"    \
     " continues. Further `position` events follow where a filter skipped many events, or where events are"    \
     " missing; `removed_up_to` and `reset` in their data mean the same as in an EventPage. The stream of one" \
-    " job also has events `progress`, without an `id`, and ends with the job."
+    " job also has events `progress` and ends with the job. The `id` of progress is that of the last event,"  \
+    " and behind a dot a number; Last-Event-ID takes both."
 
 /* The bytes of openapi_schemas.json; the Makefile generates the included file. */
 static const char answer_schemas[] = {

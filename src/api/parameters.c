@@ -87,7 +87,8 @@ static const parameter parameters[] = {
      .type = PARAMETER_TEXT,
      .low = 55,
      .high = 55,
-     .prose = "W3C Trace Context; stored with the job and logged."},
+     .prose = "W3C Trace Context. It is stored with the job and goes into the logs, the environment of the "
+              "worker (TRACEPARENT) and webhooks."},
     {.name = "If-Match",
      .type = PARAMETER_TEXT,
      .low = 1,

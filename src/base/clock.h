@@ -14,6 +14,12 @@
 int64_t clock_monotonic_ms(void);
 int64_t clock_wall_ms(void); /* since 1970-01-01T00:00:00Z */
 
+/* The nearest number to that many milliseconds, which prints as it is meant: 0.3, not 0.30000000000000004. */
+static inline double clock_seconds(int64_t ms)
+{
+    return (double)ms / 1000;
+}
+
 /* RFC 3339 in UTC, "2026-01-31T23:59:59.123Z"; writes into `buffer` and returns it. */
 char *clock_format_utc(int64_t wall_ms, char buffer[CLOCK_TEXT_SIZE]);
 

@@ -30,7 +30,8 @@ typedef struct engine_request {
     sandbox_mode sandbox;    /* the sandbox that the worker has to enter */
     int threads;             /* > 0 */
     int frame;               /* QUEUE_NO_FRAME: none */
-    const char *previous;    /* directory of the results that this frame begins with; NULL: none */
+    const char *trace; /* traceparent of the submission, which the worker finds as TRACEPARENT; NULL: none */
+    const char *previous; /* directory of the results that this frame begins with; NULL: none */
 } engine_request;
 
 typedef struct engine_attempt engine_attempt; /* each engine has its own */

@@ -31,7 +31,8 @@ struct engine_attempt {
     char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
-    char *log; /* 2 * LOCAL_LOG_BYTES; the last half is kept */
+    char *trace; /* the variable of the environment, which also begins the log; NULL: none */
+    char *log;   /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
@@ -48,6 +49,7 @@ typedef struct launch {
     rlim_t file_size;     /* likewise */
     rlim_t open_files;
     char oom_score_adj[24]; /* as text */
+    char **environment;
 } launch;
 
 static int raise_fd(int fd)
@@ -140,7 +142,7 @@ static _Noreturn void run_child(const launch *l)
         dup2(l->progress_fd, PROGRESS_FD) >= 0) {
         /* an older kernel does not know this flag; all descriptors are close-on-exec anyway */
         close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
-        execv(l->arguments[0], l->arguments);
+        execve(l->arguments[0], l->arguments, l->environment);
     }
     int why = errno ? errno : ECHILD;
     ssize_t written = write(l->failure_fd, &why, sizeof why);
@@ -191,6 +193,21 @@ static void free_arguments(char **arguments)
     free(arguments);
 }
 
+#define TRACE_VARIABLE "TRACEPARENT="
+
+/* The environment of the daemon, with the trace of the job in place of its own. The pointers are borrowed, but for
+ * `trace`. */
+static char **make_environment(char *trace)
+{
+    size_t count = 0, used = 0;
+    while (environ[count]) count++;
+    char **variables = mem_alloc((count + 2) * sizeof *variables);
+    for (size_t i = 0; i < count; i++)
+        if (strncmp(environ[i], TRACE_VARIABLE, strlen(TRACE_VARIABLE)) != 0) variables[used++] = environ[i];
+    if (trace) variables[used] = trace;
+    return variables;
+}
+
 static rlim_t address_space_of(int64_t memory_mb)
 {
 #ifdef __SANITIZE_ADDRESS__
@@ -229,7 +246,10 @@ static engine_attempt *start(const engine_request *request, error *e)
                 address_space_of(request->memory_mb),
                 request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
                 LOCAL_OPEN_FILES + request->input_root_count,
-                ""};
+                "",
+                NULL};
+    a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
+    l.environment = make_environment(a->trace);
     print_oom_score(l.oom_score_adj);
     int failure = -1;
     int why = 0;
@@ -251,6 +271,7 @@ static engine_attempt *start(const engine_request *request, error *e)
         }
     }
     free_arguments(l.arguments);
+    free(l.environment);
     close_fd(&l.spec_fd);
     close_fd(&l.null_fd);
     close_fd(&l.log_fd);
@@ -265,6 +286,7 @@ static engine_attempt *start(const engine_request *request, error *e)
     close_fd(&a->log_fd);
     close_fd(&a->progress_fd);
     free(a->directory);
+    free(a->trace);
     free(a->log);
     free(a);
     return NULL;
@@ -370,8 +392,13 @@ static void write_log(const engine_attempt *a)
     size_t kept = a->log_used < LOCAL_LOG_BYTES ? a->log_used : LOCAL_LOG_BYTES;
     char *path = mem_printf("%s/" RESULT_LOG_NAME, a->directory);
     error e = {0};
-    if (!store_file_write(path, a->log + a->log_used - kept, kept, &e))
+    size_t length = a->trace ? strlen(a->trace) + 1 : 0;
+    char *text = mem_alloc(length + kept + 1);
+    if (length) sprintf(text, "%s\n", a->trace);
+    memcpy(text + length, a->log + a->log_used - kept, kept);
+    if (!store_file_write(path, text, length + kept, &e))
         log_write(LOG_LEVEL_WARNING, "the worker's log could not be stored: %s", e.message);
+    free(text);
     free(path);
 }
 
@@ -392,6 +419,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
     close_fd(&a->log_fd);
     close_fd(&a->progress_fd);
     free(a->directory);
+    free(a->trace);
     free(a->log);
     free(a);
 }

@@ -47,9 +47,10 @@ size_t progress_ring_list(progress_ring *r, const char *id, int64_t after, size_
     progress_ring_line *found = mem_alloc(limit * sizeof *found);
     size_t count = 0;
     pthread_mutex_lock(&r->mutex);
-    int64_t oldest = r->newest - PROGRESS_RING_LINES + 1, number = after + 1 > oldest ? after + 1 : oldest;
-    if (number < 1) number = 1;
-    if (number > r->newest) number = r->newest + 1; /* `after` may also be a number from before a restart */
+    int64_t oldest = r->newest - PROGRESS_RING_LINES + 1;
+    if (oldest < 1) oldest = 1;
+    if (after > r->newest) after = r->newest; /* it may be a number from before a restart */
+    int64_t number = after + 1 > oldest ? after + 1 : oldest;
     for (; number <= r->newest && count < limit; number++) {
         const progress_ring_line *l = &r->line[number % PROGRESS_RING_LINES];
         if (id && strcmp(l->id, id) != 0) continue;

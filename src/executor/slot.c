@@ -143,8 +143,8 @@ static unsigned try_later(slot *s, const char *why)
 static limits read_limits(const slot_context *x, const queue_claimed *c)
 {
     return (limits){
-        .timeout_s = c->timeout_ms > 0 ? 1e-3 * (double)c->timeout_ms : x->timeout_s,
-        .stall_s = c->stall_ms > 0 ? 1e-3 * (double)c->stall_ms : x->stall_s,
+        .timeout_s = c->timeout_ms > 0 ? clock_seconds(c->timeout_ms) : x->timeout_s,
+        .stall_s = c->stall_ms > 0 ? clock_seconds(c->stall_ms) : x->stall_s,
     };
 }
 
@@ -236,6 +236,7 @@ static bool start_worker(slot *s, error *e)
         .threads = w->threads,
         .frame = c->task.frame,
         .previous = previous,
+        .trace = c->job.trace,
         .file_mb = x->file_mb,
         .sandbox = x->sandbox,
     };
@@ -278,8 +279,8 @@ static unsigned step_starting(slot *s)
         enter(s, SLOT_SETTLING);
         return SLOT_NOT_STARTED;
     }
-    log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s", job->id, task->number,
-              task->attempt, x->engine->identify(w->attempt));
+    log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s trace=%s", job->id,
+              task->number, task->attempt, x->engine->identify(w->attempt), job->trace ? job->trace : "-");
     enter(s, SLOT_RUNNING);
     return SLOT_STARTED;
 }

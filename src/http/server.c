@@ -584,8 +584,11 @@ static bool ask_handler(exchange *x)
         x->request.last = wait_list_is_dismissed(c->waiting);
         x->route.found->handler(c->context, &x->request, &x->answer);
         if (x->answer.status) return true;
-        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic, x->answer.again_ms))
+        if (wait_list_wait(c->waiting, x->s->loop, x->connection, seen, x->answer.topic,
+                           x->answer.again_ms)) {
+            x->request.waited = true;
             return false;
+        }
     }
 }
 

@@ -70,7 +70,7 @@ static json *describe_estimate(const job *j, double seconds, const char *missing
     if (isnan(seconds))
         json_put_null(o, "seconds");
     else
-        json_put_number(o, "seconds", seconds);
+        json_put_number(o, "seconds", clock_seconds(llround(1000 * seconds)));
     json_put_string(o, "seconds_missing", missing);
     json_put_integer(o, "threads", threads_count(j->pool));
     return o;
@@ -85,7 +85,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
         /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which
          * others stretch, nor than all of its threads together */
-        double passed_s = 1e-3 * (double)(clock_monotonic_ms() - j.progress.start_ms);
+        double passed_s = clock_seconds(clock_monotonic_ms() - j.progress.start_ms);
         double opened_s = fmin(clock_processor_s(), passed_s);
         const char *missing = NULL;
         double seconds = s->time_s; /* as the target it holds for all of the job */

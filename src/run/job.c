@@ -171,7 +171,7 @@ done:
 
 double job_seconds_left(const job *j)
 {
-    return 1e-3 * (double)(j->end_ms - clock_monotonic_ms());
+    return clock_seconds(j->end_ms - clock_monotonic_ms());
 }
 
 static void show_progress(job *j, const sampler *s, const sampler_sweep *last, size_t sweeps)

@@ -46,16 +46,19 @@ static void draw_bar(const progress *p, const progress_numbers *n, double elapse
     fflush(stderr);
 }
 
+/* Of a fraction as it is told: more digits would be noise. */
+#define FRACTION_STEPS 10000
+
 static void report(progress *p, const progress_numbers *n)
 {
     int64_t now = clock_monotonic_ms();
-    double elapsed = 1e-3 * (double)(now - p->start_ms);
+    double elapsed = clock_seconds(now - p->start_ms);
     p->written_ms = now;
     if (p->bar) draw_bar(p, n, elapsed);
     if (p->fd < 0) return;
     json *line = json_new_object();
     json_put_string(line, "phase", progress_phase_names[p->phase]);
-    json_put_number(line, "fraction", n->fraction);
+    json_put_number(line, "fraction", round(FRACTION_STEPS * n->fraction) / FRACTION_STEPS);
     if (n->sweep > 0) {
         json_put_integer(line, "round", (int64_t)n->round);
         json_put_integer(line, "sweep", (int64_t)n->sweep);
@@ -63,8 +66,9 @@ static void report(progress *p, const progress_numbers *n)
         json_put_number(line, "energy_excess", n->energy_excess);
         json_put_number(line, "rms_step", n->rms_step);
         json_put_number(line, "mean_log10_lambda", n->mean_log10_lambda);
-        double spent = 1e-3 * (double)(now - p->entered_ms);
-        if (n->fraction > 0.02) json_put_number(line, "eta_s", spent * (1 / n->fraction - 1));
+        double spent = clock_seconds(now - p->entered_ms);
+        if (n->fraction > 0.02)
+            json_put_number(line, "eta_s", clock_seconds(llround(1000 * spent * (1 / n->fraction - 1))));
     }
     json_put_number(line, "elapsed_s", elapsed);
     char *text = json_print(line), *with_end = NULL;

@@ -125,10 +125,10 @@ static void put_timing(json *report, const progress *p)
     json *timing = json_put_object(report, "timing_s");
     int64_t total = 0;
     for (int k = 0; k < PROGRESS_PHASES; k++) {
-        json_put_number(timing, progress_phase_names[k], 1e-3 * (double)p->phase_ms[k]);
+        json_put_number(timing, progress_phase_names[k], clock_seconds(p->phase_ms[k]));
         total += p->phase_ms[k];
     }
-    json_put_number(timing, "total", 1e-3 * (double)total);
+    json_put_number(timing, "total", clock_seconds(total));
 }
 
 static int64_t peak_memory(void)
@@ -172,7 +172,7 @@ static void put_target(json *report, const report_facts *facts)
     if (s->time_s > 0) {
         json_put_number(requested, "time_s", s->time_s);
         json_put_integer(reached, "count", (int64_t)solved->count);
-        json_put_number(reached, "time_s", 1e-3 * (double)(clock_monotonic_ms() - facts->progress->start_ms));
+        json_put_number(reached, "time_s", clock_seconds(clock_monotonic_ms() - facts->progress->start_ms));
     }
     if (s->has_control) {
         json_put_integer(requested, "min_count", s->control.min_count);

@@ -50,7 +50,7 @@ static bool write_report(job *j, run_summary *out, error *e)
     if (j->spec->coherent) sequence_describe(&j->sequence, j->report);
     if (!job_may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
     *out = (run_summary){v, p->count, s->quality.hex_fraction, j->results.max_residual,
-                         1e-3 * (double)(clock_monotonic_ms() - j->progress.start_ms)};
+                         clock_seconds(clock_monotonic_ms() - j->progress.start_ms)};
     return true;
 }
 

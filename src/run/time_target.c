@@ -33,7 +33,7 @@ static bool run_in_time(job *j, cost_model *p, double reserve_s, solution *out, 
     int64_t relaxed = clock_monotonic_ms();
     if (!sampler_finalize(out->sampler, e) || !job_measure(j, out, e)) return false;
     int64_t end = clock_monotonic_ms();
-    cost_model_note(p, j->count, 1e-3 * (double)(end - begin), 1e-3 * (double)(end - relaxed));
+    cost_model_note(p, j->count, clock_seconds(end - begin), clock_seconds(end - relaxed));
     return true;
 }
 
@@ -57,7 +57,7 @@ bool time_target_fill(job *j, error *e)
         if (p.runs > 1) continue;
         int64_t begin = clock_monotonic_ms();
         if (!job_write_points(j, e)) return false;
-        write_s = TAIL_SLACK * 1e-3 * (double)(clock_monotonic_ms() - begin);
+        write_s = TAIL_SLACK * clock_seconds(clock_monotonic_ms() - begin);
     }
     if (p.runs > 0 && job_seconds_left(j) > 0) return true;
     return error_set(

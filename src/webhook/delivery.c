@@ -154,9 +154,10 @@ static struct curl_slist *make_headers(const delivery *c, const queue_delivery *
         mem_printf("webhook-id: %s", d->event),
         mem_printf("webhook-timestamp: %lld", now),
         mem_printf("webhook-signature: v1,%s", signature),
+        d->trace ? mem_printf("traceparent: %s", d->trace) : NULL,
     };
     struct curl_slist *headers = NULL;
-    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++) {
+    for (size_t i = 0; i < sizeof lines / sizeof *lines && lines[i]; i++) {
         headers = curl_slist_append(headers, lines[i]);
         free(lines[i]);
     }

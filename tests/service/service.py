@@ -239,7 +239,7 @@ class Stream:
         self.reply = self.socket.getresponse()
 
     def __iter__(self):
-        """The events: (id or None, type, document)."""
+        """The events: (id or None, type, document). The id of progress is a text, of others a number."""
         event = {}
         for line in self.reply:
             name, _, value = line.decode().rstrip("\n").partition(": ")
@@ -247,7 +247,10 @@ class Stream:
                 event[name] = value
             elif event:
                 if "data" in event:
-                    yield int(event["id"]) if "id" in event else None, event["event"], json.loads(event["data"])
+                    number = event.get("id")
+                    if number and event["event"] != "progress":
+                        number = int(number)
+                    yield number, event["event"], json.loads(event["data"])
                 event = {}
 
     def close(self):

@@ -113,6 +113,25 @@ def test_an_answer_waits_for_a_change(gated):
     assert gated.request("GET", f"/v1/jobs/{job}", headers=headers).status == 304
 
 
+def test_who_knows_an_older_document_does_not_wait(gated):
+    """Also when only the progress is newer."""
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    tag = gated.get(f"/v1/jobs/{job}").headers["ETag"]
+    revision, dot, _ = tag.strip('"').partition(".")
+    assert dot
+    for stale in (f'"{revision}"', f'"{revision}.00000000"', f'"{int(revision) - 1}"'):
+        headers = {"Prefer": "wait=60", "If-None-Match": stale}  # longer than this connection is patient, were it to wait
+        connection = gated.connection()
+        connection.timeout = 30
+        connection.request("GET", f"/v1/jobs/{job}", headers=headers)
+        reply = connection.getresponse()
+        assert reply.status == 200 and reply.headers["ETag"] == tag
+        connection.close()
+    headers = {"Prefer": "wait=0.2", "If-None-Match": f'"x", {tag}'}
+    assert gated.request("GET", f"/v1/jobs/{job}", headers=headers).status == 304
+
+
 def test_a_wait_ends_with_the_service(gated):
     job = gated.submit(sphere())
     gated.wait_worker(job)
@@ -240,12 +259,28 @@ def test_a_drain_and_its_end(new_service, tmp_path):
     assert len(done) == 1  # none before the resume was taken back
 
 
+def test_a_worker_finds_the_trace(new_service, tmp_path):
+    program = tmp_path / "traced"
+    program.write_text("#!/bin/sh\ncat > /dev/null\necho \"in $TRACEPARENT\" >&2\nexit 3\n")
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--max_attempts", 1).start()
+    trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+    for headers, wanted in (({"traceparent": trace}, trace), ({}, "")):
+        job = service.request("POST", "/v1/jobs", json.dumps(sphere()), {"Content-Type": "application/json", **headers}).json["id"]
+        service.wait_state(job, "failed")
+        assert service.get(f"/v1/jobs/{job}/log").body.decode().endswith(f"in {wanted}\n")
+
+
 def test_a_trace_is_kept(service):
     trace = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
     headers = {"Content-Type": "application/json", "traceparent": trace}
     job = service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json
     assert job["traceparent"] == trace == service.job(job["id"])["traceparent"]
     assert f"trace={trace}" in service.log.read_text()
+    # it begins the worker's log, and the worker finds it in its environment
+    attempts = service.wait_state(job["id"], "succeeded")["attempts"]
+    assert service.get(f"/v1/jobs/{job['id']}/log").body.decode().startswith(f"TRACEPARENT={trace}\n")
+    assert len(attempts) == 1
     headers["traceparent"] = trace.upper()
     assert service.request("POST", "/v1/jobs", json.dumps(sphere()), headers).json["traceparent"] is None
 
@@ -258,15 +293,15 @@ def test_a_stream_tells_all_and_ends(gated):
     for event in stream:
         told.append(event)
         if event[1] == "progress":
-            assert event[0] is None and event[2]["progress"]["phase"] == "relax" and event[2]["job"] == job
+            assert "." in event[0] and event[2]["progress"]["phase"] == "relax" and event[2]["job"] == job
             gated.open_gate(job)
     states = [e[2]["state"] for e in told if e[1] == "state"]
     assert states[0] == "queued" and states[-1] == "succeeded" and "running" in states
     assert "progress" in [e[1] for e in told]
-    numbers = [e[0] for e in told if e[0] is not None]
+    numbers = [e[0] for e in told if e[1] != "progress"]
     assert numbers == sorted(set(numbers))
     # broken off in the middle it goes on behind that
-    rest = [e[0] for e in Stream(gated, f"/v1/jobs/{job}/events", last=numbers[0]) if e[0] is not None]
+    rest = [e[0] for e in Stream(gated, f"/v1/jobs/{job}/events", last=numbers[0]) if e[1] != "progress"]
     assert rest == numbers[1:]
     # and when all was told, there is nothing to come again for
     assert Stream(gated, f"/v1/jobs/{job}/events", last=numbers[-1]).reply.status == 204
@@ -290,7 +325,7 @@ def test_a_stream_over_a_restart(gated):
     gated.start()
     gated.open_gate(job)
     rest = list(Stream(gated, f"/v1/jobs/{job}/events", last=first[0]))
-    assert rest[-1][2]["state"] == "succeeded" and all(e[0] is None or e[0] > first[0] for e in rest)
+    assert rest[-1][2]["state"] == "succeeded" and all(e[1] == "progress" or e[0] > first[0] for e in rest)
 
 
 def test_all_jobs_of_a_user(new_service):

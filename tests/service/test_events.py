@@ -248,3 +248,28 @@ def test_a_stream_ends_whose_events_fill_a_batch(service):
     told = [event for _, event in zip(range(64), stream)]
     assert told[-1][2]["state"] == "succeeded"
     assert stream.reply.readline() == b""  # the end, not a comment that says that nothing is new
+
+
+def test_progress_is_told_once(gated):
+    """Who comes back with the id of the last event, or of the last progress, is told what is new only."""
+    job = gated.submit(sphere())
+    gated.wait_worker(job)
+    where = f"/v1/jobs/{job}/events"
+    told = []
+    for number, kind, _ in Stream(gated, where):
+        told.append((number, kind))
+        if kind == "progress":
+            break
+    seq, _, row = told[-1][0].partition(".")
+    assert int(seq) == told[-2][0] and int(row) > 0
+    streams = [Stream(gated, where, last=last) for last in (told[-1][0], seq)]
+    again = Stream(gated, f"{where}?after={seq}")  # who asks for a page of the past has not been told
+    gated.open_gate(job)
+    for stream in streams:
+        later = [(number, kind) for number, kind, _ in stream]
+        assert later and later[-1][1] == "state" and "progress" not in [kind for _, kind in later]
+        assert all(number > int(seq) for number, _ in later)
+    assert "progress" in [kind for _, kind, _ in again]
+    for bad in ("x", "1.", ".1", "1.2.3", "1.x", "-1"):
+        expect_problem(gated.request("GET", where, headers={"Accept": "text/event-stream", "Last-Event-ID": bad}), 400,
+                       "request_invalid")

@@ -73,6 +73,7 @@ class Receiver:
         path, headers, body = self.calls.get(timeout=PATIENCE_S)
         assert path == "/done?show=7" and headers["Content-Type"] == "application/json"
         verify(self.secret, headers, body)
+        assert headers.get("traceparent") == json.loads(body)["data"]["traceparent"]
         return headers["webhook-id"], json.loads(body)
 
 

@@ -3,6 +3,7 @@ the volume that the project makes for a first try."""
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 
@@ -407,9 +408,13 @@ def test_a_failure_leaves_no_report_of_before(worker, tmp_path):
 
 def test_progress(start_worker):
     process = start_worker(sphere(200000))  # to relax takes several times as long as lines are apart
-    lines = [json.loads(line) for line in process.progress]
+    text = process.progress.readlines()
+    lines = [json.loads(line) for line in text]
     process.communicate(timeout=PATIENCE_S)
     assert process.returncode in (0, 10, 11)
+    # as many digits as mean something: milliseconds, and ten thousandths
+    told = [re.findall(r'"(elapsed_s|eta_s|fraction)":([0-9.e+-]+)', line) for line in text]
+    assert all(len(number.partition(".")[2]) <= (4 if name == "fraction" else 3) for one in told for name, number in one), text
     known = {"phase", "fraction", "round", "sweep", "count", "energy_excess", "rms_step", "mean_log10_lambda",
              "elapsed_s", "eta_s"}
     for line in lines:
