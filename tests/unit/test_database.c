@@ -228,11 +228,11 @@ static void test_an_older_schema_is_carried_over(void **state)
     "ALTER TABLE " table " RENAME COLUMN outcome TO told;"                                             \
     "ALTER TABLE " table " ADD COLUMN outcome TEXT CHECK (outcome IN ('converged', 'not_converged'));" \
     "UPDATE " table " SET outcome = told; ALTER TABLE " table " DROP COLUMN told;"
-#define BEFORE_8                                          \
-    TWO_OUTCOMES("job")                                   \
-    TWO_OUTCOMES(                                         \
-        "task") "ALTER TABLE job DROP COLUMN unresolved;" \
-                "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
+#define BEFORE_8                              \
+    TWO_OUTCOMES("job")                       \
+    TWO_OUTCOMES("task")                      \
+    "ALTER TABLE job DROP COLUMN unresolved;" \
+    "DROP INDEX job_by_name; DROP INDEX job_by_time; ALTER TABLE dependency DROP COLUMN any_end;"
 
 /* What version 6 had not. */
 #define BEFORE_7                                                                                      \
