@@ -15,11 +15,24 @@ const char *const progress_phase_names[PROGRESS_PHASES] = {PROGRESS_LIST(WORDS_T
 
 static const int64_t INTERVAL_MS = 100;
 
+/* Where the phases end, as shares of the job; the sampler alone knows how far it is. Within this time another phase covers
+ * two thirds of its way, so that something moves from the first second on, and never more than there is. */
+static const double phase_end[PROGRESS_PHASES] = {0.3, 0.4, 0.92, 0.96, 1};
+static const double PACE_S = 4;
+
 void progress_begin(progress *p, int fd, bool bar)
 {
     int64_t now = clock_monotonic_ms();
     *p = (progress){.fd = fd, .bar = bar, .start_ms = now, .entered_ms = now, .phase = -1};
     pthread_mutex_init(&p->lock, NULL);
+}
+
+/* How much of the job is done, 0 .. 1; never less than before. */
+static double whole_fraction(const progress *p, const progress_numbers *n, int64_t now)
+{
+    double spent = clock_seconds(now - p->entered_ms);
+    double inner = p->phase == PROGRESS_RELAX ? fmin(fmax(n->fraction, 0), 1) : 1 - exp(-spent / PACE_S);
+    return fmax(p->fraction, p->entered + (phase_end[p->phase] - p->entered) * inner);
 }
 
 /* A line is far shorter than a pipe's atomic size, so that it is taken whole or not at all. */
@@ -34,11 +47,11 @@ static void draw_bar(const progress *p, const progress_numbers *n, double elapse
 {
     enum { WIDTH = 30 };
     char bar[WIDTH + 1];
-    int filled = (int)(WIDTH * fmin(fmax(n->fraction, 0), 1));
+    int filled = (int)(WIDTH * p->fraction);
     memset(bar, '.', WIDTH);
     memset(bar, '#', (size_t)filled);
     bar[WIDTH] = '\0';
-    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar, 100 * n->fraction);
+    fprintf(stderr, "\r\033[K%-7s [%s] %3.0f %%", progress_phase_names[p->phase], bar, 100 * p->fraction);
     if (n->sweep > 0)
         fprintf(stderr, "  sweep %zu  energy %+.3f %%  step %.1e h", n->sweep, 100 * n->energy_excess,
                 n->rms_step);
@@ -54,11 +67,12 @@ static void report(progress *p, const progress_numbers *n)
     int64_t now = clock_monotonic_ms();
     double elapsed = clock_seconds(now - p->start_ms);
     p->written_ms = now;
+    p->fraction = whole_fraction(p, n, now);
     if (p->bar) draw_bar(p, n, elapsed);
     if (p->fd < 0) return;
     json *line = json_new_object();
     json_put_string(line, "phase", progress_phase_names[p->phase]);
-    json_put_number(line, "fraction", round(FRACTION_STEPS * n->fraction) / FRACTION_STEPS);
+    json_put_number(line, "fraction", round(FRACTION_STEPS * p->fraction) / FRACTION_STEPS);
     if (n->sweep > 0) {
         json_put_integer(line, "round", (int64_t)n->round);
         json_put_integer(line, "sweep", (int64_t)n->sweep);
@@ -89,6 +103,8 @@ void progress_enter(progress *p, progress_phase phase)
     pthread_mutex_lock(&p->lock);
     leave(p, clock_monotonic_ms());
     p->phase = (int)phase;
+    /* a relaxation that comes to rest early is over; loading that was short leaves its share to the others */
+    p->entered = phase > PROGRESS_RELAX ? fmax(p->fraction, phase_end[phase - 1]) : p->fraction;
     p->last = (progress_numbers){0};
     report(p, &p->last);
     pthread_mutex_unlock(&p->lock);

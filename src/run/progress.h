@@ -26,7 +26,7 @@ extern const char *const progress_phase_names[PROGRESS_PHASES];
 
 /* Numbers of the relaxation; zero in other phases. */
 typedef struct progress_numbers {
-    double fraction; /* 0 .. 1 of the phase */
+    double fraction; /* 0 .. 1 of the relaxation */
     size_t round, sweep, count;
     double energy_excess, rms_step, mean_log10_lambda;
 } progress_numbers;
@@ -37,8 +37,9 @@ typedef struct progress {
     int64_t start_ms;                  /* of the job, monotonic */
     int64_t phase_ms[PROGRESS_PHASES]; /* time spent in each phase so far */
     int64_t entered_ms, written_ms;
-    int phase;             /* -1 before the first and after the last */
-    progress_numbers last; /* of this phase */
+    int phase;                /* -1 before the first and after the last */
+    double fraction, entered; /* 0 .. 1 of the job; at the beginning of the phase */
+    progress_numbers last;    /* of this phase */
     pthread_mutex_t lock;
 } progress;
 

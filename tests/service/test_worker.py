@@ -425,9 +425,11 @@ def test_progress(start_worker):
     assert order == sorted(order) and set(order) == set(range(len(PHASES)))
     for before, after in zip(lines, lines[1:]):
         assert after["elapsed_s"] >= before["elapsed_s"]
+        assert after["fraction"] >= before["fraction"], (before, after)  # of the whole job
         if after["phase"] == before["phase"]:
-            assert after["fraction"] >= before["fraction"], (before, after)
             assert after.get("sweep", 0) >= before.get("sweep", 0)
+    assert all(line["fraction"] > 0.05 for line in lines if line["elapsed_s"] >= 1)  # something moves from the start
+    assert lines[-1]["fraction"] >= 0.9
     relax = [line for line in lines if "sweep" in line]
     assert relax and all(line["phase"] == "relax" for line in relax)
     # ten a second, and the first line of each phase
