@@ -77,18 +77,22 @@ void jobs_answer(const http_context *c, const http_request *request, const char 
     queue_job_clear(&job);
 }
 
+static void answer_faults(const spec_faults *faults, const error *e, reply *r)
+{
+    json *errors = json_new_array();
+    for (size_t i = 0; i < faults->count; i++)
+        reply_append_fault(errors, faults->item[i].pointer, faults->item[i].detail);
+    reply_set_error(r, e, errors);
+}
+
 /* Builds a spec, or answers why not. */
 static spec *build_spec(const json *document, reply *r)
 {
     error e = {0};
     spec_faults faults = {0};
     spec *s = spec_parse(document, &faults, &e);
-    if (s) return s;
-    json *errors = json_new_array();
-    for (size_t i = 0; i < faults.count; i++)
-        reply_append_fault(errors, faults.item[i].pointer, faults.item[i].detail);
-    reply_set_error(r, &e, errors);
-    return NULL;
+    if (!s) answer_faults(&faults, &e, r);
+    return s;
 }
 
 /* A submitted spec, with the paths of this machine, and the list of mapped paths, or NULL. */
@@ -119,6 +123,11 @@ static bool read_order(const http_context *c, const http_request *request, order
         o->s = build_spec(document, r);
     }
     json_free(document);
+    spec_faults faults = {0};
+    if (o->s && !spec_check_frames(o->s, &faults, &e)) {
+        answer_faults(&faults, &e, r);
+        return false;
+    }
     return o->s != NULL;
 }
 

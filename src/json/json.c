@@ -105,6 +105,14 @@ size_t json_numbers(json_at array, double *out, size_t count)
     return n;
 }
 
+size_t json_elements(json_at array, const json **out, size_t count)
+{
+    size_t n = 0;
+    if (!cJSON_IsArray(array.node)) return 0;
+    for (const cJSON *c = array.node->child; c && n < count; c = c->next) out[n++] = c;
+    return n;
+}
+
 bool json_bool(json_at at, bool otherwise)
 {
     return cJSON_IsBool(at.node) ? cJSON_IsTrue(at.node) : otherwise;
@@ -182,19 +190,44 @@ static char *next_part(const char **pointer)
     return part;
 }
 
+/* The member or element that a part names; NULL: there is none. */
+static cJSON *find_part(cJSON *node, const char *part)
+{
+    char *end = NULL;
+    unsigned long index = strtoul(part, &end, 10);
+    if (!cJSON_IsArray(node)) return cJSON_GetObjectItemCaseSensitive(node, part);
+    return *part && !*end && index <= INT32_MAX ? cJSON_GetArrayItem(node, (int)index) : NULL;
+}
+
 json *json_find(json *node, const char *pointer)
 {
     while (node && *pointer == '/') {
         pointer++;
-        char *part = next_part(&pointer), *end = part;
-        unsigned long index = strtoul(part, &end, 10);
-        if (!cJSON_IsArray(node))
-            node = cJSON_GetObjectItemCaseSensitive(node, part);
-        else
-            node = *part && !*end && index <= INT32_MAX ? cJSON_GetArrayItem(node, (int)index) : NULL;
+        char *part = next_part(&pointer);
+        node = find_part(node, part);
         free(part);
     }
     return *pointer ? NULL : node;
+}
+
+bool json_set(json *root, const char *pointer, json *value)
+{
+    while (*pointer == '/') {
+        pointer++;
+        char *part = next_part(&pointer);
+        cJSON *next = find_part(root, part);
+        bool last = !*pointer, object = cJSON_IsObject(root), put = last && (object || next);
+        if (put && object)
+            json_put(root, part, value);
+        else if (put)
+            cJSON_ReplaceItemViaPointer(root, next, value);
+        else if (!last && object && !next)
+            next = json_put_object(root, part);
+        free(part);
+        if (last) return put;
+        root = next;
+    }
+    return false;
 }
 
 /* ---- building ---- */
@@ -209,7 +242,7 @@ json *json_new_array(void)
     return json_must(cJSON_CreateArray());
 }
 
-static cJSON *new_number(double value)
+json *json_new_number(double value)
 {
     return json_must(isfinite(value) ? cJSON_CreateNumber(value) : cJSON_CreateNull());
 }
@@ -239,12 +272,12 @@ void json_put_bool(json *object, const char *key, bool value)
 
 void json_put_number(json *object, const char *key, double value)
 {
-    json_put(object, key, new_number(value));
+    json_put(object, key, json_new_number(value));
 }
 
 void json_put_integer(json *object, const char *key, int64_t value)
 {
-    json_put(object, key, new_number((double)value));
+    json_put(object, key, json_new_number((double)value));
 }
 
 void json_put_string(json *object, const char *key, const char *value)
@@ -283,7 +316,7 @@ void json_append(json *array, json *child)
 
 void json_append_number(json *array, double value)
 {
-    json_append(array, new_number(value));
+    json_append(array, json_new_number(value));
 }
 
 void json_append_string(json *array, const char *value)

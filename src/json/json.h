@@ -48,6 +48,8 @@ json_at json_element(const json_at *array, size_t index);    /* members too: the
 json_type json_type_of(json_at at);
 size_t json_size(json_at at);                     /* elements or members; 0 for the rest */
 double json_number(json_at at, double otherwise); /* `otherwise` when absent or of another type */
+/* The same of elements of any type. */
+size_t json_elements(json_at array, const json **out, size_t count);
 bool json_bool(json_at at, bool otherwise);
 const char *json_string(json_at at, const char *otherwise); /* lives as long as the document */
 /* The first `count` elements of an array into out, in one walk (element by element is quadratic). Returns how
@@ -65,6 +67,10 @@ json *json_find(json *node, const char *pointer);
  * finite is put as null. */
 json *json_new_object(void);
 json *json_new_array(void);
+json *json_new_number(double value);
+/* Puts a value at a JSON Pointer, in the place of what is there. Objects that are missing on the way are made. False, and
+ * `value` stays the caller's, when the way leads through something else or to no element of an array. */
+bool json_set(json *root, const char *pointer, json *value);
 void json_put(json *object, const char *key, json *child);
 void json_put_null(json *object, const char *key);
 void json_put_bool(json *object, const char *key, bool value);

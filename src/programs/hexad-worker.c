@@ -153,22 +153,30 @@ static bool parse_number(const char *option, const char *text, long low, long *o
     return true;
 }
 
-/* Of a sequence one frame is run, and of any other spec none. */
-static bool choose_frame(spec *s, long frame, bool previous, error *e)
+/* Of a sequence one frame is run, and of any other spec none. With values by frame *s becomes the spec of that frame. */
+static bool choose_frame(spec **s, long frame, bool previous, spec_faults *faults, error *e)
 {
-    if (previous && !s->coherent)
+    const spec *whole = *s;
+    size_t i = 0;
+    if (previous && !whole->coherent)
         return error_set(e, ERROR_SPEC_INVALID, "--previous belongs to a spec with queue.coherent");
-    if (!s->frames && frame < 0) return true;
-    if (!s->frames) return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
-    for (size_t i = 0; i < s->frame_count; i++) {
-        if (s->frame[i] != frame) continue;
-        spec_set_frame(s, (int)frame);
-        return true;
+    if (!whole->frames && frame < 0) return true;
+    if (!whole->frames)
+        return error_set(e, ERROR_SPEC_INVALID, "--frame belongs to a spec with queue.frames");
+    while (i < whole->frame_count && whole->frame[i] != frame) i++;
+    if (i == whole->frame_count)
+        return error_set(e, ERROR_SPEC_INVALID,
+                         "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
+                         " which of them to run",
+                         whole->frames);
+    if (whole->has_frame_values) {
+        spec *one = spec_of_frame(whole, i, faults, e);
+        if (!one) return false;
+        spec_free(*s);
+        *s = one;
     }
-    return error_set(e, ERROR_SPEC_INVALID,
-                     "/queue/frames: the job is a sequence, \"%.100s\": say with --frame N"
-                     " which of them to run",
-                     s->frames);
+    spec_set_frame(*s, (int)frame);
+    return true;
 }
 
 static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
@@ -343,7 +351,7 @@ static int obey(int argc, char **argv, command *what)
     handle_signals();
     if (!parse_arguments(argc, argv, &a, &e) || !prepare(&a, &roots, &spec_file, &previous, &e)) goto fail;
     if (!(s = load_spec(spec_file, a.spec_path, &faults, &e))) goto fail;
-    if (!choose_frame(s, a.frame, a.previous != NULL, &e)) goto fail;
+    if (!choose_frame(&s, a.frame, a.previous != NULL, &faults, &e)) goto fail;
     run_options options = {
         .output = a.output,
         .roots = roots,

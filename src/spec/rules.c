@@ -9,6 +9,7 @@
 #include "geometry/vec3.h"
 #include "spec/spec_table.h"
 #include "spec/surface.h"
+#include "spec/frame_values.h"
 
 /* Sine of the angle between a camera's up and its line of sight, below which rounding would turn the picture. */
 static const double UPRIGHT_LEAST = 1e-6;
@@ -248,9 +249,11 @@ static void check_frames(reading *r, const json_at *at)
     }
     spec_input input;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) any |= frames_is_pattern(input.path);
-    if (!any)
-        reading_add_fault(r, &frames,
-                          "no path of the surface has a place for the frame's number: write #### or %%04d");
+    if (!any && !s->has_frame_values)
+        reading_add_fault(
+            r, &frames,
+            "nothing differs from frame to frame: write #### or %%04d, the frame's number, into a path of "
+            "the surface, or give by_frame");
     if (s->directory && !frames_is_pattern(s->directory))
         reading_add_fault(
             r, &frames,
@@ -297,6 +300,7 @@ void rules_check_names(reading *r, const json_at *at, const char *group)
 static void check_queue(reading *r, const json_at *at)
 {
     check_frames(r, at);
+    frame_values_check(r, at);
     check_coherent(r, at);
 }
 

@@ -55,6 +55,25 @@ static void put_size(json *schema, const spec_row *row)
     put_items(json_append_object(list), "integer", row, 2);
 }
 
+/* Lists of values, or ramps, by JSON Pointer. */
+static void put_frame_values(json *schema, const spec_row *row)
+{
+    json_put_string(schema, "type", "object");
+    json_put_number(schema, "minProperties", row->low);
+    json_put_number(schema, "maxProperties", row->high);
+    json *list = json_put_array(json_put_object(schema, "additionalProperties"), "oneOf");
+    json *values = json_append_object(list), *ramp = json_append_object(list);
+    json_put_string(values, "type", "array");
+    json_put_string(ramp, "type", "object");
+    json_put_bool(ramp, "additionalProperties", false);
+    json *required = json_put_array(ramp, "required"), *properties = json_put_object(ramp, "properties");
+    for (size_t i = 0; i < 2; i++) {
+        static const char *const ends[] = {"from", "to"};
+        json_append_string(required, ends[i]);
+        json_put_string(json_put_object(properties, ends[i]), "type", "number");
+    }
+}
+
 static void put_group(json *schema, const char *group);
 
 static void put_type(json *schema, const spec_row *row)
@@ -101,6 +120,9 @@ static void put_type(json *schema, const spec_row *row)
         json_put_number(schema, "minItems", row->low);
         json_put_number(schema, "maxItems", row->high);
         json_put_string(json_put_object(schema, "items"), "type", "object");
+        break;
+    case SPEC_TYPE_FRAME_VALUES:
+        put_frame_values(schema, row);
         break;
     case SPEC_TYPE_LABELS:
         json_put_string(schema, "type", "array");

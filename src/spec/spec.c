@@ -1,5 +1,6 @@
 #include "spec/spec.h"
 
+#include <assert.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +10,7 @@
 #include "spec/rules.h"
 #include "spec/spec_table.h"
 #include "spec/surface.h"
+#include "spec/frame_values.h"
 #include "spec/values.h"
 
 static void read_group(reading *r, const json_at *at, const char *group, json *normal);
@@ -175,17 +177,19 @@ static void read_group(reading *r, const json_at *at, const char *group, json *n
 
 /* ---- the whole ---- */
 
-static void sum_up(const reading *r, error *e)
+static void sum_up(const spec_faults *faults, size_t total, error *e)
 {
-    const spec_fault *fault = &r->faults.item[0];
+    const spec_fault *fault = &faults->item[0];
     const char *where = *fault->pointer ? fault->pointer : "the spec";
-    if (r->total > 1)
-        error_set(e, fault->code, "%s: %s (and %zu more)", where, fault->detail, r->total - 1);
+    if (total > 1)
+        error_set(e, fault->code, "%s: %s (and %zu more)", where, fault->detail, total - 1);
     else
         error_set(e, fault->code, "%s: %s", where, fault->detail);
 }
 
-spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e)
+/* Reads a document that has the values of the index-th frame of `w` (NULL: it has no values by frame) in it. */
+static spec *parse(const json *document, const char *group, const frame_values *w, size_t index,
+                   spec_faults *faults, error *e)
 {
     reading r = {.s = mem_alloc(sizeof(spec))};
     r.surface = &r.s->surface;
@@ -195,16 +199,60 @@ spec *spec_parse_group(const json *document, const char *group, spec_faults *fau
         read_group(&r, &root, group, r.s->normalised);
     else
         reading_add_fault(&r, &root, "must be an object (given nothing)");
+    if (w) frame_values_place_faults(w, index, index > 0, &r.faults);
     if (faults) *faults = r.faults;
     if (r.total == 0) return r.s;
-    sum_up(&r, e);
+    sum_up(&r.faults, r.total, e);
     spec_free(r.s);
     return NULL;
 }
 
+spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e)
+{
+    return parse(document, group, NULL, 0, faults, e);
+}
+
 spec *spec_parse(const json *document, spec_faults *faults, error *e)
 {
-    return spec_parse_group(document, "", faults, e);
+    frame_values w;
+    if (!document || !frame_values_open(document, &w)) return parse(document, "", NULL, 0, faults, e);
+    json *copy = json_copy(document);
+    bool placed = !frame_values_apply(&w, 0, copy);
+    spec *s = parse(placed ? copy : document, "", placed ? &w : NULL, 0, faults, e);
+    json_free(copy);
+    frame_values_close(&w);
+    return s;
+}
+
+spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e)
+{
+    frame_values w;
+    bool swept = frame_values_open(s->normalised, &w);
+    assert(s->has_frame_values && swept && index < w.frame_count);
+    json *document = frame_values_document(&w, index, s->normalised);
+    spec *frame = parse(document, "", &w, index, faults, e);
+    json_free(document);
+    frame_values_close(&w);
+    return frame;
+}
+
+bool spec_check_frames(const spec *s, spec_faults *faults, error *e)
+{
+    frame_values w;
+    bool ok = true;
+    if (!s->has_frame_values || !frame_values_open(s->normalised, &w)) return true;
+    json *frame_only = json_copy(s->normalised); /* without the lists, which are long */
+    json_put_null(json_find(frame_only, "/queue"), "by_frame");
+    for (size_t i = 1; ok && i < w.frame_count; i++) {
+        json *document = frame_values_document(&w, i, frame_only);
+        spec *frame = parse(document, "", &w, i, faults, e);
+        ok = frame != NULL;
+        spec_free(frame);
+        json_free(document);
+    }
+    json_free(frame_only);
+    frame_values_close(&w);
+    return ok;
 }
 
 bool spec_input_at(const spec *s, size_t index, spec_input *out)

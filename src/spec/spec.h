@@ -193,9 +193,10 @@ typedef struct spec {
     char *frames; /* as given; NULL: the job is not a sequence. Their numbers: */
     int *frame;
     size_t frame_count;
-    bool coherent;       /* each frame begins with the points of the one before */
-    int64_t retention_s; /* 0: the service's */
-    char *webhook;       /* NULL: none */
+    bool has_frame_values; /* members have other values in each frame; those of the first are in this spec */
+    bool coherent;         /* each frame begins with the points of the one before */
+    int64_t retention_s;   /* 0: the service's */
+    char *webhook;         /* NULL: none */
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;
@@ -222,6 +223,13 @@ spec *spec_parse(const json *document, spec_faults *faults, error *e);
  * the members of the spec that belong to the group are set. */
 spec *spec_parse_group(const json *document, const char *group, spec_faults *faults, error *e);
 void spec_free(spec *s);
+
+/* The spec of the index-th frame of a spec with queue.by_frame: with that frame's values, and as a sequence of this frame alone.
+ * Fails as spec_parse does; a fault at a value names its place in queue.by_frame. */
+spec *spec_of_frame(const spec *s, size_t index, spec_faults *faults, error *e);
+
+/* Checks the specs of all frames, if they differ by queue.by_frame; fails at the first frame that is not valid. */
+bool spec_check_frames(const spec *s, spec_faults *faults, error *e);
 
 /* A file that the spec names. */
 typedef struct spec_input {

@@ -1101,6 +1101,16 @@ const spec_row spec_rows[] = {
      .prose =
          "The frame numbers; the job has one task per frame: \"1-100\", \"1-100x2\", \"1-10,20\". The first "
          "#### or %04d in each input path stands for the frame number."},
+    {.pointer = "/queue/by_frame",
+     .type = SPEC_TYPE_FRAME_VALUES,
+     .low = 1,
+     .high = 32,
+     AT(has_frame_values),
+     .prose =
+         "Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of one value "
+         "for each frame, {\"/solver/seed\": [1, 2, 3]}, or a ramp over the frame numbers, "
+         "{\"/surface/analytic/radius\": {\"from\": 1, \"to\": 2}}. Members of surface, region, sampling, "
+         "solver and output may change, except paths, solver.threads and output.directory. At most 10000 frames."},
     {.pointer = "/queue/coherent",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -1164,6 +1174,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_SIZE] = "integer or [integer, integer]",
         [SPEC_TYPE_SURFACE] = "object, as /surface",
         [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",
+        [SPEC_TYPE_FRAME_VALUES] = "object",
         [SPEC_TYPE_LABELS] = "[string, ...]",
     };
     fprintf(file, " (%s", types[row->type]);
@@ -1172,10 +1183,11 @@ static void print_values(FILE *file, const spec_row *row)
         for (const char *const *word = row->words; *word; word++) fprintf(file, " \"%s\"", *word);
     } else if (row->type != SPEC_TYPE_GROUP && row->type != SPEC_TYPE_BOOL &&
                row->type != SPEC_TYPE_SURFACE) {
-        const char *of = row->type == SPEC_TYPE_STRING     ? " characters"
-                         : row->type == SPEC_TYPE_LABELS   ? " texts"
-                         : row->type == SPEC_TYPE_SURFACES ? " surfaces"
-                                                           : "";
+        const char *of = row->type == SPEC_TYPE_STRING         ? " characters"
+                         : row->type == SPEC_TYPE_LABELS       ? " texts"
+                         : row->type == SPEC_TYPE_SURFACES     ? " surfaces"
+                         : row->type == SPEC_TYPE_FRAME_VALUES ? " members"
+                                                               : "";
         fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from", row->low,
                 row->high, of);
     }

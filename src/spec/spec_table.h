@@ -26,7 +26,8 @@ typedef enum spec_type {
     SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface */
     SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
-    SPEC_TYPE_LABELS    /* array of strings: char ** and, at `has`, their number */
+    SPEC_TYPE_FRAME_VALUES, /* members by frame, see spec/frame_values.h; a bool, whether it was given */
+    SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
 
 /* "Exactly one of" and "at most one of" among the members of a group. */

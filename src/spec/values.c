@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "spec/frame_values.h"
 
 _Static_assert(sizeof(spec_shape) == sizeof(int), "words are stored as int");
 
@@ -236,6 +237,9 @@ void values_read(reading *r, const json_at *at, const spec_row *row, json *norma
         break;
     case SPEC_TYPE_LABELS:
         read_labels(r, at, row, normal);
+        break;
+    case SPEC_TYPE_FRAME_VALUES:
+        frame_values_read(r, at, row, normal);
         break;
     case SPEC_TYPE_SURFACE:
     case SPEC_TYPE_SURFACES:

@@ -1,5 +1,6 @@
 """Jobs with a task per frame, dependencies, and what users may ask of jobs that wait, end to end."""
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -187,3 +188,29 @@ def test_a_failed_job_names_no_job_that_its_result_is_from(new_service, tmp_path
     failed = service.wait_state(service.submit({**spec, "output": {**spec["output"], "directory": str(taken)}}), "failed")
     assert failed["attempts"][0]["reason"].endswith(first["id"])  # it was taken
     assert failed["cached_from"] is None
+
+
+def test_a_formula_differs_by_frame(service, build, tmp_path):
+    spec = sphere(queue={"frames": "1-3", "by_frame": {"/surface/analytic/radius": {"from": 1, "to": 2}, "/solver/seed": [4, 5, 6]}})
+    job = service.submit(spec)
+    service.wait_state(job, "succeeded")
+    for frame, radius, seed in ((1, 1, 4), (2, 1.5, 5), (3, 2, 6)):
+        report = service.get(f"/v1/jobs/{job}/results/report.json?frame={frame}").json
+        assert report["surface"]["area"] == pytest.approx(4 * math.pi * radius ** 2, rel=1e-2)
+        assert report["spec"]["solver"]["seed"] == seed and report["spec"]["surface"]["analytic"]["radius"] == radius
+        assert report["spec"]["queue"]["frames"] == str(frame)
+    words = [build / "hexad-worker", "run", "-", "--output", tmp_path / "out", "--frame", "2"]
+    done = subprocess.run(words, input=json.dumps(spec), text=True, capture_output=True, timeout=PATIENCE_S)
+    assert done.returncode in (0, 10), done.stderr
+    points = service.get(f"/v1/jobs/{job}/results/points.ply?frame=2").body
+    assert (tmp_path / "out" / "points.ply").read_bytes() == points
+
+
+def test_what_differs_by_frame_is_checked_for_every_frame(service):
+    place = "/queue/by_frame/~1surface~1analytic~1radius"
+    for values, pointer, words in (([1, 1, -1], place + "/2", "frame 3: must be"), ([1, 1], place, "2 values for 3 frames"),
+                                   ({"from": 1, "to": -1}, place, "frame 2: must be")):
+        refused = service.post("/v1/jobs", sphere(queue={"frames": "1-3", "by_frame": {"/surface/analytic/radius": values}}))
+        fault = refused.json["errors"][0]
+        assert refused.status == 422 and fault["pointer"] == pointer and words in fault["detail"], refused.body
+    assert service.get("/v1/jobs").json["jobs"] == []

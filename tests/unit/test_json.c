@@ -151,6 +151,27 @@ static void test_values_are_found_and_set(void **state)
     json_free(root);
 }
 
+static void test_values_are_put_at_pointers(void **state)
+{
+    (void)state;
+    json *root = accept("{\"a/b~\":[10,{\"x\":\"old\"}],\"n\":2}");
+    static const char *const places[] = {"/a~1b~0/0", "/a~1b~0/1/x", "/n", "/new", "/o/p~1/q"};
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+        if (!json_set(root, places[i], json_new_number(1.5))) fail_msg("%s", places[i]);
+        assert_true(json_number(json_root(json_find(root, places[i])), 0) == 1.5);
+    }
+    char *text = json_print(root);
+    assert_string_equal(text,
+                        "{\"a/b~\":[1.5,{\"x\":1.5}],\"n\":1.5,\"new\":1.5,\"o\":{\"p/\":{\"q\":1.5}}}");
+    static const char *const none[] = {"", "n", "/a~1b~0/2", "/a~1b~0/x", "/a~1b~0/9/x", "/n/x", "/n/x/y"};
+    json *value = json_new_number(7);
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        if (json_set(root, none[i], value)) fail_msg("%s is a place", none[i]);
+    json_free(value);
+    free(text);
+    json_free(root);
+}
+
 static void test_pointer_is_not_cut_inside_a_character(void **state)
 {
     (void)state;
@@ -354,6 +375,7 @@ int main(void)
         cmocka_unit_test(test_every_truncation_is_refused),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_values_are_found_and_set),
+        cmocka_unit_test(test_values_are_put_at_pointers),
         cmocka_unit_test(test_pointer_is_not_cut_inside_a_character),
         cmocka_unit_test(test_building),
         cmocka_unit_test(test_numbers_round_trip),

@@ -835,6 +835,106 @@ static void test_frames(void **state)
     assert_non_null(strstr(e.message, "3-1"));
 }
 
+#define BY_FRAME(values) SPHERE ",\"queue\":{\"frames\":\"10-14x2\",\"by_frame\":" values "}}"
+
+static spec *parse_by_frame(const char *text)
+{
+    error e = {0};
+    json *root = document(text);
+    spec *s = spec_parse(root, NULL, &e);
+    json_free(root);
+    if (!s) fail_msg("%s", e.message);
+    return s;
+}
+
+static void test_values_by_frame(void **state)
+{
+    (void)state;
+    static const double radius[] = {0.1, 0.2, 0.3}, x[] = {1, 2, 3};
+    static const uint64_t seed[] = {7, 9, 8};
+    spec *s = parse_by_frame(
+        BY_FRAME("{\"/surface/analytic/radius\":{\"from\":0.1,\"to\":0.3},"
+                 "\"/surface/analytic/center\":[[1,0,0],[2,0,0],[3,0,0]],\"/solver/seed\":[7,9,8]}"));
+    assert_true(s->has_frame_values && spec_check_frames(s, NULL, NULL));
+    for (size_t i = 0; i < 3; i++) {
+        spec *frame = spec_of_frame(s, i, NULL, NULL);
+        assert_non_null(frame);
+        assert_true(fabs(frame->surface.analytic.radius - radius[i]) < 1e-15);
+        assert_true(frame->surface.analytic.center.x == x[i]);
+        assert_int_equal(frame->seed, seed[i]);
+        assert_int_equal(frame->frame_count, 1);
+        assert_int_equal(frame->frame[0], 10 + 2 * i);
+        /* its text is a spec that gives the same again */
+        spec *again = spec_of_frame(frame, 0, NULL, NULL);
+        char *text = json_print(frame->normalised), *same = json_print(again->normalised);
+        assert_string_equal(text, same);
+        free(text);
+        free(same);
+        spec_free(again);
+        spec_free(frame);
+    }
+    assert_int_equal(s->seed, 7); /* the whole has the values of the first */
+    spec_free(s);
+    s = parse_by_frame(
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\"}},\"sampling\":{\"count\":100},"
+        "\"queue\":{\"frames\":\"1-2\",\"by_frame\":{\"/surface/analytic/radius\":[1,2]}}}");
+    assert_true(s->surface.analytic.radius == 1); /* required, and given by frame */
+    spec_free(s);
+}
+
+/* The pointer of a member with values by frame, and of its values. */
+#define AT_RADIUS "/queue/by_frame/~1surface~1analytic~1radius"
+
+static void test_faults_of_values_by_frame(void **state)
+{
+    (void)state;
+    expect_fault(BY_FRAME("[]"), ERROR_SPEC_INVALID, "/queue/by_frame", "1 to 32 JSON Pointers");
+    expect_fault(BY_FRAME("{}"), ERROR_SPEC_INVALID, "/queue/by_frame", "1 to 32 JSON Pointers");
+    expect_fault(BY_FRAME("{\"/name\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID, "/queue/by_frame/~1name",
+                 "surface, region");
+    expect_fault(BY_FRAME("{\"/surface/mesh/path\":[\"a\",\"b\",\"c\"]}"), ERROR_SPEC_INVALID,
+                 "/queue/by_frame/~1surface~1mesh~1path", "####");
+    expect_fault(BY_FRAME("{\"/surface/analytic/radius\":7}"), ERROR_SPEC_INVALID, AT_RADIUS,
+                 "one value for each frame");
+    expect_fault(BY_FRAME("{\"/surface/analytic/radius\":{\"from\":1}}"), ERROR_SPEC_INVALID, AT_RADIUS,
+                 "\"to\": number");
+    expect_fault(BY_FRAME("{\"/surface/analytic/radius\":[1,2]}"), ERROR_SPEC_INVALID, AT_RADIUS,
+                 "2 values for 3 frames");
+    expect_fault(BY_FRAME("{\"/surface\\/analytic/radius\":[1,{\"path\":\"a\"},2]}"), ERROR_SPEC_INVALID,
+                 AT_RADIUS "/1", "must be a number");
+    expect_fault(BY_FRAME("{\"/surface/analytic/radius\":[-1,1,1]}"), ERROR_SPEC_INVALID, AT_RADIUS "/0",
+                 "frame 10: must be");
+    expect_fault(BY_FRAME("{\"/surface/analytic/radius\":{\"from\":-1,\"to\":1}}"), ERROR_SPEC_INVALID,
+                 AT_RADIUS, "frame 10: must be");
+    expect_fault(BY_FRAME("{\"/solver/sed\":[1,2,3]}"), ERROR_SPEC_INVALID, "/queue/by_frame/~1solver~1sed/0",
+                 "did you mean 'seed'");
+    expect_fault(BY_FRAME("{\"/sampling/count/x\":[1,2,3]}"), ERROR_SPEC_INVALID,
+                 "/queue/by_frame/~1sampling~1count~1x", "no place");
+    expect_fault(
+        SPHERE
+        ",\"queue\":{\"frames\":\"1-10001\",\"by_frame\":{\"/solver/seed\":{\"from\":1,\"to\":10001}}}}",
+        ERROR_SPEC_INVALID, "/queue/by_frame", "at most 10000 frames");
+    expect_fault(SPHERE ",\"queue\":{\"by_frame\":{\"/solver/seed\":[1]}}}", ERROR_SPEC_INVALID,
+                 "/queue/by_frame", "requires queue.frames");
+}
+
+static void test_a_later_frame_is_checked(void **state)
+{
+    (void)state;
+    error e = {0};
+    spec_faults faults = {0};
+    spec *s = parse_by_frame(BY_FRAME("{\"/surface/analytic/radius\":[1,2,-3]}"));
+    assert_false(spec_check_frames(s, &faults, &e));
+    assert_string_equal(faults.item[0].pointer, AT_RADIUS "/2");
+    assert_non_null(strstr(e.message, "frame 14: must be"));
+    spec_free(s);
+    s = parse_by_frame(BY_FRAME("{\"/surface/analytic/shape\":[\"sphere\",\"sphere\",\"gyroid\"]}"));
+    assert_false(spec_check_frames(s, &faults, &e)); /* a fault elsewhere that a value leads to */
+    assert_non_null(strstr(faults.item[0].detail, "frame 14: "));
+    assert_null(strstr(faults.item[0].pointer, "/queue"));
+    spec_free(s);
+}
+
 static void test_lengths(void **state)
 {
     (void)state;
@@ -881,6 +981,9 @@ int main(void)
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),
         cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_values_by_frame),
+        cmocka_unit_test(test_faults_of_values_by_frame),
+        cmocka_unit_test(test_a_later_frame_is_checked),
         cmocka_unit_test(test_coherent_sequences),
         cmocka_unit_test(test_unknown_member_in_every_group),
         cmocka_unit_test(test_fields),

@@ -1,0 +1,244 @@
+#include "spec/frame_values.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/frames.h"
+#include "base/memory.h"
+
+/* The spec of each is checked before the job is accepted. */
+enum { MOST_FRAMES = 10000 };
+
+/* The members that the service itself reads from a spec, once for all frames, and paths, in which #### stands for the frame. */
+static bool may_change(const char *pointer)
+{
+    static const char *const groups[] = {"/surface/", "/region/", "/sampling/", "/solver/", "/output/"};
+    static const char *const fixed[] = {"/solver/threads", "/output/directory"};
+    static const char *const of_files[] = {"path", "slices"};
+    const char *last = strrchr(pointer, '/');
+    bool good = false;
+    for (size_t i = 0; i < sizeof groups / sizeof *groups; i++)
+        good |= strncmp(pointer, groups[i], strlen(groups[i])) == 0;
+    for (size_t i = 0; i < sizeof fixed / sizeof *fixed; i++) good &= strcmp(pointer, fixed[i]) != 0;
+    for (size_t i = 0; good && i < sizeof of_files / sizeof *of_files; i++)
+        good = strcmp(last + 1, of_files[i]) != 0;
+    return good;
+}
+
+/* A number, a word, true or false, or an array of numbers: an object could hold a path. */
+static bool is_value(json_at at)
+{
+    switch (json_type_of(at)) {
+    case JSON_NUMBER:
+    case JSON_STRING:
+    case JSON_BOOL:
+        return true;
+    case JSON_ARRAY: {
+        size_t count = json_size(at);
+        double *numbers = mem_alloc((count + 1) * sizeof *numbers);
+        bool all = json_numbers(at, numbers, count) == count;
+        free(numbers);
+        return all;
+    }
+    default:
+        return false;
+    }
+}
+
+static bool is_ramp(json_at at)
+{
+    json_at from = json_member(&at, "from"), to = json_member(&at, "to");
+    return json_type_of(at) == JSON_OBJECT && json_size(at) == 2 && json_type_of(from) == JSON_NUMBER &&
+           json_type_of(to) == JSON_NUMBER;
+}
+
+static void read_values(reading *r, const json_at *at)
+{
+    size_t count = json_size(*at);
+    const json **values = mem_alloc((count + 1) * sizeof *values);
+    json_elements(*at, values, count);
+    for (size_t i = 0; i < count; i++) {
+        json_at element = {values[i], at, NULL, i};
+        char given[READING_SHOWN_MAX + 8];
+        if (is_value(element)) continue;
+        reading_describe(element, given);
+        reading_add_fault(r, &element,
+                          "must be a number, a word, true, false or an array of numbers (given %s)", given);
+    }
+    free(values);
+}
+
+void frame_values_read(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    size_t count = json_size(*at), before = r->total;
+    char given[READING_SHOWN_MAX + 8];
+    if (json_type_of(*at) != JSON_OBJECT || (double)count < row->low || (double)count > row->high) {
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be an object with %.0f to %.0f JSON Pointers (given %s)", row->low,
+                          row->high, given);
+        return;
+    }
+    for (size_t i = 0; i < count; i++) {
+        json_at member = json_element(at, i);
+        if (!may_change(member.key))
+            reading_add_fault(
+                r, &member,
+                "must be the JSON Pointer of a member of surface, region, sampling, solver or output; not a"
+                " path, in which #### stands for the frame, nor solver.threads or output.directory");
+        if (json_type_of(member) == JSON_ARRAY) {
+            read_values(r, &member);
+        } else if (!is_ramp(member)) {
+            reading_describe(member, given);
+            reading_add_fault(
+                r, &member,
+                "must be an array of one value for each frame, or {\"from\": number, \"to\": number}"
+                " (given %s)",
+                given);
+        }
+    }
+    if (r->total > before) return;
+    *(bool *)reading_target(r, row->offset) = true;
+    json_put(normal, spec_row_key(row), json_copy(at->node));
+}
+
+static void find_bounds(frame_values *w)
+{
+    w->lowest = w->highest = w->frame[0];
+    for (size_t i = 1; i < w->frame_count; i++) {
+        if (w->frame[i] < w->lowest) w->lowest = w->frame[i];
+        if (w->frame[i] > w->highest) w->highest = w->frame[i];
+    }
+}
+
+bool frame_values_open(const json *document, frame_values *w)
+{
+    json_at root = json_root(document), queue = json_member(&root, "queue"),
+            list = json_member(&queue, "by_frame");
+    const char *frames = json_string(json_member(&queue, "frames"), NULL);
+    *w = (frame_values){0};
+    if (json_type_of(list) != JSON_OBJECT || !frames ||
+        !(w->frame = frames_parse(frames, &w->frame_count, NULL)))
+        return false;
+    find_bounds(w);
+    w->member = mem_alloc((json_size(list) + 1) * sizeof *w->member);
+    for (size_t i = 0; i < json_size(list); i++) {
+        json_at at = json_element(&list, i);
+        frame_values_member *m = &w->member[w->count++];
+        *m = (frame_values_member){.pointer = at.key,
+                                   .from = json_number(json_member(&at, "from"), 0),
+                                   .to = json_number(json_member(&at, "to"), 0)};
+        bool list_of_values = json_type_of(at) == JSON_ARRAY && json_size(at) > 0;
+        if (!may_change(at.key) || !(list_of_values || is_ramp(at))) {
+            frame_values_close(w);
+            return false;
+        }
+        if (!list_of_values) continue;
+        m->values = mem_alloc(json_size(at) * sizeof *m->values);
+        json_elements(at, m->values, json_size(at));
+    }
+    return true;
+}
+
+void frame_values_close(frame_values *w)
+{
+    for (size_t i = 0; i < w->count; i++) free(w->member[i].values);
+    free(w->member);
+    free(w->frame);
+    *w = (frame_values){0};
+}
+
+/* The value of a member in the index-th frame, the caller's. */
+static json *value_at(const frame_values *w, const frame_values_member *m, size_t index)
+{
+    if (m->values) return json_copy(m->values[index]);
+    int frame = w->frame[index];
+    double way = (m->to - m->from) * (frame - w->lowest);
+    return json_new_number(frame == w->lowest    ? m->from
+                           : frame == w->highest ? m->to
+                                                 : m->from + way / (w->highest - w->lowest));
+}
+
+const char *frame_values_apply(const frame_values *w, size_t index, json *document)
+{
+    for (size_t i = 0; i < w->count; i++) {
+        json *value = value_at(w, &w->member[i], index);
+        if (json_set(document, w->member[i].pointer, value)) continue;
+        json_free(value);
+        return w->member[i].pointer;
+    }
+    return NULL;
+}
+
+void frame_values_check(reading *r, const json_at *at)
+{
+    json_at list = json_member(at, "by_frame");
+    const json_at *root = at;
+    frame_values w;
+    if (!list.node) return;
+    if (!r->s->frame) {
+        if (!r->s->frames) reading_add_fault(r, &list, "requires queue.frames");
+        return;
+    }
+    size_t before = r->total;
+    if (r->s->frame_count > MOST_FRAMES)
+        reading_add_fault(r, &list,
+                          "a job with values by frame has at most %d frames (given %zu): make several jobs",
+                          MOST_FRAMES, r->s->frame_count);
+    for (size_t i = 0; i < json_size(list); i++) {
+        json_at member = json_element(&list, i);
+        if (json_type_of(member) == JSON_ARRAY && json_size(member) != r->s->frame_count)
+            reading_add_fault(r, &member, "has %zu values for %zu frames", json_size(member),
+                              r->s->frame_count);
+    }
+    while (root->parent) root = root->parent;
+    if (r->total > before || !frame_values_open(root->node, &w)) return;
+    json *copy = json_copy(root->node);
+    const char *lost = frame_values_apply(&w, 0, copy);
+    json_at member = json_member(&list, lost ? lost : "");
+    if (lost) reading_add_fault(r, &member, "has no place in this spec");
+    json_free(copy);
+    frame_values_close(&w);
+}
+
+json *frame_values_document(const frame_values *w, size_t index, const json *document)
+{
+    char number[16];
+    json *copy = json_copy(document), *queue = json_find(copy, "/queue"), *own = json_new_object();
+    snprintf(number, sizeof number, "%d", w->frame[index]);
+    for (size_t i = 0; i < w->count; i++)
+        json_append(json_put_array(own, w->member[i].pointer), value_at(w, &w->member[i], index));
+    json_put_string(queue, "frames", number);
+    json_put(queue, "by_frame", own);
+    frame_values_apply(w, index, copy);
+    return copy;
+}
+
+/* The member with values by frame that a fault's place is at or below, or NULL. */
+static const frame_values_member *member_of(const frame_values *w, const char *pointer)
+{
+    for (size_t i = 0; i < w->count; i++) {
+        size_t n = strlen(w->member[i].pointer);
+        if (strncmp(pointer, w->member[i].pointer, n) == 0 && (!pointer[n] || pointer[n] == '/'))
+            return &w->member[i];
+    }
+    return NULL;
+}
+
+void frame_values_place_faults(const frame_values *w, size_t index, bool all, spec_faults *faults)
+{
+    for (size_t i = 0; i < faults->count; i++) {
+        spec_fault *fault = &faults->item[i];
+        const frame_values_member *m = member_of(w, fault->pointer);
+        char detail[sizeof fault->detail];
+        if (m) {
+            json_at queue = {NULL, &(json_at){0}, "queue", 0}, list = {NULL, &queue, "by_frame", 0},
+                    member = {NULL, &list, m->pointer, 0}, value = {NULL, &member, NULL, index};
+            json_pointer(m->values ? &value : &member, fault->pointer, sizeof fault->pointer);
+        }
+        if (!m && !all) continue;
+        snprintf(detail, sizeof detail, "frame %d: %s", w->frame[index], fault->detail);
+        memcpy(fault->detail, detail, sizeof detail);
+    }
+}
