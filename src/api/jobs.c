@@ -381,6 +381,18 @@ static int64_t ms_of(double seconds)
     return (int64_t)ceil(1000 * seconds);
 }
 
+/* A repeat is answered by the cache however busy the workers are. */
+static void offer(const http_context *c, const queue_submission *put, const queue_receipt *receipt)
+{
+    char equal[ULID_SIZE], *inputs = NULL;
+    bool found = false;
+    if (receipt->verdict != QUEUE_CREATED || !put->cache_key || put->frame_count ||
+        !queue_recall(c->q, put->cache_key, equal, &inputs, &found, NULL) || !found)
+        return;
+    if (cache_is_fresh(c->roots, inputs)) executor_offer(c->x, receipt->id);
+    free(inputs);
+}
+
 static void put_in_queue(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     const spec *s = o->s;
@@ -426,9 +438,10 @@ static void put_in_queue(const http_context *c, const http_request *request, con
     };
     if (!executor_size(c->x, &submission.threads, &submission.memory_mb, &e))
         reply_set_error(r, &e, NULL);
-    else if (queue_put(c->q, &submission, &receipt, &e))
+    else if (queue_put(c->q, &submission, &receipt, &e)) {
+        offer(c, &submission, &receipt);
         answer_receipt(c, request, &submission, &receipt, r);
-    else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STORAGE_FULL)
+    } else if (e.code == ERROR_DATABASE_DAMAGED || e.code == ERROR_STORAGE_FULL)
         reply_set_error(r, &e, NULL);
     else
         reply_set_unavailable(r, e.message); /* not a fault of the service: try again */

@@ -40,6 +40,9 @@
 /* The share of the machine's memory for attempts when host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
+/* Jobs that wait to be given the results of equal ones, which takes milliseconds each; further ones take their turn. */
+#define REPEATS_MOST 256
+
 struct executor {
     executor_settings settings;
     char *state_dir, *worker, **input_roots;
@@ -65,7 +68,10 @@ struct executor {
     pthread_mutex_t mutex;     /* guards the next two members */
     executor_settings changed; /* the settings of executor_change, until the supervisor takes them */
     bool has_changed;
-    size_t slot_count;
+    char repeat[REPEATS_MOST][ULID_SIZE]; /* jobs of executor_offer; guarded by the mutex */
+    size_t repeat_count;
+    size_t workers;    /* slots that may start workers */
+    size_t slot_count; /* one more, the last, for jobs that get the result of an equal one */
     slot **slots;
 
     bool look;             /* supervisor: something may have become claimable */
@@ -166,7 +172,7 @@ static void note_due(executor *x)
 static void fill_slots(executor *x)
 {
     if (x->due_ms <= clock_wall_ms()) x->look = true;
-    for (size_t i = 0; x->look && i < x->slot_count; i++) {
+    for (size_t i = 0; x->look && i < x->workers; i++) {
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
@@ -183,6 +189,39 @@ static void fill_slots(executor *x)
     }
 }
 
+/* Takes the next job that was offered; false: there is none. */
+static bool next_repeat(executor *x, char id[ULID_SIZE])
+{
+    pthread_mutex_lock(&x->mutex);
+    bool any = x->repeat_count > 0;
+    if (any) {
+        memcpy(id, x->repeat[0], ULID_SIZE);
+        memmove(x->repeat, x->repeat + 1, --x->repeat_count * sizeof *x->repeat);
+    }
+    pthread_mutex_unlock(&x->mutex);
+    return any;
+}
+
+/* Gives jobs the results of equal ones while all other slots are busy. What is not claimed here has its turn later. */
+static void answer_repeats(executor *x)
+{
+    char id[ULID_SIZE];
+    slot *s = x->slots[x->workers];
+    bool held = false;
+    while (slot_is_free(s) && next_repeat(x, id)) {
+        error e = {0};
+        bool found = false;
+        queue_claimed claimed = {0};
+        if (!executor_takes_jobs(x) || !storage_has_room(&x->storage) || !queue_is_held(x->q, &held, &e) ||
+            held)
+            continue;
+        pthread_mutex_lock(&x->order);
+        if (queue_claim_job(x->q, id, &claimed, &found, &e) && found) slot_take_repeat(s, &claimed);
+        pthread_mutex_unlock(&x->order);
+        if (found) serve(x, s);
+    }
+}
+
 /* Waits until a slot or a claim has something to do. */
 static void wait_for_news(executor *x, struct pollfd *fds)
 {
@@ -192,7 +231,7 @@ static void wait_for_news(executor *x, struct pollfd *fds)
     fds[count++] = (struct pollfd){.fd = x->wake_fd, .events = POLLIN};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot *s = x->slots[i];
-        room |= slot_is_free(s);
+        room |= i < x->workers && slot_is_free(s);
         due = least(due, slot_due(s));
         count += slot_watch(s, &fds[count]);
     }
@@ -251,6 +290,7 @@ static void *supervise(void *argument)
         take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++) serve(x, x->slots[i]);
         fill_slots(x);
+        answer_repeats(x);
         was_idle = is_idle(x);
         if (was_idle && atomic_load(&x->draining)) signal_fd(x->drained_fd);
         if (was_idle && atomic_load(&x->stopping)) break;
@@ -300,7 +340,8 @@ static void copy_settings(executor *x, const executor_settings *settings)
     x->threads = settings->threads > 0 ? settings->threads : threads_available();
     x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb
                                                 : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
-    x->slot_count = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
+    x->workers = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
+    x->slot_count = x->workers + 1;
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     for (size_t i = 0; i < x->slot_count; i++) x->slots[i] = slot_new(&x->context);
     host_name(x->host, sizeof x->host);
@@ -438,7 +479,7 @@ int executor_drained_fd(const executor *x)
 
 bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
 {
-    int share = x->threads / (int)x->slot_count;
+    int share = x->threads / (int)x->workers;
     if (*width <= 0) *width = share > 0 ? share : 1;
     if (*width > x->threads) *width = x->threads;
     if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
@@ -460,6 +501,15 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
     if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->state_dir, id);
     executor_wake(x);
     return ok;
+}
+
+void executor_offer(executor *x, const char *id)
+{
+    if (!x->settings.cache) return;
+    pthread_mutex_lock(&x->mutex);
+    if (x->repeat_count < REPEATS_MOST) snprintf(x->repeat[x->repeat_count++], ULID_SIZE, "%s", id);
+    pthread_mutex_unlock(&x->mutex);
+    executor_wake(x);
 }
 
 char *executor_progress(executor *x, const char *id)
@@ -489,7 +539,7 @@ executor_space executor_get_space(const executor *x)
 executor_load executor_get_load(executor *x)
 {
     executor_load load = {
-        .workers = (int)x->slot_count, .all_threads = x->threads, .all_memory_mb = x->memory_mb};
+        .workers = (int)x->workers, .all_threads = x->threads, .all_memory_mb = x->memory_mb};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
         load.attempts += usage.attempts;

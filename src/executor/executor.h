@@ -75,6 +75,10 @@ bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e);
 bool executor_tell(executor *x, const char *id, queue_command command, bool *found, bool *changed,
                    queue_state *now, error *e);
 
+/* An equal job has succeeded, and its inputs have not changed: this one is given its result even when no worker can be
+ * started. */
+void executor_offer(executor *x, const char *id);
+
 /* The newest progress line of a running job (of an array: of one of its tasks): the text of one JSON object, to be
  * freed. NULL when there is none. */
 char *executor_progress(executor *x, const char *id);

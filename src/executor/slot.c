@@ -35,6 +35,7 @@ typedef struct work {
     bool cancel_wanted; /* written by any thread */
 
     /* the supervisor's own */
+    bool repeat;     /* no worker is to be started */
     char *directory; /* of the attempt */
     limits limit;
     engine_attempt *attempt; /* in RUNNING and STOPPING */
@@ -108,6 +109,12 @@ void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_
     s->w.memory_mb = memory_mb;
     s->phase = SLOT_STARTING;
     pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_take_repeat(slot *s, const queue_claimed *claimed)
+{
+    s->w.repeat = true;
+    slot_take(s, claimed, 0, 0);
 }
 
 /* Empties the slot. */
@@ -270,6 +277,12 @@ static unsigned step_starting(slot *s)
     }
     if (take_kept(s) || take_cached(s)) {
         publish_or_settle(s);
+        return SLOT_NO_NEWS;
+    }
+    if (w->repeat) {
+        error_set(&e, ERROR_INTERNAL, "the result of an equal job is gone");
+        settlement_decide_unstarted(&e, &w->verdict);
+        enter(s, SLOT_SETTLING);
         return SLOT_NO_NEWS;
     }
     if (!start_worker(s, &e)) {

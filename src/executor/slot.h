@@ -80,6 +80,10 @@ bool slot_is_free(const slot *s);
 /* A free slot takes over the claim. `width` threads and `memory_mb` are what the attempt takes of the host. */
 void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
 
+/* The same for a job whose equal has a result: it takes nothing of the host, and goes back to the queue when the result
+ * turns out to be gone. */
+void slot_take_repeat(slot *s, const queue_claimed *claimed);
+
 /* Does what can be done now, through as many phases as need no wait. Returns a set of slot_news. */
 unsigned slot_step(slot *s);
 

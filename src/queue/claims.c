@@ -131,7 +131,7 @@ static bool start_task(database *d, int64_t seq, claiming *c, int64_t now, error
     j.ready--;
     j.running++;
     j.attempts++;
-    ok = owner_take_turn(d, seq, c->room ? c->room->weights : NULL, e) &&
+    ok = (!c->room || owner_take_turn(d, seq, c->room->weights, e)) &&
          job_state_save(d, &before, &j, now, e) &&
          job_state_add_event(d, seq, QUEUE_EVENT_STARTED, QUEUE_RUNNING, QUEUE_NO_OUTCOME, frame, attempt,
                              now, e) &&

@@ -214,3 +214,39 @@ def test_what_differs_by_frame_is_checked_for_every_frame(service):
         fault = refused.json["errors"][0]
         assert refused.status == 422 and fault["pointer"] == pointer and words in fault["detail"], refused.body
     assert service.get("/v1/jobs").json["jobs"] == []
+
+
+def test_a_repeat_waits_for_no_worker(new_service):
+    """It is given the result of its equal while the only slot is taken; what is new waits."""
+    service = new_service("--workers", 1).start()
+    first = service.submit(sphere())
+    service.wait_state(first, "succeeded")
+    busy = service.submit(long_sphere())
+    service.wait_worker(busy)
+    new = service.submit(sphere(count=201))
+    for _ in range(3):
+        again = service.wait_state(service.submit(sphere()), "succeeded")
+        assert again["cached_from"] == first and len(again["attempts"]) == 1
+    assert service.job(new)["state"] == "queued" and service.job(busy)["state"] == "running"
+    assert service.get("/v1/workers").json["load"]["attempts_limit"] == 1
+    service.end(9)
+    # what was not settled is, and the last slot is as free as before
+    service.start()
+    service.post(f"/v1/jobs/{busy}/cancel")
+    service.wait_state(new, "succeeded")
+
+
+def test_a_repeat_that_lost_its_result_runs(new_service):
+    service = new_service("--workers", 1).start()
+    first = service.submit(sphere())
+    service.wait_state(first, "succeeded")
+    busy = service.submit(long_sphere())
+    service.wait_worker(busy)
+    for file in (service.state / "results" / first).iterdir():
+        file.unlink()
+    again = service.submit(sphere())
+    wait_until(lambda: "a cached result cannot be used" in service.log.read_text(), "the attempt without a result")
+    assert service.wait_state(again, "queued")["progress"] is None
+    service.post(f"/v1/jobs/{busy}/cancel")
+    done = service.wait_state(again, "succeeded")
+    assert done["cached_from"] is None
