@@ -300,6 +300,18 @@ static void refuse_dependency(const queue_submission *put, size_t index, reply *
     reply_set_problem(r, "spec_invalid", errors, "%s: %s", pointer, detail);
 }
 
+/* No job may be deleted to make room for the results of this one. */
+static void refuse_results(const char *owner, bool of_user, reply *r)
+{
+    reply_set_problem(
+        r, "results_full", NULL,
+        "the results of %s have met their bound (settings %s), and no job may be deleted to make room:"
+        " fetch results, which lets their jobs go, or delete jobs",
+        of_user ? owner : "all users",
+        of_user ? "user_results_mb, user_results_count" : "results_mb, results_count");
+    reply_add_header(r, "Retry-After", "30");
+}
+
 /* Answers with the result of the submission. */
 static void answer_receipt(const http_context *c, const http_request *request, const queue_submission *put,
                            const queue_receipt *receipt, reply *r)
@@ -326,6 +338,10 @@ static void answer_receipt(const http_context *c, const http_request *request, c
                           "%s has %lld unfinished jobs, which is the limit (setting user_queued)", put->owner,
                           (long long)put->most_waiting);
         reply_add_header(r, "Retry-After", "5");
+        break;
+    case QUEUE_RESULTS_FULL:
+    case QUEUE_USER_RESULTS_FULL:
+        refuse_results(put->owner, receipt->verdict == QUEUE_USER_RESULTS_FULL, r);
         break;
     case QUEUE_NO_ROOM:
         reply_set_storage_full(

@@ -1,6 +1,7 @@
 #include "api/metrics.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "config.h"
 
@@ -164,6 +165,24 @@ static void put_storage(const http_context *c, FILE *out)
     put_gauge(out, "hexad_inputs_limit_bytes", "The size that these files may have.", sent.limit_bytes);
 }
 
+static void put_results(const http_context *c, FILE *out)
+{
+    queue_usage usage;
+    if (queue_get_usage(c->q, &usage, NULL)) {
+        free(usage.user);
+        put_gauge(out, "hexad_results_size_bytes", "Space that results and logs of ended jobs take.",
+                  usage.all.bytes);
+        put_gauge(out, "hexad_results", "Results of ended jobs that are kept.", usage.all.results);
+        if (usage.bounds.all.bytes < INT64_MAX)
+            put_gauge(out, "hexad_results_limit_bytes", "The space that they may take.",
+                      usage.bounds.all.bytes);
+        put_gauge(out, "hexad_results_full",
+                  "Whether results have met a bound and no job may be deleted to make room.", usage.full);
+    }
+    put_counter(out, "hexad_jobs_evicted_total", "Jobs that were deleted because results had met a bound.",
+                executor_count_evicted(c->x));
+}
+
 static void put_http(const http_context *c, FILE *out)
 {
     put_head(out, "hexad_http_answers_total", "counter", "Answers, by the first digit of their status.");
@@ -178,7 +197,8 @@ static void put_http(const http_context *c, FILE *out)
 void metrics_show(const http_context *c, const http_request *request, reply *r)
 {
     static void (*const parts[])(const http_context *c, FILE *out) = {
-        put_service, put_queue, put_load, put_attempts, put_webhooks, put_database, put_storage, put_http,
+        put_service,  put_queue,   put_load,    put_attempts, put_webhooks,
+        put_database, put_storage, put_results, put_http,
     };
     (void)request;
     char *text = NULL;

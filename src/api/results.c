@@ -62,10 +62,22 @@ static bool choose_frame(const http_context *c, const http_request *request, con
     return found;
 }
 
-/* Finds the result of the job that the path names, or answers why there is none. The caller frees *directory
- * and clears *found. */
-static bool find_result(const http_context *c, const http_request *request, char **directory, result *found,
-                        reply *r)
+/* A result of a job. */
+typedef struct place {
+    char *directory;
+    int frame;
+    bool own;     /* the caller is the job's owner, or the job has none */
+    result found; /* with report.json */
+} place;
+
+static void place_clear(place *p)
+{
+    free(p->directory);
+    result_clear(&p->found);
+}
+
+/* Finds the result of the job that the path names, or answers why there is none. */
+static bool find_result(const http_context *c, const http_request *request, place *p, reply *r)
 {
     error e = {0};
     queue_job job = {0};
@@ -84,27 +96,28 @@ static bool find_result(const http_context *c, const http_request *request, char
     else if (state != QUEUE_SUCCEEDED)
         reply_set_problem(r, "not_found", NULL, "the job %s has no results: %s", job.id,
                           queue_state_name(state));
-    else if (!result_list(path, found, &e))
+    else if (!result_list(path, &p->found, &e))
         reply_set_error(r, &e, NULL);
     else
         ok = true;
+    p->own = !*job.owner || strcmp(job.owner, request->caller->user) == 0;
+    p->frame = frame;
+    p->directory = path;
     queue_job_clear(&job);
-    if (ok)
-        *directory = path;
-    else
-        free(path);
     return ok;
 }
 
 void results_list(const http_context *c, const http_request *request, reply *r)
 {
-    char *directory = NULL;
-    result found = {0};
-    if (!find_result(c, request, &directory, &found, r)) return;
+    place p = {0};
+    if (!find_result(c, request, &p, r)) {
+        place_clear(&p);
+        return;
+    }
     json *document = json_new_object();
     json *list = json_put_array(document, "results");
-    for (size_t i = 0; i < found.output_count; i++) {
-        const result_output *output = &found.output[i];
+    for (size_t i = 0; i < p.found.output_count; i++) {
+        const result_output *output = &p.found.output[i];
         json *o = json_append_object(list);
         const char *frame = parameter_text(request, "frame", NULL);
         char *href = mem_printf("/v1/jobs/%s/results/%s%s%s", request->parameter[0], output->name,
@@ -117,8 +130,7 @@ void results_list(const http_context *c, const http_request *request, reply *r)
         free(href);
     }
     reply_set_json(r, 200, document);
-    result_clear(&found);
-    free(directory);
+    place_clear(&p);
 }
 
 /* "sha-256=:BASE64:" of a hash in hexadecimal (RFC 9530). */
@@ -181,27 +193,59 @@ static void send_file(const http_request *request, const result_output *output, 
     r->cache_control = CACHE_CONTROL;
 }
 
+/* Tells the executor that a file of a result was sent to its owner. */
+typedef struct sending {
+    reply_receipt receipt;
+    executor *x;
+    fetches_result of;
+    size_t index, count;
+} sending;
+
+static void end_sending(reply_receipt *receipt, bool sent)
+{
+    sending *s = (sending *)receipt;
+    if (sent) executor_note_sent(s->x, &s->of, s->index, s->count);
+    free(s);
+}
+
+/* Of a whole file only; a client that knows the file (304) has it. */
+static void add_receipt(const http_context *c, const http_request *request, const place *p, size_t index,
+                        reply *r)
+{
+    if (!p->own || (r->status != 200 && r->status != 304)) return;
+    sending *s = mem_alloc(sizeof *s);
+    *s = (sending){.receipt.end = end_sending,
+                   .x = c->x,
+                   .of.frame = p->frame,
+                   .index = index,
+                   .count = p->found.output_count};
+    snprintf(s->of.id, sizeof s->of.id, "%s", request->parameter[0]);
+    r->receipt = &s->receipt;
+}
+
 void results_send(const http_context *c, const http_request *request, reply *r)
 {
-    char *directory = NULL;
-    result found = {0};
+    place p = {0};
     error e = {0};
     const char *name = request->parameter[1];
-    if (!find_result(c, request, &directory, &found, r)) return;
-    const result_output *output = NULL;
-    for (size_t i = 0; i < found.output_count && !output; i++)
-        if (strcmp(name, found.output[i].name) == 0) output = &found.output[i];
-    if (!output) {
+    if (!find_result(c, request, &p, r)) {
+        place_clear(&p);
+        return;
+    }
+    size_t i = 0;
+    while (i < p.found.output_count && strcmp(name, p.found.output[i].name) != 0) i++;
+    if (i == p.found.output_count) {
         reply_set_problem(r, "not_found", NULL, "the job %s has no result named %.200s",
                           request->parameter[0], name);
     } else {
         int64_t bytes = 0;
-        int fd = result_open_file(directory, name, &bytes, &e);
-        if (fd >= 0)
-            send_file(request, output, fd, bytes, r);
-        else
+        int fd = result_open_file(p.directory, name, &bytes, &e);
+        if (fd >= 0) {
+            send_file(request, &p.found.output[i], fd, bytes, r);
+            add_receipt(c, request, &p, i, r);
+        } else {
             reply_set_error(r, &e, NULL);
+        }
     }
-    result_clear(&found);
-    free(directory);
+    place_clear(&p);
 }

@@ -1,6 +1,7 @@
 #include "api/status.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "config.h"
@@ -65,11 +66,26 @@ static void look_at_storage(const http_context *c, finding *f)
              (long long)space.free_bytes >> 20, (long long)space.floor_bytes >> 20);
 }
 
+static void look_at_results(const http_context *c, finding *f)
+{
+    queue_usage usage;
+    if (!queue_get_usage(c->q, &usage, NULL)) return;
+    free(usage.user);
+    if (!usage.full) return;
+    f->state = "full";
+    f->code = "unavailable";
+    snprintf(
+        f->detail, sizeof f->detail,
+        "results_full: results have met a bound (settings results_mb, results_count), and no job may be deleted to make room:"
+        " their owners have to fetch results, or delete jobs");
+}
+
 static const struct condition {
     const char *name;
     void (*look)(const http_context *c, finding *f);
 } conditions[] = {{"jobs", look_at_jobs},
                   {"queue", look_at_queue},
+                  {"results", look_at_results},
                   {"storage", look_at_storage},
                   {"database", look_at_database}};
 
@@ -140,6 +156,44 @@ void status_workers(const http_context *c, const http_request *request, reply *r
         json_put_integer(o, "memory_mb", running[i].job.memory_mb);
     }
     queue_claimed_free(running, count);
+    reply_set_json(r, 200, document);
+}
+
+static void put_limit(json *o, const char *key, int64_t limit)
+{
+    if (limit == INT64_MAX)
+        json_put_null(o, key);
+    else
+        json_put_integer(o, key, limit);
+}
+
+static void put_sum(json *o, const queue_sum *sum, const queue_sum *limit)
+{
+    json_put_integer(o, "bytes", sum->bytes);
+    put_limit(o, "bytes_limit", limit->bytes);
+    json_put_integer(o, "results", sum->results);
+    put_limit(o, "results_limit", limit->results);
+}
+
+void status_usage(const http_context *c, const http_request *request, reply *r)
+{
+    (void)request;
+    error e = {0};
+    queue_usage usage;
+    if (!queue_get_usage(c->q, &usage, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    json *document = json_new_object();
+    put_sum(json_put_object(document, "all"), &usage.all, &usage.bounds.all);
+    json_put_bool(document, "full", usage.full);
+    json *list = json_put_array(document, "users");
+    for (size_t i = 0; i < usage.count; i++) {
+        json *o = json_append_object(list);
+        json_put_string(o, "user", usage.user[i].name);
+        put_sum(o, &usage.user[i].sum, &usage.bounds.user);
+    }
+    free(usage.user);
     reply_set_json(r, 200, document);
 }
 

@@ -4,7 +4,7 @@
 
 #include "api/context.h"
 
-http_handler status_health, status_ready, status_version, status_workers;
+http_handler status_health, status_ready, status_version, status_workers, status_usage;
 
 /* Drain: the service accepts no jobs and starts no attempts; running ones continue. Resume ends that, and so
  * does a restart. */

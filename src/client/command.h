@@ -47,7 +47,7 @@ command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_delete, command_priority;
 command command_watch, command_workers, command_drain, command_undrain;
-command command_hold, command_release;
+command command_hold, command_release, command_usage;
 
 /* These work on the token file, without a server. */
 command command_token_add, command_token_list, command_token_revoke;

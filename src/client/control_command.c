@@ -158,6 +158,45 @@ int command_workers(client *c, const char *argument, const command_options *opti
     return code;
 }
 
+static void print_usage_row(json_at row, const char *name)
+{
+    static const char *const columns[] = {"bytes", "results"};
+    for (size_t i = 0; i < 2; i++) {
+        char *limit = mem_printf("%s_limit", columns[i]);
+        double unit = i == 0 ? 1 << 20 : 1;
+        json_at most = json_member(&row, limit);
+        printf("%10.*f", i == 0, json_number(json_member(&row, columns[i]), 0) / unit);
+        if (json_type_of(most) == JSON_NUMBER)
+            printf(" of %-10.*f  ", i == 0, json_number(most, 0) / unit);
+        else
+            printf("    %-10s  ", "");
+        free(limit);
+    }
+    print_text(stdout, name);
+    putchar('\n');
+}
+
+int command_usage(client *c, const char *argument, const command_options *options)
+{
+    (void)argument;
+    json *document = NULL;
+    if (options->json) return print_whole(c, "GET", "/v1/usage");
+    int code = command_ask(c, "GET", "/v1/usage", NULL, &document);
+    json_at root = json_root(document), list = json_member(&root, "users");
+    if (code == COMMAND_OK) {
+        printf("%10s%16s%10s%16s%s\n", "MIB", "", "RESULTS", "", "USER");
+        print_usage_row(json_member(&root, "all"), "(all)");
+        for (size_t i = 0; i < json_size(list); i++) {
+            json_at row = json_element(&list, i);
+            print_usage_row(row, json_string(json_member(&row, "user"), "?"));
+        }
+        if (json_bool(json_member(&root, "full"), false))
+            puts("no room: no job starts until results are fetched or jobs deleted");
+    }
+    json_free(document);
+    return code;
+}
+
 int command_drain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;

@@ -12,6 +12,8 @@
 #include "base/memory.h"
 #include "config/config_table.h"
 
+enum { MOST_SETTINGS = 128 };
+
 /* A source of values. `seen` marks the keys that it has set, to detect repeated keys and to begin lists anew.
  */
 typedef struct source {
@@ -19,11 +21,9 @@ typedef struct source {
     FILE *file;
     const char *path;
     int line;
-    bool seen[64];
+    bool seen[MOST_SETTINGS];
     error *e;
 } source;
-
-_Static_assert(sizeof((source *)0)->seen >= 32, "one flag per setting");
 
 static const char *default_of(const config_row *row)
 {
@@ -118,6 +118,7 @@ static const config_row *find_row(const char *key, size_t length)
 /* Sets a key from a source; the first value of a list replaces what an earlier source gave. */
 static bool set_from(source *s, const config_row *row, const char *value)
 {
+    assert(config_table_size <= MOST_SETTINGS);
     bool *seen = &s->seen[row - config_table];
     if (*seen && !is_list(row)) return error_set(s->e, ERROR_SPEC_INVALID, "%s is given twice", row->key);
     if (!*seen && is_list(row)) list_clear((config_list *)((char *)s->c + row->offset));

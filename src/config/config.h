@@ -45,11 +45,14 @@ typedef struct config {
     config_list user_weights, user_priorities;
     double retry_s, retry_most_s;
     int64_t storage_retries;
-    int64_t free_space_mb, reserve_mb; /* 0: none */
-    double check_interval_s;           /* 0: never */
-    double retention_s;                /* 0: for ever */
-    double timeout_s, stall_s;         /* 0: none */
-    int64_t estimates;                 /* 0: none */
+    int64_t free_space_mb, reserve_mb;                          /* 0: none */
+    double check_interval_s;                                    /* 0: never */
+    double retention_s;                                         /* 0: for ever */
+    int64_t results_mb;                                         /* 0: by the size of the disk */
+    int64_t results_count, user_results_mb, user_results_count; /* 0: any number */
+    int64_t delete_undelivered;                                 /* 0: no */
+    double timeout_s, stall_s;                                  /* 0: none */
+    int64_t estimates;                                          /* 0: none */
     double estimate_timeout_s;
     double grace_s, drain_s;
     int64_t body_limit_bytes, header_limit_bytes, connection_limit, client_connection_limit;

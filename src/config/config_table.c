@@ -170,6 +170,28 @@ const config_row config_table[] = {
          "made when the queue is idle. After each start there is a quick check in addition. 0: only the quick check."},
     {SETTING(retention_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e10, .unit = "s",
      .help = "How long a job and its results are kept after its end, if the job names no time. 0: forever."},
+    {SETTING(results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
+     .unit = "MiB",
+     .help =
+         "The space on the disk that ended jobs may keep, with results and logs. When it is met, jobs are deleted "
+         "until it is not: of those that were delivered, the one for which that was longest ago comes first. A job is "
+         "delivered when its owner has fetched each file of its results, or they were copied to output.directory, "
+         "or it has none. When no job may be deleted, none is started and new ones are refused (results_full). Jobs "
+         "that run meanwhile may exceed it. 0: four fifths of the disk of state_dir."},
+    {SETTING(results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
+     .unit = "results",
+     .help =
+         "The same for the number of results: jobs, and frames of arrays, that succeeded, failed or timed out. "
+         "0: any number."},
+    {SETTING(user_results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
+     .unit = "MiB",
+     .help = "results_mb for the results of each user; the jobs of others go on. 0: no bound."},
+    {SETTING(user_results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
+     .unit = "results", .help = "results_count for the results of each user. 0: any number."},
+    {SETTING(delete_undelivered), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
+     .help =
+         "1: when results have met a bound and all delivered jobs are deleted, the others follow, the oldest "
+         "first. 0: nothing is deleted that was not delivered."},
     {SETTING(grace_s), .type = CONFIG_REAL, .default_text = "5", .low = 0, .high = 3600, .unit = "s",
      .reloads = true, .help = "The time between asking a worker to end and killing it."},
     {SETTING(drain_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 1e6, .unit = "s",

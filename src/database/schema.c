@@ -105,6 +105,48 @@
     "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;" \
     "CREATE INDEX job_by_time ON job (created_ms);"
 
+/* What ended jobs leave: the sums of each user, and of all in the table service. The indexes have the order in which jobs
+ * are deleted when a bound is met (queue/usage). */
+#define ADD_TO_USAGE \
+    " ON CONFLICT DO UPDATE SET results = results + excluded.results, bytes = bytes + excluded.bytes;"
+#define USAGE                                                                                            \
+    "CREATE TABLE usage ("                                                                               \
+    "  owner TEXT PRIMARY KEY,"                                                                          \
+    "  results INTEGER NOT NULL,"                                                                        \
+    "  bytes INTEGER NOT NULL"                                                                           \
+    ") STRICT, WITHOUT ROWID;"                                                                           \
+    "ALTER TABLE service ADD COLUMN results INTEGER NOT NULL DEFAULT 0;"                                 \
+    "ALTER TABLE service ADD COLUMN result_bytes INTEGER NOT NULL DEFAULT 0;"                            \
+    "CREATE TRIGGER usage_begins AFTER INSERT ON usage BEGIN"                                            \
+    "  UPDATE service SET results = results + new.results, result_bytes = result_bytes + new.bytes;"     \
+    "END;"                                                                                               \
+    "CREATE TRIGGER usage_changes AFTER UPDATE ON usage BEGIN"                                           \
+    "  UPDATE service SET results = results + new.results - old.results,"                                \
+    "    result_bytes = result_bytes + new.bytes - old.bytes;"                                           \
+    "END;"                                                                                               \
+    "CREATE TRIGGER job_leaves AFTER UPDATE OF succeeded, failed, timed_out, result_bytes ON job"        \
+    "  WHEN new.result_bytes IS NOT old.result_bytes OR"                                                 \
+    "    new.succeeded + new.failed + new.timed_out != old.succeeded + old.failed + old.timed_out BEGIN" \
+    "  INSERT INTO usage VALUES (new.owner,"                                                             \
+    "    new.succeeded + new.failed + new.timed_out - old.succeeded - old.failed - old.timed_out,"       \
+    "    coalesce(new.result_bytes, 0) - coalesce(old.result_bytes, 0))" ADD_TO_USAGE "END;"             \
+    "CREATE TRIGGER job_is_adopted AFTER INSERT ON job WHEN new.succeeded > 0 BEGIN"                     \
+    "  INSERT INTO usage VALUES (new.owner, new.succeeded, 0)" ADD_TO_USAGE "END;"                       \
+    "CREATE TRIGGER job_is_deleted AFTER DELETE ON job BEGIN"                                            \
+    "  UPDATE usage SET results = results - old.succeeded - old.failed - old.timed_out,"                 \
+    "    bytes = bytes - coalesce(old.result_bytes, 0) WHERE owner = old.owner;"                         \
+    "  DELETE FROM usage WHERE owner = old.owner AND results = 0 AND bytes = 0;"                         \
+    "END;"                                                                                               \
+    "CREATE INDEX job_leaving ON job ((delivered_ms IS NULL), coalesce(delivered_ms, finished_ms))"      \
+    "  WHERE " SCHEMA_KEPT ";"                                                                           \
+    "CREATE INDEX job_leaving_of ON job"                                                                 \
+    "  (owner, (delivered_ms IS NULL), coalesce(delivered_ms, finished_ms)) WHERE " SCHEMA_KEPT ";"      \
+    "CREATE INDEX job_unmeasured ON job (seq) WHERE " SCHEMA_UNMEASURED ";"
+#define RESULT_BYTES "result_bytes INTEGER DEFAULT 0"    /* NULL: not known yet */
+#define DELIVERED "delivered INTEGER NOT NULL DEFAULT 0" /* tasks */
+#define DELIVERED_MS "delivered_ms INTEGER"
+#define IS_DELIVERED "is_delivered INTEGER NOT NULL DEFAULT 0"
+
 /* A job has the counts of its tasks, so that its state follows from one row. `pending` counts the jobs it waits for.
  * The spec has a table of its own, because it is long and never changes, while the row changes often. */
 static const char tables[] =
@@ -150,6 +192,7 @@ static const char tables[] =
     "  cached_from TEXT,"
     "  key TEXT,"
     "  body_hash TEXT,"
+    "  " RESULT_BYTES ", " DELIVERED ", " DELIVERED_MS ","
     "  CHECK (ready >= 0 AND delayed >= 0 AND running >= 0 AND"
     "    ready + delayed + running + succeeded + failed + cancelled + timed_out = tasks)"
     ") STRICT;"
@@ -182,6 +225,7 @@ static const char tables[] =
     "  finished_ms INTEGER,"
     "  error_code TEXT,"
     "  error_message TEXT,"
+    "  " IS_DELIVERED ","
     "  PRIMARY KEY (job, number)"
     ") STRICT, WITHOUT ROWID;"
     "CREATE UNIQUE INDEX task_by_frame ON task (job, frame) WHERE frame IS NOT NULL;"
@@ -204,7 +248,7 @@ static const char tables[] =
     "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
     ") STRICT, WITHOUT ROWID;"
 
-    OWNER
+    OWNER USAGE
 
     "CREATE TABLE label ("
     "  label TEXT NOT NULL,"
@@ -352,6 +396,18 @@ static const char add_unresolved[] =
 /* Migration from version 7, in which jobs depended on success only. */
 static const char add_any_end[] = "ALTER TABLE dependency ADD COLUMN " ANY_END ";" FOUND;
 
+/* Migration from version 8, in which nothing was known of what jobs leave. It is measured later. */
+static const char add_usage[] = "ALTER TABLE job ADD COLUMN " RESULT_BYTES ";"
+                                "ALTER TABLE job ADD COLUMN " DELIVERED ";"
+                                "ALTER TABLE job ADD COLUMN " DELIVERED_MS ";"
+                                "ALTER TABLE task ADD COLUMN " IS_DELIVERED ";" USAGE;
+static const char find_usage[] =
+    "DELETE FROM usage; UPDATE service SET results = 0;"
+    "INSERT INTO usage SELECT owner, sum(succeeded + failed + timed_out), 0 FROM job"
+    "  WHERE succeeded + failed + timed_out > 0 GROUP BY owner;"
+    "UPDATE job SET result_bytes = NULL,"
+    "  delivered_ms = iif(finished_ms IS NOT NULL AND succeeded = 0, finished_ms, NULL);";
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -365,7 +421,8 @@ static const struct step {
     {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
     {2, 5, add_state_count},      {2, 6, add_turns},
     {1, 6, find_owners},          {2, 7, add_any_end},
-    {2, 7, add_unresolved},
+    {2, 7, add_unresolved},       {2, 8, add_usage},
+    {1, 8, find_usage},
 };
 
 bool schema_error_is_damage(int code)

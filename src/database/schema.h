@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 8
+#define SCHEMA_VERSION 9
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 
@@ -25,6 +25,10 @@
 #define SCHEMA_FIRST_JOB                                                                \
     " (SELECT priority, seq FROM job INDEXED BY job_ready WHERE job.owner = owner.name" \
     " AND " SCHEMA_CLAIMABLE " ORDER BY priority DESC, seq LIMIT 1)"
+
+/* SQL conditions on a row of job: it has ended and left something to be kept; and it is not known how many bytes. */
+#define SCHEMA_KEPT "finished_ms IS NOT NULL AND succeeded + failed + timed_out > 0"
+#define SCHEMA_UNMEASURED "result_bytes IS NULL AND finished_ms IS NOT NULL"
 
 /* Creates or migrates the tables and compares them with the expected schema. When they cannot be read or differ, the
  * error has the code database_damaged and tells what is wrong and what to do. */

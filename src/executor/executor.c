@@ -102,6 +102,16 @@ bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, er
     return retention_delete(x->retention, id, found, deleted, e);
 }
 
+void executor_note_sent(executor *x, const fetches_result *of, size_t index, size_t count)
+{
+    retention_note_sent(x->retention, of, index, count);
+}
+
+uint64_t executor_count_evicted(const executor *x)
+{
+    return retention_count_evicted(x->retention);
+}
+
 /* Steps a slot and handles what follows for the other slots. */
 static void serve(executor *x, slot *s)
 {
@@ -414,7 +424,8 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     set_context(x);
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
-         (x->retention = retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, e));
+         (x->retention =
+              retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
     if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
     executor_free(x);
     return NULL;

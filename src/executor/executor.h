@@ -20,6 +20,7 @@
 #include "executor/meter.h"
 #include "executor/progress_ring.h"
 #include "queue/queue.h"
+#include "results/fetches.h"
 #include "store/inputs.h"
 #include "store/output.h"
 
@@ -62,6 +63,10 @@ void executor_stop(executor *x);
 
 /* Like queue_delete, and removes the job's directories. */
 bool executor_delete(executor *x, const char *id, bool *found, bool *deleted, error *e);
+
+/* These two are retention_note_sent and retention_count_evicted. */
+void executor_note_sent(executor *x, const fetches_result *of, size_t index, size_t count);
+uint64_t executor_count_evicted(const executor *x);
 
 /* Call it after a job was put into the queue or edited. */
 void executor_wake(executor *x);

@@ -276,8 +276,8 @@ static bool check_fence(queue *q, const queue_claimed *c, bool *current, error *
 }
 
 /* Describes the end of the attempt for the queue. */
-static queue_ending make_ending(const settlement_place *place, const settlement *s,
-                                const engine_ending *ending)
+static queue_ending make_ending(const settlement_place *place, const queue_claimed *c, const settlement *s,
+                                const engine_ending *ending, int64_t bytes)
 {
     bool success = s->verdict == SETTLEMENT_SUCCEED; /* a result that could not be copied is not reused */
     return (queue_ending){
@@ -295,6 +295,8 @@ static queue_ending make_ending(const settlement_place *place, const settlement 
         .reason = s->reason,
         .cached_from = success ? s->cached_from : NULL,
         .copied = s->copied,
+        .bytes = bytes,
+        .delivered = success && c->directory,
         .cache_key = success ? s->cache_key : NULL,
         .cache_inputs = success ? s->cache_inputs : NULL,
     };
@@ -317,12 +319,24 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     return true;
 }
 
+/* The space that the attempt leaves. A result that is kept for the next attempt counts when that ends. */
+static int64_t measure_left(const settlement_place *place, const queue_claimed *c, const settlement *s,
+                            const char *directory)
+{
+    if (s->keep) return 0;
+    if (s->verdict != SETTLEMENT_SUCCEED) return result_disk_bytes(directory);
+    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
+    int64_t bytes = result_disk_bytes(results);
+    free(results);
+    return bytes;
+}
+
 /* Stores the verdict in the queue. A task to be queued again that was cancelled meanwhile ends as cancelled. */
 static bool settle_task(const settlement_place *place, const queue_claimed *c, const settlement *s,
                         const engine_ending *ending, const char *directory, error *e)
 {
     bool requeue = s->verdict >= SETTLEMENT_RETRY, accepted = false;
-    queue_ending end = make_ending(place, s, ending);
+    queue_ending end = make_ending(place, c, s, ending, measure_left(place, c, s, directory));
     const queue_fence fence = {c->job.id, c->task.number, c->task.attempt};
     bool ok = requeue ? queue_requeue(place->q, &fence, s->verdict == SETTLEMENT_RETRY_CRASHED,
                                       next_try_ms(place, c, s->verdict), &end, &accepted, e)

@@ -44,6 +44,7 @@ static const reply_problem problems[] = {
     {"database_damaged", 503, "The database of the service is damaged"},
     {"limit_memory", 422, "The job needs more memory than there is"},
     {"too_many_jobs", 429, "The user has too many jobs"},
+    {"results_full", 507, "There is no room for more results"},
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
     {"priority_forbidden", 403, "The user may not give this priority"},
     {"storage_full", 507, "The storage is full"},
@@ -69,6 +70,7 @@ void reply_clear(reply *r)
     free(r->body);
     if (r->fd >= 0) close(r->fd);
     if (r->source) r->source->free(r->source);
+    if (r->receipt) r->receipt->end(r->receipt, false);
     for (size_t i = 0; i < r->header_count; i++) free(r->header[i].value);
     *r = (reply){.fd = -1};
 }

@@ -20,7 +20,10 @@
  *     idempotency_mismatch 422    the Idempotency-Key was used with another body
  *     digest_mismatch 422         the bytes of an input do not have the announced hash
  *     storage_full 507            the disk is full, with Retry-After; or there is no room for an input, without
+ *     results_full 507            results have met a bound, and none may be deleted; with Retry-After
  *     too_many_jobs 429           of one user; with Retry-After
+ *     too_many_submissions 429    of one user in an hour; with Retry-After
+ *     priority_forbidden 403      user_priorities allows less
  *     too_many_requests 429       too many connections of one client or user; with Retry-After
  *     database_damaged 503        nothing can be changed until an operator has repaired it
  *     unavailable 503             draining, the queue cannot store, or too many connections in all; with Retry-After
@@ -54,6 +57,12 @@ typedef struct reply_source {
     void (*free)(struct reply_source *source);
 } reply_source;
 
+/* Tells what became of an answer. */
+typedef struct reply_receipt {
+    /* Called once. `sent`: the client was sent the whole answer, with its body. The serving thread calls it. */
+    void (*end)(struct reply_receipt *receipt, bool sent);
+} reply_receipt;
+
 #define REPLY_TOPIC_SIZE 32
 
 typedef struct reply {
@@ -65,6 +74,7 @@ typedef struct reply {
     int fd; /* -1: the body */
     int64_t fd_offset, fd_bytes;
     reply_source *source;         /* NULL: body or file */
+    reply_receipt *receipt;       /* NULL: none */
     char topic[REPLY_TOPIC_SIZE]; /* of a source or a waiting answer: what it waits for; "": anything */
     int64_t again_ms;             /* monotonic */
     size_t header_count;

@@ -71,6 +71,8 @@ typedef struct exchange {
     bool answered;  /* what still comes of the body is thrown away */
     bool chunked;
     reply answer;
+    reply_receipt *receipt; /* of the answer that is being sent */
+    bool head;              /* a HEAD request: the body is not sent */
 } exchange;
 
 static const char *const header_names[HTTP_HEADER_COUNT] = {
@@ -184,7 +186,7 @@ static void add_page_headers(const char *origin, struct MHD_Response *response)
                             " WWW-Authenticate");
 }
 
-static enum MHD_Result queue_reply(const exchange *x, reply *r)
+static enum MHD_Result queue_reply(exchange *x, reply *r)
 {
     struct MHD_Response *response;
     if (r->source) {
@@ -211,6 +213,8 @@ static enum MHD_Result queue_reply(const exchange *x, reply *r)
         done = MHD_queue_response(x->connection, (unsigned)r->status, response);
         MHD_destroy_response(response);
     }
+    x->receipt = r->receipt;
+    r->receipt = NULL;
     reply_clear(r);
     return done;
 }
@@ -498,6 +502,7 @@ static enum MHD_Result begin(exchange *x, const char *method, const char *path, 
     server *s = x->s;
     leave_unread(x);
     x->begun = true;
+    x->head = strcmp(method, MHD_HTTP_METHOD_HEAD) == 0;
     pthread_mutex_lock(&s->mutex);
     s->busy++;
     pthread_mutex_unlock(&s->mutex);
@@ -639,7 +644,6 @@ static size_t unescape(void *context, struct MHD_Connection *connection, char *t
 static void complete(void *context, struct MHD_Connection *connection, void **slot,
                      enum MHD_RequestTerminationCode why)
 {
-    (void)why;
     server *s = context;
     exchange *x = *slot;
     connections_end_request(s->connections, connection_of(connection));
@@ -647,6 +651,7 @@ static void complete(void *context, struct MHD_Connection *connection, void **sl
     bool begun = x->begun;
     if (!begun) leave_unread(x);
     reply_clear(&x->answer);
+    if (x->receipt) x->receipt->end(x->receipt, why == MHD_REQUEST_TERMINATED_COMPLETED_OK && !x->head);
     if (x->request.sink) x->request.sink->drop(x->request.sink);
     free(x->body);
     free(x);

@@ -11,6 +11,7 @@
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "config.h"
@@ -46,6 +47,8 @@
 #define LISTEN_SOCKET_NAME "hexad.sock"
 /* The value of tcp_without_tokens that opens a loopback port without tokens. */
 #define OPEN_TCP "anyone-on-this-machine-may-submit-and-cancel"
+/* The share of the disk that results may take when results_mb is not set. */
+static const double RESULTS_SHARE = 0.8;
 /* How often the status goes to a service manager without a watchdog. */
 static const int STATUS_MS = 10000;
 /* Time to settle killed workers, in addition to drain_s and grace_s. */
@@ -119,11 +122,32 @@ static void fini_state(service *s)
     free(s->state_dir);
 }
 
+static int64_t bound_of(int64_t setting, int64_t unit)
+{
+    return setting ? setting * unit : INT64_MAX;
+}
+
+static void bound_results(service *s)
+{
+    const config *c = &s->settings;
+    struct statvfs disk;
+    queue_bounds bounds = {
+        .all = {bound_of(c->results_mb, 1 << 20), bound_of(c->results_count, 1)},
+        .user = {bound_of(c->user_results_mb, 1 << 20), bound_of(c->user_results_count, 1)},
+        .undelivered = c->delete_undelivered != 0,
+    };
+    if (!c->results_mb && statvfs(s->state_dir, &disk) == 0 && disk.f_blocks)
+        bounds.all.bytes = (int64_t)(RESULTS_SHARE * (double)disk.f_blocks * (double)disk.f_frsize);
+    queue_bound(s->q, &bounds);
+}
+
 static bool init_queue(service *s, error *e)
 {
     s->q = instance_open_queue(s->state_dir, s->adopt, e);
-    if (s->q) queue_reserve(s->q, s->settings.reserve_mb << 20);
-    return s->q != NULL;
+    if (!s->q) return false;
+    queue_reserve(s->q, s->settings.reserve_mb << 20);
+    bound_results(s);
+    return true;
 }
 
 static void fini_queue(service *s)

@@ -55,6 +55,7 @@ static const char usage[] =
     "                    change the priority of a job\n"
     "  watch ID          print the events of a job as they happen, as lines of JSON\n"
     "  workers           list the running attempts, and the limits\n"
+    "  usage             tell the space that results take, of all users and of each, and the bounds\n"
     "  drain, undrain    accept and start no more jobs; accept and start them again\n"
     "  hold, release     accept jobs but start none, also after a restart; start them again\n"
     "  token add USER [--scopes LIST] [--file FILE]\n"
@@ -108,6 +109,7 @@ static const struct entry {
     {"priority", command_priority, ONE, "--priority"},
     {"watch", command_watch, ONE, ""},
     {"workers", command_workers, NONE, ""},
+    {"usage", command_usage, NONE, ""},
     {"drain", command_drain, NONE, ""},
     {"undrain", command_undrain, NONE, ""},
     {"hold", command_hold, NONE, ""},

@@ -59,6 +59,7 @@ static bool end_found(database *d, change *asked)
                "UPDATE task SET state = 'succeeded', outcome = ?3, not_before_ms = NULL,"
                " finished_ms = ?4, error_code = NULL, error_message = NULL WHERE job = ?1 AND number = ?2",
                integer(j.seq), integer(number), text(queue_outcome_name(f->outcome)), integer(now)) &&
+           RUN(d, e, "UPDATE job SET result_bytes = NULL WHERE seq = ?1", integer(j.seq)) &&
            (f->frame == QUEUE_NO_FRAME || job_state_add_event(d, j.seq, QUEUE_EVENT_TASK, QUEUE_SUCCEEDED,
                                                               f->outcome, f->frame, 0, now, e)) &&
            job_state_save(d, &before, &j, now, e);
@@ -107,8 +108,8 @@ static bool adopt_one(database *d, const queue_adoption *a, int64_t now, error *
     if (!RUN(
             d, e,
             "INSERT INTO job (id, owner, state, outcome, priority, threads, memory_mb, max_attempts, is_array,"
-            " tasks, ready, succeeded, not_converged, unresolved, created_ms, finished_ms, name, labels)"
-            " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
+            " tasks, ready, succeeded, not_converged, unresolved, created_ms, finished_ms, name, labels, result_bytes)"
+            " VALUES (?1, '', 'succeeded', ?2, ?3, ?4, ?5, ?6, ?7, ?8, 0, ?8, ?9, ?10, ?11, ?12, ?13, ?14, NULL)",
             text(a->id), text(queue_outcome_name(outcome)), integer(a->priority), integer(a->threads),
             integer(a->memory_mb), integer(a->max_attempts), integer(array), integer((int64_t)a->task_count),
             integer(counts.not_converged), integer(counts.unresolved), integer(ulid_time_ms(a->id)),

@@ -12,6 +12,7 @@
 #include "queue/hold.h"
 #include "queue/members.h"
 #include "queue/owner.h"
+#include "queue/usage.h"
 
 typedef struct claiming {
     change change;
@@ -147,9 +148,10 @@ static bool claim(database *d, change *asked)
     claiming *c = (claiming *)asked;
     error *e = &asked->fault;
     int64_t now = clock_wall_ms(), seq = 0;
-    bool ok, held = false;
+    bool ok, held = false, full = false;
     if (c->room)
-        ok = promote(d, now, e) && hold_read(d, &held, e) && (held || owner_choose(c->q, c->room, &seq, e));
+        ok = promote(d, now, e) && hold_read(d, &held, e) && usage_is_met(c->q, &full, e) &&
+             (held || full || owner_choose(c->q, c->room, &seq, e));
     else
         ok = database_read_integer(
             d, ASK(d, e, "SELECT seq FROM job WHERE id = ?1 AND " SCHEMA_CLAIMABLE, text(c->id)), &seq, e);
@@ -299,6 +301,19 @@ static bool end_followers(database *d, const settling *s, job_state *j, int fram
                                  e);
 }
 
+/* Adds what the attempt leaves on the disk. */
+static bool note_left(database *d, const settling *s, const job_state *j, error *e)
+{
+    const queue_ending *x = s->ending;
+    bool delivered = x->delivered && !s->back && x->state == QUEUE_SUCCEEDED;
+    if (!x->bytes && !delivered) return true;
+    return RUN(d, e,
+               "UPDATE job SET result_bytes = result_bytes + ?2, delivered = delivered + ?3 WHERE seq = ?1",
+               integer(j->seq), integer(x->bytes), integer(delivered)) &&
+           (!delivered || RUN(d, e, "UPDATE task SET is_delivered = 1 WHERE job = ?1 AND number = ?2",
+                              integer(j->seq), integer(s->fence->task)));
+}
+
 static bool settle(database *d, change *asked)
 {
     settling *s = (settling *)asked;
@@ -317,7 +332,8 @@ static bool settle(database *d, change *asked)
     return end_attempt(d, s, &j, frame, now, e) &&
            (s->back ? put_back(d, s, &j, now, e) : end_task(d, s, &j, frame, now, e)) &&
            (!s->ending->copied || copy_forget(d, s->ending->copied, e)) &&
-           end_followers(d, s, &j, frame, now, e) && job_state_save(d, &before, &j, now, e);
+           end_followers(d, s, &j, frame, now, e) && note_left(d, s, &j, e) &&
+           job_state_save(d, &before, &j, now, e);
 }
 
 static bool run_settling(queue *q, settling *s, bool *accepted, error *e)

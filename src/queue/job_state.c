@@ -137,7 +137,8 @@ static bool store(database *d, const job_state *j, queue_outcome outcome, error 
         "UPDATE job SET revision = ?2, state = ?3, outcome = ?4, is_paused = ?5, is_cancelled = ?6,"
         " pending = ?7, ready = ?8, delayed = ?9, running = ?10, succeeded = ?11, failed = ?12,"
         " cancelled = ?13, timed_out = ?14, not_converged = ?15, attempts = ?16, started_ms = ?17,"
-        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, error_code = NULL, error_message = NULL"
+        " finished_ms = ?18, expires_ms = ?19, retention_s = ?20, unresolved = ?21, error_code = NULL, error_message = NULL,"
+        " delivered_ms = iif(?18 IS NOT NULL AND delivered >= ?11, coalesce(delivered_ms, ?18), NULL)"
         " WHERE seq = ?1",
         integer(j->seq), integer(j->revision), text(queue_state_name(j->state)),
         text(queue_outcome_name(outcome)), integer(j->paused), integer(j->cancelled), integer(j->pending),

@@ -22,6 +22,7 @@ typedef struct overtaken {
 struct queue {
     database *database;
     overtaken overtaken;
+    queue_bounds bounds;
     atomic_uint_fast64_t stamp[MEMBERS_STAMPS]; /* of jobs */
 };
 

@@ -3,12 +3,13 @@
 #include <stdlib.h>
 
 #include "database/schema.h"
+#include "queue/usage.h"
 
 /* Among how many users, and how many jobs of each, a job is searched that fits. */
 #define USERS_AHEAD "64"
 #define JOBS_AHEAD "64"
 
-#define MAY_CLAIM "owner.priority IS NOT NULL AND (?1 = 0 OR owner.running < ?1)"
+#define MAY_CLAIM "owner.priority IS NOT NULL AND (?1 = 0 OR owner.running < ?1) AND " USAGE_BELOW
 #define IN_TURN "owner.priority DESC, owner.pass, owner.first"
 
 static bool count(database *d, int64_t seq, int unfinished, int running, error *e)
@@ -66,7 +67,8 @@ bool owner_take_turn(database *d, int64_t seq, const user_numbers *weights, erro
 #define FITS "((min(threads, ?2) <= ?3 AND memory_mb <= ?4) OR memory_mb > ?5)"
 
 /* Finds the job that is first in order, and whether it fits. */
-static bool find_head(database *d, const queue_room *room, int64_t *seq, bool *fits, error *e)
+static bool find_head(database *d, const queue_room *room, const queue_sum *bound, int64_t *seq, bool *fits,
+                      error *e)
 {
     bool ok = false;
     sqlite3_stmt *s =
@@ -74,7 +76,8 @@ static bool find_head(database *d, const queue_room *room, int64_t *seq, bool *f
             "SELECT job.seq, " FITS " FROM owner CROSS JOIN job ON job.seq = owner.first WHERE " MAY_CLAIM
             " ORDER BY " IN_TURN " LIMIT 1",
             integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
-            integer(room->memory_mb), integer(room->all_memory_mb));
+            integer(room->memory_mb), integer(room->all_memory_mb), integer(bound->bytes),
+            integer(bound->results));
     while (database_next(d, s, &ok, e)) {
         *seq = sqlite3_column_int64(s, 0);
         *fits = sqlite3_column_int(s, 1);
@@ -83,7 +86,7 @@ static bool find_head(database *d, const queue_room *room, int64_t *seq, bool *f
 }
 
 /* Finds the first job that fits. */
-static bool find_fitting(database *d, const queue_room *room, int64_t *seq, error *e)
+static bool find_fitting(database *d, const queue_room *room, const queue_sum *bound, int64_t *seq, error *e)
 {
     return database_read_integer(
         d,
@@ -98,7 +101,8 @@ static bool find_fitting(database *d, const queue_room *room, int64_t *seq, erro
             "  WHERE " FITS " LIMIT 1)"
             " ORDER BY job.priority DESC, near.pass, job.seq LIMIT 1",
             integer(room->most_of_owner), integer(room->all_threads), integer(room->threads),
-            integer(room->memory_mb), integer(room->all_memory_mb)),
+            integer(room->memory_mb), integer(room->all_memory_mb), integer(bound->bytes),
+            integer(bound->results)),
         seq, e);
 }
 
@@ -109,14 +113,14 @@ bool owner_choose(queue *q, const queue_room *room, int64_t *seq, error *e)
     int64_t head = 0;
     bool fits = false;
     *seq = 0;
-    if (!find_head(d, room, &head, &fits, e)) return false;
+    if (!find_head(d, room, &q->bounds.user, &head, &fits, e)) return false;
     if (!head || fits) {
         *seq = head;
         return true;
     }
     if (o->seq != head) *o = (overtaken){.seq = head};
     if (o->times == QUEUE_OVERTAKE_MOST) return true;
-    if (!find_fitting(d, room, seq, e)) return false;
+    if (!find_fitting(d, room, &q->bounds.user, seq, e)) return false;
     if (*seq) o->times++;
     return true;
 }

@@ -20,6 +20,7 @@ static queue *open_with(database *d)
     if (!d) return NULL;
     queue *q = mem_alloc(sizeof *q);
     q->database = d;
+    q->bounds = (queue_bounds){.all = {INT64_MAX, INT64_MAX}, .user = {INT64_MAX, INT64_MAX}};
     sqlite3_update_hook(database_connection(d), note_row, q);
     return q;
 }

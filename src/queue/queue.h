@@ -166,6 +166,8 @@ typedef enum queue_verdict {
     QUEUE_REPLAYED,          /* the key was seen with this body: the receipt names that job */
     QUEUE_MISMATCH,          /* the key was seen with another body, for the job in the receipt */
     QUEUE_TOO_MANY,          /* the owner has most_waiting jobs already */
+    QUEUE_RESULTS_FULL,      /* a bound of all results is met and none may be deleted (queue_bounds) */
+    QUEUE_USER_RESULTS_FULL, /* one of the owner's */
     QUEUE_NO_ROOM,           /* the disk has less free than queue_reserve has set aside */
     QUEUE_UNKNOWN_DEPENDENCY /* the receipt says which of depends_on, or behind these of after */
 } queue_verdict;
@@ -350,6 +352,8 @@ typedef struct queue_ending {
     const char *reason;                     /* one line for the attempt's record; may be NULL */
     const char *cached_from;                /* the job whose result was reused; may be NULL */
     bool storage_fault;                     /* for queue_requeue: a disk was full or failed */
+    int64_t bytes;                          /* that the attempt leaves on the disk */
+    bool delivered;                         /* for queue_finish: the result was copied to output.directory */
     const char *copied;                     /* a name of queue_note_copy to be forgotten; may be NULL */
     const char *cache_key,
         *cache_inputs; /* both or none: the result may be reused by other jobs, see queue_recall */
@@ -492,6 +496,49 @@ typedef struct queue_adoption {
 
 /* Puts the jobs into the queue, all or none. Their owner is "" and they are kept until somebody deletes them. */
 bool queue_adopt(queue *q, const queue_adoption *jobs, size_t count, error *e);
+
+/* ---- the space that results take */
+
+typedef struct queue_sum {
+    int64_t bytes, results;
+} queue_sum;
+
+/* Bounds of what ended jobs leave: files of results, and logs. Every task that succeeded, failed or timed out counts as a
+ * result. While a bound of all is met, no task is started; while one of a user is met, none of his. What runs then may
+ * exceed it. */
+typedef struct queue_bounds {
+    queue_sum all, user; /* INT64_MAX: none */
+    bool undelivered;    /* jobs whose results nobody got may be deleted, too, after all others */
+} queue_bounds;
+
+/* Call it before other threads use the queue. Without it there are no bounds. */
+void queue_bound(queue *q, const queue_bounds *bounds);
+
+/* The job to be deleted next, because a bound is met: of those whose results were all delivered, the one for which that
+ * was longest ago. A job without results counts as delivered when it ends. */
+bool queue_next_leaving(queue *q, char id[ULID_SIZE], bool *found, error *e);
+
+/* The owner has got the whole result of this task. Changes nothing when that is known or there is no result. */
+bool queue_note_delivery(queue *q, const char *id, int frame, int64_t wall_ms, error *e);
+
+/* An ended job whose bytes are not known: an older version ran it, or it was adopted. */
+bool queue_next_unmeasured(queue *q, char id[ULID_SIZE], bool *found, error *e);
+bool queue_note_bytes(queue *q, const char *id, int64_t bytes, error *e);
+
+typedef struct queue_user_sum {
+    char name[QUEUE_OWNER_SIZE];
+    queue_sum sum;
+} queue_user_sum;
+
+typedef struct queue_usage {
+    queue_bounds bounds;
+    queue_sum all;
+    bool full;            /* a bound of all is met, and no job may be deleted */
+    queue_user_sum *user; /* who has most comes first; to be freed */
+    size_t count;
+} queue_usage;
+
+bool queue_get_usage(queue *q, queue_usage *usage, error *e);
 
 /* ---- webhooks */
 

@@ -6,10 +6,12 @@
 #include "base/clock.h"
 #include "queue/job_state.h"
 #include "queue/members.h"
+#include "queue/usage.h"
 
 typedef struct submitting {
     change change;
     const queue_submission *in;
+    queue *q;
     const char *owner;
     queue_receipt receipt;
 } submitting;
@@ -44,6 +46,16 @@ static bool check_share(database *d, submitting *s, bool *full, error *e)
     while (database_next(d, row, &ok, e)) *full = sqlite3_column_int64(row, 0) >= s->in->most_waiting;
     if (*full) s->receipt.verdict = QUEUE_TOO_MANY;
     return ok;
+}
+
+/* Whether there is room for more results. */
+static bool check_results(submitting *s, bool *full, error *e)
+{
+    usage_verdict verdict = USAGE_ROOM;
+    if (!usage_judge(s->q, s->owner, &verdict, e)) return false;
+    *full = verdict != USAGE_ROOM;
+    if (*full) s->receipt.verdict = verdict == USAGE_FULL ? QUEUE_RESULTS_FULL : QUEUE_USER_RESULTS_FULL;
+    return true;
 }
 
 /* Reads the state of a job that the new one depends on. */
@@ -153,6 +165,8 @@ static bool put(database *d, change *c)
     if (stop) return true;
     if (!check_share(d, s, &stop, e)) return false;
     if (stop) return true;
+    if (!check_results(s, &stop, e)) return false;
+    if (stop) return true;
     if (!check_needs(d, s, &pending, &lost, &how, &stop, e)) return false;
     if (stop) return true;
     if (!database_has_room(d)) {
@@ -184,7 +198,7 @@ static bool put(database *d, change *c)
 bool queue_put(queue *q, const queue_submission *submission, queue_receipt *receipt, error *e)
 {
     submitting s = {
-        .change.apply = put, .in = submission, .owner = submission->owner ? submission->owner : ""};
+        .change.apply = put, .q = q, .in = submission, .owner = submission->owner ? submission->owner : ""};
     if (!database_change(q->database, &s.change, e)) return false;
     *receipt = s.receipt;
     return true;

@@ -1,5 +1,6 @@
 #include "results/result.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -227,4 +228,17 @@ void result_remove_leftovers(const char *directory)
     }
     free(text);
     free(log);
+}
+
+int64_t result_disk_bytes(const char *directory)
+{
+    struct stat info;
+    int64_t blocks = 0;
+    DIR *listing = opendir(directory);
+    for (struct dirent *entry; listing && (entry = readdir(listing));)
+        if (strcmp(entry->d_name, "..") != 0 &&
+            fstatat(dirfd(listing), entry->d_name, &info, AT_SYMLINK_NOFOLLOW) == 0)
+            blocks += info.st_blocks;
+    if (listing) closedir(listing);
+    return blocks * 512; /* the unit of st_blocks */
 }

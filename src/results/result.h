@@ -47,6 +47,10 @@ int result_open_file(const char *directory, const char *name, int64_t *bytes, er
 char *result_directory(const char *state_dir, const char *id, int frame);
 char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt);
 
+/* The space that a directory of a result or an attempt takes on the disk: its blocks and those of its files, also of
+ * files that other directories share by hard links. 0: there is no such directory. */
+int64_t result_disk_bytes(const char *directory);
+
 /* Removes all files of an attempt except its log. */
 void result_remove_leftovers(const char *directory);
 

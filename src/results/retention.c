@@ -2,9 +2,11 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "base/background.h"
 #include "base/clock.h"
@@ -31,8 +33,13 @@ struct retention {
     pthread_t thread;
     pthread_mutex_t mutex;
     pthread_cond_t woken;
+    fetches *fetches;
+    int room_fd;
+    atomic_uint_fast64_t evicted;
     pthread_mutex_t removing; /* held while directories are removed */
     bool wake, stop;
+    fetches_result *delivered; /* results that were sent completely, which the queue does not know yet */
+    size_t delivered_count;
     bool left;        /* some noted directories are still there */
     int64_t again_ms; /* the thread's own: when the removal is tried again, wall clock */
     bool trouble;     /* the thread's own: the log already says that they cannot be removed */
@@ -152,6 +159,93 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
     return true;
 }
 
+void retention_note_sent(retention *r, const fetches_result *of, size_t index, size_t count)
+{
+    if (!fetches_note(r->fetches, of, index, count)) return;
+    pthread_mutex_lock(&r->mutex);
+    r->delivered = mem_resize(r->delivered, (r->delivered_count + 1) * sizeof *r->delivered);
+    r->delivered[r->delivered_count++] = *of;
+    r->wake = true;
+    pthread_cond_signal(&r->woken);
+    pthread_mutex_unlock(&r->mutex);
+}
+
+uint64_t retention_count_evicted(const retention *r)
+{
+    return atomic_load(&r->evicted);
+}
+
+/* Tells the queue of results that were sent. What it cannot store has to be fetched again to count. */
+static void note_delivered(retention *r)
+{
+    error e = {0};
+    pthread_mutex_lock(&r->mutex);
+    fetches_result *delivered = r->delivered;
+    size_t count = r->delivered_count;
+    r->delivered = NULL;
+    r->delivered_count = 0;
+    pthread_mutex_unlock(&r->mutex);
+    for (size_t i = 0; i < count; i++)
+        if (!queue_note_delivery(r->q, delivered[i].id, delivered[i].frame, clock_wall_ms(), &e))
+            log_write(LOG_LEVEL_WARNING, "a fetched result does not count as delivered job=%s: %s",
+                      delivered[i].id, e.message);
+    free(delivered);
+}
+
+/* The space that all tasks of a job take. */
+static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
+{
+    queue_task *tasks = NULL;
+    size_t count = 0;
+    *bytes = 0;
+    if (!queue_list_tasks(r->q, id, -1, INT32_MAX, &tasks, &count, e)) return false;
+    for (size_t i = 0; i < count; i++)
+        for (int attempt = 0; attempt <= tasks[i].attempt; attempt++) {
+            char *path = attempt ? result_attempt_directory(r->state_dir, id, tasks[i].frame, attempt)
+                                 : result_directory(r->state_dir, id, tasks[i].frame);
+            *bytes += result_disk_bytes(path);
+            free(path);
+        }
+    queue_tasks_free(tasks, count);
+    return true;
+}
+
+/* Measures some jobs that an older version ran, or that were adopted. */
+static bool measure_some(retention *r, bool *more)
+{
+    char id[ULID_SIZE];
+    bool ok = true, found = true;
+    for (int i = 0; ok && found && i < AT_ONCE; i++) {
+        int64_t bytes = 0;
+        ok = queue_next_unmeasured(r->q, id, &found, NULL) &&
+             (!found || (measure(r, id, &bytes, NULL) && queue_note_bytes(r->q, id, bytes, NULL)));
+    }
+    *more = ok && found;
+    return ok;
+}
+
+/* Deletes some jobs while a bound is met. */
+static bool make_room(retention *r, bool *more)
+{
+    char id[ULID_SIZE];
+    uint64_t gone = 0;
+    bool ok = true, found = true, known, deleted;
+    for (int i = 0; ok && found && i < AT_ONCE; i++) {
+        ok = queue_next_leaving(r->q, id, &found, NULL);
+        if (!ok || !found) break;
+        log_write(LOG_LEVEL_INFO, "job has to go, because results have met a bound job=%s", id);
+        ok = retention_delete(r, id, &known, &deleted, NULL);
+        gone++;
+    }
+    if (gone) {
+        atomic_fetch_add(&r->evicted, gone);
+        ssize_t written = write(r->room_fd, &(uint64_t){1}, sizeof(uint64_t));
+        (void)written; /* a full counter is readable, which is enough */
+    }
+    *more = ok && found;
+    return ok;
+}
+
 /* Deletes some jobs whose retention is over. *more: there may be others. */
 static bool forget_some(retention *r, bool *more)
 {
@@ -208,12 +302,15 @@ static void *keep(void *argument)
     retention *r = argument;
     int64_t next = 0, look_ms = r->inputs ? 0 : INT64_MAX;
     do {
-        bool more = false;
+        bool more[3] = {false};
         int64_t again = work_off_rest(r);
         look_ms = collect_inputs(r, look_ms);
-        if (!forget_some(r, &more) || (!more && !queue_next_expiry(r->q, &next, NULL)))
+        note_delivered(r);
+        bool ok = forget_some(r, &more[0]) && measure_some(r, &more[1]) && make_room(r, &more[2]),
+             any = more[0] || more[1] || more[2];
+        if (!ok || (!any && !queue_next_expiry(r->q, &next, NULL)))
             next = clock_wall_ms() + RETRY_MS;
-        else if (more)
+        else if (any)
             next = 0;
         if (again < next) next = again;
     } while (wait_until(r, next < look_ms ? next : look_ms));
@@ -225,14 +322,19 @@ static void release(retention *r)
     pthread_cond_destroy(&r->woken);
     pthread_mutex_destroy(&r->removing);
     pthread_mutex_destroy(&r->mutex);
+    fetches_free(r->fetches);
+    free(r->delivered);
     free(r->state_dir);
     free(r);
 }
 
-retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, error *e)
+retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, int room_fd,
+                           error *e)
 {
     retention *r = mem_alloc(sizeof *r);
     r->q = q;
+    r->room_fd = room_fd;
+    r->fetches = fetches_new();
     r->left = true; /* a crash may have left some */
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);

@@ -1,5 +1,5 @@
-/* retention: removes deleted jobs and jobs whose retention is over, with their results and logs; and uploaded files
- * that have not been used for a time.
+/* retention: removes deleted jobs, jobs whose retention is over, and jobs that have to go because results have met a
+ * bound (queue_bounds), with their results and logs; and uploaded files that have not been used for a time.
  *
  * One transaction deletes the job and notes its directories (queue_removal). Then the directories are removed, and
  * last the note. After a crash or a failure, a thread removes what is still noted: at the start, and then again and
@@ -13,14 +13,17 @@
 
 #include "base/error.h"
 #include "queue/queue.h"
+#include "results/fetches.h"
 #include "store/inputs.h"
 
 typedef struct retention retention;
 
 /* Starts the thread. results/ and attempts/ must exist. The queue and the inputs must outlive it; the path is copied.
+ * `room_fd`, an eventfd, is written when jobs were deleted because of a bound: there may be room to start others.
  * Uploaded files are removed `keep_s` after their last use, unless an unfinished job reads them. They are kept for ever
  * when keep_s is 0 or inputs is NULL. */
-retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, error *e);
+retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, int room_fd,
+                           error *e);
 void retention_stop(retention *r); /* accepts NULL */
 
 /* Call it when a job has ended or its retention has changed. */
@@ -28,5 +31,12 @@ void retention_wake(retention *r);
 
 /* Like queue_delete, and removes the job's directories. Those that cannot be removed now are removed later. */
 bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, error *e);
+
+/* File `index` of the `count` files of a result was sent to its owner. When that was the last one, the result counts as
+ * delivered. */
+void retention_note_sent(retention *r, const fetches_result *of, size_t index, size_t count);
+
+/* How many jobs were deleted because of a bound. */
+uint64_t retention_count_evicted(const retention *r);
 
 #endif

@@ -331,7 +331,12 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                          for name in ("timeout_ms", "stall_ms", "directory", "cache_key"))
                                + "ALTER TABLE outbox DROP COLUMN event; ALTER TABLE outbox DROP COLUMN ended_ms;"
                                + "ALTER TABLE job DROP COLUMN unresolved;"
-                               + "".join(f"DROP TRIGGER job_{does};" for does in ("comes", "turns", "goes"))
+                               + "".join(f"DROP TRIGGER job_{does};" for does in
+                                         ("comes", "turns", "goes", "leaves", "is_adopted", "is_deleted"))
+                               + "".join(f"DROP INDEX job_{which};" for which in ("leaving", "leaving_of", "unmeasured"))
+                               + "".join(f"ALTER TABLE job DROP COLUMN {name};"
+                                         for name in ("result_bytes", "delivered", "delivered_ms"))
+                               + "ALTER TABLE task DROP COLUMN is_delivered; DROP TABLE usage;"
                                + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name; DROP INDEX job_by_time;"
                                + "ALTER TABLE dependency DROP COLUMN any_end; PRAGMA user_version = 4;")
     database.close()

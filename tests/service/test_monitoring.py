@@ -16,7 +16,8 @@ from test_webhooks import SECRET, hooked, receiver  # noqa: F401 (a fixture)
 WELL = {  # of a service that is well, as Prometheus' unit tests write series
     'up{job="hexad"}': "1", "hexad_database_damaged": "0", "hexad_storage_free_bytes": "5000",
     "hexad_storage_floor_bytes": "1000", 'hexad_jobs{state="queued"}': "7", "hexad_attempts_running": "2",
-    "hexad_draining": "0", "hexad_held": "0", 'hexad_http_answers_total{class="5xx"}': "3", "hexad_http_refused_connections_total": "0",
+    "hexad_draining": "0", "hexad_held": "0", "hexad_results_full": "0",
+    'hexad_http_answers_total{class="5xx"}': "3", "hexad_http_refused_connections_total": "0",
     "hexad_oldest_waiting_job_age_seconds": "3600", "hexad_webhooks_oldest_age_seconds": "5",
     'hexad_attempts_total{outcome="failed",code="internal"}': "9",
     'hexad_attempts_total{outcome="retried",code="internal"}': "2",
@@ -36,6 +37,7 @@ CASES = {  # what is different, and which alerts fire then
     "deaf": ({"hexad_webhooks_oldest_age_seconds": "4000"}, {"HexadWebhooksWait"}),
     "untold": ({'hexad_webhook_calls_total{result="given_up"}': "0+1"}, {"HexadWebhooksGivenUp"}),
     "drained": ({"hexad_attempts_running": "0", "hexad_draining": "1"}, {"HexadDrained"}),
+    "kept": ({"hexad_results_full": "1"}, {"HexadResultsFull"}),
     "held": ({"hexad_attempts_running": "0", "hexad_held": "1"}, set()),
     "errors": ({'hexad_http_answers_total{class="5xx"}': "0+5"}, {"HexadServerErrors"}),
     "refusals": ({"hexad_http_refused_connections_total": "0+5"}, {"HexadConnectionsRefused"}),

@@ -40,6 +40,7 @@ static inline bool is_cheap(const char *sql, const char *step)
     static const char *const harmless[] = {"SCAN owner USING INDEX owner_turn",
                                            "SCAN service", /* one row */
                                            "SCAN near",    /* at most 64 rows */
+                                           "SCAN usage",   /* a row for each user who has results */
                                            "SCAN copy",
                                            "SCAN json_each",
                                            "SCAN CONSTANT ROW",
@@ -53,10 +54,11 @@ static inline bool is_cheap(const char *sql, const char *step)
                                            "SCAN state_count",
                                            "SCAN pragma_page", /* one row */
                                            "SCAN instance",
+                                           "SCAN job USING INDEX job_unmeasured",
                                            "SCAN task USING COVERING INDEX task_delayed"};
     if (strncmp(sql, "DELETE FROM owner", 17) == 0) return true; /* only when a user's last job has ended */
     if (strncmp(step, "USE TEMP B-TREE", 15) == 0)
-        return strstr(sql, "AS near") || strstr(sql, "DISTINCT value");
+        return strstr(sql, "AS near") || strstr(sql, "FROM usage") || strstr(sql, "DISTINCT value");
     if (strncmp(step, "SCAN", 4) != 0) return true;
     for (size_t i = 0; i < sizeof harmless / sizeof *harmless; i++)
         if (strncmp(step, harmless[i], strlen(harmless[i])) == 0) return true;

@@ -223,12 +223,21 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 8 had not. */
+#define BEFORE_9                                                                                           \
+    "DROP TRIGGER job_leaves; DROP TRIGGER job_is_adopted; DROP TRIGGER job_is_deleted; DROP TABLE usage;" \
+    "DROP INDEX job_leaving; DROP INDEX job_leaving_of; DROP INDEX job_unmeasured;"                        \
+    "ALTER TABLE job DROP COLUMN result_bytes; ALTER TABLE job DROP COLUMN delivered;"                     \
+    "ALTER TABLE job DROP COLUMN delivered_ms; ALTER TABLE task DROP COLUMN is_delivered;"                 \
+    "ALTER TABLE service DROP COLUMN results; ALTER TABLE service DROP COLUMN result_bytes;"
+
 /* What version 7 had not. */
 #define TWO_OUTCOMES(table)                                                                            \
     "ALTER TABLE " table " RENAME COLUMN outcome TO told;"                                             \
     "ALTER TABLE " table " ADD COLUMN outcome TEXT CHECK (outcome IN ('converged', 'not_converged'));" \
     "UPDATE " table " SET outcome = told; ALTER TABLE " table " DROP COLUMN told;"
 #define BEFORE_8                              \
+    BEFORE_9                                  \
     TWO_OUTCOMES("job")                       \
     TWO_OUTCOMES("task")                      \
     "ALTER TABLE job DROP COLUMN unresolved;" \
@@ -353,6 +362,30 @@ static void test_storage_is_added_to_version_4(void **state)
     assert_true(queue_list_copies(p->q, &copies, &count, NULL));
     assert_int_equal(count, 0);
     queue_copies_free(copies, count);
+}
+
+/* Nobody measured what jobs leave, and nobody knows what was delivered. */
+static void test_usage_is_added_to_version_8(void **state)
+{
+    place *p = *state;
+    char kept[ULID_SIZE], failed[ULID_SIZE], id[ULID_SIZE];
+    bool found = false;
+    put(p, "kept", 0, kept);
+    assert_true(finish(p, kept, 0, claim(p, kept), &success));
+    put(p, "failed", 0, failed);
+    assert_true(finish(p, failed, 0, claim(p, failed), &crash));
+    alter_database(p, BEFORE_9 "PRAGMA user_version = 8;");
+    for (int i = 0; i < 2; i++) {
+        assert_true(queue_next_unmeasured(p->q, id, &found, NULL) && found);
+        assert_true(queue_note_bytes(p->q, id, 10, NULL));
+    }
+    queue_usage usage;
+    assert_true(queue_get_usage(p->q, &usage, NULL));
+    assert_true(usage.all.bytes == 20 && usage.all.results == 2 && usage.count == 1);
+    free(usage.user);
+    queue_bound(p->q, &(queue_bounds){.all = {1, 1}, .user = {INT64_MAX, INT64_MAX}});
+    assert_true(queue_next_leaving(p->q, id, &found, NULL) && found);
+    assert_string_equal(id, failed);
 }
 
 /* Users had no turns: the oldest job came first, whoever's it was. */
@@ -672,6 +705,7 @@ int main(void)
         CASE(test_dependencies_of_version_7_are_on_success),
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
+        CASE(test_usage_is_added_to_version_8),
         CASE(test_version_7_learns_the_outcome_unresolved),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),

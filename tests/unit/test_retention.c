@@ -63,7 +63,7 @@ static int tear_down(void **state)
 static void begin(place *p)
 {
     error e = {0};
-    p->r = retention_start(p->q, p->base, p->inputs, KEEP_S, &e);
+    p->r = retention_start(p->q, p->base, p->inputs, KEEP_S, -1, &e);
     if (!p->r) fail_msg("%s", e.message);
 }
 
