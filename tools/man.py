@@ -26,7 +26,8 @@ PAGES = {
                         " they hold at once"),
                        ("@localstatedir@/lib/hexad", "queue, attempts and results"),
                        ("@docdir@/examples", "drop-ins for the units: tcp.conf serves a port, webhooks.conf lets the"
-                        " service call webhooks, mounts.conf ties it to a mount")]),
+                        " service call webhooks, mounts.conf ties it to a mount, memory.conf has the kernel keep memory"
+                        " limits; also alert rules for Prometheus and a dashboard for Grafana")]),
             ("ENVIRONMENT", [("NOTIFY_SOCKET, WATCHDOG_USEC, LISTEN_FDS, STATE_DIRECTORY, CONFIGURATION_DIRECTORY,"
                               " JOURNAL_STREAM",
                               "set by systemd: whom to tell that the service is ready and alive, the socket to serve,"

@@ -124,7 +124,7 @@ bool job_json_read_tag(const char *tag, int64_t *revision)
     return end[0] == '"' && !end[1];
 }
 
-void job_json_append_attempt(json *list, const queue_attempt *a)
+void job_json_append_attempt(json *list, const queue_job *job, const queue_attempt *a)
 {
     json *o = json_append_object(list);
     if (a->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", a->frame);
@@ -134,6 +134,7 @@ void job_json_append_attempt(json *list, const queue_attempt *a)
     if (a->exit_status >= 0) json_put_integer(o, "exit_status", a->exit_status);
     if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
     if (a->peak_memory_bytes > 0) json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
+    if (job->memory_mb > 0) json_put_integer(o, "memory_limit_bytes", job->memory_mb << 20);
     if (a->host) json_put_string(o, "host", a->host);
     if (a->reason) json_put_string(o, "reason", a->reason);
 }

@@ -18,7 +18,7 @@ json *job_json_new(const queue_job *job, const char *progress);
 void job_json_put_spec(json *object, const char *stored_spec, const char *stored_paths);
 
 void job_json_append_task(json *list, const queue_task *task);
-void job_json_append_attempt(json *list, const queue_attempt *attempt);
+void job_json_append_attempt(json *list, const queue_job *job, const queue_attempt *attempt);
 
 /* Puts a time as RFC 3339, null for 0. */
 void job_json_put_time(json *object, const char *key, int64_t wall_ms);

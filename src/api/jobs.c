@@ -50,7 +50,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     bool own = access_is_owner(request->caller, job->owner);
     job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
     json *list = json_put_array(document, "attempts");
-    for (size_t i = 0; i < count; i++) job_json_append_attempt(list, &attempts[i]);
+    for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);
     queue_attempts_free(attempts, count);
     job_json_print_tag(job, progress, made.tag);
     reply_set_json(r, status, document);

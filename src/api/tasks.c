@@ -51,7 +51,7 @@ void tasks_list_attempts(const http_context *c, const http_request *request, rep
         reply_set_error(r, &e, NULL);
     } else {
         json *document = json_new_object(), *list = json_put_array(document, "attempts");
-        for (size_t i = 0; i < count && i < limit; i++) job_json_append_attempt(list, &attempts[i]);
+        for (size_t i = 0; i < count && i < limit; i++) job_json_append_attempt(list, &job, &attempts[i]);
         if (count > limit)
             json_put_integer(document, "next",
                              attempts[limit - 1].task * ATTEMPTS_OF_A_TASK + attempts[limit - 1].number);

@@ -36,6 +36,9 @@ typedef enum worker_exit {
 #define WORKER_OPTION_PREVIOUS "previous" /* the results of the frame before */
 #define WORKER_OPTION_SANDBOX "sandbox"
 
+/* The least limit of memory: what the program and its libraries take, and some room for a job. */
+#define WORKER_MEMORY_LEAST_MB 64
+
 /* Files in the output directory. run writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
 #define WORKER_ESTIMATE_NAME "estimate.json"

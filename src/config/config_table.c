@@ -1,5 +1,6 @@
 #include "config/config_table.h"
 
+#include "base/worker_contract.h"
 #include "config/config.h"
 
 /* A setting is called as its member of config. */
@@ -81,8 +82,8 @@ const config_row config_table[] = {
     {SETTING(worker), .type = CONFIG_TEXT,
      .help = "The program that runs a job. Empty: hexad-worker beside hexad, otherwise in the bindir of the "
              "build."},
-    {SETTING(memory_mb), .type = CONFIG_INTEGER, .default_text = "4096", .low = 16, .high = 1 << 24,
-     .unit = "MiB", .help = "The memory limit of a job that names none."},
+    {SETTING(memory_mb), .type = CONFIG_INTEGER, .default_text = "4096", .low = WORKER_MEMORY_LEAST_MB,
+     .high = 1 << 24, .unit = "MiB", .help = "The memory limit of a job that names none."},
     {SETTING(file_mb), .type = CONFIG_INTEGER, .default_text = "65536", .low = 0, .high = 1 << 24,
      .unit = "MiB", .reloads = true,
      .help = "The longest file that a worker may write. 100 million points take 10 GiB. 0: no limit."},

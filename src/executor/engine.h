@@ -12,6 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/control_group.h"
 #include "base/error.h"
 #include "base/sandbox.h"
 #include "queue/queue.h"
@@ -26,6 +27,7 @@ typedef struct engine_request {
     const char *const *input_roots;
     size_t input_root_count; /* 0: no file may be read */
     int64_t memory_mb;       /* > 0 */
+    control_groups *groups;  /* in which the kernel keeps this limit; NULL: the worker keeps it itself */
     int64_t file_mb;         /* the longest file that the worker may write; 0: no limit */
     sandbox_mode sandbox;    /* the sandbox that the worker has to enter */
     int threads;             /* > 0 */
@@ -39,6 +41,7 @@ typedef struct engine_attempt engine_attempt; /* each engine has its own */
 typedef struct engine_ending {
     int exit_status, signal;   /* one of them -1 */
     int64_t peak_memory_bytes; /* 0: not known */
+    bool out_of_memory;        /* the kernel ended it at its limit of memory */
     char *last_words;          /* last line of standard error, "" when there is none; to be freed */
 } engine_ending;
 

@@ -138,6 +138,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, const char *cons
             .input_roots = (const char *const *)roots,
             .input_root_count = root_count,
             .memory_mb = memory_mb,
+            .groups = settings->groups,
             .threads = threads,
             .frame = frame,
             .file_mb = settings->file_mb,

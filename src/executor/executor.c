@@ -382,6 +382,7 @@ static void set_context(executor *x)
         .outputs = &settings->outputs,
         .progress = x->progress,
         .sandbox = settings->sandbox,
+        .groups = settings->groups,
         .cache = settings->cache,
         .memory_mb = x->memory_mb,
         .wake_fd = x->wake_fd,

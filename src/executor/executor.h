@@ -41,6 +41,7 @@ typedef struct executor_settings {
     bool cache;                   /* equal jobs get the same result */
     int64_t file_mb;              /* the longest file a worker may write; 0: no limit */
     sandbox_mode sandbox;         /* that workers enter */
+    control_groups *groups;       /* of attempts; must outlive the executor; NULL: none */
     int most_of_owner;            /* attempts of one owner at once; 0: any number */
     const user_numbers *weights;  /* as queue_room's; must outlive the executor */
     double timeout_s, stall_s;    /* of a job that names no limit; 0: none */

@@ -31,8 +31,9 @@ struct engine_attempt {
     char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
-    char *trace; /* the variable of the environment, which also begins the log; NULL: none */
-    char *log;   /* 2 * LOCAL_LOG_BYTES; the last half is kept */
+    char *trace;          /* the variable of the environment, which also begins the log; NULL: none */
+    control_group *group; /* NULL: none */
+    char *log;            /* 2 * LOCAL_LOG_BYTES; the last half is kept */
     size_t log_used;
     char line[LOCAL_LINE_BYTES]; /* an unfinished progress line */
     size_t line_used;
@@ -50,6 +51,7 @@ typedef struct launch {
     rlim_t open_files;
     char oom_score_adj[24]; /* as text */
     char **environment;
+    const control_group *group;
 } launch;
 
 static int raise_fd(int fd)
@@ -134,12 +136,12 @@ static _Noreturn void run_child(const launch *l)
     for (int number = 1; number < NSIG; number++) signal(number, SIG_DFL);
     sigprocmask(SIG_SETMASK, &none, NULL);
     set_oom_score(l->oom_score_adj);
-    if (prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == l->parent && setpgid(0, 0) == 0 &&
-        prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && lower_limit(RLIMIT_CORE, 0) &&
-        lower_limit(RLIMIT_AS, l->address_space) && lower_limit(RLIMIT_FSIZE, l->file_size) &&
-        lower_limit(RLIMIT_NOFILE, l->open_files) && dup2(l->spec_fd, STDIN_FILENO) >= 0 &&
-        dup2(l->null_fd, STDOUT_FILENO) >= 0 && dup2(l->log_fd, STDERR_FILENO) >= 0 &&
-        dup2(l->progress_fd, PROGRESS_FD) >= 0) {
+    if ((!l->group || control_group_join(l->group)) && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 &&
+        getppid() == l->parent && setpgid(0, 0) == 0 && prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+        lower_limit(RLIMIT_CORE, 0) && lower_limit(RLIMIT_AS, l->address_space) &&
+        lower_limit(RLIMIT_FSIZE, l->file_size) && lower_limit(RLIMIT_NOFILE, l->open_files) &&
+        dup2(l->spec_fd, STDIN_FILENO) >= 0 && dup2(l->null_fd, STDOUT_FILENO) >= 0 &&
+        dup2(l->log_fd, STDERR_FILENO) >= 0 && dup2(l->progress_fd, PROGRESS_FD) >= 0) {
         /* an older kernel does not know this flag; all descriptors are close-on-exec anyway */
         close_range(PROGRESS_FD + 1, ~0U, CLOSE_RANGE_CLOEXEC);
         execve(l->arguments[0], l->arguments, l->environment);
@@ -230,12 +232,27 @@ static int await_exec(int failure_fd)
     return got == sizeof why ? why : 0;
 }
 
+static void attempt_free(engine_attempt *a)
+{
+    close_fd(&a->pidfd);
+    close_fd(&a->log_fd);
+    close_fd(&a->progress_fd);
+    free(a->directory);
+    free(a->trace);
+    free(a->log);
+    free(a);
+}
+
 static engine_attempt *start(const engine_request *request, error *e)
 {
     engine_attempt *a = mem_alloc(sizeof *a);
     a->pidfd = a->log_fd = a->progress_fd = -1;
     a->directory = mem_strdup(request->directory);
     a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
+    if (request->groups && !(a->group = control_group_new(request->groups, request->memory_mb << 20, e))) {
+        attempt_free(a);
+        return NULL;
+    }
     launch l = {make_arguments(request),
                 -1,
                 -1,
@@ -247,7 +264,8 @@ static engine_attempt *start(const engine_request *request, error *e)
                 request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
                 LOCAL_OPEN_FILES + request->input_root_count,
                 "",
-                NULL};
+                NULL,
+                a->group};
     a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
     l.environment = make_environment(a->trace);
     print_oom_score(l.oom_score_adj);
@@ -283,12 +301,8 @@ static engine_attempt *start(const engine_request *request, error *e)
         return a;
     }
     error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
-    close_fd(&a->log_fd);
-    close_fd(&a->progress_fd);
-    free(a->directory);
-    free(a->trace);
-    free(a->log);
-    free(a);
+    control_group_end(a->group);
+    attempt_free(a);
     return NULL;
 }
 
@@ -412,16 +426,12 @@ static void settle(engine_attempt *a, engine_ending *ending)
     take_in(a, READS_A_TURN);
     ending->exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;
-    ending->peak_memory_bytes = (int64_t)usage.ru_maxrss * 1024;
+    control_group_use use = control_group_end(a->group);
+    ending->peak_memory_bytes = use.peak_bytes ? use.peak_bytes : (int64_t)usage.ru_maxrss * 1024;
+    ending->out_of_memory = use.exceeded;
     ending->last_words = find_last_words(a);
     write_log(a);
-    close_fd(&a->pidfd);
-    close_fd(&a->log_fd);
-    close_fd(&a->progress_fd);
-    free(a->directory);
-    free(a->trace);
-    free(a->log);
-    free(a);
+    attempt_free(a);
 }
 
 const engine engine_local = {"local", start, identify, watch, poll_attempt, cancel, settle};

@@ -3,7 +3,7 @@
  * The worker runs in its own process group and is killed when the daemon dies. It inherits no descriptor of the
  * daemon, leaves no core file, gains no privileges, and cannot write files above a length. When memory runs out, the
  * kernel kills it before the daemon. Its address space is its memory limit plus a headroom (not under
- * AddressSanitizer, whose shadow memory would not fit). The worker itself enters the sandbox that it is told to
+ * AddressSanitizer, whose shadow memory would not fit). With control groups the kernel bounds its memory itself. The worker itself enters the sandbox that it is told to
  * (base/sandbox). It reads its spec from standard input and writes progress lines to descriptor 3. The last
  * LOCAL_LOG_BYTES of its standard error are kept. Only async-signal-safe calls are made between fork and exec, so the
  * daemon may have threads. A thread that starts attempts must live as long as they do.

@@ -108,6 +108,15 @@ static void decide_exit(const queue_claimed *c, const engine_ending *ending, set
 static void decide_signal(const queue_claimed *c, const engine_ending *ending, settlement *s)
 {
     error e = {0};
+    if (ending->out_of_memory) {
+        error_set(&e, ERROR_LIMIT_MEMORY,
+                  "the worker needed more than its %" PRId64
+                  " MiB, and the kernel ended it: raise limits.memory_mb",
+                  c->job.memory_mb);
+        snprintf(s->reason, sizeof s->reason, "out of memory: signal %d", ending->signal);
+        set_end(s, QUEUE_FAILED, &e);
+        return;
+    }
     const char *name = sigabbrev_np(ending->signal);
     error_set(&e, ERROR_INTERNAL, "the worker was killed by signal %d (SIG%s)", ending->signal,
               name ? name : "?");

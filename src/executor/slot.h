@@ -51,9 +51,10 @@ typedef struct slot_context {
     const store_outputs *outputs; /* where copies of results may go */
     progress_ring *progress;
     sandbox_mode sandbox;
-    bool cache;        /* a job is given the result of an equal job */
-    int64_t memory_mb; /* of all attempts together */
-    int wake_fd;       /* an eventfd that is written to when a step has become useful */
+    control_groups *groups; /* of the attempts; NULL: none */
+    bool cache;             /* a job is given the result of an equal job */
+    int64_t memory_mb;      /* of all attempts together */
+    int wake_fd;            /* an eventfd that is written to when a step has become useful */
 
     int64_t file_mb;           /* the longest file that a worker may write; 0: no limit */
     double timeout_s, stall_s; /* of jobs that name no limit; 0: none */

@@ -205,7 +205,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         else if (c == 'f') {
             if (!parse_number(WORKER_OPTION_PROGRESS_FD, optarg, 0, &a->progress_fd, e)) return false;
         } else if (c == 'm') {
-            if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, 1, &a->memory_mb, e)) return false;
+            if (!parse_number(WORKER_OPTION_MEMORY_MB, optarg, WORKER_MEMORY_LEAST_MB, &a->memory_mb, e))
+                return false;
         } else if (c == 's') {
             if (!sandbox_mode_from_name(optarg, &a->sandbox))
                 return error_set(e, ERROR_SPEC_INVALID,

@@ -21,6 +21,7 @@
 #include "api/routes.h"
 #include "auth/access.h"
 #include "base/clock.h"
+#include "base/control_group.h"
 #include "base/log.h"
 #include "base/manager.h"
 #include "base/memory.h"
@@ -75,6 +76,7 @@ typedef struct service {
     char host[HOST_NAME_MAX + 1];
     delivery *delivery; /* NULL: no webhooks */
     delivery_counters calls;
+    control_groups *groups; /* NULL: none */
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -362,6 +364,7 @@ static executor_settings executor_settings_of(const service *s)
         .cache = c->cache != 0,
         .file_mb = c->file_mb,
         .sandbox = c->sandbox,
+        .groups = s->groups,
         .most_of_owner = (int)c->user_running,
         .weights = s->weights,
         .timeout_s = c->timeout_s,
@@ -391,6 +394,20 @@ static bool init_executor(service *s, error *e)
 static void fini_executor(service *s)
 {
     executor_stop(s->x);
+}
+
+static bool init_groups(service *s, error *e)
+{
+    if (!control_groups_open(&s->groups, e)) return false;
+    log_write(LOG_LEVEL_INFO, "limits of memory are kept by %s",
+              s->groups ? "the kernel, in a control group for each attempt"
+                        : "workers alone: no control group was delegated to this service");
+    return true;
+}
+
+static void fini_groups(service *s)
+{
+    control_groups_close(s->groups);
 }
 
 static bool init_wait_list(service *s, error *e)
@@ -554,15 +571,25 @@ static const struct step {
     bool (*init)(service *s, error *e);
     void (*fini)(service *s);
 } steps[] = {
-    {"signals", init_signals, fini_signals},    {"state", init_state, fini_state},
-    {"queue", init_queue, fini_queue},          {"inputs", init_inputs, fini_inputs},
-    {"roots", init_roots, fini_roots},          {"outputs", init_outputs, fini_outputs},
-    {"mappings", init_mappings, fini_mappings}, {"users", init_users, fini_users},
-    {"socket", init_socket, fini_socket},       {"access", init_access, fini_access},
-    {"executor", init_executor, fini_executor}, {"wait_list", init_wait_list, fini_wait_list},
-    {"notifier", init_notifier, fini_notifier}, {"webhooks", init_webhooks, fini_webhooks},
-    {"network", init_network, fini_network},    {"http", init_http, fini_http},
-    {"checker", init_checker, fini_checker},    {"port_file", init_port_file, fini_port_file},
+    {"signals", init_signals, fini_signals},
+    {"state", init_state, fini_state},
+    {"queue", init_queue, fini_queue},
+    {"inputs", init_inputs, fini_inputs},
+    {"roots", init_roots, fini_roots},
+    {"outputs", init_outputs, fini_outputs},
+    {"mappings", init_mappings, fini_mappings},
+    {"users", init_users, fini_users},
+    {"socket", init_socket, fini_socket},
+    {"access", init_access, fini_access},
+    {"groups", init_groups, fini_groups},
+    {"executor", init_executor, fini_executor},
+    {"wait_list", init_wait_list, fini_wait_list},
+    {"notifier", init_notifier, fini_notifier},
+    {"webhooks", init_webhooks, fini_webhooks},
+    {"network", init_network, fini_network},
+    {"http", init_http, fini_http},
+    {"checker", init_checker, fini_checker},
+    {"port_file", init_port_file, fini_port_file},
 };
 
 /* Pings the watchdog of the service manager, but only while the supervisor's loop advances: the last call

@@ -63,7 +63,8 @@ static void describe_range(const spec_row *row, char *out, size_t size)
     else if (row->flags & SPEC_LOW_OPEN)
         snprintf(out, size, "above %.16g and at most %.16g", row->low, row->high);
     else
-        snprintf(out, size, "from %.16g to %.16g", row->low, row->high);
+        snprintf(out, size, "%sfrom %.16g to %.16g", row->flags & SPEC_OR_ZERO ? "0 or " : "", row->low,
+                 row->high);
 }
 
 void reading_add_wrong_value(reading *r, const json_at *at, const spec_row *row, const char *kind)

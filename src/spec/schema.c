@@ -20,6 +20,17 @@ static void put_bounds(json *schema, const spec_row *row)
     json_put_number(schema, "maximum", row->high);
 }
 
+static void put_integer(json *schema, const spec_row *row)
+{
+    if (row->flags & SPEC_OR_ZERO) {
+        json *list = json_put_array(schema, "oneOf");
+        json_put_integer(json_append_object(list), "const", 0);
+        schema = json_append_object(list);
+    }
+    json_put_string(schema, "type", "integer");
+    put_bounds(schema, row);
+}
+
 static void put_words(json *schema, const spec_row *row)
 {
     json *list = json_put_array(schema, "enum");
@@ -88,8 +99,7 @@ static void put_type(json *schema, const spec_row *row)
         break;
     case SPEC_TYPE_INTEGER:
     case SPEC_TYPE_LARGE:
-        json_put_string(schema, "type", "integer");
-        put_bounds(schema, row);
+        put_integer(schema, row);
         break;
     case SPEC_TYPE_BOOL:
         json_put_string(schema, "type", "boolean");

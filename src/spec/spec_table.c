@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/worker_contract.h"
+
 /* Coordinates and lengths stay where their cubes are far from the limits of a double. */
 #define WORLD_MAX 1e12
 
@@ -1031,12 +1033,18 @@ const spec_row spec_rows[] = {
           "The resources that the job may use. 0: the default of the service or of the worker."),
     {.pointer = "/limits/memory_mb",
      .type = SPEC_TYPE_LARGE,
-     .low = 0,
+     .flags = SPEC_OR_ZERO,
+     .low = WORKER_MEMORY_LEAST_MB,
      .high = 1 << 24,
      .otherwise = "0",
      AT(memory_mb),
      .unit = "MiB",
-     .prose = "The memory of the worker."},
+     .prose =
+         "The memory of the worker; 0: the service's setting. A job that would need more for its points, "
+         "grids or pictures ends with limit_memory before it takes it. Where systemd has delegated a "
+         "control group to the service, the kernel ends a worker that takes more all the same, also "
+         "with limit_memory. Elsewhere it may come to take more for a while: its address space is "
+         "bounded to this, 512 MiB, and 80 MiB for each processor."},
     {.pointer = "/limits/timeout_s",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
@@ -1188,8 +1196,10 @@ static void print_values(FILE *file, const spec_row *row)
                          : row->type == SPEC_TYPE_SURFACES     ? " surfaces"
                          : row->type == SPEC_TYPE_FRAME_VALUES ? " members"
                                                                : "";
-        fprintf(file, ", %s %.16g to %.16g%s", row->flags & SPEC_LOW_OPEN ? "above" : "from", row->low,
-                row->high, of);
+        const char *from = row->flags & SPEC_LOW_OPEN  ? "above"
+                           : row->flags & SPEC_OR_ZERO ? "0 or from"
+                                                       : "from";
+        fprintf(file, ", %s %.16g to %.16g%s", from, row->low, row->high, of);
     }
     if (row->unit) fprintf(file, ", %s%s", row->unit, strcmp(row->unit, "world") == 0 ? " units" : "");
     if (row->otherwise) fprintf(file, ", default %s", row->otherwise);

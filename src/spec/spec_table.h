@@ -47,7 +47,8 @@ enum {
     SPEC_REQUIRED = 1, /* must be given, if the shape has it */
     SPEC_LOW_OPEN = 2, /* the low bound itself is not allowed */
     SPEC_OPTIONAL = 4, /* group: has no defaults; `has` stores whether it was given */
-    SPEC_SWITCH = 8    /* group: may also be true or false; `has` stores which */
+    SPEC_SWITCH = 8,   /* group: may also be true or false; `has` stores which */
+    SPEC_OR_ZERO = 16  /* 0 is allowed, too, though it is below the low bound */
 };
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */

@@ -15,6 +15,7 @@ static bool is_number(json_at at, const spec_row *row, bool whole)
 {
     if (json_type_of(at) != JSON_NUMBER) return false;
     double value = json_number(at, 0);
+    if (value == 0 && row->flags & SPEC_OR_ZERO) return true;
     if (!isfinite(value) || value > row->high || value < row->low) return false;
     if (value == row->low && row->flags & SPEC_LOW_OPEN) return false;
     return !whole || value == floor(value);

@@ -192,6 +192,28 @@ outlives_a_worker_out_of_memory() {
         hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
 }
 
+# Bounded by the group of an attempt, of which it needs ten times as much. It is not tried again, and others go on.
+keeps_limits_of_memory() {
+    drop_in hexad.service memory <"$examples/memory.conf"
+    printf 'workers = 2\nthreads = 2\n' >>"$settings"
+    systemctl restart hexad.service && systemctl reset-failed hexad.service
+    daemon=$(main_pid)
+    logged "limits of memory are kept by the kernel" &&
+        systemd-analyze security --no-pager --threshold=8 hexad.service &&
+        calm=$(submit_long) && until_true state_is "$calm" running &&
+        hungry=$(echo '{"version": 1, "surface": {"analytic": {"shape": "gyroid", "period": 0.1, "size": [1, 1, 2]}},
+            "sampling": {"count": 3000}, "limits": {"memory_mb": 64, "max_attempts": 3}}' | hexadctl submit -) &&
+        until_true state_is "$hungry" failed && hexadctl --json show "$hungry" | tee /tmp/hungry &&
+        grep -q '"code": *"limit_memory"' /tmp/hungry && grep -q '"reason": *"out of memory: signal 9"' /tmp/hungry &&
+        grep -q '"memory_limit_bytes": *67108864' /tmp/hungry && grep -q '"attempt": *1,' /tmp/hungry &&
+        [ "$(sed -n 's/.*"peak_memory_bytes": *\([0-9]*\).*/\1/p' /tmp/hungry)" -le 67108864 ] &&
+        says ActiveState active && [ "$(main_pid)" = "$daemon" ] && says NRestarts 0 &&
+        succeeds "$(echo "$sphere" | sed 's/1}}$/4}}/')" && state_is "$calm" running &&
+        [ "$(find "$(group_of_service)" -name 'attempt.*' | wc -l)" -eq 1 ] &&
+        systemctl kill --kill-who=main -s KILL hexad.service && until_true says NRestarts 1 &&
+        until_true state_is "$calm" running && hexadctl cancel "$calm" && until_true state_is "$calm" cancelled
+}
+
 # By the example, and with no network for the service all the same.
 serves_tcp() {
     token=$(hexadctl token add remote) && drop_in hexad.socket tcp <"$examples/tcp.conf" &&
@@ -243,7 +265,7 @@ check "the status counts jobs" until_true status_says "[0-9] queued, [0-9]* runn
 check "strangers do not reach the socket" strangers_are_kept_out
 check "tokens hold at once, and are worth nothing at once when revoked" tokens_hold_at_once
 check "tokens belong to root" tokens_are_of_root
-check "the exposure is 1.5 at most" systemd-analyze security --no-pager --threshold=15 hexad.service
+check "the exposure is 0.6 at most" systemd-analyze security --no-pager --threshold=6 hexad.service
 check "settings are reloaded" reloads
 check "a stop drains, and loses nothing" is_drained
 check "a daemon that was killed comes back" is_killed
@@ -254,8 +276,11 @@ check "bad settings are not tried for ever for a client that waits" with_setting
 check "an input root that comes late is waited for" with_settings waits_for_a_late_root
 if grep -qw memory /sys/fs/cgroup/cgroup.controllers 2>/dev/null; then
     check "a worker out of memory dies alone" with_settings outlives_a_worker_out_of_memory
+    check "the example memory.conf keeps limits of memory" with_settings keeps_limits_of_memory
 else
-    skip "a worker out of memory dies alone" "this container has no memory controller (see bootcheck, KERNEL)"
+    for name in "a worker out of memory dies alone" "the example memory.conf keeps limits of memory"; do
+        skip "$name" "this container has no memory controller (see bootcheck, KERNEL)"
+    done
 fi
 check "the example tcp.conf serves a port" with_settings serves_tcp
 check "the example webhooks.conf lets webhooks be called" with_settings calls_webhooks

@@ -76,7 +76,7 @@ static void test_keys(void **state)
     char key[STORE_HASH_SIZE], other[STORE_HASH_SIZE];
     static const char *const same[] = {
         SPEC("\"name\":\"n\",", "9", ",\"output\":{\"ply\":1},\"queue\":{\"priority\":7}"),
-        SPEC("", "9", ",\"output\":{\"ply\":1,\"directory\":\"/a\"},\"limits\":{\"memory_mb\":7}")};
+        SPEC("", "9", ",\"output\":{\"ply\":1,\"directory\":\"/a\"},\"limits\":{\"memory_mb\":77}")};
     static const char *const different[] = {SPEC("", "10", ",\"output\":{\"ply\":1}"),
                                             SPEC("", "9", ",\"output\":{\"ply\":2}"), SPEC("", "9", "")};
     assert_true(key_of(SPEC("", "9", ",\"output\":{\"ply\":1}"), key));

@@ -254,6 +254,7 @@ static void test_bounds_of_every_row(void **state)
         try_value(row, numeric(row, open ? row->low : beyond(row, row->low, -1)), false, NAN);
         try_value(row, numeric(row, beyond(row, row->high, 1)), false, NAN);
         if (!has_fractions(row)) try_value(row, number_of(row->low + 0.25), false, NAN);
+        if (row->flags & SPEC_OR_ZERO) try_value(row, numeric(row, 0), true, 0);
     }
 }
 
