@@ -97,6 +97,7 @@ static bool is_usual(meter_outcome outcome, error_code code)
 {
     switch (outcome) {
     case METER_CONVERGED:
+    case METER_UNRESOLVED:
     case METER_NOT_CONVERGED:
         return code == ERROR_NONE;
     case METER_CANCELLED:

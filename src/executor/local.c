@@ -243,32 +243,50 @@ static void attempt_free(engine_attempt *a)
     free(a);
 }
 
+/* Its descriptors are opened later. */
+static launch make_launch(const engine_request *request, const engine_attempt *a)
+{
+    launch l = {
+        .arguments = make_arguments(request),
+        .environment = make_environment(a->trace),
+        .spec_fd = -1,
+        .null_fd = -1,
+        .log_fd = -1,
+        .progress_fd = -1,
+        .failure_fd = -1,
+        .parent = getpid(),
+        .address_space = address_space_of(request->memory_mb),
+        .file_size = request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
+        .open_files = LOCAL_OPEN_FILES + request->input_root_count,
+        .group = a->group,
+    };
+    print_oom_score(l.oom_score_adj);
+    return l;
+}
+
+static void launch_clear(launch *l)
+{
+    free_arguments(l->arguments);
+    free(l->environment);
+    close_fd(&l->spec_fd);
+    close_fd(&l->null_fd);
+    close_fd(&l->log_fd);
+    close_fd(&l->progress_fd);
+    close_fd(&l->failure_fd);
+}
+
 static engine_attempt *start(const engine_request *request, error *e)
 {
     engine_attempt *a = mem_alloc(sizeof *a);
     a->pidfd = a->log_fd = a->progress_fd = -1;
     a->directory = mem_strdup(request->directory);
     a->log = mem_alloc(2 * LOCAL_LOG_BYTES);
+    a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
     if (request->groups && !(a->group = control_group_new(request->groups, request->memory_mb << 20, e))) {
         attempt_free(a);
         return NULL;
     }
-    launch l = {make_arguments(request),
-                -1,
-                -1,
-                -1,
-                -1,
-                -1,
-                getpid(),
-                address_space_of(request->memory_mb),
-                request->file_mb ? (rlim_t)request->file_mb << 20 : RLIM_INFINITY,
-                LOCAL_OPEN_FILES + request->input_root_count,
-                "",
-                NULL,
-                a->group};
-    a->trace = request->trace ? mem_printf(TRACE_VARIABLE "%s", request->trace) : NULL;
-    l.environment = make_environment(a->trace);
-    print_oom_score(l.oom_score_adj);
+    launch l = make_launch(request, a);
     int failure = -1;
     int why = 0;
     l.spec_fd = make_spec_fd(request->spec);
@@ -288,13 +306,7 @@ static engine_attempt *start(const engine_request *request, error *e)
             waitpid(a->pid, NULL, 0);
         }
     }
-    free_arguments(l.arguments);
-    free(l.environment);
-    close_fd(&l.spec_fd);
-    close_fd(&l.null_fd);
-    close_fd(&l.log_fd);
-    close_fd(&l.progress_fd);
-    close_fd(&l.failure_fd);
+    launch_clear(&l);
     close_fd(&failure);
     if (!why) {
         snprintf(a->name, sizeof a->name, "%d", (int)a->pid);

@@ -16,7 +16,9 @@ static meter_outcome find_outcome(queue_state state, queue_outcome outcome)
 {
     switch (state) {
     case QUEUE_SUCCEEDED:
-        return outcome == QUEUE_CONVERGED ? METER_CONVERGED : METER_NOT_CONVERGED;
+        return outcome == QUEUE_CONVERGED    ? METER_CONVERGED
+               : outcome == QUEUE_UNRESOLVED ? METER_UNRESOLVED
+                                             : METER_NOT_CONVERGED;
     case QUEUE_CANCELLED:
         return METER_CANCELLED;
     case QUEUE_TIMED_OUT:

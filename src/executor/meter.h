@@ -9,6 +9,7 @@
 /* How an attempt ended. */
 #define METER_LIST(ENTRY, prefix)                 \
     ENTRY(prefix, CONVERGED, "converged")         \
+    ENTRY(prefix, UNRESOLVED, "unresolved")       \
     ENTRY(prefix, NOT_CONVERGED, "not_converged") \
     ENTRY(prefix, FAILED, "failed")               \
     ENTRY(prefix, CANCELLED, "cancelled")         \
