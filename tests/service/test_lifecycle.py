@@ -157,8 +157,8 @@ def test_a_daemon_killed_between_rename_and_commit(new_service):
     service.wait_state(job, "succeeded")
     service.end()
     back = ("UPDATE job SET state = 'running', outcome = NULL, finished_ms = NULL, succeeded = 0, running = 1,"
-            " not_converged = 0; UPDATE task SET state = 'running', outcome = NULL, finished_ms = NULL;"
-            "INSERT INTO owner (name, unfinished, running) VALUES ('', 1, 1);"
+            " not_converged = 0, unresolved = 0; UPDATE task SET state = 'running', outcome = NULL, finished_ms = NULL;"
+            "INSERT INTO owner (name, unfinished, running, pass) VALUES ('', 1, 1, 0);"
             "UPDATE attempt SET finished_ms = NULL, exit_status = NULL;")
     with sqlite3.connect(service.state / "queue.db") as database:
         database.executescript(back)
