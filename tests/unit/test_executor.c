@@ -539,6 +539,27 @@ static void test_a_host_that_shrank(void **state)
     assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
 }
 
+/* A worker that the kernel has ended at its limit would need as much again. One that another had ended may not. */
+static void test_a_worker_out_of_memory_is_not_tried_again(void **state)
+{
+    (void)state;
+    queue_claimed claimed = {.job = {.memory_mb = 77, .max_attempts = 3}, .task = {.spent = 1}};
+    engine_ending ending = {.exit_status = -1, .signal = SIGKILL, .out_of_memory = true};
+    settlement s;
+    settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
+    assert_int_equal(s.verdict, SETTLEMENT_END);
+    assert_int_equal(s.state, QUEUE_FAILED);
+    assert_int_equal(s.code, ERROR_LIMIT_MEMORY);
+    assert_non_null(strstr(s.message, "77 MiB"));
+    assert_string_equal(s.reason, "out of memory: signal 9");
+    ending.out_of_memory = false;
+    settlement_decide(&claimed, SETTLEMENT_NOT_STOPPED, 0, &ending, "/", &s);
+    assert_int_equal(s.verdict, SETTLEMENT_RETRY_CRASHED);
+    ending.out_of_memory = true;
+    settlement_decide(&claimed, SETTLEMENT_CANCELLED, 0, &ending, "/", &s);
+    assert_int_equal(s.state, QUEUE_CANCELLED);
+}
+
 static void test_a_crashed_job_holds_nobody_up(void **state)
 {
     place *p = *state;
@@ -779,6 +800,7 @@ int main(void)
         CASE(test_threads_bound_what_runs),
         CASE(test_memory_bounds_what_runs),
         CASE(test_a_host_that_shrank),
+        cmocka_unit_test(test_a_worker_out_of_memory_is_not_tried_again),
         CASE(test_a_crashed_job_holds_nobody_up),
         CASE(test_waits_double),
         CASE(test_recovery),
