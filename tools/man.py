@@ -39,7 +39,8 @@ PAGES = {
     "hexadctl": {
         "section": 1, "about": "client of hexad",
         "more": [("ENVIRONMENT", [("HEXAD_SERVER", "the server, where --server does not say it"),
-                                  ("HEXAD_TOKEN", "a token to be shown to the server")]),
+                                  ("HEXAD_TOKEN", "a token to be shown to the server"),
+                                  ("SSL_CERT_FILE", "certificates that the server's may be signed with")]),
                  ("FILES", [("/etc/hexad/tokens", "tokens of the service that systemd runs: of root, and readable to the"
                              " group hexad")])],
         "see": "hexad(8), hexad-worker(1)"},

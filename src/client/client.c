@@ -28,7 +28,7 @@ typedef struct buffer {
     size_t length;
 } buffer;
 
-client *client_open(const char *server, const char *token, error *e)
+client *client_open(const char *server, const char *token, const char *authorities, error *e)
 {
     const char *unix_path = strncmp(server, "unix:", 5) == 0 ? server + 5 : NULL;
     if (!unix_path && strncmp(server, "http://", 7) != 0 && strncmp(server, "https://", 8) != 0) {
@@ -52,6 +52,7 @@ client *client_open(const char *server, const char *token, error *e)
         curl_easy_setopt(c->curl, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
         curl_easy_setopt(c->curl, CURLOPT_XOAUTH2_BEARER, token);
     }
+    if (authorities) curl_easy_setopt(c->curl, CURLOPT_CAINFO, authorities);
     curl_easy_setopt(c->curl, CURLOPT_ERRORBUFFER, c->fault);
     curl_easy_setopt(c->curl, CURLOPT_NOSIGNAL, 1L);
     curl_easy_setopt(c->curl, CURLOPT_NOPROXY, "*"); /* the service is near; a proxy is for the world */

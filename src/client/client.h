@@ -18,8 +18,9 @@ typedef struct client_reply {
 } client_reply;
 
 /* `server` is unix:/path, http://HOST:PORT or https://HOST:PORT (of a proxy); an error (spec_invalid) for
- * anything else. `token` may be NULL. */
-client *client_open(const char *server, const char *token, error *e);
+ * anything else. `token` may be NULL. `authorities` is a file of the certificates (PEM) that the server's may be signed
+ * with; NULL: those of the system. */
+client *client_open(const char *server, const char *token, const char *authorities, error *e);
 void client_close(client *c); /* accepts NULL */
 
 /* Sends a request and returns its reply, whatever the status. `body` is JSON of `length` bytes, or NULL.

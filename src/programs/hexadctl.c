@@ -65,7 +65,7 @@ static const char usage[] =
     "  token revoke ID [--file FILE]\n"
     "                    revoke a token; it is refused at once\n"
     "\n"
-    "  --server URL   unix:/path or http://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
+    "  --server URL   unix:/path, http://HOST:PORT or https://HOST:PORT; default: $HEXAD_SERVER, otherwise\n"
     "                 unix:" SYSTEM_SOCKET " if that exists, otherwise\n"
     "                 unix:" STATE_SOCKET "\n"
     "  --label LABEL  a word, often of the form key=value\n"
@@ -76,7 +76,8 @@ static const char usage[] =
     "  --json         print the JSON documents of the server\n"
     "  --help, --version\n"
     "\n"
-    "A server that needs a token gets the one in $HEXAD_TOKEN.\n"
+    "A server that needs a token gets the one in $HEXAD_TOKEN. The certificate of an https server\n"
+    "must be signed with one of those in the file $SSL_CERT_FILE, or else with one that the system trusts.\n"
     "\n"
     "Exit status: 0 done (after waiting for a job: it succeeded and converged), 1 the job failed or\n"
     "timed out, 2 bad usage, a missing or unknown token, or a spec that the server refuses, 3 no server\n"
@@ -297,7 +298,7 @@ int main(int argc, char **argv)
     if (!check(&l)) return COMMAND_USAGE;
     if (!l.options.file) set_default_tokens(&l.options);
     error e = {0};
-    client *c = client_open(l.server, environment("HEXAD_TOKEN"), &e);
+    client *c = client_open(l.server, environment("HEXAD_TOKEN"), environment("SSL_CERT_FILE"), &e);
     if (!c) {
         fprintf(stderr, "hexadctl: %s\n", e.message);
         return COMMAND_USAGE;

@@ -54,7 +54,7 @@ static client *open_client(const config *c, error *e)
 {
     const char *token = getenv("HEXAD_TOKEN");
     char *server = find_server(c);
-    client *found = client_open(server, token && *token ? token : NULL, e);
+    client *found = client_open(server, token && *token ? token : NULL, getenv("SSL_CERT_FILE"), e);
     free(server);
     return found;
 }

@@ -1,0 +1,271 @@
+"""hexad behind nginx and stunnel, set up as doc/tls.md says, over TLS with a certificate made for the test."""
+import hashlib
+import http.client
+import json
+import os
+import shutil
+import socket
+import ssl
+import subprocess
+import threading
+
+import pytest
+
+from service import OPEN_TCP, PATIENCE_S, Stream, gated_worker, sphere, wait_until
+from test_access import new_token
+
+PLACES = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/usr/bin"))
+NGINX = """daemon off;
+%(user)spid %(where)s/nginx.pid;
+error_log stderr;
+events {}
+http {
+    access_log off;
+    client_body_temp_path %(where)s/body;
+    proxy_temp_path %(where)s/proxy;
+    fastcgi_temp_path %(where)s/fastcgi;
+    uwsgi_temp_path %(where)s/uwsgi;
+    scgi_temp_path %(where)s/scgi;
+    include %(where)s/hexad.conf;
+}
+"""
+STUNNEL = """foreground = yes
+pid =
+debug = warning
+"""
+
+
+def program(name):
+    found = shutil.which(name, path=PLACES)
+    if not found:
+        pytest.skip(f"{name} is not installed")
+    return found
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    """A directory with certificate.pem and key.pem, for localhost and 127.0.0.1."""
+    where = tmp_path_factory.mktemp("certificate")
+    subprocess.run([program("openssl"), "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes",
+                    "-days", "2", "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1",
+                    "-keyout", where / "key.pem", "-out", where / "certificate.pem"], check=True, capture_output=True,
+                   timeout=PATIENCE_S)
+    return where
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class Front:
+    """nginx or stunnel in front of an address, with the configuration that the project ships; asked like a service."""
+
+    def __init__(self, kind, source, certificate, where, behind):
+        self.certificate, self.port = certificate, free_port()
+        self.address = f"localhost:{self.port}"
+        text = (source / "etc" / f"{kind}.conf").read_text()
+        port = f"127.0.0.1:{self.port}"
+        for shipped, here in (("listen 443", f"listen {port}"), ("accept = 443", f"accept = {port}"),
+                              ("127.0.0.1:8642", behind), ("/etc/ssl/hexad", str(certificate))):
+            text = text.replace(shipped, here)
+        where.mkdir()
+        if kind == "nginx":
+            (where / "hexad.conf").write_text(text)
+            user = "user root;\n" if os.geteuid() == 0 else ""
+            (where / "nginx.conf").write_text(NGINX % {"where": where, "user": user})
+            words = [program("nginx"), "-p", where, "-c", where / "nginx.conf"]
+        else:
+            (where / "stunnel.conf").write_text(STUNNEL + text)
+            words = [program("stunnel4"), where / "stunnel.conf"]
+        self.log = where / "log"
+        with open(self.log, "wb") as log:
+            self.process = subprocess.Popen(words, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        wait_until(self.answers, f"{kind}: {self.log.read_text()}")
+
+    def answers(self):
+        assert self.process.poll() is None, self.log.read_text()
+        with socket.socket() as s:
+            return s.connect_ex(("127.0.0.1", self.port)) == 0
+
+    def connection(self, source="127.0.0.1"):
+        trusted = ssl.create_default_context(cafile=str(self.certificate / "certificate.pem"))
+        return http.client.HTTPSConnection("localhost", self.port, timeout=PATIENCE_S, context=trusted,
+                                           source_address=(source, 0))
+
+    def ask(self, token, method, path, body=None, source="127.0.0.1", **headers):
+        connection = self.connection(source)
+        headers = {name.replace("_", "-"): value for name, value in headers.items()}
+        connection.request(method, path, body, {"Authorization": f"Bearer {token}", **headers})
+        reply = connection.getresponse()
+        reply.body = reply.read()
+        connection.close()
+        return reply
+
+    def submit(self, token, spec):
+        reply = self.ask(token, "POST", "/v1/jobs", json.dumps(spec), Content_Type="application/json")
+        assert reply.status == 201, reply.body
+        return json.loads(reply.body)["id"]
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait(PATIENCE_S)
+
+
+@pytest.fixture
+def fronts(source, certificate, tmp_path):
+    """Makes fronts, which are gone after the test."""
+    made = []
+
+    def make(kind, behind):
+        made.append(Front(kind, source, certificate, tmp_path / f"front.{len(made)}", behind))
+        return made[-1]
+
+    yield make
+    for front in made:
+        front.end()
+
+
+@pytest.fixture
+def guarded(new_service):
+    """Makes services with a token of alice, on a loopback port."""
+    def make(*options):
+        service = new_service(*options)
+        service.options = [o for o in service.options if o not in ("--tcp_without_tokens", OPEN_TCP)]
+        service.state.mkdir(mode=0o700)
+        service.token = new_token(service, "alice")
+        return service.start()
+
+    return make
+
+
+KINDS = {"nginx": ("--trusted_proxies", "127.0.0.1"), "stunnel": ()}
+
+
+@pytest.fixture(params=KINDS)
+def both(request, guarded, fronts, tmp_path):
+    """A service whose jobs end when their gate opens, and a front."""
+    service = guarded("--worker", gated_worker(tmp_path), *KINDS[request.param])
+    front = fronts(request.param, service.address)
+    return service, front
+
+
+def test_events_arrive_when_they_happen(both):
+    service, front = both
+    told = iter(Stream(front, "/v1/events", token=service.token))
+    assert next(told)[1] == "position"
+    job = front.submit(service.token, sphere())
+    for _, kind, document in told:  # the job goes on until its gate opens, so nothing pushes these out
+        if kind == "started" and document["job"] == job:
+            break
+    for _, kind, _ in Stream(front, f"/v1/jobs/{job}/events", token=service.token):
+        if kind == "progress":
+            break
+    service.open_gate(job)
+    assert next(kind for _, kind, d in told if kind == "ended" and d["job"] == job)
+
+
+def test_an_answer_waits(both):
+    service, front = both
+    job = front.submit(service.token, sphere())
+    got = []
+    waiting = threading.Thread(target=lambda: got.append(
+        front.ask(service.token, "GET", f"/v1/jobs/{job}", Prefer="wait=60")))
+    waiting.start()
+    wait_until(lambda: b"hexad_http_connections 2" in front.ask(service.token, "GET", "/metrics").body, "the one who waits")
+    assert not got
+    service.open_gate(job)
+    waiting.join(PATIENCE_S)
+    assert got[0].status == 200 and json.loads(got[0].body)["state"] == "succeeded"
+
+
+def test_long_bodies_go_through(both):
+    service, front = both
+    data = os.urandom(3 << 20)
+    name = hashlib.sha256(data).hexdigest()
+    assert front.ask(service.token, "PUT", f"/v1/inputs/{name}", data).status == 201
+    other = data[:-1]
+    name = hashlib.sha256(other).hexdigest()
+    pieces = (other[i:i + 65536] for i in range(0, len(other), 65536))  # chunks, without a length
+    assert front.ask(service.token, "PUT", f"/v1/inputs/{name}", pieces).status == 201
+
+
+def test_parts_of_results(both):
+    service, front = both
+    job = front.submit(service.token, sphere())
+    service.open_gate(job)
+    waited = front.ask(service.token, "GET", f"/v1/jobs/{job}", Prefer="wait=60")
+    assert json.loads(waited.body)["state"] == "succeeded"
+    where = f"/v1/jobs/{job}/results/report.json"
+    whole = front.ask(service.token, "GET", where)
+    part = front.ask(service.token, "GET", where, Range="bytes=3-9", If_Range=whole.headers["ETag"])
+    assert part.status == 206 and part.body == whole.body[3:10]
+    assert part.headers["Content-Range"] == f"bytes 3-9/{len(whole.body)}"
+    assert front.ask(service.token, "GET", where, If_None_Match=whole.headers["ETag"]).status == 304
+    assert front.ask(service.token, "GET", where, Range=f"bytes={2**64 - 1}-").status == 416
+
+
+def test_hexadctl_speaks_tls(both, tmp_path):
+    service, front = both
+    known = {**os.environ, "HEXAD_SERVER": f"https://{front.address}", "HEXAD_TOKEN": service.token,
+             "SSL_CERT_FILE": str(front.certificate / "certificate.pem")}
+
+    def call(*words, environment=known):
+        return subprocess.run([service.build / "hexadctl", *map(str, words)], env=environment, cwd=tmp_path,
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+
+    (tmp_path / "long").write_bytes(os.urandom(2 << 20))
+    sent = call("upload", "long")
+    assert sent.returncode == 0 and sent.stdout.startswith("sha256:"), sent.stderr
+    (tmp_path / "spec.json").write_text(json.dumps(sphere()))
+    submitted = call("submit", "spec.json", "--json")
+    assert submitted.returncode == 0, submitted.stderr
+    job = json.loads(submitted.stdout)["id"]
+    service.open_gate(job)
+    assert call("wait", job).returncode == 0
+    assert call("fetch", job, "--output", tmp_path / "got").returncode == 0
+    assert (tmp_path / "got" / "report.json").exists()
+    # a server whose certificate nobody vouches for is told nothing
+    strange = call("list", environment={k: v for k, v in known.items() if k != "SSL_CERT_FILE"})
+    assert strange.returncode == 3 and "certificate" in strange.stderr
+
+
+def test_nginx_tells_who_the_client_is(guarded, fronts):
+    service = guarded(*KINDS["nginx"])
+    front = fronts("nginx", service.address)
+    claims = {"Forwarded": "for=192.0.2.1", "X_Forwarded_For": "192.0.2.2", "X_Real_IP": "192.0.2.3"}
+    assert front.ask(service.token, "GET", "/v1/jobs", source="127.0.0.7", **claims).status == 200
+    log = service.log.read_text()
+    assert "user=alice client=127.0.0.7" in log and "192.0.2." not in log
+
+
+def test_stunnel_tells_nothing(guarded, fronts):
+    """What a client claims passes, and is not believed."""
+    service = guarded(*KINDS["stunnel"])
+    front = fronts("stunnel", service.address)
+    assert front.ask(service.token, "GET", "/v1/jobs", Forwarded="for=192.0.2.1").status == 200
+    log = service.log.read_text()
+    assert "user=alice client=127.0.0.1" in log and "192.0.2." not in log
+
+
+def test_nginx_replaces_what_clients_claim(fronts):
+    """As it arrives behind nginx."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        front = fronts("nginx", f"127.0.0.1:{listening.getsockname()[1]}")
+        got = []
+
+        def serve():
+            one, _ = listening.accept()
+            while b"\r\n\r\n" not in b"".join(got):
+                got.append(one.recv(65536))
+            one.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n")
+            one.close()
+
+        server = threading.Thread(target=serve)
+        server.start()
+        front.ask("x", "GET", "/v1/jobs", Forwarded="for=192.0.2.1", X_Forwarded_For="192.0.2.2")
+        server.join(PATIENCE_S)
+    lines = b"".join(got).decode().lower().split("\r\n")
+    assert [line for line in lines if "forwarded" in line] == ["forwarded: for=127.0.0.1"]
+    assert lines[0] == "get /v1/jobs http/1.1" and f"host: {front.address}" in lines and "authorization: bearer x" in lines
