@@ -8,12 +8,14 @@
 #include "run/plan.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
+#include "packing/packing.h"
 #include "surface/surface.h"
 
 void job_free_solution(solution *s)
 {
     sampler_free(s->sampler);
     sizing_field_free(s->sizing);
+    scaled_curvature_free(s->curvature);
     free(s->spacing_local);
     free(s->degree);
     *s = (solution){0};
@@ -109,11 +111,30 @@ static bool start_sizing(const job *j, sizing_field **out, error *e)
     return *out != NULL;
 }
 
+/* The distance, in spacings, over which curvature is taken unless the job says otherwise. Amplitudes that vary within less
+ * ask for what no packing gives: on creased meshes energy_excess is 0.08 with one spacing and 0.04 with two. */
+static const double DEFAULT_SCALE = 2;
+
+/* The curvature of sampling.alpha, unless it is that of the field at each point. */
+static bool start_curvature(const job *j, scaled_curvature **out, error *e)
+{
+    const spec *s = j->spec;
+    if (!s->has_alpha) return true;
+    double even = s->has_control ? s->control.max_sigma / packing_support(1)
+                                 : packing_spacing(j->scan->area, (double)j->count);
+    double scale = !s->alpha.has_scale        ? DEFAULT_SCALE * even
+                   : s->alpha.scale.world > 0 ? s->alpha.scale.world
+                                              : s->alpha.scale.spacings * even;
+    if (!(scale > 0)) return true;
+    *out = scaled_curvature_new(j->scan, scale, j->pool, e);
+    return *out != NULL;
+}
+
 /* Places j->count particles: those of the frame before, if there are any. */
 bool job_place(job *j, solution *out, error *e)
 {
     const spec *s = j->spec;
-    if (!start_sizing(j, &out->sizing, e)) return false;
+    if (!start_sizing(j, &out->sizing, e) || !start_curvature(j, &out->curvature, e)) return false;
     threads_narrow(j->pool, j->count < JOB_THREADS_FROM);
     bool inserts = s->has_control && s->method == SPEC_METHOD_PAPER;
     int64_t start = s->control.start_count > 0 ? s->control.start_count : s->control.min_count;
@@ -151,6 +172,7 @@ bool job_place(job *j, solution *out, error *e)
         .gamma = s->alpha.gamma,
         .nu = s->alpha.nu,
         .kappa_max = s->alpha.kappa_max,
+        .curvature = out->curvature,
         .sizing = out->sizing,
         .sigma = s->sigma,
         .coarse_to_fine = s->method == SPEC_METHOD_SIZED,

@@ -16,7 +16,8 @@
 
 /* A particle system at rest and its measures. */
 typedef struct solution {
-    sizing_field *sizing; /* NULL: even, or by alpha */
+    sizing_field *sizing;        /* NULL: even, or by alpha */
+    scaled_curvature *curvature; /* of alpha; NULL: the field's own */
     sampler *sampler;
     double *spacing_local;
     double *degree; /* NULL: no picture shows it */

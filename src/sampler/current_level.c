@@ -13,10 +13,24 @@
 #include "sampler/start.h"
 #include "surface/projection.h"
 
-double sampler_amplitude(const sampler *s, double kappa)
+/* (13) and (14), with curvature freed of scale by the surface's extent, and bounded. */
+static double amplitude(const sampler *s, double kappa)
 {
     double k = fmin(kappa * s->setup.field->extent, s->setup.params.kappa_max);
     return s->setup.params.gamma + 1 / (pow(k, s->setup.params.d) + s->setup.params.nu);
+}
+
+bool sampler_amplitude_at(const sampler *s, vec3 x, vec3 normal, double *alpha)
+{
+    double kappa1, kappa2;
+    field_sample sample;
+    if (s->setup.params.curvature) {
+        *alpha = amplitude(s, scaled_curvature_at(s->setup.params.curvature, x, normal, &kappa1, &kappa2));
+        return true;
+    }
+    if (!field_sample_at(s->setup.field, x, FIELD_HESSIAN, &sample)) return false;
+    *alpha = amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+    return true;
 }
 
 bool sampler_is_on_target(const sampler *s, double energy)
@@ -24,44 +38,60 @@ bool sampler_is_on_target(const sampler *s, double energy)
     return fabs(energy / s->setup.params.energy->ideal - 1) < s->setup.params.energy_tolerance;
 }
 
-static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
+/* Numbers that go with the particles' places and are constant between two renewals: amplitudes and sizes. Sums are made of at most so many parts, by the count alone. */
+enum { PARTS = 256, BATCH = 64 };
+
+typedef struct renewal {
+    sampler *s;
+    size_t grain;
+    double squares[PARTS]; /* of relative changes, a chunk each */
+} renewal;
+
+static double renew(sampler *s, threads_work work)
 {
-    sampler *s = context;
-    (void)worker;
-    for (size_t i = begin; i < end; i++) {
-        field_sample sample;
-        double kappa1, kappa2;
-        if (field_sample_at(s->setup.field, s->state.p->position[i], FIELD_HESSIAN, &sample))
-            s->state.p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
-    }
+    renewal job = {s, s->state.p->count / PARTS + 1, {0}};
+    double squares = 0;
+    threads_run(s->setup.pool, s->state.p->count, job.grain, work, &job);
+    for (int k = 0; k < PARTS; k++) squares += job.squares[k];
+    return sqrt(squares / (double)s->state.p->count);
 }
 
-/* Amplitudes follow the particles at ever longer intervals: every sweep at first, when they move far, and
- * then after a quarter more sweeps each time. In between the energy is a function of positions alone, which
- * can only fall. */
+static void amplitude_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    renewal *job = context;
+    const particles *p = job->s->state.p;
+    double squares = 0;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        double before = p->alpha[i];
+        if (!sampler_amplitude_at(job->s, p->position[i], p->normal[i], &p->alpha[i])) continue;
+        double change = p->alpha[i] / before - 1;
+        squares += change * change;
+    }
+    job->squares[begin / job->grain] = squares;
+}
+
+double sampler_renew_amplitudes(sampler *s)
+{
+    return s->setup.params.graded ? renew(s, amplitude_chunk) : 0;
+}
+
+/* Every sweep at first, when particles move far, and then after a quarter more sweeps each time. In between the energy is
+ * a function of positions alone, which can only fall. */
 bool sampler_amplitudes_are_due(const sampler *s)
 {
     return s->setup.params.graded && s->record.sweep_count >= s->state.next_amplitudes;
 }
 
-/* Sums are made of at most so many parts, by the count alone. */
-enum { SIZE_PARTS = 256, SIZE_BATCH = 64 };
-
-typedef struct size_job {
-    sampler *s;
-    size_t grain;
-    double squares[SIZE_PARTS]; /* of relative changes, a chunk each */
-} size_job;
-
 static void size_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    size_job *job = context;
+    renewal *job = context;
     sampler *s = job->s;
     double over_h = 1 / packing_spacing(s->setup.scan->area, (double)s->setup.params.count), squares = 0,
-           spacing[SIZE_BATCH];
+           spacing[BATCH];
     (void)worker;
-    for (size_t first = begin; first < end; first += SIZE_BATCH) {
-        size_t count = end - first < SIZE_BATCH ? end - first : SIZE_BATCH;
+    for (size_t first = begin; first < end; first += BATCH) {
+        size_t count = end - first < BATCH ? end - first : BATCH;
         sizing_field_spacings(s->setup.params.sizing, count, s->state.p->position + first, spacing);
         for (size_t k = 0; k < count; k++) {
             double *size = &s->state.p->size[first + k], change = *size / (spacing[k] * over_h) - 1;
@@ -74,18 +104,13 @@ static void size_chunk(void *context, int worker, size_t begin, size_t end)
 
 double sampler_resize(sampler *s)
 {
-    if (!s->setup.params.sizing) return 0;
-    size_job job = {s, s->state.p->count / SIZE_PARTS + 1, {0}};
-    double squares = 0;
-    threads_run(s->setup.pool, s->state.p->count, job.grain, size_chunk, &job);
-    for (int k = 0; k < SIZE_PARTS; k++) squares += job.squares[k];
-    return sqrt(squares / (double)s->state.p->count);
+    return s->setup.params.sizing ? renew(s, size_chunk) : 0;
 }
 
 bool sampler_build_lists(sampler *s, error *e)
 {
     if (sampler_amplitudes_are_due(s)) {
-        threads_run(s->setup.pool, s->state.p->count, 256, amplitude_chunk, s);
+        sampler_renew_amplitudes(s);
         s->state.next_amplitudes = s->record.sweep_count + 1 + s->record.sweep_count / 4;
     }
     sampler_resize(s);

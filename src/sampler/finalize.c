@@ -51,10 +51,9 @@ static void finalize_particle(sampler *s, size_t i)
     vec3 x = s->state.p->position[i], normal = s->state.p->normal[i];
     field_sample sample;
     s->scratch.lost[i] = true;
-    double h = s->state.spacing * s->state.p->size[i], kappa1, kappa2;
-    field_order order = s->setup.params.graded ? FIELD_HESSIAN : FIELD_GRADIENT;
+    double h = s->state.spacing * s->state.p->size[i];
     if (!settle_on_surface(s, h, SETTLE_FARTHEST * h, &x, &normal) ||
-        !field_sample_at(s->setup.field, x, order, &sample))
+        !field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample))
         return;
     double length = vec3_norm(sample.gradient), residual = fabs(sample.value) / length / h;
     if (!(residual < WORST_RESIDUAL)) return;
@@ -62,8 +61,7 @@ static void finalize_particle(sampler *s, size_t i)
     s->scratch.residual[i] = residual;
     s->state.p->position[i] = x;
     s->state.p->normal[i] = vec3_scale(sample.gradient, 1 / length);
-    if (s->setup.params.graded)
-        s->state.p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+    if (s->setup.params.graded) sampler_amplitude_at(s, x, s->state.p->normal[i], &s->state.p->alpha[i]);
 }
 
 static void finalize_chunk(void *context, int worker, size_t begin, size_t end)

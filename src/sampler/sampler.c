@@ -86,13 +86,13 @@ static void estimate_fraction(sampler *s, const schedule_evidence *seen)
         fmax(s->state.fraction, low + (high - low) * schedule_level_progress(s->setup.schedule, &at, seen));
 }
 
-/* At rest under sizes of a while ago, most of all: with those of now there may be more to do, unless the next
- * level does it. */
+/* The particles rest under the sizes and amplitudes of an earlier place. With those of now there may be more to do,
+ * unless the next level does it. */
 static bool sizes_are_settled(sampler *s)
 {
     if (s->state.level > 0 && s->state.level < s->state.levels - 1) return true;
-    if (sampler_resize(s) < s->setup.schedule->size_settled ||
-        s->state.resizes == s->setup.schedule->resizes_most)
+    double change = fmax(sampler_resize(s), sampler_renew_amplitudes(s));
+    if (change < s->setup.schedule->size_settled || s->state.resizes == s->setup.schedule->resizes_most)
         return true;
     s->state.resizes++;
     s->state.lists_stale = true;

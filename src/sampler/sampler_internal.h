@@ -81,8 +81,11 @@ struct sampler {
     sampler_record record;
 };
 
-/* (14), with curvature freed of scale by L and bounded. */
-double sampler_amplitude(const sampler *s, double kappa);
+/* (14) at a place of the surface, with its normal. False, *alpha untouched, where the field has no curvature. */
+bool sampler_amplitude_at(const sampler *s, vec3 x, vec3 normal, double *alpha);
+
+/* Amplitudes of the particles where they are; returns the rms of their relative change. */
+double sampler_renew_amplitudes(sampler *s);
 
 /* Sizes of the particles where they are; returns the rms of their relative change. */
 double sampler_resize(sampler *s);

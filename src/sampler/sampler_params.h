@@ -9,6 +9,7 @@
 #include "base/isa.h"
 #include "packing/energy.h"
 #include "sampler/witkin_heckbert.h"
+#include "surface/scaled_curvature.h"
 #include "surface/sizing_field.h"
 
 typedef enum sampler_start {
@@ -28,6 +29,7 @@ typedef struct sampler_params {
     uint64_t seed;
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
+    const scaled_curvature *curvature; /* of (14), stays the caller's; NULL: the field's own */
     const sizing_field *sizing; /* spacing by place, stays the caller's; NULL: even */
     double sigma;               /* initial support, world units; 0: that of the ideal packing */
     /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support

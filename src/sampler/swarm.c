@@ -123,11 +123,12 @@ static double amplitude_scale(const sampler *s)
     int found = 0;
     for (int k = 0; k < SCALE_SAMPLES; k++) {
         field_sample sample;
-        double kappa1, kappa2;
+        double alpha;
         vec3 x = surface_point(s->setup.scan, s->setup.scan->area_before,
                                (k + 0.5) / SCALE_SAMPLES * s->setup.scan->area, &r);
-        if (!field_sample_at(s->setup.field, x, FIELD_HESSIAN, &sample)) continue;
-        double alpha = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+        if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample) ||
+            !sampler_amplitude_at(s, x, vec3_unit(sample.gradient), &alpha))
+            continue;
         sum += 1 / (alpha * alpha);
         found++;
     }
@@ -195,19 +196,17 @@ static void velocity_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         field_sample sample;
-        double kappa1, kappa2;
         witkin_heckbert_terms *t = &w->terms[i];
         witkin_heckbert_sum(&w->params, s->state.p->position, w->sigma, i, neighbours_list(w->near, i),
                             w->near->list_count[i], t);
         s->state.p->energy[i] = t->energy;
         w->velocity[i] = (vec3){0, 0, 0};
-        if (!field_sample_at(s->setup.field, s->state.p->position[i],
-                             s->setup.params.graded ? FIELD_HESSIAN : FIELD_GRADIENT, &sample))
-            continue;
+        vec3 x = s->state.p->position[i];
+        if (!field_sample_at(s->setup.field, x, FIELD_GRADIENT, &sample)) continue;
         double g2 = vec3_norm2(sample.gradient);
         if (!(g2 > 0)) continue;
         if (s->setup.params.graded)
-            s->state.p->alpha[i] = sampler_amplitude(s, field_curvature(&sample, &kappa1, &kappa2));
+            sampler_amplitude_at(s, x, vec3_scale(sample.gradient, 1 / sqrt(g2)), &s->state.p->alpha[i]);
         double along = (vec3_dot(sample.gradient, t->push) + w->params.phi * sample.value) / g2;
         w->velocity[i] = vec3_axpy(-along, sample.gradient, t->push);
     }

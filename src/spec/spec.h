@@ -99,8 +99,15 @@ struct spec_surface {
     size_t matrix_count;
 };
 
+/* The distance over which curvature is taken: one of the two, the other is 0. Both 0: at a point. */
+typedef struct spec_scale {
+    double spacings, world;
+} spec_scale;
+
 typedef struct spec_alpha { /* (14) */
     double d, gamma, nu, kappa_max;
+    bool has_scale;
+    spec_scale scale;
 } spec_alpha;
 
 typedef struct spec_curvature { /* the grading by curvature; one of chord_error and ratio, the other is 0 */

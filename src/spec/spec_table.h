@@ -37,6 +37,7 @@ typedef enum spec_choice {
     SPEC_CHOICE_COEFFICIENTS,
     SPEC_CHOICE_TARGET,
     SPEC_CHOICE_CURVATURE,
+    SPEC_CHOICE_SCALE,
     SPEC_CHOICE_GRADING, /* from here on: at most one; before: exactly one */
     SPEC_CHOICE_VOXELS,
     SPEC_CHOICE_LENS,

@@ -471,19 +471,6 @@ static void smooth(making *m)
 
 /* --- models --- */
 
-/* Solves the symmetric system m x = b by elimination; m is positive definite. */
-static vec3 solve3(sym3 m, vec3 b)
-{
-    double l21 = m.xy / m.xx, l31 = m.xz / m.xx;
-    double yy = m.yy - l21 * m.xy, yz = m.yz - l31 * m.xy, zz = m.zz - l31 * m.xz;
-    double by = b.y - l21 * b.x, bz = b.z - l31 * b.x, l32 = yz / yy;
-    vec3 x;
-    x.z = (bz - l32 * by) / (zz - l32 * yz);
-    x.y = (by - yz * x.z) / yy;
-    x.x = (b.x - m.xy * x.y - m.xz * x.z) / m.xx;
-    return x;
-}
-
 /* The gradient that fits the neighbours' spacings best. */
 static void model_node(const making *links, size_t index)
 {
@@ -511,7 +498,7 @@ static void model_node(const making *links, size_t index)
     m.xx += damping;
     m.yy += damping;
     m.zz += damping;
-    n->gradient = solve3(m, b);
+    n->gradient = sym3_solve(m, b);
     double slope = vec3_norm(n->gradient);
     if (slope > g->params.gradation) n->gradient = vec3_scale(n->gradient, g->params.gradation / slope);
 }

@@ -1,0 +1,248 @@
+#include "surface/scaled_curvature.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "geometry/block_map.h"
+#include "geometry/sym3.h"
+#include "surface/projection.h"
+
+/* Edge of a cube, over the scale, and at least this many of the surface's cells, so that no cube is passed over. */
+static const double EDGE_SCALE = 0.6, EDGE_CELLS = 1.25;
+/* Weights end at this many scales: exp(-4). */
+static const double REACH = 2;
+/* Normals whose cosine is below the first do not count, above the second they count in full: as the pairs of the energy. */
+static const double FACING_NONE = -0.8, FACING_WHOLE = -0.5;
+/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+static const int SAMPLE_STEPS = 5;
+static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
+/* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
+static const double DAMPING = 1e-3;
+enum { DIRECTIONS = 6, GRAIN = 256 };
+
+typedef struct element {
+    double area;
+    vec3 position,
+        normal; /* sums over the area while elements are made, means afterwards; the normal is a unit vector */
+    double kappa1, kappa2;
+} element;
+
+struct scaled_curvature {
+    double scale, edge;
+    vec3 origin;
+    int reach;     /* cubes that weights reach to either side */
+    block_map map; /* of cubes and directions to elements */
+    element *element;
+};
+
+typedef struct cell_sample {
+    vec3 position, normal;
+    bool found;
+} cell_sample;
+
+typedef struct sample_job {
+    const surface *scan;
+    cell_sample *sample;
+} sample_job;
+
+static void sample_cell(const surface *scan, size_t k, cell_sample *out)
+{
+    const field *f = scan->field;
+    field_cell cell;
+    surface_cell(scan, k, &cell);
+    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
+                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
+    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x;
+    out->found = projection_find(f, &limits, &x, &out->normal) &&
+                 vec3_norm(vec3_sub(x, middle)) <= SAMPLE_FARTHEST * f->cell_size;
+    out->position = x;
+}
+
+static void sample_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    sample_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) sample_cell(job->scan, k, &job->sample[k]);
+}
+
+/* The axis that a normal follows most: 0 to 2 along it, 3 to 5 against it. */
+static int direction_of(vec3 n)
+{
+    int axis = fabs(n.x) >= fabs(n.y) && fabs(n.x) >= fabs(n.z) ? 0 : fabs(n.y) >= fabs(n.z) ? 1 : 2;
+    return vec3_get(n, axis) >= 0 ? axis : axis + 3;
+}
+
+typedef struct cube {
+    int32_t at[3];
+} cube;
+
+static cube cube_of(const scaled_curvature *c, vec3 x)
+{
+    vec3 u = vec3_scale(vec3_sub(x, c->origin), 1 / c->edge);
+    return (cube){{(int32_t)floor(u.x), (int32_t)floor(u.y), (int32_t)floor(u.z)}};
+}
+
+/* Adds the samples to the elements of their cubes, in the order of the cells. */
+static bool make_elements(scaled_curvature *c, const surface *scan, const cell_sample *sample, error *e)
+{
+    if (!block_map_init(&c->map, scan->cells / 2, e)) return false;
+    c->element = mem_array(scan->cells + 1, sizeof *c->element, "the curvature at a scale", e);
+    if (!c->element) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        double area = scan->area_before[k + 1] - scan->area_before[k];
+        if (!sample[k].found || !(area > 0)) continue;
+        cube at = cube_of(c, sample[k].position);
+        uint32_t number;
+        if (!block_map_find_or_add(&c->map, at.at[0], at.at[1],
+                                   DIRECTIONS * at.at[2] + direction_of(sample[k].normal), &number, e))
+            return false;
+        element *n = &c->element[number];
+        n->area += area;
+        n->position = vec3_axpy(area, sample[k].position, n->position);
+        n->normal = vec3_axpy(area, sample[k].normal, n->normal);
+    }
+    for (uint32_t k = 0; k < c->map.count; k++) {
+        element *n = &c->element[k];
+        n->position = vec3_scale(n->position, 1 / n->area);
+        n->normal = vec3_unit(n->normal);
+    }
+    return true;
+}
+
+static double facing_weight(vec3 a, vec3 b)
+{
+    return fmin(fmax((vec3_dot(a, b) - FACING_NONE) / (FACING_WHOLE - FACING_NONE), 0), 1);
+}
+
+/* Weighted sums over a neighbourhood. */
+typedef struct sums {
+    double weight, a, b, p, q, aa, ab, bb, pa, pb, qa, qb;
+} sums;
+
+/* What a visit to the elements around a place does with each; `squared` is the distance. */
+typedef void visitor(void *context, const element *other, double squared);
+
+static void visit_around(const scaled_curvature *c, vec3 x, int reach, double farthest, visitor *visit,
+                         void *context)
+{
+    cube at = cube_of(c, x);
+    for (int k = -reach; k <= reach; k++)
+        for (int j = -reach; j <= reach; j++)
+            for (int i = -reach; i <= reach; i++)
+                for (int d = 0; d < DIRECTIONS; d++) {
+                    uint32_t number =
+                        block_map_find(&c->map, at.at[0] + i, at.at[1] + j, DIRECTIONS * (at.at[2] + k) + d);
+                    if (number == BLOCK_MAP_NONE) continue;
+                    double squared = vec3_norm2(vec3_sub(c->element[number].position, x));
+                    if (squared < farthest * farthest) visit(context, &c->element[number], squared);
+                }
+}
+
+typedef struct fit {
+    const scaled_curvature *c;
+    const element *middle;
+    vec3 u, v;
+    sums sums;
+} fit;
+
+static void add_to_fit(void *context, const element *other, double squared)
+{
+    fit *f = context;
+    const element *m = f->middle;
+    double w =
+        other->area * facing_weight(m->normal, other->normal) * exp(-squared / (f->c->scale * f->c->scale));
+    vec3 x = vec3_sub(other->position, m->position), n = vec3_sub(other->normal, m->normal);
+    double a = vec3_dot(x, f->u), b = vec3_dot(x, f->v), p = vec3_dot(n, f->u), q = vec3_dot(n, f->v);
+    sums *s = &f->sums;
+    s->weight += w;
+    s->a += w * a;
+    s->b += w * b;
+    s->p += w * p;
+    s->q += w * q;
+    s->aa += w * a * a;
+    s->ab += w * a * b;
+    s->bb += w * b * b;
+    s->pa += w * p * a;
+    s->pb += w * p * b;
+    s->qa += w * q * a;
+    s->qb += w * q * b;
+}
+
+/* The symmetric S of (p, q) = S (a, b), from sums without their means; its eigenvalues. */
+static void solve_fit(const sums *s, double *kappa1, double *kappa2)
+{
+    double over = 1 / s->weight;
+    double aa = s->aa - s->a * s->a * over, ab = s->ab - s->a * s->b * over, bb = s->bb - s->b * s->b * over;
+    double pa = s->pa - s->p * s->a * over, pb = s->pb - s->p * s->b * over;
+    double qa = s->qa - s->q * s->a * over, qb = s->qb - s->q * s->b * over;
+    double damping = DAMPING * (aa + bb);
+    *kappa1 = *kappa2 = 0;
+    if (!(damping > 0)) return;
+    const sym3 m = {.xx = aa + damping, .yy = aa + bb + damping, .zz = bb + damping, .xy = ab, .yz = ab};
+    vec3 r = sym3_solve(m, (vec3){pa, pb + qa, qb});
+    sym2_eigenvalues(r.x, r.y, r.z, kappa1, kappa2);
+}
+
+static void fit_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    scaled_curvature *c = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        fit f = {.c = c, .middle = &c->element[k]};
+        vec3_frame(f.middle->normal, &f.u, &f.v);
+        visit_around(c, f.middle->position, c->reach, REACH * c->scale, add_to_fit, &f);
+        solve_fit(&f.sums, &c->element[k].kappa1, &c->element[k].kappa2);
+    }
+}
+
+scaled_curvature *scaled_curvature_new(const surface *scan, double scale, threads *pool, error *e)
+{
+    scaled_curvature *c = mem_alloc(sizeof *c);
+    c->scale = fmax(scale, scan->field->cell_size);
+    c->edge = fmax(EDGE_SCALE * c->scale, EDGE_CELLS * scan->field->cell_size);
+    c->reach = (int)ceil(REACH * c->scale / c->edge);
+    c->origin = scan->box.min;
+    sample_job job = {scan, mem_array(scan->cells, sizeof *job.sample, "the curvature at a scale", e)};
+    bool ok = job.sample != NULL;
+    if (ok) threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
+    ok = ok && make_elements(c, scan, job.sample, e);
+    if (ok) threads_run(pool, c->map.count, GRAIN, fit_chunk, c);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    free(job.sample);
+    if (ok) return c;
+    scaled_curvature_free(c);
+    return NULL;
+}
+
+void scaled_curvature_free(scaled_curvature *c)
+{
+    if (!c) return;
+    block_map_free(&c->map);
+    free(c->element);
+    free(c);
+}
+
+typedef struct blend {
+    vec3 normal;
+    double over; /* 1 / width^2 of the weights */
+    double weight, kappa1, kappa2;
+} blend;
+
+static void add_to_blend(void *context, const element *other, double squared)
+{
+    blend *b = context;
+    double w = other->area * facing_weight(b->normal, other->normal) * exp(-squared * b->over);
+    b->weight += w;
+    b->kappa1 += w * other->kappa1;
+    b->kappa2 += w * other->kappa2;
+}
+
+double scaled_curvature_at(const scaled_curvature *c, vec3 x, vec3 normal, double *kappa1, double *kappa2)
+{
+    blend b = {.normal = normal, .over = 4 / (c->edge * c->edge)};
+    visit_around(c, x, 1, 2 * c->edge, add_to_blend, &b);
+    *kappa1 = b.weight > 0 ? b.kappa1 / b.weight : 0;
+    *kappa2 = b.weight > 0 ? b.kappa2 / b.weight : 0;
+    return sqrt(*kappa1 * *kappa1 + *kappa2 * *kappa2);
+}
