@@ -126,8 +126,10 @@ static json *document_for(const spec_row *row)
          "\"matrix\":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]}},\"sampling\":{\"count\":100}}"},
         {"/surface/exr", EXR("\"a.####.exr\"", "\"1-9\"")},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
-        {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature/chord_error", SPHERE "}"},
+        {"/sampling/alpha/scale/", GRADED("\"alpha\":{}")},
+        {"/sampling/alpha/scale", GRADED("\"alpha\":{\"scale\":{\"spacings\":1}}")},
+        {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature", GRADED("\"curvature\":{\"ratio\":2}")},
         {"/sampling/grid", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},"
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
