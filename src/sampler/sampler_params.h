@@ -30,8 +30,8 @@ typedef struct sampler_params {
     bool graded; /* (13)(14) */
     double d, gamma, nu, kappa_max;
     const scaled_curvature *curvature; /* of (14), stays the caller's; NULL: the field's own */
-    const sizing_field *sizing; /* spacing by place, stays the caller's; NULL: even */
-    double sigma;               /* initial support, world units; 0: that of the ideal packing */
+    const sizing_field *sizing;        /* spacing by place, stays the caller's; NULL: even */
+    double sigma;                      /* initial support, world units; 0: that of the ideal packing */
     /* the control of 6.1, not with coarse_to_fine: from `count` on particles are inserted until the support
      * is at most max_sigma, and deleted while it is so with fewer, but for min_count. 0: the count is
      * exact */
