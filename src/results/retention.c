@@ -156,6 +156,8 @@ bool retention_delete(retention *r, const char *id, bool *found, bool *deleted, 
         set_left(r, true);
         retention_wake(r);
     }
+    ssize_t written = write(r->room_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written; /* a full counter is readable, which is enough */
     return true;
 }
 
@@ -228,19 +230,13 @@ static bool measure_some(retention *r, bool *more)
 static bool make_room(retention *r, bool *more)
 {
     char id[ULID_SIZE];
-    uint64_t gone = 0;
     bool ok = true, found = true, known, deleted;
     for (int i = 0; ok && found && i < AT_ONCE; i++) {
         ok = queue_next_leaving(r->q, id, &found, NULL);
         if (!ok || !found) break;
         log_write(LOG_LEVEL_INFO, "job has to go, because results have met a bound job=%s", id);
         ok = retention_delete(r, id, &known, &deleted, NULL);
-        gone++;
-    }
-    if (gone) {
-        atomic_fetch_add(&r->evicted, gone);
-        ssize_t written = write(r->room_fd, &(uint64_t){1}, sizeof(uint64_t));
-        (void)written; /* a full counter is readable, which is enough */
+        atomic_fetch_add(&r->evicted, ok);
     }
     *more = ok && found;
     return ok;

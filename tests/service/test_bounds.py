@@ -72,6 +72,18 @@ def test_what_was_copied_makes_room(new_service, tmp_path):
     assert all((out / str(seed) / "report.json").exists() for seed in range(6))
 
 
+def test_what_is_deleted_makes_room(new_service):
+    service = new_service("--results_count", 1, "--workers", 1).start()
+    first, second, third = (service.submit(small(seed)) for seed in range(3))
+    service.wait_state(first, "succeeded")
+    assert service.request("DELETE", f"/v1/jobs/{first}").status == 204
+    service.wait_state(second, "succeeded")
+    edited = service.request("PATCH", f"/v1/jobs/{second}", '{"retention_s": 1}', {"Content-Type": "application/json"})
+    assert edited.status == 200
+    service.wait_state(third, "succeeded")
+    assert gone(service, second)
+
+
 def test_each_user_has_a_bound(farm):  # noqa: F811
     shared = farm("--user_results_count", 1)
     first, second = shared.submit("ann"), shared.submit("ann")

@@ -102,6 +102,22 @@ static void test_options_win_over_the_file(void **state)
     config_clear(&c);
 }
 
+/* Each setting is told apart from all others: none of them is "given twice". */
+static void test_all_settings_at_once(void **state)
+{
+    (void)state;
+    char **argv = mem_alloc((config_table_size + 1) * sizeof *argv);
+    argv[0] = mem_strdup("hexad");
+    for (size_t i = 0; i < config_table_size; i++) {
+        const config_row *row = &config_table[i];
+        argv[i + 1] = mem_printf("--%s=%s", row->key, row->default_text ? row->default_text : "");
+    }
+    config c = parse((int)config_table_size + 1, argv);
+    config_clear(&c);
+    for (size_t i = 0; i <= config_table_size; i++) free(argv[i]);
+    free(argv);
+}
+
 static void test_faults_of_the_file_name_the_line(void **state)
 {
     (void)state;
@@ -198,6 +214,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_defaults),
         cmocka_unit_test(test_options_win_over_the_file),
+        cmocka_unit_test(test_all_settings_at_once),
         cmocka_unit_test(test_faults_of_the_file_name_the_line),
         cmocka_unit_test(test_faults_of_the_command_line),
         cmocka_unit_test(test_actions),
