@@ -680,14 +680,21 @@ static void answer_at_once(exchange *x, const char *code, const char *detail)
     reply_clear(&r);
 }
 
+/* Whether the end of the request's head was found; before, the library knows no size of it. */
+static bool has_head(const exchange *x)
+{
+    const union MHD_ConnectionInfo *info =
+        MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    return info && info->header_size;
+}
+
 /* The library (0.9.75) answers twice when it refuses a head that has arrived: for a Content-Length that is no
  * number, and when it has no memory for cookies. It asks no handler then, and only its log tells. The head is
  * the one whose end was found and that no handler has seen. */
 static void refuse_once(server *s, unsigned status)
 {
     exchange *x = s->unread;
-    while (x && !MHD_get_connection_info(x->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE)->header_size)
-        x = x->next;
+    while (x && !has_head(x)) x = x->next;
     if (!x) return;
     if (status == MHD_HTTP_CONTENT_TOO_LARGE)
         answer_at_once(x, "body_too_large", "Content-Length is beyond all limits");

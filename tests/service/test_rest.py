@@ -218,6 +218,11 @@ def test_only_listed_results_are_served(service):
     expect_problem(service.get(f"/v1/jobs/{job}/results/worker.log"), 404, "not_found")
 
 
+def test_a_head_that_the_library_refuses_ends_nothing(service):
+    exchange(service, b"GET /foo HTTP/1.1\r\nba\0z: bar\r\n\r\n")
+    assert service.get("/healthz").status == 200
+
+
 def test_body_limit_by_length(new_service):
     service = new_service("--body_limit_bytes", 1000).start()
     # the answer comes before a single byte of the body
