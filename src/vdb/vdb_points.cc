@@ -126,14 +126,14 @@ void identify(std::string &bytes, const std::string &random)
 std::string read_all(int fd)
 {
     struct stat info;
-    if (::fstat(fd, &info) != 0) throw fault(ERROR_INTERNAL, "cannot be read");
+    if (::fstat(fd, &info) != 0) throw fault(ERROR_INTERNAL, "the file cannot be read");
     std::string bytes(size_t(info.st_size), '\0');
     for (size_t done = 0; done < bytes.size();) {
         ssize_t n = ::pread(fd, &bytes[done], bytes.size() - done, off_t(done));
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0)
             throw fault(error_code_of_errno(n < 0 ? errno : 0),
-                        std::string("cannot be read: ") + std::strerror(errno));
+                        std::string("the file cannot be read: ") + std::strerror(errno));
         done += size_t(n);
     }
     return bytes;

@@ -63,7 +63,8 @@ public:
         else if (pread(fd_, &length, sizeof length, off_t(here)) != ssize_t(sizeof length))
             return; /* the library finds that out */
         if (length > 0 ? length > size_ - here : uint64_t(0) - uint64_t(length) != bytes)
-            throw fault(ERROR_INPUT_DAMAGED, "has values of another length than their node: it is damaged");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "the file has values of another length than their node: it is damaged");
     }
 
 protected:
@@ -117,7 +118,8 @@ private:
         ssize_t got;
         do got = pread(fd_, to, count, off_t(next_));
         while (got < 0 && errno == EINTR);
-        if (got < 0) throw fault(ERROR_INPUT_DAMAGED, std::string("cannot be read: ") + std::strerror(errno));
+        if (got < 0)
+            throw fault(ERROR_INPUT_DAMAGED, std::string("the file cannot be read: ") + std::strerror(errno));
         next_ += got;
         return size_t(got);
     }
@@ -160,7 +162,8 @@ public:
         d.unique_name = read_string();
         d.name = d.unique_name.substr(0, d.unique_name.find(name_separator));
         if (d.name.size() >= VDB_NAME_SIZE || d.name.find('\0') != std::string::npos)
-            throw fault(ERROR_INPUT_DAMAGED, "has a grid name that is too long or not text: it is damaged");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "the file has a grid name that is too long or not text: it is damaged");
         d.type = read_string();
         size_t stem = d.type.size() - std::min(d.type.size(), std::strlen(half_suffix));
         if (d.type.compare(stem, std::string::npos, half_suffix) == 0) {
@@ -176,9 +179,10 @@ public:
                 throw fault(
                     ERROR_INPUT_DAMAGED,
                     "grid \"" + d.name + "\": " +
-                        format("is said to end at byte %llu of a file of %llu bytes: the file was cut "
-                               "short or is damaged",
-                               (unsigned long long)d.end, (unsigned long long)size_));
+                        format(
+                            "the file is said to end at byte %llu of a file of %llu bytes: the file was cut "
+                            "short or is damaged",
+                            (unsigned long long)d.end, (unsigned long long)size_));
         }
         return d;
     }
@@ -238,7 +242,7 @@ private:
     {
         struct stat st;
         if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode))
-            throw fault(ERROR_INPUT_DAMAGED, "is not a regular file");
+            throw fault(ERROR_INPUT_DAMAGED, "the file is not a regular file");
         return st.st_size;
     }
 
@@ -246,26 +250,29 @@ private:
     {
         char head[64] = {0};
         ssize_t got = pread(fd, head, sizeof head - 1, 0);
-        if (got < 0) throw fault(ERROR_INPUT_DAMAGED, std::string("cannot be read: ") + std::strerror(errno));
-        if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "is empty (0 bytes)");
+        if (got < 0)
+            throw fault(ERROR_INPUT_DAMAGED, std::string("the file cannot be read: ") + std::strerror(errno));
+        if (got == 0) throw fault(ERROR_INPUT_DAMAGED, "the file is empty (0 bytes)");
         if (std::strncmp(head, "version https://git-lfs", 23) == 0)
             throw fault(ERROR_INPUT_DAMAGED,
-                        "is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
+                        "the file is a Git-LFS pointer, not the volume itself: run `git lfs pull` "
                         "where it came from");
         int64_t magic;
         uint32_t version;
         std::memcpy(&magic, head, sizeof magic);
         std::memcpy(&version, head + sizeof magic, sizeof version);
         if (got < ssize_t(sizeof magic) || magic != vdb::OPENVDB_MAGIC)
-            throw fault(ERROR_INPUT_DAMAGED, "is not an OpenVDB file (its first bytes are not OpenVDB's)");
+            throw fault(ERROR_INPUT_DAMAGED,
+                        "the file is not an OpenVDB file (its first bytes are not OpenVDB's)");
         if (got < ssize_t(sizeof magic + sizeof version))
-            throw fault(ERROR_INPUT_DAMAGED, "was cut short after its first bytes");
+            throw fault(ERROR_INPUT_DAMAGED, "the file was cut short after its first bytes");
         if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING || version > vdb::OPENVDB_FILE_VERSION)
             throw fault(
                 ERROR_INPUT_UNSUPPORTED,
-                format("has format version %llu; versions up to %llu from 216 on are read: save it again "
-                       "with a current OpenVDB",
-                       version, vdb::OPENVDB_FILE_VERSION));
+                format(
+                    "the file has format version %llu; versions up to %llu from 216 on are read: save it again "
+                    "with a current OpenVDB",
+                    version, vdb::OPENVDB_FILE_VERSION));
     }
 
     /* A block of metadata. The library would allocate what the lengths say, and read a value in the length of its type
@@ -274,7 +281,8 @@ private:
     void read_entries(vdb::MetaMap &to)
     {
         int32_t entries = read_int<int32_t>();
-        if (entries < 0) throw fault(ERROR_INPUT_DAMAGED, "has a negative count of metadata: it is damaged");
+        if (entries < 0)
+            throw fault(ERROR_INPUT_DAMAGED, "the file has a negative count of metadata: it is damaged");
         for (int32_t i = 0; i < entries; i++) {
             std::string name = read_string(), type = read_string();
             uint32_t bytes = read_int<uint32_t>();
@@ -282,9 +290,10 @@ private:
             if (bytes > size_ - here)
                 throw fault(
                     ERROR_INPUT_DAMAGED,
-                    format("has metadata of %llu bytes with %llu left in the file: it was cut short or is "
-                           "damaged",
-                           bytes, (unsigned long long)(size_ - here)));
+                    format(
+                        "the file has metadata of %llu bytes with %llu left in the file: it was cut short or is "
+                        "damaged",
+                        bytes, (unsigned long long)(size_ - here)));
             if (!vdb::Metadata::isRegisteredType(type) ||
                 type == vdb::io::DelayedLoadMetadata::staticTypeName()) {
                 in_.seekg(here + bytes);
@@ -313,7 +322,7 @@ private:
             in_.seekg(std::streamoff(box + 2 * sizeof(double)), std::ios_base::cur); /* and taper and depth */
             if (read_string() == frustum)
                 throw fault(ERROR_INPUT_DAMAGED,
-                            "has a frustum within a frustum for a transform: it is damaged");
+                            "the file has a frustum within a frustum for a transform: it is damaged");
         }
         in_.seekg(start);
     }
@@ -329,9 +338,9 @@ private:
     {
         uint32_t length = read_int<uint32_t>();
         if (length > longest_string)
-            throw fault(
-                ERROR_INPUT_DAMAGED,
-                format("has a name of %llu bytes (more than %llu): it is damaged", length, longest_string));
+            throw fault(ERROR_INPUT_DAMAGED,
+                        format("the file has a name of %llu bytes (more than %llu): it is damaged", length,
+                               longest_string));
         std::string text(length, '\0');
         if (length) in_.read(&text[0], std::streamsize(length));
         return text;
@@ -548,7 +557,8 @@ static unpacker *find_library(unpacker *ours)
 
 static void unpack(unpacker *library, std::istream &in, char *data, size_t bytes)
 {
-    if (!library) throw fault(ERROR_INTERNAL, "cannot be unpacked: OpenVDB's function for it was not found");
+    if (!library)
+        throw fault(ERROR_INTERNAL, "the file cannot be unpacked: OpenVDB's function for it was not found");
     fd_buffer *buffer = dynamic_cast<fd_buffer *>(in.rdbuf());
     if (buffer && data) buffer->check_packed(bytes);
     library(in, data, bytes);
