@@ -165,6 +165,7 @@ static void print_tasks(json_at job)
             if (n > 0) used += (size_t)snprintf(text + used, sizeof text - used, ", %.0f %s", n, parts[i]);
         }
         print_line("frames", text);
+        return;
     }
     if (json_type_of(progress) != JSON_OBJECT) return;
     snprintf(text, sizeof text, "%.0f%% %.40s", 100 * number_of(progress, "fraction"),

@@ -153,11 +153,19 @@ int command_validate(client *c, const char *argument, const command_options *opt
     return code;
 }
 
-/* The estimate of a single job, or of each frame. */
-static void print_estimate(json_at estimate)
+/* The estimate of a single job, or of the first frame of an array. */
+static void print_estimate(json_at document)
 {
+    json_at estimate = json_member(&document, "estimate"), spec = json_member(&document, "spec"),
+            queue = json_member(&spec, "queue");
+    const char *frames = json_string(json_member(&queue, "frames"), NULL);
     json_at count = json_member(&estimate, "count"), seconds = json_member(&estimate, "seconds");
     double threads = json_number(json_member(&estimate, "threads"), 1);
+    if (frames) {
+        fputs("of the first of the frames ", stdout);
+        print_text(stdout, frames);
+        putchar('\n');
+    }
     if (json_type_of(count) == JSON_NUMBER)
         printf("points   %.0f\n", json_number(count, 0));
     else
@@ -181,7 +189,7 @@ int command_estimate(client *c, const char *argument, const command_options *opt
     json_at root = json_root(document), estimate = json_member(&root, "estimate");
     bool known = json_type_of(estimate) == JSON_OBJECT;
     if (code == COMMAND_OK && options->json) print_document(document);
-    if (code == COMMAND_OK && known && !options->json) print_estimate(estimate);
+    if (code == COMMAND_OK && known && !options->json) print_estimate(root);
     if (code == COMMAND_OK && !known)
         code =
             print_failure("%s is valid, but there is no estimate: %s", name_of(argument),

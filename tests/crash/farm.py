@@ -272,16 +272,20 @@ class Book:
 
     def check_failure(self, daemon, now):
         """A job fails when the attempts that count are spent, no sooner and no later; False without an answer."""
-        reply = daemon.ask("GET", f"/v1/jobs/{now['id']}/attempts")
-        if self.is_no_answer(reply) or reply.status == 404 and now["id"] in self.doubtful:
-            return False
+        attempts, after = [], ""
+        while after is not None:
+            reply = daemon.ask("GET", f"/v1/jobs/{now['id']}/attempts?limit=500{after}")
+            if self.is_no_answer(reply) or reply.status == 404 and now["id"] in self.doubtful:
+                return False
+            attempts += reply.json["attempts"]
+            after = reply.json["next"] and f"&after={reply.json['next']}"
         most, spent = self.sent[now["name"]]["limits"]["max_attempts"], {}
-        for attempt in reply.json["attempts"]:
+        for attempt in attempts:
             if not attempt["reason"].startswith(GIVEN_BACK):
                 spent[attempt.get("frame")] = spent.get(attempt.get("frame"), 0) + 1
         if max(spent.values(), default=0) != most:
             raise Violation(f"the job {now['id']} failed with {spent} of {most} attempts spent: {now['error']},"
-                            f" {reply.json['attempts']}")
+                            f" {attempts}")
         return True
 
     def fetch(self, daemon, job, count, query):

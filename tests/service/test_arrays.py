@@ -59,7 +59,7 @@ def test_a_sequence_begins_with_a_file_that_is_there(new_service, footage):
     service = new_service("--input_roots", footage).start()
     refused = service.post("/v1/jobs", sequence(footage, "7-9"))
     assert refused.status == 422 and refused.json["code"] == "input_missing", refused.body
-    assert "a.0007.vdb" in refused.json["detail"]
+    assert "a.0007.vdb cannot be read below the input roots" in refused.json["detail"]
 
 
 def test_a_job_that_depends_on_another(service):

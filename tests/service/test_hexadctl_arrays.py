@@ -260,10 +260,13 @@ def test_a_list_tells_whose_how_old_and_how_far(new_service, build, footage, tmp
     shown = told("show", array)
     assert shown.startswith(f"{array} running") and f"owner     {owner}" in shown and "name      smoke" in shown
     assert "1/2 frames have ended, 1 succeeded, 1 running" in shown and "created   20" in shown
-    assert "FRAME  ATTEMPT" in shown and "relax" in shown
+    assert "FRAME  ATTEMPT" in shown
     assert f"after     {array}" in told("show", single) and "labels    shot=010" in told("show", single)
     assert [line.split()[:2] for line in told("attempts", array).splitlines()[1:]] == [["8", "1"], ["9", "1"]]
     assert [a["frame"] for a in json.loads(told("attempts", array, "--json"))["attempts"]] == [8, 9]
+    service.open_gate(f"{array}.9")
+    service.wait_worker(single)
+    assert "progress  50% relax" in told("show", single) and told("list").splitlines()[1].split()[6] == "50%"
 
 
 def test_a_list_is_filtered_by_the_server(run, service):
