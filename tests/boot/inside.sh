@@ -207,7 +207,8 @@ HUNGRY
     chmod 755 /srv/worker
 }
 
-# The group of an attempt bounds it. It is not tried again, and others go on, also after a death of the daemon.
+# The group of an attempt bounds it. It is not tried again, and others go on, also after a death of the daemon. No other
+# job has 301 points, whose result it would be given.
 keeps_limits_of_memory() {
     make_hungry_worker
     drop_in hexad.service memory <"$examples/memory.conf"
@@ -217,7 +218,7 @@ keeps_limits_of_memory() {
     logged "limits of memory are kept by the kernel" &&
         systemd-analyze security --no-pager --threshold=8 hexad.service >/tmp/exposure && tail -n 1 /tmp/exposure &&
         calm=$(submit_long) && until_true state_is "$calm" running &&
-        hungry=$(echo "{\"version\": 1, \"name\": \"hungry\", \"surface\": $sphere, \"sampling\": {\"count\": 300},
+        hungry=$(echo "{\"version\": 1, \"name\": \"hungry\", \"surface\": $sphere, \"sampling\": {\"count\": 301},
             \"limits\": {\"memory_mb\": 64, \"max_attempts\": 3}}" | hexadctl submit -) &&
         until_true state_is "$hungry" failed && hexadctl --json show "$hungry" | tee /tmp/hungry &&
         grep -q '"code": *"limit_memory"' /tmp/hungry && grep -q '"reason": *"out of memory: signal 9"' /tmp/hungry &&
