@@ -8,6 +8,8 @@
 #include "http/handler.h"
 
 #define LINE_END 2 /* bytes: CR LF */
+/* The library leaves the bytes where they came. */
+#define LEAVES_BYTES (MHD_VERSION < 0x01000000)
 
 static bool is_control_byte(char byte)
 {
@@ -37,11 +39,11 @@ static enum MHD_Result pass_line(void *context, enum MHD_ValueKind kind, const c
 {
     (void)kind;
     walk *w = context;
-    w->plain = name == w->at && name_length;
+    w->plain = name_length && (!LEAVES_BYTES || name == w->at);
     for (size_t i = 0; w->plain && i < name_length; i++) w->plain = head_is_token_byte(name[i]);
     if (!w->plain) return MHD_NO;
     const char *start = name + name_length + 1; /* after the colon */
-    w->plain = value == start + strspn(start, " \t");
+    w->plain = !LEAVES_BYTES || value == start + strspn(start, " \t");
     for (size_t i = 0; w->plain && i < length; i++) w->plain = value[i] == '\t' || !is_control_byte(value[i]);
     w->at = value + length + LINE_END;
     return w->plain ? MHD_YES : MHD_NO;
@@ -50,23 +52,27 @@ static enum MHD_Result pass_line(void *context, enum MHD_ValueKind kind, const c
 static bool is_request_line(const char *method, const char *version, const head_target *t)
 {
     while (head_is_token_byte(*method)) method++;
-    return method + 1 == t->start && t->plain && t->end + 1 == version;
+    return method + 1 == t->start && t->end + 1 == version;
+}
+
+/* What is wrong with the head; NULL: nothing. */
+static const char *find_fault(struct MHD_Connection *connection, const char *method, const char *version,
+                              const head_target *target)
+{
+    size_t size = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE)->header_size;
+    walk w = {.at = version + strlen(version) + LINE_END, .plain = true};
+    if (!target->plain || (LEAVES_BYTES && !is_request_line(method, version, target)))
+        return "the request line must be METHOD PATH VERSION with one blank between, and no control bytes";
+    MHD_get_connection_values_n(connection, MHD_HEADER_KIND, pass_line, &w);
+    if (w.plain && (!LEAVES_BYTES || w.at + LINE_END == method + size)) return NULL;
+    return "each line must end with CR LF, and each header be NAME: VALUE on one line, without a blank before the"
+           " colon and without control bytes";
 }
 
 bool head_refuse(struct MHD_Connection *connection, const char *method, const char *version,
                  const head_target *target, reply *r)
 {
-    const char *fault = NULL;
-    size_t size = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE)->header_size;
-    walk w = {.at = version + strlen(version) + LINE_END, .plain = true};
-    if (!is_request_line(method, version, target)) {
-        fault = "the request line must be METHOD PATH VERSION with one blank between, and no control bytes";
-    } else {
-        MHD_get_connection_values_n(connection, MHD_HEADER_KIND, pass_line, &w);
-        if (!w.plain || w.at + LINE_END != method + size)
-            fault = "each line must end with CR LF, and each header be NAME: VALUE on one line, without a"
-                    " blank before the colon and without control bytes";
-    }
+    const char *fault = find_fault(connection, method, version, target);
     if (fault)
         reply_set_problem(r, "request_invalid", NULL, "%s", fault);
     else if (target->crowded)

@@ -5,7 +5,8 @@
  * and texts that end at a NUL. A proxy in front may read such bytes otherwise, and take for one request what
  * are two here. The library leaves the bytes where they came and puts NUL in place of CR and LF, so the places
  * of the names and values show what was between them. One thing cannot be told apart: NUL and LF at the end of
- * a line look like CR and LF.
+ * a line look like CR and LF. Version 1.0 of the library leaves the bytes otherwise. It refuses all this itself,
+ * with an answer in HTML, when it is told to be strict (http/server).
  *
  * The serving thread calls all functions.
  */

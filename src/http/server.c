@@ -1,5 +1,6 @@
 #include "http/server.h"
 
+#include <assert.h>
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -398,6 +399,7 @@ static enum MHD_Result read_query(void *context, enum MHD_ValueKind kind, const 
 {
     (void)kind;
     http_request *request = context;
+    assert(request->query_count < HTTP_MAX_QUERY); /* head_look */
     request->query[request->query_count].key = key;
     request->query[request->query_count++].value = value;
     return MHD_YES;
@@ -726,6 +728,9 @@ static struct MHD_Daemon *start_daemon(server *s, int fd)
         {MHD_OPTION_CONNECTION_LIMIT, (intptr_t)connections_room(&settings->connections), NULL},
         {MHD_OPTION_CONNECTION_TIMEOUT, (intptr_t)idle_s, NULL},
         {MHD_OPTION_CONNECTION_MEMORY_LIMIT, (intptr_t)settings->header_limit_bytes, NULL},
+#if MHD_VERSION >= 0x01000000 /* see http/head */
+        {MHD_OPTION_CLIENT_DISCIPLINE_LVL, 1, NULL},
+#endif
         {MHD_OPTION_NOTIFY_COMPLETED, (intptr_t)complete, s},
         {MHD_OPTION_URI_LOG_CALLBACK, (intptr_t)note_request, s},
         {MHD_OPTION_UNESCAPE_CALLBACK, (intptr_t)unescape, NULL},
