@@ -116,6 +116,21 @@ void job_table_add_attempt(table *t, json_at attempt)
     table_add(t, mem_strdup(text_of(attempt, "reason", "-")));
 }
 
+table job_table_new_frames(void)
+{
+    static const char *const titles[] = {"FRAME", "STATE", "ATTEMPT", "ERROR"};
+    return table_new(titles, sizeof titles / sizeof *titles);
+}
+
+void job_table_add_frame(table *t, json_at task)
+{
+    json_at fault = json_member(&task, "error");
+    table_add(t, mem_printf("%.0f", number_of(task, "frame")));
+    table_add(t, mem_strdup(text_of(task, "state", "?")));
+    table_add(t, mem_printf("%.0f", number_of(task, "attempt")));
+    table_add(t, mem_strdup(text_of(fault, "message", "-")));
+}
+
 /* ---- one job */
 
 static void print_line(const char *title, const char *text)

@@ -5,11 +5,13 @@
 #include "client/table.h"
 #include "json/json.h"
 
-/* A table of jobs, and of attempts. */
+/* A table of jobs, of attempts, and of the frames of an array. */
 table job_table_new(void);
 void job_table_add(table *t, json_at job);
 table job_table_new_attempts(void);
 void job_table_add_attempt(table *t, json_at attempt);
+table job_table_new_frames(void);
+void job_table_add_frame(table *t, json_at task);
 
 /* Prints all of one job that a person wants to know, without its spec. */
 void job_table_print(json_at job);

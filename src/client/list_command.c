@@ -11,6 +11,8 @@
 
 #define JOBS_DEFAULT 50
 #define PAGE_MOST 500
+/* Of the frames of an array that failed, those that `show` prints. */
+#define FAILURES_SHOWN 20
 
 /* A list that comes in pages: its entries as a document, with --json, or as rows of a table. */
 typedef struct listing {
@@ -97,6 +99,43 @@ int command_list(client *c, const char *argument, const command_options *options
     return code;
 }
 
+static bool is_failure(json_at task)
+{
+    const char *state = json_string(json_member(&task, "state"), "");
+    return strcmp(state, "failed") == 0 || strcmp(state, "timed_out") == 0;
+}
+
+/* Prints the first of the frames that failed; `left` of them have. */
+static int show_failures(client *c, const char *id, double left)
+{
+    table rows = job_table_new_frames();
+    double after = -1, shown = 0, all = left;
+    int code = COMMAND_OK;
+    while (code == COMMAND_OK && left > 0 && shown < FAILURES_SHOWN) {
+        json *page = NULL;
+        char *path = after < 0 ? mem_printf("/v1/jobs/%s/tasks?limit=%d", id, PAGE_MOST)
+                               : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", id, PAGE_MOST, after);
+        code = command_ask(c, "GET", path, NULL, &page);
+        json_at root = json_root(page), tasks = json_member(&root, "tasks");
+        for (size_t i = 0; i < json_size(tasks) && shown < FAILURES_SHOWN; i++) {
+            json_at task = json_element(&tasks, i);
+            if (!is_failure(task)) continue;
+            job_table_add_frame(&rows, task);
+            left--;
+            shown++;
+        }
+        after = json_number(json_member(&root, "next"), -1);
+        if (after < 0) left = 0;
+        json_free(page);
+        free(path);
+    }
+    if (shown > 0) putchar('\n');
+    if (shown > 0) table_print(&rows);
+    if (shown < all) printf("and %.0f more\n", all - shown);
+    table_clear(&rows);
+    return code;
+}
+
 int command_show(client *c, const char *argument, const command_options *options)
 {
     json *document = NULL;
@@ -106,6 +145,11 @@ int command_show(client *c, const char *argument, const command_options *options
         print_document(document);
     else if (code == COMMAND_OK)
         job_table_print(json_root(document));
+    json_at job = json_root(document), tasks = json_member(&job, "tasks");
+    double failed =
+        json_number(json_member(&tasks, "failed"), 0) + json_number(json_member(&tasks, "timed_out"), 0);
+    if (code == COMMAND_OK && !options->json && failed > 0 && json_bool(json_member(&job, "array"), false))
+        code = show_failures(c, argument, failed);
     json_free(document);
     free(path);
     return code;

@@ -33,7 +33,7 @@ static const char usage[] =
     "       [--limit N]\n"
     "                    list the newest jobs; STATES are words with commas between them, TIME is one as\n"
     "                    2026-01-31T18:00:00Z, or 90m, 2h, 1d ago\n"
-    "  show ID           print the state, times and attempts of a job; the spec, too, with --json\n"
+    "  show ID           print the state, times, attempts and failed frames of a job; all with --json\n"
     "  attempts ID       list all attempts of a job\n"
     "  wait ID           wait for the end of a job and show its progress\n"
     "  cancel ID         cancel a job, whether it waits or runs\n"

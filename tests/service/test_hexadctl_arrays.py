@@ -95,6 +95,10 @@ def test_frames_that_are_not_there_yet_or_never(run, new_service, build, footage
     done = subprocess.run(words, env=service.environment(), cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 4 and "3 of 4 frames" in done.stderr
     assert "frame 10 has no results: failed: " in done.stderr and "a.0010.vdb" in done.stderr
+    words[1] = "show"
+    shown = subprocess.run(words, env=service.environment(), capture_output=True, text=True, timeout=PATIENCE_S).stdout
+    failures = shown[shown.index("FRAME  STATE"):].splitlines()
+    assert len(failures) == 2 and failures[1].split()[:2] == ["10", "failed"] and "a.0010.vdb" in failures[1]
 
 
 def test_the_log_of_a_frame(run, service, footage):
