@@ -259,11 +259,11 @@ typedef struct stream {
     char buffer[BUFFER]; /* lines that have no end yet */
 } stream;
 
-/* A line is "id: 17", or not of interest here. */
+/* A line is "id: 17", or not of interest here: the ids of progress have a dot. */
 static void take_line(stream *s, const char *line)
 {
     if (!*line || *line == '\r') s->open = true;
-    if (strncmp(line, "id: ", 4) != 0) return;
+    if (strncmp(line, "id: ", 4) != 0 || strchr(line, '.')) return;
     if (s->count == s->room) {
         s->room = s->room * 2 + 8;
         s->id = mem_resize(s->id, s->room * sizeof *s->id);
