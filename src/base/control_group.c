@@ -15,7 +15,7 @@
 #include "base/memory.h"
 
 #define ROOT "/sys/fs/cgroup"
-/* systemd sets this attribute of a group that it has delegated to a service without privileges. */
+/* systemd (from version 251 on) sets this attribute of a group that it has delegated to a service without privileges. */
 #define DELEGATED "user.delegate"
 /* Where this process moves to, and what the names of the other groups begin with. */
 #define OWN_GROUP "service"
