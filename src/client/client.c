@@ -180,6 +180,22 @@ bool client_download(client *c, const char *path, FILE *stream, client_reply *re
     return perform_for_reply(c, path, &d.problem, reply, e);
 }
 
+bool client_confirm(client *c, const char *path, const char *sha256, client_reply *reply, error *e)
+{
+    buffer b = {0};
+    char *known = mem_printf("If-None-Match: \"%s\"", sha256);
+    struct curl_slist *headers = curl_slist_append(NULL, known);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPGET, 1L);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
+    curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
+    bool ok = perform_for_reply(c, path, &b, reply, e);
+    curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
+    curl_slist_free_all(headers);
+    free(known);
+    return ok;
+}
+
 bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e)
 {
     buffer b = {0};

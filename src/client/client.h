@@ -41,6 +41,10 @@ bool client_follow(client *c, const char *path, int64_t *last, FILE *stream, cli
  * caller. After a failure ferror(stream) tells whether writing failed. */
 bool client_download(client *c, const char *path, FILE *stream, client_reply *reply, error *e);
 
+/* Tells the server that the file with this hash, as `path` gives it, is here: a conditional request, to be answered with
+ * 304. So the server learns that its owner has the file. */
+bool client_confirm(client *c, const char *path, const char *sha256, client_reply *reply, error *e);
+
 /* Puts `bytes` bytes of a stream, and takes the reply as client_call does. After a failure ferror(stream) tells whether
  * reading failed. */
 bool client_upload(client *c, const char *path, FILE *stream, int64_t bytes, client_reply *reply, error *e);

@@ -65,6 +65,15 @@ done:
     return code;
 }
 
+/* The server keeps results that nobody has fetched longer than others, so it is told of a file that is here. */
+static int confirm(client *c, const char *href, const char *sha256, error *e)
+{
+    client_reply reply = {0};
+    bool ok = client_confirm(c, href, sha256, &reply, e);
+    client_reply_clear(&reply);
+    return ok ? COMMAND_OK : COMMAND_UNREACHABLE;
+}
+
 static int fetch_file(client *c, const char *directory, json_at item, bool quiet)
 {
     const char *name = json_string(json_member(&item, "name"), "");
@@ -75,7 +84,7 @@ static int fetch_file(client *c, const char *directory, json_at item, bool quiet
         return print_failure("the server lists a result without a plain name");
     error e = {0};
     char *path = mem_printf("%s/%s", directory, name);
-    int code = is_there(path, sha256) ? COMMAND_OK : download(c, path, href, sha256, &e);
+    int code = is_there(path, sha256) ? confirm(c, href, sha256, &e) : download(c, path, href, sha256, &e);
     if (code != COMMAND_OK) {
         print_failure("%s", e.message);
     } else if (!quiet) {

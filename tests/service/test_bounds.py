@@ -5,6 +5,7 @@ HEXAD_BOUNDS_JOBS and HEXAD_BOUNDS_MIB set the size of the last test (make check
 import collections
 import hashlib
 import os
+import shutil
 
 from service import sphere, wait_until
 from test_control import control
@@ -112,6 +113,19 @@ def test_the_client_tells_the_usage(new_service):
     service.wait_state(service.submit(small(1)), "succeeded")
     code, out, _ = control(service, "usage")
     assert code == 0 and "of 3.0" in out.splitlines()[1] and len(out.splitlines()) == 3
+
+
+def test_a_fetch_of_what_is_there_is_a_delivery(new_service, tmp_path):
+    """Files of an earlier fetch, of which the service knows nothing after a restart, are not downloaded again."""
+    service = new_service("--results_count", 1, "--workers", 1)
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]
+    service.start()
+    job = service.submit(small(1))
+    service.wait_state(job, "succeeded")
+    shutil.copytree(service.state / "results" / job, tmp_path / "out")
+    assert control(service, "fetch", job, "--output", tmp_path / "out")[0] == 0
+    wait_until(lambda: gone(service, job), "room")
 
 
 def test_many_jobs_on_a_small_disk(new_disk, new_service):  # noqa: F811
