@@ -112,6 +112,8 @@ typedef struct spec_alpha { /* (14) */
 
 typedef struct spec_curvature { /* the grading by curvature; one of chord_error and ratio, the other is 0 */
     double chord_error, ratio, exponent;
+    bool has_scale;
+    spec_scale scale;
 } spec_curvature;
 
 typedef struct spec_grid { /* the grading by a map */

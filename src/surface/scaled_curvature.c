@@ -9,7 +9,7 @@
 #include "surface/projection.h"
 
 /* Edge of a cube, over the scale, and at least this many of the surface's cells, so that no cube is passed over. */
-static const double EDGE_SCALE = 0.6, EDGE_CELLS = 1.25;
+static const double EDGE_SCALE = 0.75, EDGE_CELLS = 1.25;
 /* Weights end at this many scales: exp(-4). */
 static const double REACH = 2;
 /* Normals whose cosine is below the first do not count, above the second they count in full: as the pairs of the energy. */
@@ -19,21 +19,25 @@ static const int SAMPLE_STEPS = 5;
 static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
 /* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
 static const double DAMPING = 1e-3;
-enum { DIRECTIONS = 6, GRAIN = 256 };
+enum { GRAIN = 256 };
 
 typedef struct element {
     double area;
     vec3 position,
         normal; /* sums over the area while elements are made, means afterwards; the normal is a unit vector */
     double kappa1, kappa2;
+    int direction;
+    uint32_t next; /* of the same cube, or BLOCK_MAP_NONE */
 } element;
 
 struct scaled_curvature {
     double scale, edge;
     vec3 origin;
-    int reach;     /* cubes that weights reach to either side */
-    block_map map; /* of cubes and directions to elements */
+    int reach;       /* cubes that weights reach to either side */
+    block_map map;   /* of the cubes that the surface passes */
+    uint32_t *first; /* the first element of each */
     element *element;
+    uint32_t count;
 };
 
 typedef struct cell_sample {
@@ -83,26 +87,41 @@ static cube cube_of(const scaled_curvature *c, vec3 x)
     return (cube){{(int32_t)floor(u.x), (int32_t)floor(u.y), (int32_t)floor(u.z)}};
 }
 
-/* Adds the samples to the elements of their cubes, in the order of the cells. */
+/* The element of a cube and a direction, new if there is none. */
+static element *element_of(scaled_curvature *c, const cell_sample *sample, error *e)
+{
+    cube at = cube_of(c, sample->position);
+    uint32_t before = c->map.count, number;
+    int direction = direction_of(sample->normal);
+    if (!block_map_find_or_add(&c->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
+    if (number == before) c->first[number] = BLOCK_MAP_NONE;
+    for (uint32_t k = c->first[number]; k != BLOCK_MAP_NONE; k = c->element[k].next)
+        if (c->element[k].direction == direction) return &c->element[k];
+    element *n = &c->element[c->count];
+    n->direction = direction;
+    n->next = c->first[number];
+    c->first[number] = c->count++;
+    return n;
+}
+
+/* Adds the samples to the elements, in the order of the cells. */
 static bool make_elements(scaled_curvature *c, const surface *scan, const cell_sample *sample, error *e)
 {
+    const char *what = "the curvature at a scale";
     if (!block_map_init(&c->map, scan->cells / 2, e)) return false;
-    c->element = mem_array(scan->cells + 1, sizeof *c->element, "the curvature at a scale", e);
-    if (!c->element) return false;
+    c->element = mem_array(scan->cells, sizeof *c->element, what, e);
+    c->first = mem_array(scan->cells, sizeof *c->first, what, e);
+    if (!c->element || !c->first) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         double area = scan->area_before[k + 1] - scan->area_before[k];
         if (!sample[k].found || !(area > 0)) continue;
-        cube at = cube_of(c, sample[k].position);
-        uint32_t number;
-        if (!block_map_find_or_add(&c->map, at.at[0], at.at[1],
-                                   DIRECTIONS * at.at[2] + direction_of(sample[k].normal), &number, e))
-            return false;
-        element *n = &c->element[number];
+        element *n = element_of(c, &sample[k], e);
+        if (!n) return false;
         n->area += area;
         n->position = vec3_axpy(area, sample[k].position, n->position);
         n->normal = vec3_axpy(area, sample[k].normal, n->normal);
     }
-    for (uint32_t k = 0; k < c->map.count; k++) {
+    for (uint32_t k = 0; k < c->count; k++) {
         element *n = &c->element[k];
         n->position = vec3_scale(n->position, 1 / n->area);
         n->normal = vec3_unit(n->normal);
@@ -123,20 +142,25 @@ typedef struct sums {
 /* What a visit to the elements around a place does with each; `squared` is the distance. */
 typedef void visitor(void *context, const element *other, double squared);
 
+static void visit_cube(const scaled_curvature *c, uint32_t number, vec3 x, double farthest, visitor *visit,
+                       void *context)
+{
+    for (uint32_t k = c->first[number]; k != BLOCK_MAP_NONE; k = c->element[k].next) {
+        double squared = vec3_norm2(vec3_sub(c->element[k].position, x));
+        if (squared < farthest * farthest) visit(context, &c->element[k], squared);
+    }
+}
+
 static void visit_around(const scaled_curvature *c, vec3 x, int reach, double farthest, visitor *visit,
                          void *context)
 {
     cube at = cube_of(c, x);
     for (int k = -reach; k <= reach; k++)
         for (int j = -reach; j <= reach; j++)
-            for (int i = -reach; i <= reach; i++)
-                for (int d = 0; d < DIRECTIONS; d++) {
-                    uint32_t number =
-                        block_map_find(&c->map, at.at[0] + i, at.at[1] + j, DIRECTIONS * (at.at[2] + k) + d);
-                    if (number == BLOCK_MAP_NONE) continue;
-                    double squared = vec3_norm2(vec3_sub(c->element[number].position, x));
-                    if (squared < farthest * farthest) visit(context, &c->element[number], squared);
-                }
+            for (int i = -reach; i <= reach; i++) {
+                uint32_t number = block_map_find(&c->map, at.at[0] + i, at.at[1] + j, at.at[2] + k);
+                if (number != BLOCK_MAP_NONE) visit_cube(c, number, x, farthest, visit, context);
+            }
 }
 
 typedef struct fit {
@@ -207,7 +231,7 @@ scaled_curvature *scaled_curvature_new(const surface *scan, double scale, thread
     bool ok = job.sample != NULL;
     if (ok) threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
     ok = ok && make_elements(c, scan, job.sample, e);
-    if (ok) threads_run(pool, c->map.count, GRAIN, fit_chunk, c);
+    if (ok) threads_run(pool, c->count, GRAIN, fit_chunk, c);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
     free(job.sample);
     if (ok) return c;
@@ -220,6 +244,7 @@ void scaled_curvature_free(scaled_curvature *c)
     if (!c) return;
     block_map_free(&c->map);
     free(c->element);
+    free(c->first);
     free(c);
 }
 

@@ -6,19 +6,11 @@
 #include "base/isa.h"
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "surface/projection.h"
+#include "surface/spacing_request.h"
 
 /* Edge of a node's cube: of a cell of the surface, so that every cube that the surface passes holds some, and
  * of the mean spacing, below which the request need not be told apart. */
 static const double EDGE_CELLS = 1.25, EDGE_SPACING = 0.2;
-/* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
- * speck of noise must not set the scale. */
-static const double FINE_QUANTILE = 0.99;
-/* A request that has no upper end, as on flat faces, has it here, in units of its least. */
-static const double WIDEST_REQUEST = 1e3;
-/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
-static const int SAMPLE_STEPS = 5;
-static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
 /* A spacing that nothing bounds has its end at this many times that of the even packing, or the surface's
  * size. */
 static const double WIDEST_EVEN = 10;
@@ -54,9 +46,13 @@ typedef struct node {
     vec3 gradient;  /* of it */
 } node;
 
+/* How often spacings are found from a request that depends on them. */
+enum { IMPLICIT_PASSES = 4 };
+
 /* The most that a cell takes while a field is made: its place and value, and a node of its own with all
  * that goes with one. */
-static const double CELL_BYTES = 24 + 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
+static const double CELL_BYTES =
+    SPACING_REQUEST_CELL_BYTES + 2 * 8 + 8 + sizeof(node) + 16 + 27 * 4 + 8 + 3 * 8;
 
 struct sizing_field {
     sizing_field_params params;
@@ -70,138 +66,6 @@ struct sizing_field {
     double *points_before; /* cells + 1, as area_before */
     sizing_field_facts facts;
 };
-
-static bool is_map(const sizing_field *g)
-{
-    return g->params.kind == SIZING_FIELD_SPACING || g->params.kind == SIZING_FIELD_DENSITY;
-}
-
-/* --- the request, cell by cell --- */
-
-typedef struct request_job {
-    const sizing_field *g;
-    const field *field;
-    const surface *scan;
-    vec3 *position;
-    double *value; /* curvature, or the map's; NaN: nothing known */
-} request_job;
-
-static void request_cell(const request_job *job, size_t k)
-{
-    const field *f = job->field;
-    field_cell cell;
-    surface_cell(job->scan, k, &cell);
-    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal;
-    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
-                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
-    job->position[k] = middle;
-    job->value[k] = NAN;
-    field_sample s;
-    if (!projection_find(f, &limits, &x, &normal) ||
-        vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
-        return;
-    job->position[k] = x;
-    const sizing_field_params *p = &job->g->params;
-    if (is_map(job->g)) {
-        double v = p->map(p->map_context, x);
-        job->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
-        return;
-    }
-    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
-    double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
-    job->value[k] = p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
-}
-
-static void request_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    (void)worker;
-    for (size_t k = begin; k < end; k++) request_cell(context, k);
-}
-
-static double cell_area(const surface *scan, size_t k)
-{
-    return scan->area_before[k + 1] - scan->area_before[k];
-}
-
-typedef struct weighted {
-    double value, area;
-} weighted;
-
-static int compare_weighted(const void *a, const void *b)
-{
-    double x = ((const weighted *)a)->value, y = ((const weighted *)b)->value;
-    return (x > y) - (x < y);
-}
-
-/* The value that a share of the area stays below. */
-static bool find_quantile(const surface *scan, const double *value, double share, double *out, error *e)
-{
-    weighted *w = mem_array(scan->cells, sizeof *w, "the grading", e);
-    if (!w) return false;
-    size_t n = 0;
-    double total = 0, below = 0;
-    for (size_t k = 0; k < scan->cells; k++) {
-        if (isnan(value[k])) continue;
-        w[n++] = (weighted){value[k], cell_area(scan, k)};
-        total += cell_area(scan, k);
-    }
-    qsort(w, n, sizeof *w, compare_weighted);
-    *out = 0;
-    for (size_t k = 0; k < n && below < share * total; k++) {
-        *out = w[k].value;
-        below += w[k].area;
-    }
-    free(w);
-    return true;
-}
-
-/* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
-static double value_to_spacing(const sizing_field_params *p, double v, double fine)
-{
-    switch (p->kind) {
-    case SIZING_FIELD_CHORD:
-        return sqrt(8 * p->chord_error / v);
-    case SIZING_FIELD_RATIO:
-        return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
-    case SIZING_FIELD_DENSITY:
-        return packing_spacing(1, v);
-    default:
-        return v;
-    }
-}
-
-static bool check_map(const sizing_field_params *p, double v, error *e)
-{
-    if (v > 0 || (v == 0 && p->kind == SIZING_FIELD_DENSITY)) return true;
-    return error_set(e, ERROR_INPUT_UNSUPPORTED,
-                     "the map of sampling.grid has the value %g at a place of the surface: %s", v,
-                     p->kind == SIZING_FIELD_SPACING ? "a spacing is above 0" : "a density is not below 0");
-}
-
-/* Turns values into spacings; what asks for none is held to a multiple of the least. */
-static bool values_to_spacings(const sizing_field *g, const surface *scan, double *value, error *e)
-{
-    const sizing_field_params *p = &g->params;
-    double fine = 1, least = INFINITY;
-    if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, value, FINE_QUANTILE, &fine, e)) return false;
-    for (size_t k = 0; k < scan->cells; k++) {
-        if (isnan(value[k])) continue;
-        if (is_map(g) && !check_map(p, value[k], e)) return false;
-        value[k] = value_to_spacing(p, value[k], fine);
-        least = fmin(least, value[k]);
-    }
-    if (isinf(least)) {
-        if (is_map(g))
-            return error_set(
-                e, ERROR_INPUT_UNSUPPORTED,
-                "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
-                "surface is, and painted?");
-        least = 1; /* flat throughout */
-    }
-    for (size_t k = 0; k < scan->cells; k++)
-        if (!isnan(value[k])) value[k] = fmin(value[k], WIDEST_REQUEST * least);
-    return true;
-}
 
 /* --- nodes --- */
 
@@ -244,7 +108,7 @@ static bool make_nodes(sizing_field *g, const surface *scan, const vec3 *positio
     g->table = mem_array(g->table_size, sizeof *g->table, "the grading", e);
     if (!g->node || !g->table) return false;
     for (size_t k = 0; k < scan->cells; k++) {
-        double area = cell_area(scan, k);
+        double area = surface_cell_area(scan, k);
         if (isnan(spacing[k]) || !(area > 0)) continue;
         uint64_t key = key_of(g, position[k]);
         size_t slot = slot_of(g, key);
@@ -627,7 +491,7 @@ static double sum_points(sizing_field *g, const surface *scan, const vec3 *posit
 {
     sizing_field_spacings(g, scan->cells, position, g->points_before + 1);
     for (size_t k = 0; k < scan->cells; k++) {
-        double area = cell_area(scan, k), spacing = g->points_before[k + 1];
+        double area = surface_cell_area(scan, k), spacing = g->points_before[k + 1];
         double points = area > 0 ? area / packing_cell_area(spacing) : 0;
         g->points_before[k + 1] = g->points_before[k] + points;
     }
@@ -639,16 +503,17 @@ static double sum_points(sizing_field *g, const surface *scan, const vec3 *posit
 static void smooth_spacing(making *m)
 {
     sizing_field *g = m->g;
-    if (is_map(g)) return;
+    if (spacing_request_is_map(&g->params)) return;
     for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
     smooth(m);
     for (size_t k = 0; k < g->count; k++) g->node[k].spacing = exp(m->from[k]);
     limit_growth(m);
 }
 
-/* What the nodes are asked for is corrected until the cells ask for `count`. */
+/* What the nodes are asked for is corrected until the cells ask for `count`. A rough field, of which only the spacings are
+ * used, is neither corrected nor smoothed. */
 static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
-                       threads *pool, error *e)
+                       bool is_rough, threads *pool, error *e)
 {
     double area = 0, asked = 0, even = packing_spacing(scan->area, (double)count);
     double widest = fmax(bbox_longest(scan->box), WIDEST_EVEN * even);
@@ -663,9 +528,9 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
         ok = count_impossible(g, scan, count, e);
-    for (int k = 0; ok && k < CELLS_STEPS; k++) {
+    for (int k = 0; ok && k < (is_rough ? 1 : CELLS_STEPS); k++) {
         if (k > 0) find_scale(&m, want, g->facts.scale, widest); /* as possible as before, but for a little */
-        smooth_spacing(&m);
+        if (!is_rough) smooth_spacing(&m);
         threads_run(pool, g->count, GRAIN, model_chunk, &m);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
@@ -688,41 +553,72 @@ static bool fits_memory(const sizing_field *g, size_t cells, error *e)
         cells, bytes / (1 << 20), (double)g->params.memory_limit / (1 << 20));
 }
 
-sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
-                               size_t count, threads *pool, error *e)
+static void empty_field(sizing_field *g)
 {
-    sizing_field *g = mem_alloc(sizeof *g);
-    request_job job = {g, f, scan, NULL, NULL};
-    bool ok = false;
-    g->params = *params;
-    if (!fits_memory(g, scan->cells, e)) goto done;
-    job.position = mem_array(scan->cells, sizeof *job.position, "the grading", e);
-    job.value = mem_array(scan->cells, sizeof *job.value, "the grading", e);
-    if (!job.position || !job.value) goto done;
-    g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * packing_spacing(scan->area, (double)count));
-    g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
-    threads_run(pool, scan->cells, GRAIN, request_chunk, &job);
-    if (threads_stopped(pool)) {
-        error_set(e, ERROR_CANCELLED, "stopped");
-        goto done;
+    free(g->node);
+    free(g->table);
+    free(g->beside);
+    free(g->points_before);
+    g->node = NULL;
+    g->table = NULL;
+    g->beside = NULL;
+    g->points_before = NULL;
+    g->count = 0;
+}
+
+/* The field of a request. Where that depends on the spacing itself, rough fields come first: the curvature of each pass is
+ * over the mean, of logarithms, of the spacings of the two passes before. */
+static bool fill_field(sizing_field *g, const spacing_request *r, size_t count, threads *pool, error *e)
+{
+    size_t cells = r->scan->cells;
+    double *over = mem_array(cells, sizeof *over, "the grading", e);
+    double *spacing = mem_array(cells, sizeof *spacing, "the grading", e);
+    bool ok = over && spacing;
+    for (size_t k = 0; ok && k < cells; k++) over[k] = r->even;
+    int passes = spacing_request_is_implicit(&g->params) ? IMPLICIT_PASSES : 1;
+    for (int pass = 0; ok && pass < passes; pass++) {
+        for (size_t k = 0; pass > 0 && k < cells; k++)
+            over[k] = sqrt(over[k] * sizing_field_spacing(g, r->position[k], NULL));
+        empty_field(g);
+        ok = spacing_request_find(r, over, spacing, e) && make_nodes(g, r->scan, r->position, spacing, e) &&
+             meet_count(g, r->scan, r->position, count, pass < passes - 1, pool, e);
     }
-    bbox box = bbox_empty();
-    for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, job.position[k]);
-    /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
-    g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
-    if (!values_to_spacings(g, scan, job.value, e) || !make_nodes(g, scan, job.position, job.value, e) ||
-        !meet_count(g, scan, job.position, count, pool, e))
-        goto done;
+    free(over);
+    free(spacing);
+    return ok;
+}
+
+static void describe(sizing_field *g)
+{
     g->facts.least = INFINITY;
     for (size_t k = 0; k < g->count; k++) {
         g->facts.least = fmin(g->facts.least, g->node[k].spacing);
         g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
     }
-    ok = true;
-done:
-    free(job.position);
-    free(job.value);
-    if (ok) return g;
+}
+
+sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
+                               size_t count, threads *pool, error *e)
+{
+    sizing_field *g = mem_alloc(sizeof *g);
+    double even = packing_spacing(scan->area, (double)count);
+    spacing_request r = {0};
+    g->params = *params;
+    bool ok = fits_memory(g, scan->cells, e) && spacing_request_begin(&r, scan, &g->params, even, pool, e);
+    if (ok) {
+        g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
+        g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
+        bbox box = bbox_empty();
+        for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, r.position[k]);
+        /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
+        g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
+        ok = fill_field(g, &r, count, pool, e);
+    }
+    spacing_request_free(&r);
+    if (ok) {
+        describe(g);
+        return g;
+    }
     sizing_field_free(g);
     return NULL;
 }
@@ -730,10 +626,7 @@ done:
 void sizing_field_free(sizing_field *g)
 {
     if (!g) return;
-    free(g->node);
-    free(g->table);
-    free(g->beside);
-    free(g->points_before);
+    empty_field(g);
     free(g);
 }
 

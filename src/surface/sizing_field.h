@@ -1,7 +1,8 @@
 /* sizing_field: the spacing that a job with a grading requests at each place of a surface, scaled so that a given count
  * of points meets it.
  *
- * The request gives a spacing by curvature or by a painted map. The field keeps it between bounds, and lets it grow by
+ * The request gives a spacing by curvature or by a painted map. Curvature is taken over a distance that goes with the
+ * spacing itself; a few passes find both. The field keeps it between bounds, and lets it grow by
  * at most `gradation` per unit of distance along the surface, so that neighbours differ little. A spacing by curvature
  * may also bend only as much as a packing can follow: where it varies within the spacing itself, as at the noise of a
  * scan, it is averaged. The request is multiplied by the one constant with which the ideal cells (packing_cell_area)
@@ -17,26 +18,8 @@
 #include "base/rng.h"
 #include "base/threads.h"
 #include "field/field.h"
+#include "surface/sizing_field_params.h"
 #include "surface/surface.h"
-
-typedef enum sizing_field_kind {
-    SIZING_FIELD_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */
-    SIZING_FIELD_RATIO,   /* kappa^-exponent, within ratio : 1 */
-    SIZING_FIELD_SPACING, /* the value of a map */
-    SIZING_FIELD_DENSITY  /* points per unit area, the value of a map */
-} sizing_field_kind;
-
-typedef struct sizing_field_params {
-    sizing_field_kind kind;
-    double chord_error;
-    double ratio, exponent;
-    /* the map's value at x; NaN where it has none, and asks for no points then */
-    double (*map)(const void *context, vec3 x);
-    const void *map_context;
-    double min_spacing, max_spacing; /* 0: no bound */
-    double gradation;                /* > 0; INFINITY: no bound */
-    size_t memory_limit;             /* bytes that making it may take; 0: no bound */
-} sizing_field_params;
 
 typedef struct sizing_field sizing_field;
 

@@ -26,6 +26,11 @@ typedef struct surface {
 /* The k-th of the surface's cells. */
 void surface_cell(const surface *s, size_t k, field_cell *out);
 
+static inline double surface_cell_area(const surface *s, size_t k)
+{
+    return s->area_before[k + 1] - s->area_before[k];
+}
+
 /* Errors: no_surface (area 0), limit_memory, cancelled (the pool was told to stop). Deterministic for any
  * number of threads. */
 surface *surface_scan(const field *f, threads *pool, error *e);

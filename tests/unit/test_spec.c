@@ -127,6 +127,8 @@ static json *document_for(const spec_row *row)
         {"/surface/exr", EXR("\"a.####.exr\"", "\"1-9\"")},
         {"/solver/step", SPHERE ",\"solver\":{\"minimiser\":\"gradient\"}}"},
         {"/sampling/curvature/chord_error", SPHERE "}"},
+        {"/sampling/curvature/scale/", GRADED("\"curvature\":{\"ratio\":2}")},
+        {"/sampling/curvature/scale", GRADED("\"curvature\":{\"ratio\":2,\"scale\":{\"spacings\":1}}")},
         {"/sampling/alpha/scale/", GRADED("\"alpha\":{}")},
         {"/sampling/alpha/scale", GRADED("\"alpha\":{\"scale\":{\"spacings\":1}}")},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},

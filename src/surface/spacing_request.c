@@ -1,0 +1,230 @@
+#include "surface/spacing_request.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/packing.h"
+#include "surface/projection.h"
+#include "surface/scaled_curvature.h"
+
+/* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
+ * speck of noise must not set the scale. */
+static const double FINE_QUANTILE = 0.99;
+/* A request that has no upper end, as on flat faces, has it here, in units of its least. */
+static const double WIDEST_REQUEST = 1e3;
+/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+static const int SAMPLE_STEPS = 5;
+static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
+/* The distance of the first octave, over the even spacing. */
+static const double FINEST_OCTAVE = 0.125;
+enum { GRAIN = 256, OCTAVES = SPACING_REQUEST_OCTAVES };
+
+bool spacing_request_is_map(const sizing_field_params *params)
+{
+    return params->kind == SIZING_FIELD_SPACING || params->kind == SIZING_FIELD_DENSITY;
+}
+
+bool spacing_request_is_implicit(const sizing_field_params *params)
+{
+    return !spacing_request_is_map(params) && params->scale_spacings > 0 && !(params->scale_world > 0);
+}
+
+static double curvature_of(const sizing_field_params *p, double kappa, double kappa1, double kappa2)
+{
+    return p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
+}
+
+static void request_cell(const spacing_request *r, size_t k)
+{
+    const field *f = r->scan->field;
+    field_cell cell;
+    surface_cell(r->scan, k, &cell);
+    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal = {0, 0, 0};
+    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
+                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
+    r->position[k] = middle;
+    r->value[k] = NAN;
+    field_sample s;
+    if (!projection_find(f, &limits, &x, &normal) ||
+        vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
+        return;
+    r->position[k] = x;
+    r->normal[k] = normal;
+    const sizing_field_params *p = r->params;
+    if (spacing_request_is_map(r->params)) {
+        double v = p->map(p->map_context, x);
+        r->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
+        return;
+    }
+    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
+    double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
+    r->value[k] = curvature_of(p, kappa, kappa1, kappa2);
+}
+
+static void request_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    (void)worker;
+    for (size_t k = begin; k < end; k++) request_cell(context, k);
+}
+
+/* Notes the curvature over one octave. */
+typedef struct octave_job {
+    spacing_request *request;
+    const scaled_curvature *curvature;
+    int octave;
+} octave_job;
+
+static void octave_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const octave_job *job = context;
+    spacing_request *r = job->request;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        double kappa1, kappa2;
+        if (isnan(r->value[k])) continue;
+        double kappa = scaled_curvature_at(job->curvature, r->position[k], r->normal[k], &kappa1, &kappa2);
+        r->curvature[OCTAVES * k + (size_t)job->octave] = curvature_of(r->params, kappa, kappa1, kappa2);
+    }
+}
+
+static double octave_scale(double even, int octave)
+{
+    return ldexp(FINEST_OCTAVE * even, octave);
+}
+
+/* One octave only where the distance is the same everywhere. */
+static bool measure_octaves(spacing_request *r, threads *pool, error *e)
+{
+    const sizing_field_params *p = r->params;
+    r->curvature = mem_array(OCTAVES * r->scan->cells, sizeof *r->curvature, "the grading", e);
+    if (!r->curvature) return false;
+    octave_job job = {.request = r};
+    for (; job.octave < (p->scale_world > 0 ? 1 : OCTAVES); job.octave++) {
+        double scale =
+            p->scale_world > 0 ? p->scale_world : p->scale_spacings * octave_scale(r->even, job.octave);
+        scaled_curvature *c = scaled_curvature_new(r->scan, scale, pool, e);
+        if (!c) return false;
+        job.curvature = c;
+        threads_run(pool, r->scan->cells, GRAIN, octave_chunk, &job);
+        scaled_curvature_free(c);
+    }
+    return true;
+}
+
+/* The curvature of a cell over `spacing`, between octaves by logarithms. */
+static double curvature_over(const spacing_request *r, size_t k, double spacing)
+{
+    const double *c = &r->curvature[OCTAVES * k];
+    if (!spacing_request_is_implicit(r->params)) return c[0];
+    double at = fmin(fmax(log2(spacing / octave_scale(r->even, 0)), 0), OCTAVES - 1);
+    int low = at < OCTAVES - 1 ? (int)at : OCTAVES - 2;
+    return c[low] + (at - low) * (c[low + 1] - c[low]);
+}
+
+typedef struct weighted {
+    double value, area;
+} weighted;
+
+static int compare_weighted(const void *a, const void *b)
+{
+    double x = ((const weighted *)a)->value, y = ((const weighted *)b)->value;
+    return (x > y) - (x < y);
+}
+
+/* The value that a share of the area stays below. */
+static bool find_quantile(const surface *scan, const double *value, double share, double *out, error *e)
+{
+    weighted *w = mem_array(scan->cells, sizeof *w, "the grading", e);
+    if (!w) return false;
+    size_t n = 0;
+    double total = 0, below = 0;
+    for (size_t k = 0; k < scan->cells; k++) {
+        if (isnan(value[k])) continue;
+        w[n++] = (weighted){value[k], surface_cell_area(scan, k)};
+        total += surface_cell_area(scan, k);
+    }
+    qsort(w, n, sizeof *w, compare_weighted);
+    *out = 0;
+    for (size_t k = 0; k < n && below < share * total; k++) {
+        *out = w[k].value;
+        below += w[k].area;
+    }
+    free(w);
+    return true;
+}
+
+/* The spacing that a value asks for, the scale aside; `fine` is the curvature at the fine end of a ratio. */
+static double value_to_spacing(const sizing_field_params *p, double v, double fine)
+{
+    switch (p->kind) {
+    case SIZING_FIELD_CHORD:
+        return sqrt(8 * p->chord_error / v);
+    case SIZING_FIELD_RATIO:
+        return fmin(fmax(fine > 0 ? pow(v / fine, -p->exponent) : 1, 1), p->ratio);
+    case SIZING_FIELD_DENSITY:
+        return packing_spacing(1, v);
+    default:
+        return v;
+    }
+}
+
+static bool check_map(const sizing_field_params *p, double v, error *e)
+{
+    if (v > 0 || (v == 0 && p->kind == SIZING_FIELD_DENSITY)) return true;
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "the map of sampling.grid has the value %g at a place of the surface: %s", v,
+                     p->kind == SIZING_FIELD_SPACING ? "a spacing is above 0" : "a density is not below 0");
+}
+
+bool spacing_request_find(const spacing_request *r, const double *over, double *spacing, error *e)
+{
+    const sizing_field_params *p = r->params;
+    const surface *scan = r->scan;
+    double fine = 1, least = INFINITY;
+    for (size_t k = 0; k < scan->cells; k++)
+        spacing[k] = isnan(r->value[k]) || !r->curvature ? r->value[k]
+                                                         : curvature_over(r, k, over ? over[k] : r->even);
+    if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, spacing, FINE_QUANTILE, &fine, e)) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        if (isnan(spacing[k])) continue;
+        if (spacing_request_is_map(p) && !check_map(p, spacing[k], e)) return false;
+        spacing[k] = value_to_spacing(p, spacing[k], fine);
+        least = fmin(least, spacing[k]);
+    }
+    if (isinf(least)) {
+        if (spacing_request_is_map(p))
+            return error_set(
+                e, ERROR_INPUT_UNSUPPORTED,
+                "the map of sampling.grid asks for no points anywhere on the surface: is it where the "
+                "surface is, and painted?");
+        least = 1; /* flat throughout */
+    }
+    for (size_t k = 0; k < scan->cells; k++)
+        if (!isnan(spacing[k]))
+            spacing[k] = fmin(spacing[k], WIDEST_REQUEST * least); /* what asks for none */
+    return true;
+}
+
+bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing_field_params *params,
+                           double even, threads *pool, error *e)
+{
+    *r = (spacing_request){.params = params, .scan = scan, .even = even};
+    r->position = mem_array(scan->cells, sizeof *r->position, "the grading", e);
+    r->normal = mem_array(scan->cells, sizeof *r->normal, "the grading", e);
+    r->value = mem_array(scan->cells, sizeof *r->value, "the grading", e);
+    if (!r->position || !r->normal || !r->value) return false;
+    threads_run(pool, scan->cells, GRAIN, request_chunk, r);
+    bool at_points =
+        spacing_request_is_map(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
+    if (!at_points && !measure_octaves(r, pool, e)) return false;
+    return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+void spacing_request_free(spacing_request *r)
+{
+    free(r->position);
+    free(r->normal);
+    free(r->value);
+    free(r->curvature);
+}
