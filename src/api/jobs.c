@@ -197,12 +197,16 @@ bool jobs_admit_priority(const http_context *c, const http_request *request, int
                          const char *pointer, reply *r)
 {
     const access_caller *caller = request->caller;
-    double most = user_numbers_of(c->priorities, caller->user, priority);
-    if (priority <= most || (caller->scopes & SCOPE_ADMIN)) return true;
-    char detail[160];
+    bool admin = caller->scopes & SCOPE_ADMIN;
+    double of_user = admin ? priority : user_numbers_of(c->priorities, caller->user, priority);
+    bool by_token = caller->max_priority < of_user;
+    double most = by_token ? caller->max_priority : of_user;
+    if (priority <= most) return true;
+    char detail[200];
     json *errors = json_new_array();
-    snprintf(detail, sizeof detail, "%d is more than %s may give, which is %d (setting user_priorities)",
-             priority, caller->user, (int)most);
+    snprintf(detail, sizeof detail, "%d is more than %s%s may give, which is %g (%s)", priority,
+             by_token ? "this token of " : "", caller->user, most,
+             by_token ? "hexadctl token add --max-priority" : "setting user_priorities");
     reply_append_fault(errors, pointer, detail);
     reply_set_problem(r, "priority_forbidden", errors, "%s: %s", pointer, detail);
     return false;

@@ -13,7 +13,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "auth/token.h"
 #include "base/log.h"
 #include "base/memory.h"
 
@@ -188,6 +187,7 @@ static bool identify_token(access_control *a, const char *authorization, access_
     if (t) {
         strcpy(caller->user, t->user);
         caller->scopes = t->scopes;
+        caller->max_priority = t->max_priority;
     }
     pthread_mutex_unlock(&a->mutex);
     return t != NULL;
@@ -196,7 +196,7 @@ static bool identify_token(access_control *a, const char *authorization, access_
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
                      access_caller *caller)
 {
-    *caller = (access_caller){0};
+    *caller = (access_caller){.max_priority = TOKEN_ANY_PRIORITY};
     if (authorization) return identify_token(a, authorization, caller);
     if (!peer->scopes) return false;
     strcpy(caller->user, peer->user);

@@ -1,9 +1,10 @@
 /* access: identifies callers and tells what each may do.
  *
- * A bearer token determines its user and its scopes. Without one, a caller on a Unix socket is the user whose
- * process connected, as the kernel reports: the service's own user, root and `admins` are administrators;
- * `users` and members of `groups` may read, submit and cancel; everyone else is unknown. A caller on TCP
- * without a token is unknown too, unless `open_tcp` makes all of them one user, ACCESS_ANYONE.
+ * A bearer token determines its user, its scopes and the highest priority that it may give. Without one, a
+ * caller on a Unix socket is the user whose process connected, as the kernel reports: the service's own user,
+ * root and `admins` are administrators; `users` and members of `groups` may read, submit and cancel; everyone
+ * else is unknown. A caller on TCP without a token is unknown too, unless `open_tcp` makes all of them one
+ * user, ACCESS_ANYONE.
  *
  * The token file is read again when it has changed. While it cannot be read, all tokens are unknown. Any
  * thread.
@@ -16,6 +17,7 @@
 #include <sys/types.h>
 
 #include "auth/scope.h"
+#include "auth/token.h"
 #include "base/error.h"
 
 #define ACCESS_USER_SIZE 65
@@ -55,6 +57,7 @@ void access_look(access_control *a, int fd, access_peer *peer);
 typedef struct access_caller {
     char user[ACCESS_USER_SIZE];
     unsigned scopes;
+    int max_priority; /* of the token; TOKEN_ANY_PRIORITY without one */
 } access_caller;
 
 /* `authorization` is the value of the header or NULL. Returns false for an unknown caller or token. */

@@ -19,6 +19,7 @@
 
 #define SECRET_BYTES 32
 #define LINE_BYTES 512
+#define MOST_PRIORITY 1000 /* of specs */
 
 static const char user_letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._@-";
 
@@ -58,20 +59,31 @@ static token *append(token_set *set, const token *t)
     return &set->item[set->count++];
 }
 
+bool token_parse_priority(const char *text, int *priority)
+{
+    char *end = NULL;
+    long number = strtol(text, &end, 10);
+    if (end == text || *end || number < -MOST_PRIORITY || number > MOST_PRIORITY) return false;
+    *priority = (int)number;
+    return true;
+}
+
 /* A line that is neither empty nor a comment. */
 static bool read_token(char *line, token *t)
 {
-    char *rest = NULL, *word[5], *end = NULL;
+    char *rest = NULL, *word[6], *end = NULL;
     size_t count = 0;
     for (char *w = strtok_r(line, " \t", &rest); w; w = strtok_r(NULL, " \t", &rest)) {
-        if (count == 5) return false;
+        if (count == 6) return false;
         word[count++] = w;
     }
-    if (count != 5 || !is_user(word[1]) || !scope_parse(word[2], &t->scopes) ||
+    if (count < 5 || !is_user(word[1]) || !scope_parse(word[2], &t->scopes) ||
         !read_hex(word[3], t->hash, 32))
         return false;
     if (strlen(word[0]) != TOKEN_ID_SIZE - 1 || strncmp(word[0], word[3], TOKEN_ID_SIZE - 1) != 0)
         return false;
+    t->max_priority = TOKEN_ANY_PRIORITY;
+    if (count == 6 && !token_parse_priority(word[5], &t->max_priority)) return false;
     strcpy(t->id, word[0]);
     strcpy(t->user, word[1]);
     errno = 0;
@@ -90,8 +102,8 @@ static bool read_lines(FILE *file, const char *path, token_set *set, error *e)
         if (whole && line[strspn(line, " \t")] == '\0') continue;
         if (whole && *line == '#') continue;
         if (!whole || !read_token(line, &t))
-            return error_set(e, ERROR_SPEC_INVALID, "%s:%d: not \"ID USER SCOPES SHA256 CREATED\"", path,
-                             number);
+            return error_set(e, ERROR_SPEC_INVALID,
+                             "%s:%d: not \"ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]\"", path, number);
         append(set, &t);
     }
     return !ferror(file) || error_set(e, ERROR_SPEC_INVALID, "%s cannot be read: %s", path, strerror(errno));
@@ -136,10 +148,11 @@ const token *token_set_find(const token_set *set, const char *text)
     return found;
 }
 
-const token *token_set_add(token_set *set, const char *user, unsigned scopes, char text[TOKEN_SIZE], error *e)
+const token *token_set_add(token_set *set, const char *user, unsigned scopes, int max_priority,
+                           char text[TOKEN_SIZE], error *e)
 {
     uint8_t secret[SECRET_BYTES];
-    token t = {.scopes = scopes, .created_ms = clock_wall_ms()};
+    token t = {.scopes = scopes, .created_ms = clock_wall_ms(), .max_priority = max_priority};
     if (!is_user(user)) {
         error_set(e, ERROR_SPEC_INVALID, "a user name must have 1 to %d letters, digits and \"._@-\"",
                   TOKEN_USER_SIZE - 1);
@@ -201,8 +214,10 @@ bool token_set_write(const char *path, const token_set *set, gid_t group, error 
         const token *t = &set->item[i];
         char scopes[SCOPE_TEXT_SIZE], hash[2 * sizeof t->hash + 1];
         print_hex(t->hash, sizeof t->hash, hash);
-        fprintf(file.stream, "%s %s %s %s %lld\n", t->id, t->user, scope_print(t->scopes, scopes), hash,
+        fprintf(file.stream, "%s %s %s %s %lld", t->id, t->user, scope_print(t->scopes, scopes), hash,
                 (long long)t->created_ms);
+        if (t->max_priority != TOKEN_ANY_PRIORITY) fprintf(file.stream, " %d", t->max_priority);
+        fputc('\n', file.stream);
     }
     return store_file_commit(&file, e);
 }

@@ -3,16 +3,17 @@
  * A token is TOKEN_PREFIX and 256 random bits in hexadecimal. So much randomness cannot be guessed, which is
  * why a plain SHA-256 is enough to store it. The file has a line for each token,
  *
- *     ID USER SCOPES SHA256 CREATED
+ *     ID USER SCOPES SHA256 CREATED [MAX_PRIORITY]
  *
- * where ID is the beginning of the hash, by which people name the token; `#` begins a comment. The file
- * belongs to the user that runs the service, or to root. Nobody else may read or write it, except that the
- * service's group may read a file of root; other files are refused (store_file_check_private). A set is
- * immutable and may be read by any thread.
+ * where ID is the beginning of the hash, by which people name the token; `#` begins a comment. A line without
+ * MAX_PRIORITY allows any. The file belongs to the user that runs the service, or to root. Nobody else may
+ * read or write it, except that the service's group may read a file of root; other files are refused
+ * (store_file_check_private). A set is immutable and may be read by any thread.
  */
 #ifndef HEXAD_AUTH_TOKEN_H
 #define HEXAD_AUTH_TOKEN_H
 
+#include <limits.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -25,6 +26,7 @@
 #define TOKEN_SIZE (sizeof TOKEN_PREFIX + 64) /* of its text, with the terminator */
 #define TOKEN_ID_SIZE 13
 #define TOKEN_USER_SIZE 65
+#define TOKEN_ANY_PRIORITY INT_MAX
 
 typedef struct token {
     char id[TOKEN_ID_SIZE];
@@ -32,6 +34,7 @@ typedef struct token {
     unsigned scopes;
     uint8_t hash[32];
     int64_t created_ms;
+    int max_priority; /* of the jobs that it submits or changes; or TOKEN_ANY_PRIORITY */
 } token;
 
 typedef struct token_set {
@@ -49,8 +52,11 @@ const token *token_set_find(const token_set *set, const char *text);
 
 /* Creates a token, adds it to the set and writes its secret to `text`; it is stored nowhere else. Error
  * spec_invalid: the user is not 1 to 64 letters, digits and "._@-". */
-const token *token_set_add(token_set *set, const char *user, unsigned scopes, char text[TOKEN_SIZE],
-                           error *e);
+const token *token_set_add(token_set *set, const char *user, unsigned scopes, int max_priority,
+                           char text[TOKEN_SIZE], error *e);
+
+/* Reads a priority, from -1000 to 1000; false for any other text. */
+bool token_parse_priority(const char *text, int *priority);
 
 /* Returns false when no token has this id. */
 bool token_set_remove(token_set *set, const char *id);

@@ -37,6 +37,7 @@ typedef struct command_options {
     const char *file;    /* of token: the daemon's token_file */
     gid_t file_group;   /* of token: the group that may read the system service's file; else TOKEN_NO_GROUP */
     const char *scopes; /* of token add; NULL: all but admin */
+    const char *max_priority; /* of token add; NULL: any */
 } command_options;
 
 /* `argument` is the path of a file or "-", the job's id, the token's user or id, or NULL. Each returns an exit code. */

@@ -14,6 +14,8 @@
 #include "client/command.h"
 #include "json/json.h"
 
+#define TOKEN_ROW "%-12s  %-16s  %-25s  %-24s  %s\n"
+
 static const char default_scopes[] = "read,submit,cancel";
 
 static int fail(const error *e)
@@ -49,6 +51,7 @@ int command_token_add(client *c, const char *argument, const command_options *op
     token_set set = {0};
     char text[TOKEN_SIZE];
     unsigned scopes = 0;
+    int most = TOKEN_ANY_PRIORITY;
     bool ok = false;
     const char *wanted = options->scopes ? options->scopes : default_scopes;
     if (!scope_parse(wanted, &scopes)) {
@@ -56,10 +59,15 @@ int command_token_add(client *c, const char *argument, const command_options *op
                   wanted);
         return fail(&e);
     }
+    if (options->max_priority && !token_parse_priority(options->max_priority, &most)) {
+        error_set(&e, ERROR_SPEC_INVALID, "--max-priority %s: must be a whole number from -1000 to 1000",
+                  options->max_priority);
+        return fail(&e);
+    }
     int lock = lock_file(options, &e);
     if (lock < 0) return fail(&e);
     const token *t = NULL;
-    if (token_set_read(options->file, &set, &e)) t = token_set_add(&set, argument, scopes, text, &e);
+    if (token_set_read(options->file, &set, &e)) t = token_set_add(&set, argument, scopes, most, text, &e);
     ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
@@ -77,6 +85,7 @@ static void put_token(json *list, const token *t, const char *scopes, const char
     json_put_string(o, "user", t->user);
     json_put_string(o, "scopes", scopes);
     json_put_string(o, "created", created);
+    if (t->max_priority != TOKEN_ANY_PRIORITY) json_put_integer(o, "max_priority", t->max_priority);
 }
 
 int command_token_list(client *c, const char *argument, const command_options *options)
@@ -87,16 +96,17 @@ int command_token_list(client *c, const char *argument, const command_options *o
     token_set set = {0};
     if (!token_set_read(options->file, &set, &e)) return fail(&e);
     json *list = json_new_array();
-    if (!options->json) printf("%-12s  %-16s  %-25s  %s\n", "ID", "USER", "SCOPES", "CREATED");
+    if (!options->json) printf(TOKEN_ROW, "ID", "USER", "SCOPES", "CREATED", "MAX_PRIORITY");
     for (size_t i = 0; i < set.count; i++) {
         const token *t = &set.item[i];
-        char scopes[SCOPE_TEXT_SIZE], created[CLOCK_TEXT_SIZE];
+        char scopes[SCOPE_TEXT_SIZE], created[CLOCK_TEXT_SIZE], most[12] = "-";
         scope_print(t->scopes, scopes);
         clock_format_utc(t->created_ms, created);
+        if (t->max_priority != TOKEN_ANY_PRIORITY) snprintf(most, sizeof most, "%d", t->max_priority);
         if (options->json)
             put_token(list, t, scopes, created);
         else
-            printf("%-12s  %-16s  %-25s  %s\n", t->id, t->user, scopes, created);
+            printf(TOKEN_ROW, t->id, t->user, scopes, created, most);
     }
     if (options->json) {
         char *text = json_print_pretty(list);

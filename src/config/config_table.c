@@ -150,8 +150,8 @@ const config_row config_table[] = {
      .help =
          "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; written as "
          "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and "
-         "administrators can have a job run before those of others. A token counts as its user. Higher "
-         "priorities are refused (priority_forbidden). Empty: users may give any."},
+         "administrators can have a job run before those of others. A token counts as its user, and may "
+         "allow less. Higher priorities are refused (priority_forbidden). Empty: users may give any."},
     {SETTING(user_queued), .type = CONFIG_INTEGER, .default_text = "200000", .low = 0, .high = 1 << 30,
      .unit = "jobs",
      .help =

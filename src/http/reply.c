@@ -46,7 +46,7 @@ static const reply_problem problems[] = {
     {"too_many_jobs", 429, "The user has too many jobs"},
     {"results_full", 507, "There is no room for more results"},
     {"too_many_submissions", 429, "The user has submitted too many jobs"},
-    {"priority_forbidden", 403, "The user may not give this priority"},
+    {"priority_forbidden", 403, "The caller may not give this priority"},
     {"storage_full", 507, "The storage is full"},
     {"internal", 500, "The service has failed"}, /* the last one: also for a code not listed */
 };

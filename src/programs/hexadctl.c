@@ -58,8 +58,9 @@ static const char usage[] =
     "  usage             tell the space that results take, of all users and of each, and the bounds\n"
     "  drain, undrain    accept and start no more jobs; accept and start them again\n"
     "  hold, release     accept jobs but start none, also after a restart; start them again\n"
-    "  token add USER [--scopes LIST] [--file FILE]\n"
-    "                    create a token for the REST interface and print it, once\n"
+    "  token add USER [--scopes LIST] [--max-priority N] [--file FILE]\n"
+    "                    create a token for the REST interface and print it, once; N is the\n"
+    "                    highest priority that it may give to jobs\n"
     "  token list [--file FILE]\n"
     "                    list the tokens\n"
     "  token revoke ID [--file FILE]\n"
@@ -115,7 +116,7 @@ static const struct entry {
     {"undrain", command_undrain, NONE, ""},
     {"hold", command_hold, NONE, ""},
     {"release", command_release, NONE, ""},
-    {"token add", command_token_add, ONE, "--scopes --file"},
+    {"token add", command_token_add, ONE, "--scopes --max-priority --file"},
     {"token list", command_token_list, NONE, "--file"},
     {"token revoke", command_token_revoke, ONE, "--file"},
 };
@@ -130,10 +131,19 @@ static const struct {
     const char *name;
     size_t offset;
 } valued[] = {
-    OPTION("owner", owner),       OPTION("state", state), OPTION("limit", limit),
-    OPTION("priority", priority), OPTION("frame", frame), OPTION("attempt", attempt),
-    OPTION("output", output),     OPTION("file", file),   OPTION("scopes", scopes),
-    OPTION("name", name),         OPTION("since", since), OPTION("until", until),
+    OPTION("owner", owner),
+    OPTION("state", state),
+    OPTION("limit", limit),
+    OPTION("priority", priority),
+    OPTION("frame", frame),
+    OPTION("attempt", attempt),
+    OPTION("output", output),
+    OPTION("file", file),
+    OPTION("scopes", scopes),
+    OPTION("name", name),
+    OPTION("since", since),
+    OPTION("until", until),
+    OPTION("max-priority", max_priority),
 };
 
 typedef struct line {

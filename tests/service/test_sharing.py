@@ -1,4 +1,6 @@
 """How users share the service: turns, weights, priorities, limits, and a hold of the whole queue."""
+import json
+
 import pytest
 
 from service import OPEN_TCP, gated_worker, sphere, wait_until
@@ -85,6 +87,41 @@ def test_priorities_have_a_limit(farm):
     shared.submit("bob", queue={"priority": -1000})
     assert shared.ask("admin", "PATCH", f"/v1/jobs/{job}", {"priority": 1000}).status == 200
     shared.submit("admin", queue={"priority": 1000})
+
+
+def test_a_token_may_lower_the_limit_of_priorities(farm):
+    """The lower of the user's limit and the token's holds; a token's holds for administrators, too."""
+    shared = farm("--user_priorities", "ann:50,*:0")
+    for name, user, most in (("ann_20", "ann", "20"), ("bob_20", "bob", "20"), ("admin_-5", "root", "-5")):
+        scopes = "admin" if user == "root" else "read,submit,cancel"
+        shared.tokens[name] = new_token(shared.service, user, "--scopes", scopes, "--max-priority", most)
+    job = shared.submit("ann_20", queue={"priority": 20})
+    for name, priority, words in (("ann_20", 21, "token"), ("bob_20", 1, "user_priorities"), ("admin_-5", 0, "token")):
+        for path in ("/v1/jobs", "/v1/jobs:validate"):
+            refused = shared.ask(name, "POST", path, sphere(queue={"priority": priority}))
+            expect_problem(refused, 403, "priority_forbidden")
+            assert refused.json["errors"][0]["pointer"] == "/queue/priority"
+            assert words in refused.json["detail"]
+    refused = shared.ask("ann_20", "PATCH", f"/v1/jobs/{job}", {"priority": 21})
+    expect_problem(refused, 403, "priority_forbidden")
+    assert shared.ask("ann", "PATCH", f"/v1/jobs/{job}", {"priority": 21}).status == 200
+    shared.submit("admin_-5", queue={"priority": -5})
+
+
+def test_tokens_are_listed_with_their_limits(farm):
+    shared = farm()
+    new_token(shared.service, "cid", "--max-priority", "-3")
+
+    def tell(*words):
+        return control(shared.service, "token", *words, "--file", shared.service.state / "tokens")
+
+    listed = {t["user"]: t.get("max_priority") for t in json.loads(tell("list", "--json")[1])}
+    assert listed == {"ann": None, "bob": None, "eve": None, "admin": None, "cid": -3}
+    last = {line.split()[1]: line.split()[-1] for line in tell("list")[1].splitlines()}
+    assert (last["USER"], last["ann"], last["cid"]) == ("MAX_PRIORITY", "-", "-3")
+    for wrong in ("high", "", "1001", "2x"):
+        code, _, told = tell("add", "dan", "--max-priority", wrong)
+        assert code == 2 and "--max-priority" in told and "-1000 to 1000" in told
 
 
 def test_submissions_have_a_limit(farm):

@@ -73,7 +73,7 @@ static const char body[] = "{\"version\":1,\"name\":\"ball\",\"surface\":{\"anal
 static void test_an_accepted_job_is_answered_201(void **state)
 {
     place *p = *state;
-    const access_caller caller = {.user = "alice", .scopes = SCOPE_USER};
+    const access_caller caller = {.user = "alice", .scopes = SCOPE_USER, .max_priority = TOKEN_ANY_PRIORITY};
     http_request request = {.body = body, .length = sizeof body - 1, .caller = &caller};
     reply r = {.fd = -1};
     get_fails = true;

@@ -56,8 +56,8 @@ static void test_a_token_is_found_by_its_secret_alone(void **state)
     token_set made = {0}, read = {0};
     char first[TOKEN_SIZE], second[TOKEN_SIZE];
     error e = {0};
-    assert_non_null(token_set_add(&made, "alice", SCOPE_READ, first, &e));
-    assert_non_null(token_set_add(&made, "bob@studio", SCOPE_ALL, second, &e));
+    assert_non_null(token_set_add(&made, "alice", SCOPE_READ, TOKEN_ANY_PRIORITY, first, &e));
+    assert_non_null(token_set_add(&made, "bob@studio", SCOPE_ALL, -7, second, &e));
     assert_string_not_equal(first, second);
     assert_int_equal(strlen(first), TOKEN_SIZE - 1);
     if (!token_set_write(path, &made, TOKEN_NO_GROUP, &e) || !token_set_read(path, &read, &e))
@@ -74,6 +74,8 @@ static void test_a_token_is_found_by_its_secret_alone(void **state)
     assert_non_null(found);
     assert_string_equal(found->user, "bob@studio");
     assert_int_equal(found->scopes, SCOPE_ALL);
+    assert_int_equal(found->max_priority, -7);
+    assert_int_equal(token_set_find(&read, first)->max_priority, TOKEN_ANY_PRIORITY);
     assert_null(token_set_find(&read, ""));
     assert_null(token_set_find(&read, found->id));
     first[TOKEN_SIZE - 2] = first[TOKEN_SIZE - 2] == '0' ? '1' : '0';
@@ -103,7 +105,11 @@ static void test_files_that_are_refused(void **state)
     static const char *const bad[] = {
         "nonsense\n",
         "0123456789ab alice read " HASH "\n",
-        "0123456789ab alice read " HASH " 1 2\n",
+        "0123456789ab alice read " HASH " 1 2 3\n",
+        "0123456789ab alice read " HASH " 1 high\n",
+        "0123456789ab alice read " HASH " 1 2.5\n",
+        "0123456789ab alice read " HASH " 1 1001\n",
+        "0123456789ab alice read " HASH " 1 -1001\n",
         "0123456789ac alice read " HASH " 1\n",
         "0123456789ab alice write " HASH " 1\n",
         "0123456789ab al:ice read " HASH " 1\n",
@@ -130,11 +136,12 @@ static void test_files_that_are_refused(void **state)
     assert_int_equal(chmod(path, 0600), 0);
     assert_true(token_set_read(path, &set, &e));
     assert_int_equal(set.count, 1);
+    assert_int_equal(set.item[0].max_priority, TOKEN_ANY_PRIORITY); /* as older versions wrote them */
     token_set_clear(&set);
     char secret[TOKEN_SIZE];
-    assert_null(token_set_add(&set, "", SCOPE_READ, secret, &e));
-    assert_null(token_set_add(&set, "a b", SCOPE_READ, secret, &e));
-    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, secret,
+    assert_null(token_set_add(&set, "", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
+    assert_null(token_set_add(&set, "a b", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
+    assert_null(token_set_add(&set, "uid:7", SCOPE_READ, TOKEN_ANY_PRIORITY, secret,
                               &e)); /* that is how users without a name are called */
 }
 
@@ -172,7 +179,7 @@ static void test_a_file_of_root_is_for_the_group_of_the_service(void **state)
     token_set set = {0};
     char secret[TOKEN_SIZE], directory[] = "/tmp/hexad-token-XXXXXX", in_directory[sizeof directory + 8];
     struct stat info;
-    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, secret, &e));
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, TOKEN_ANY_PRIORITY, secret, &e));
     assert_int_equal(unlink(path), 0);
     assert_true(token_set_write(path, &set, 60001, &e));
     expect_owner(60001, 0640);
@@ -218,14 +225,16 @@ static void test_peers_and_tokens(void **state)
     assert_true(peer.local && peer.uid == geteuid());
     assert_true(access_identify(a, &peer, NULL, &caller));
     assert_int_equal(caller.scopes, SCOPE_ALL);
+    assert_int_equal(caller.max_priority, TOKEN_ANY_PRIORITY);
     assert_false(access_identify(a, &stranger, NULL, &caller));
     /* a token that is made while the service runs is known, and is what counts */
-    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, secret, &e));
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, 0, secret, &e));
     assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
     strcat(strcpy(header, "Bearer "), secret);
     assert_true(access_identify(a, &peer, header, &caller));
     assert_string_equal(caller.user, "alice");
     assert_int_equal(caller.scopes, SCOPE_READ);
+    assert_int_equal(caller.max_priority, 0);
     assert_true(access_identify(a, &stranger, header, &caller));
     assert_true(access_is_owner(&caller, "alice"));
     assert_false(access_is_owner(&caller, "bob"));
