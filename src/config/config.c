@@ -289,16 +289,24 @@ static bool are_equal(const config_row *row, const void *a, const void *b)
     return equal;
 }
 
-void config_take_over(config *c, const config *fresh)
+static void swap(void *a, void *b, size_t size)
+{
+    char kept[sizeof(config_list)]; /* the largest value */
+    memcpy(kept, a, size);
+    memcpy(a, b, size);
+    memcpy(b, kept, size);
+}
+
+void config_take_over(config *c, config *fresh)
 {
     for (size_t i = 0; i < config_table_size; i++) {
         const config_row *row = &config_table[i];
         void *at = (char *)c + row->offset;
-        const void *from = (const char *)fresh + row->offset;
+        void *from = (char *)fresh + row->offset;
         if (are_equal(row, at, from)) continue;
-        assert(!row->reloads ||
-               (row->type != CONFIG_TEXT && !is_list(row))); /* others hold pointers into these */
-        if (row->reloads) memcpy(at, from, size_of(row->type));
+        /* others hold pointers into texts */
+        assert(!row->reloads || (row->type != CONFIG_TEXT && row->type != CONFIG_LIST));
+        if (row->reloads) swap(at, from, size_of(row->type));
         log_write(row->reloads ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING, "setting %s %s", row->key,
                   row->reloads ? "has changed" : "has changed in the file; a restart applies it");
     }

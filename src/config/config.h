@@ -4,8 +4,8 @@
  * configuration file (INI, read by libinih), the command line, --help and the sample file etc/hexad.conf
  * follow from it. Each key is a key of the file and an option, `--key VALUE` or `--key=VALUE`, with `-` and
  * `_` alike; an option takes precedence over the file. One thread reads the settings at the start. Afterwards
- * only config_take_over changes them, and only settings whose row says so (`reloads`; numbers and the log
- * level only, since others keep pointers to texts).
+ * only config_take_over changes them, and only settings whose row says so (`reloads`): numbers, the log level
+ * and words, of which the rest of the program keeps copies, but not texts, to which it keeps pointers.
  */
 #ifndef HEXAD_CONFIG_CONFIG_H
 #define HEXAD_CONFIG_CONFIG_H
@@ -83,9 +83,9 @@ typedef enum config_action {
 /* Reads the defaults, then the file that `--config FILE` names, then the options. On failure an error (code
  * spec_invalid) that names the file and line or the option. The caller clears. */
 bool config_parse(int argc, char *const *argv, config *c, config_action *action, error *e);
-/* Copies the values of settings that reload from `fresh`, and logs which settings changed and which need a
- * restart. */
-void config_take_over(config *c, const config *fresh);
+/* Takes the values of settings that reload from `fresh`, which gets the former ones, and logs which settings
+ * changed and which need a restart. */
+void config_take_over(config *c, config *fresh);
 void config_clear(config *c); /* accepts an empty one */
 
 /* Fills c->worker when it is empty: hexad-worker beside the running program, otherwise in the bindir of the

@@ -140,13 +140,13 @@ const config_row config_table[] = {
     {SETTING(cache), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: a job that is equal to an earlier one gets its result, while that is kept and no input has "
              "changed. 0: every job runs."},
-    {SETTING(user_weights), .type = CONFIG_WORDS,
+    {SETTING(user_weights), .type = CONFIG_WORDS, .reloads = true,
      .help =
          "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; separated by "
          "commas, and the key may be repeated. Users take turns among jobs of equal priority; each frame of an "
          "array takes a turn. With alice:2, bob:1 alice gets two turns for each of bob. `*` stands for all users "
          "who are not named, whose weight is otherwise 1. Idle time saves no turns."},
-    {SETTING(user_priorities), .type = CONFIG_WORDS,
+    {SETTING(user_priorities), .type = CONFIG_WORDS, .reloads = true,
      .help =
          "The highest priorities that users may give to jobs, as user:priority, from -1000 to 1000; written as "
          "user_weights, and `*` stands for all users who are not named. With *:0, alice:50 only alice and "
@@ -172,7 +172,7 @@ const config_row config_table[] = {
     {SETTING(retention_s), .type = CONFIG_REAL, .default_text = "0", .low = 0, .high = 1e10, .unit = "s",
      .help = "How long a job and its results are kept after its end, if the job names no time. 0: forever."},
     {SETTING(results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
-     .unit = "MiB",
+     .unit = "MiB", .reloads = true,
      .help =
          "The space on the disk that ended jobs may keep, with results and logs. When it is met, jobs are deleted "
          "until it is not: of those that were delivered, the one for which that was longest ago comes first. A job is "
@@ -180,16 +180,18 @@ const config_row config_table[] = {
          "or it has none. When no job may be deleted, none is started and new ones are refused (results_full). Jobs "
          "that run meanwhile may exceed it. 0: four fifths of the disk of state_dir."},
     {SETTING(results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
-     .unit = "results",
+     .unit = "results", .reloads = true,
      .help =
          "The same for the number of results: jobs, and frames of arrays, that succeeded, failed or timed out. "
          "0: any number."},
     {SETTING(user_results_mb), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
-     .unit = "MiB",
+     .unit = "MiB", .reloads = true,
      .help = "results_mb for the results of each user; the jobs of others go on. 0: no bound."},
     {SETTING(user_results_count), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1 << 30,
-     .unit = "results", .help = "results_count for the results of each user. 0: any number."},
+     .unit = "results", .reloads = true,
+     .help = "results_count for the results of each user. 0: any number."},
     {SETTING(delete_undelivered), .type = CONFIG_INTEGER, .default_text = "0", .low = 0, .high = 1,
+     .reloads = true,
      .help =
          "1: when results have met a bound and all delivered jobs are deleted, the others follow, the oldest "
          "first. 0: nothing is deleted that was not delivered."},

@@ -330,13 +330,18 @@ static user_numbers *read_users(const config_list *given, const char *name, doub
     return n;
 }
 
+static bool read_weights_and_priorities(const config *c, user_numbers **weights, user_numbers **priorities,
+                                        error *e)
+{
+    *weights = read_users(&c->user_weights, "user_weights", 0.01, 100, e);
+    *priorities = *weights ? read_users(&c->user_priorities, "user_priorities", -1000, 1000, e) : NULL;
+    if (!*priorities) user_numbers_free(*weights);
+    return *priorities != NULL;
+}
+
 static bool init_users(service *s, error *e)
 {
-    s->weights = read_users(&s->settings.user_weights, "user_weights", 0.01, 100, e);
-    s->priorities =
-        s->weights ? read_users(&s->settings.user_priorities, "user_priorities", -1000, 1000, e) : NULL;
-    if (!s->priorities) user_numbers_free(s->weights);
-    return s->priorities != NULL;
+    return read_weights_and_priorities(&s->settings, &s->weights, &s->priorities, e);
 }
 
 static void fini_users(service *s)
@@ -629,10 +634,15 @@ static void reload(service *s)
     config fresh = {0};
     config_action action;
     error e = {0};
+    user_numbers *weights, *priorities;
     manager_tell_reloading();
-    if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e)) {
+    if (config_parse(s->argc, s->argv, &fresh, &action, &e) && config_find_worker(&fresh, &e) &&
+        read_weights_and_priorities(&fresh, &weights, &priorities, &e)) {
         config_take_over(&s->settings, &fresh);
         log_set_level(s->settings.log_level);
+        user_numbers_change(s->weights, weights);
+        user_numbers_change(s->priorities, priorities);
+        bound_results(s);
         executor_settings settings = executor_settings_of(s);
         executor_change(s->x, &settings);
         log_write(LOG_LEVEL_INFO, "settings reloaded");

@@ -511,7 +511,7 @@ typedef struct queue_bounds {
     bool undelivered;    /* jobs whose results nobody got may be deleted, too, after all others */
 } queue_bounds;
 
-/* Call it before other threads use the queue. Without it there are no bounds. */
+/* From now on; without it there are no bounds. What waits for room sees new ones at its next look. */
 void queue_bound(queue *q, const queue_bounds *bounds);
 
 /* The job to be deleted next, because a bound is met: of those whose results were all delivered, the one for which that

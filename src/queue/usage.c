@@ -9,7 +9,9 @@
 
 void queue_bound(queue *q, const queue_bounds *bounds)
 {
+    database_lock(q->database);
     q->bounds = *bounds;
+    database_unlock(q->database);
 }
 
 static bool is_met(const queue_sum *sum, const queue_sum *bound)
@@ -116,12 +118,13 @@ bool queue_get_usage(queue *q, queue_usage *usage, error *e)
 {
     static const char sql[] =
         "SELECT owner, bytes, results FROM usage WHERE bytes > 0 OR results > 0 ORDER BY bytes DESC, owner";
-    queue_usage read = {.bounds = q->bounds};
+    queue_usage read = {0};
     usage_verdict verdict = USAGE_ROOM;
     size_t room = 0;
     bool ok = false;
     database *d = q->database;
     database_lock(d);
+    read.bounds = q->bounds;
     sqlite3_stmt *s = database_ask(d, sql, NULL, 0, e);
     while (database_next(d, s, &ok, e)) {
         if (read.count == room) read.user = mem_resize(read.user, (room = room * 2 + 16) * sizeof *read.user);

@@ -1,6 +1,7 @@
 #include "queue/user_numbers.h"
 
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,7 +15,8 @@ typedef struct entry {
 } entry;
 
 struct user_numbers {
-    entry *item; /* sorted by user */
+    pthread_mutex_t mutex; /* for what follows */
+    entry *item;           /* sorted by user */
     size_t count;
 };
 
@@ -39,6 +41,7 @@ static bool read_entry(const char *text, double low, double high, entry *out, er
 user_numbers *user_numbers_read(const char *const *items, size_t count, double low, double high, error *e)
 {
     user_numbers *n = mem_alloc(sizeof *n);
+    pthread_mutex_init(&n->mutex, NULL);
     n->item = mem_alloc((count + 1) * sizeof *n->item);
     bool ok = true;
     for (size_t i = 0; ok && i < count; i++) {
@@ -59,7 +62,21 @@ void user_numbers_free(user_numbers *n)
     if (!n) return;
     for (size_t i = 0; i < n->count; i++) free(n->item[i].user);
     free(n->item);
+    pthread_mutex_destroy(&n->mutex);
     free(n);
+}
+
+void user_numbers_change(user_numbers *n, user_numbers *fresh)
+{
+    pthread_mutex_lock(&n->mutex);
+    entry *item = n->item;
+    size_t count = n->count;
+    n->item = fresh->item;
+    n->count = fresh->count;
+    pthread_mutex_unlock(&n->mutex);
+    fresh->item = item;
+    fresh->count = count;
+    user_numbers_free(fresh);
 }
 
 static const entry *find(const user_numbers *n, const char *user)
@@ -70,7 +87,12 @@ static const entry *find(const user_numbers *n, const char *user)
 
 double user_numbers_of(const user_numbers *n, const char *user, double otherwise)
 {
-    const entry *found = n ? find(n, user) : NULL;
-    if (n && !found) found = find(n, OTHERS);
-    return found ? found->number : otherwise;
+    if (!n) return otherwise;
+    pthread_mutex_t *mutex = (pthread_mutex_t *)&n->mutex; /* to hold it changes no number */
+    pthread_mutex_lock(mutex);
+    const entry *found = find(n, user);
+    if (!found) found = find(n, OTHERS);
+    double number = found ? found->number : otherwise;
+    pthread_mutex_unlock(mutex);
+    return number;
 }

@@ -11,6 +11,8 @@ import sys
 import pytest
 
 from service import OPEN_TCP, PATIENCE_S, gated_worker, sphere, wait_until
+from test_rest import expect_problem
+from test_sharing import Farm
 
 WATCHDOG_S = 0.2  # of a manager in a hurry: two signs of life in that time
 
@@ -104,6 +106,74 @@ def test_settings_are_read_again(new_service, manager, tmp_path):
     manager.hear("READY=1")
     assert f"the settings are unchanged: {file}:1: stall_s" in service.log.read_text()
     assert service.end() == 0
+
+
+def reload(service, manager, file, text):
+    file.write_text(text)
+    service.process.send_signal(signal.SIGHUP)
+    manager.hear("RELOADING=1")
+    manager.hear("READY=1")
+
+
+def test_weights_are_read_again(new_service, manager, tmp_path):
+    file = tmp_path / "hexad.conf"
+    file.write_text("user_weights = eve:50\n")
+    shared = Farm(new_service, tmp_path, "--config", file)
+    manager.hear("READY=1")
+    reload(shared.service, manager, file, "user_weights = ann:2\nuser_weights = *:1\n")
+    for _ in range(8):
+        for user in ("ann", "bob", "eve"):
+            shared.submit(user)
+    order = [shared.running()[0], *(shared.next()[0] for _ in range(7))]
+    assert {user: order.count(user) for user in order} == {"ann": 4, "bob": 2, "eve": 2}
+
+
+def test_bounds_of_priorities_are_read_again(new_service, manager, tmp_path):
+    file = tmp_path / "hexad.conf"
+    file.write_text("user_priorities = *:5\n")
+    service = new_service("--config", file).start()
+    manager.hear("READY=1")
+
+    def submit(priority):
+        return service.post("/v1/jobs", sphere(queue={"priority": priority}))
+
+    expect_problem(submit(6), 403, "priority_forbidden")
+    reload(service, manager, file, "user_priorities = *:7\n")
+    assert submit(7).status == 201
+    expect_problem(submit(8), 403, "priority_forbidden")
+    reload(service, manager, file, "user_weights = anyone:2\nuser_priorities = *:high\n")
+    log = service.log.read_text()
+    assert "the settings are unchanged: user_priorities: *:high" in log and "setting user_weights" not in log
+    expect_problem(submit(8), 403, "priority_forbidden")
+    reload(service, manager, file, "")
+    assert submit(8).status == 201
+
+
+def test_bounds_of_results_are_read_again(new_service, manager, tmp_path):
+    file = tmp_path / "hexad.conf"
+    file.write_text("results_count = 1\n")
+    service = new_service("--config", file, "--cache", 0, "--worker", gated_worker(tmp_path), "--workers", 1).start()
+    manager.hear("READY=1")
+
+    def expect_full(setting):
+        refused = service.post("/v1/jobs", sphere())
+        expect_problem(refused, 507, "results_full")
+        assert f"{setting})" in refused.json["detail"]
+
+    first, second = service.submit(sphere()), service.submit(sphere())
+    service.open_gate(first)
+    service.wait_state(first, "succeeded")
+    expect_full(" results_count")
+    reload(service, manager, file, "user_results_count = 1\n")
+    expect_full(" user_results_count")
+    reload(service, manager, file, "results_count = 2\n")
+    service.wait_worker(second)
+    service.open_gate(second)
+    service.wait_state(second, "succeeded")
+    expect_full(" results_count")
+    reload(service, manager, file, "results_count = 2\ndelete_undelivered = 1\n")
+    wait_until(lambda: service.get(f"/v1/jobs/{first}").status == 404, "the deletion of the first result")
+    service.submit(sphere())
 
 
 # Puts the descriptors that are named where systemd puts them, from 3 on, and becomes the program behind them.
