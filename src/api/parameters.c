@@ -82,7 +82,8 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 255,
      .prose = "A name for this request. When it is sent again with the same body, no second job is"
-              " created; with another body it is refused."},
+              " created; with another body it is refused. A key holds for its user, until the job is"
+              " deleted."},
     {.name = "traceparent",
      .type = PARAMETER_TEXT,
      .low = 55,

@@ -141,11 +141,14 @@ static bool perform_for_reply(client *c, const char *path, buffer *b, client_rep
     return ok;
 }
 
-bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
-                 client_reply *reply, error *e)
+/* `key`: the Idempotency-Key, or NULL. */
+static bool send_request(client *c, const char *method, const char *path, const char *key, const char *body,
+                         size_t length, client_reply *reply, error *e)
 {
     buffer b = {0};
     struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/json");
+    char *named = key ? mem_printf("Idempotency-Key: %s", key) : NULL;
+    if (named) headers = curl_slist_append(headers, named);
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(c->curl, CURLOPT_WRITEFUNCTION, take_text);
     curl_easy_setopt(c->curl, CURLOPT_WRITEDATA, &b);
@@ -162,7 +165,20 @@ bool client_call(client *c, const char *method, const char *path, const char *bo
     curl_easy_setopt(c->curl, CURLOPT_CUSTOMREQUEST, NULL);
     curl_easy_setopt(c->curl, CURLOPT_HTTPHEADER, NULL);
     curl_slist_free_all(headers);
+    free(named);
     return ok;
+}
+
+bool client_call(client *c, const char *method, const char *path, const char *body, size_t length,
+                 client_reply *reply, error *e)
+{
+    return send_request(c, method, path, NULL, body, length, reply, e);
+}
+
+bool client_post_once(client *c, const char *path, const char *key, const char *body, size_t length,
+                      client_reply *reply, error *e)
+{
+    return send_request(c, "POST", path, key, body, length, reply, e);
 }
 
 void client_reply_clear(client_reply *reply)

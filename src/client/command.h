@@ -31,6 +31,7 @@ typedef struct command_options {
     const char *since, *until; /* of list: times, or how long ago, "90m" */
     const char *limit;
     const char *priority;
+    const char *key;     /* of submit: the Idempotency-Key */
     const char *frame;   /* of fetch: numbers as in queue.frames; of log: one number */
     const char *attempt; /* of log */
     const char *output;  /* of fetch; NULL: a directory named by the job's id */

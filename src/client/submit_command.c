@@ -96,6 +96,15 @@ static char *read_spec(const char *path, const command_options *options, size_t 
     return text;
 }
 
+/* Whether the key, if there is one, can be a header; prints why not. What else it may be, the server says. */
+static bool has_usable_key(const command_options *options)
+{
+    const char *key = options->key;
+    bool usable = !key || (*key && !strpbrk(key, "\r\n"));
+    if (!usable) print_failure("submit: --key takes a text of one line, which names this submission");
+    return usable;
+}
+
 /* Posts the spec. On success *document is the caller's. */
 static int post_spec(client *c, const char *to, const char *path, const command_options *options,
                      json **document)
@@ -104,9 +113,9 @@ static int post_spec(client *c, const char *to, const char *path, const command_
     size_t length = 0;
     client_reply reply = {0};
     int code = COMMAND_OK;
-    char *body = read_spec(path, options, &length);
+    char *body = has_usable_key(options) ? read_spec(path, options, &length) : NULL;
     if (!body) return COMMAND_USAGE;
-    if (!client_call(c, "POST", to, body, length, &reply, &e)) {
+    if (!client_post_once(c, to, options->key, body, length, &reply, &e)) {
         code = print_unreachable(&e);
     } else if (reply.status >= 300 || !reply.document) {
         code = print_refused_spec(&reply, name_of(path));

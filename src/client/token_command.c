@@ -71,7 +71,8 @@ int command_token_add(client *c, const char *argument, const command_options *op
     ok = t && token_set_write(options->file, &set, options->file_group, &e);
     close(lock);
     if (ok) {
-        fprintf(stderr, "hexadctl: token %s of %s; it is shown only once\n", t->id, t->user);
+        fprintf(stderr, "hexadctl: token %s of %s, in %s; it is shown only once\n", t->id, t->user,
+                options->file);
         puts(text);
     }
     token_set_clear(&set);
@@ -113,6 +114,9 @@ int command_token_list(client *c, const char *argument, const command_options *o
         fputs(text, stdout);
         free(text);
     }
+    if (set.count == 0)
+        fprintf(stderr, "hexadctl: %s holds no tokens: --file names the token file of another daemon\n",
+                options->file);
     json_free(list);
     token_set_clear(&set);
     return COMMAND_OK;

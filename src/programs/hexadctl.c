@@ -23,9 +23,10 @@
 static const char usage[] =
     "usage: hexadctl [--server URL] [--json] COMMAND ...\n"
     "\n"
-    "  submit SPEC|- [--wait] [--priority N] [--label LABEL]...\n"
+    "  submit SPEC|- [--wait] [--priority N] [--label LABEL]... [--key KEY]\n"
     "                    submit a job and print its id; --priority takes the place of the priority in\n"
-    "                    the spec, --label adds to its labels\n"
+    "                    the spec, --label adds to its labels; KEY, a text of your own, names the\n"
+    "                    submission: when it is repeated, it prints the same id and makes no second job\n"
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
     "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
@@ -93,7 +94,7 @@ static const struct entry {
     need argument;
     const char *options; /* that belong to it; --server and --json belong to all */
 } commands[] = {
-    {"submit", command_submit, ONE, "--wait --priority --label"},
+    {"submit", command_submit, ONE, "--wait --priority --label --key"},
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, ONE, ""},
@@ -131,19 +132,13 @@ static const struct {
     const char *name;
     size_t offset;
 } valued[] = {
-    OPTION("owner", owner),
-    OPTION("state", state),
-    OPTION("limit", limit),
-    OPTION("priority", priority),
-    OPTION("frame", frame),
-    OPTION("attempt", attempt),
-    OPTION("output", output),
-    OPTION("file", file),
-    OPTION("scopes", scopes),
-    OPTION("name", name),
-    OPTION("since", since),
-    OPTION("until", until),
-    OPTION("max-priority", max_priority),
+    OPTION("key", key),           OPTION("owner", owner),
+    OPTION("state", state),       OPTION("limit", limit),
+    OPTION("priority", priority), OPTION("frame", frame),
+    OPTION("attempt", attempt),   OPTION("output", output),
+    OPTION("file", file),         OPTION("scopes", scopes),
+    OPTION("name", name),         OPTION("since", since),
+    OPTION("until", until),       OPTION("max-priority", max_priority),
 };
 
 typedef struct line {
