@@ -54,6 +54,30 @@ def test_submit_wait_fetch(run, tmp_path, service):
     assert [j["id"] for j in json.loads(run("list", "--json", "--state", "succeeded").stdout)["jobs"]] == [job]
 
 
+def test_a_submission_with_a_key_is_repeated_safely(run, tmp_path, service):
+    path = write(tmp_path, sphere())
+    first = run("submit", path, "--key", "shot 010")
+    assert first.returncode == 0, first.stderr
+    assert run("submit", path, "--key", "shot 010", "--wait").stdout.startswith(first.stdout.strip())
+    assert len(service.get("/v1/jobs").json["jobs"]) == 1
+    other = run("submit", path, "--key", "shot 010", "--priority", "1")
+    assert other.returncode == 2 and f"for the job {first.stdout.strip()}" in other.stderr
+    for key in ("", "a\nHost: b", "a" * 256):
+        refused = run("submit", path, "--key", key)
+        assert refused.returncode == 2 and "key" in refused.stderr.lower(), refused.stderr
+    assert run("delete", first.stdout.strip()).returncode == 0  # and the key with it
+    again = run("submit", path, "--key", "shot 010")
+    assert again.returncode == 0 and again.stdout != first.stdout
+
+
+def test_tokens_name_their_file(run, tmp_path):
+    done = run("token", "list", "--file", tmp_path / "tokens")
+    assert done.returncode == 0 and f"{tmp_path}/tokens holds no tokens" in done.stderr
+    done = run("token", "add", "alice", "--file", tmp_path / "tokens")
+    assert f"of alice, in {tmp_path}/tokens;" in done.stderr
+    assert not run("token", "list", "--file", tmp_path / "tokens").stderr
+
+
 def test_submit_and_wait_from_standard_input(run):
     done = run("submit", "-", "--wait", "--json", input=json.dumps(sphere()))
     job = json.loads(done.stdout)
