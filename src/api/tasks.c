@@ -93,6 +93,10 @@ static bool choose_attempt(const http_context *c, const http_request *request, c
     }
     if (*frame != QUEUE_NO_FRAME) {
         if (!queue_get_frame(c->q, job->id, *frame, &task, &found, &e)) goto failed;
+        if (!found) {
+            reply_set_problem(r, "not_found", NULL, "the job %s has no frame %d", job->id, *frame);
+            return false;
+        }
     } else {
         if (!queue_list_tasks(c->q, job->id, -1, 1, &tasks, &count, &e)) goto failed;
         found = count > 0;
@@ -120,7 +124,7 @@ void tasks_show_log(const http_context *c, const http_request *request, reply *r
             reply_set_file(r, "text/plain", fd, bytes);
         else
             reply_set_problem(r, "not_found", NULL,
-                              "the job %s has no log of this attempt, or it was removed", job.id);
+                              "the job %s has no such attempt yet, or its log was removed", job.id);
     }
     queue_job_clear(&job);
 }

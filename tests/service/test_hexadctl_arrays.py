@@ -111,7 +111,8 @@ def test_the_log_of_a_frame(run, service, footage):
     assert "a.0008.vdb" not in done.stdout
     done = run("log", job)
     assert done.returncode == 2 and "--frame" in done.stderr  # of which frame?
-    assert run("log", job, "--frame", "12").returncode == 4
+    lost = run("log", job, "--frame", "12")
+    assert lost.returncode == 4 and f"the job {job} has no frame 12" in lost.stderr
     assert run("log", job, "--frame", "10", "--attempt", last + 1).returncode == 4
 
 
