@@ -68,8 +68,9 @@ static bool fetch_copy(const config *c, FILE *stream, error *e)
     if (ok && reply.status != 200) {
         json_at root = json_root(reply.document);
         ok = error_set(e, error_code_from_name(json_string(json_member(&root, "code"), "internal")),
-                       "the daemon gives no backup (%ld): %s", reply.status,
-                       json_string(json_member(&root, "detail"), "no reason"));
+                       "the daemon gives no backup (%ld): %s%s", reply.status,
+                       json_string(json_member(&root, "detail"), "no reason"),
+                       reply.status == 401 ? "; hexad shows the one in HEXAD_TOKEN (scope admin)" : "");
     }
     client_reply_clear(&reply);
     if (ok && fflush(stream) != 0)

@@ -359,6 +359,9 @@ def test_only_administrators_are_given_a_backup(closed_service, tmp_path, monkey
     monkeypatch.setenv("HEXAD_TOKEN", new_token(closed_service, "carol"))
     done = tool(closed_service, "--backup", backup)
     assert done.returncode == 1 and "scope admin" in done.stderr and not backup.exists()
+    monkeypatch.delenv("HEXAD_TOKEN")
+    done = tool(closed_service, "--backup", backup)
+    assert done.returncode == 1 and "HEXAD_TOKEN" in done.stderr and not backup.exists()
     monkeypatch.setenv("HEXAD_TOKEN", closed_service.token)
     done = tool(closed_service, "--backup", backup)
     assert done.returncode == 0 and jobs_in(backup) == set(), done.stderr
