@@ -125,6 +125,17 @@ def test_the_end_of_a_job_is_told(caller, receiver):
     assert "show=7" not in caller.log.read_text()  # addresses may hold secrets
 
 
+def test_the_check_in_the_guide(caller, receiver, source):
+    page = {}
+    exec(re.search(r"^```python\n(.*?)^```$", (source / "doc/guide.md").read_text(), re.M | re.S)[1], page)
+    caller.submit(hooked(receiver))
+    _, headers, body = receiver.calls.get(timeout=PATIENCE_S)
+    assert page["is_genuine"](SECRET + "\n", headers, body)
+    old = {**headers, "webhook-timestamp": str(int(headers["webhook-timestamp"]) - 3600)}
+    for forged in ((headers, body + b" "), (old, body), ({**headers, "webhook-id": "x"}, body)):
+        assert not page["is_genuine"](SECRET + "\n", *forged)
+
+
 def test_what_a_job_was_called_is_told(caller, receiver):
     trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
     spec = sphere(name="ball of \u2603", queue={"webhook": receiver.url, "labels": ["show", "shot 7"]})
