@@ -130,6 +130,24 @@ static int print_whole(client *c, const char *method, const char *path)
     return code;
 }
 
+/* Why jobs wait although there is room, where the service says so. */
+static void explain_waiting(client *c)
+{
+    error e = {0};
+    client_reply reply = {0};
+    if (client_call(c, "GET", "/readyz", NULL, 0, &reply, &e)) {
+        json_at root = json_root(reply.document), checks = json_member(&root, "checks");
+        const char *detail = json_string(json_member(&root, "detail"), NULL);
+        if (strcmp(json_string(json_member(&checks, "queue"), ""), "held") == 0)
+            puts("held: jobs are accepted, and none starts until \"hexadctl release\"");
+        if (detail) {
+            print_text(stdout, detail);
+            putchar('\n');
+        }
+    }
+    client_reply_clear(&reply);
+}
+
 int command_workers(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
@@ -153,6 +171,7 @@ int command_workers(client *c, const char *argument, const command_options *opti
             print_text(stdout, json_string(json_member(&worker, "owner"), "?"));
             putchar('\n');
         }
+        explain_waiting(c);
     }
     json_free(document);
     return code;
@@ -197,30 +216,42 @@ int command_usage(client *c, const char *argument, const command_options *option
     return code;
 }
 
+/* Has the service begin or end a drain or a hold. */
+static int change_service(client *c, const char *path, const command_options *options)
+{
+    if (options->json) return print_whole(c, "POST", path);
+    json *document = NULL;
+    int code = command_ask(c, "POST", path, NULL, &document);
+    json_at root = json_root(document);
+    double running = json_number(json_member(&root, "running"), 0);
+    if (code == COMMAND_OK) {
+        printf("%.0f attempt%s run%s\n", running, running == 1 ? "" : "s", running == 1 ? "s" : "");
+        explain_waiting(c);
+    }
+    json_free(document);
+    return code;
+}
+
 int command_drain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    (void)options;
-    return print_whole(c, "POST", "/v1/admin/drain");
+    return change_service(c, "/v1/admin/drain", options);
 }
 
 int command_hold(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    (void)options;
-    return print_whole(c, "POST", "/v1/admin/hold");
+    return change_service(c, "/v1/admin/hold", options);
 }
 
 int command_release(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    (void)options;
-    return print_whole(c, "POST", "/v1/admin/release");
+    return change_service(c, "/v1/admin/release", options);
 }
 
 int command_undrain(client *c, const char *argument, const command_options *options)
 {
     (void)argument;
-    (void)options;
-    return print_whole(c, "POST", "/v1/admin/resume");
+    return change_service(c, "/v1/admin/resume", options);
 }

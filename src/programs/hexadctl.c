@@ -55,7 +55,7 @@ static const char usage[] =
     "  priority ID --priority N\n"
     "                    change the priority of a job\n"
     "  watch ID          print the events of a job as they happen, as lines of JSON\n"
-    "  workers           list the running attempts, and the limits\n"
+    "  workers           list the running attempts, the limits, and what else lets jobs wait\n"
     "  usage             tell the space that results take, of all users and of each, and the bounds\n"
     "  drain, undrain    accept and start no more jobs; accept and start them again\n"
     "  hold, release     accept jobs but start none, also after a restart; start them again\n"

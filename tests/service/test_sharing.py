@@ -161,7 +161,11 @@ def test_the_client_holds_and_releases(new_service):
     at = service.options.index("--listen")
     del service.options[at:at + 2]
     service.start()
-    assert control(service, "hold")[0] == 0 and service.get("/readyz").json["checks"]["queue"] == "held"
+    code, out, _ = control(service, "hold")
+    assert code == 0 and out.startswith("0 attempts run\nheld: ") and "hexadctl release" in out
+    assert service.get("/readyz").json["checks"]["queue"] == "held"
     job = service.submit(sphere())
-    assert control(service, "release")[0] == 0
+    assert out.splitlines()[1] in control(service, "workers")[1]  # so that its owner learns why it waits
+    assert json.loads(control(service, "--json", "hold")[1]) == {"held": True, "running": 0}
+    assert control(service, "release")[1] == "0 attempts run\n" and "held" not in control(service, "workers")[1]
     service.wait_state(job, "succeeded")
