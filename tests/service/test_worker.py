@@ -251,7 +251,8 @@ def ellipsoid(count, **sampling):
 def test_a_grading_is_met_and_told(worker, tmp_path, diagnose):
     """The requested spacing against its definition, from the principal curvatures beside it, and the achieved one
     against the requested."""
-    done = worker(ellipsoid(4000, curvature={"chord_error": 1e-3}, min_spacing=0.02, max_spacing=0.08))
+    done = worker(ellipsoid(4000, curvature={"chord_error": 1e-3, "scale": {"spacings": 0}}, min_spacing=0.02,
+                            max_spacing=0.08))
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     points = Points((tmp_path / "out" / "points.ply").read_bytes())
