@@ -41,6 +41,7 @@ typedef struct service {
     store_roots *roots;
     store_outputs outputs;
     http_counters counters;
+    delivery_counters calls;
     atomic_bool copying;
     http_context context;
     address_ranges proxies; /* none */
@@ -177,6 +178,7 @@ static void start(service *s)
                                 .max_attempts = 1,
                                 .started_ms = clock_wall_ms(),
                                 .counters = &s->counters,
+                                .calls = &s->calls,
                                 .copying = &s->copying,
                                 .wait_s = PATIENCE_MS / 2e3,
                                 .outputs = &s->outputs};

@@ -17,8 +17,8 @@
 #include "database/health.h"
 #include "database/schema.h"
 
-/* Pages per step, during which the queue is locked: 256 KiB. Doubled after each step in which more was written than
- * copied. */
+/* Pages per step, during which the queue is locked: 256 KiB. Doubled after each step whose gain is less than half, because
+ * others wrote meanwhile. */
 #define PAGES_A_STEP 64
 #define PAGES_MOST (1 << 20)
 /* After a step the lock is free for three times as long as the step took, within these bounds. */
@@ -108,7 +108,7 @@ static void pause_for(int64_t held_ns)
 }
 
 /* Copies in steps and unlocks the queue between them. Changes made meanwhile use the same connection, so SQLite applies
- * them to the copy, too. Steps grow while less is copied than written, so that the copy always ends. Returns the result
+ * them to the copy, too. Steps grow while what is left does not shrink fast, so that the copy always ends. Returns the result
  * code of the last step. */
 static int copy_steps(database *d, sqlite3_backup *copying, int fd)
 {
@@ -122,7 +122,7 @@ static int copy_steps(database *d, sqlite3_backup *copying, int fd)
         int left_before = left;
         left = sqlite3_backup_remaining(copying);
         database_unlock(d);
-        if (left >= left_before && pages < PAGES_MOST) pages *= 2;
+        if (left_before - left < pages / 2 && pages < PAGES_MOST) pages *= 2;
         if (code == SQLITE_OK) pause_for(held);
         if (step % FLUSH_STEPS == 0)
             fdatasync(fd); /* a failure does no harm: the flush only spreads the writes */
