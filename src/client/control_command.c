@@ -107,7 +107,7 @@ int command_watch(client *c, const char *argument, const command_options *option
     error e = {0};
     int64_t last = 0;
     client_reply reply = {0};
-    char *path = command_job_path(argument, "/events");
+    char *path = argument ? command_job_path(argument, "/events") : mem_strdup("/v1/events");
     int code = COMMAND_USAGE;
     if (path) {
         code = COMMAND_OK;

@@ -139,7 +139,7 @@ const config_row config_table[] = {
          "300 tries take a day."},
     {SETTING(cache), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
      .help = "1: a job that is equal to an earlier one gets its result, while that is kept and no input has "
-             "changed. 0: every job runs."},
+             "changed. Sequences always run. 0: every job runs."},
     {SETTING(user_weights), .type = CONFIG_WORDS, .reloads = true,
      .help =
          "The shares of users while several have jobs that wait, as user:weight, from 0.01 to 100; separated by "

@@ -54,7 +54,8 @@ static const char usage[] =
     "  delete ID         delete a job that has ended, with its results\n"
     "  priority ID --priority N\n"
     "                    change the priority of a job\n"
-    "  watch ID          print the events of a job as they happen, as lines of JSON\n"
+    "  watch [ID]        print the events of a job as they happen, as lines of JSON, until it ends;\n"
+    "                    without ID those of all your jobs from now on (as an administrator, of all users)\n"
     "  workers           list the running attempts, the limits, and what else lets jobs wait\n"
     "  usage             tell the space that results take, of all users and of each, and the bounds\n"
     "  drain, undrain    accept and start no more jobs; accept and start them again\n"
@@ -110,7 +111,7 @@ static const struct entry {
     {"retry", command_retry, ONE, ""},
     {"delete", command_delete, ONE, ""},
     {"priority", command_priority, ONE, "--priority"},
-    {"watch", command_watch, ONE, ""},
+    {"watch", command_watch, MAYBE, ""},
     {"workers", command_workers, NONE, ""},
     {"usage", command_usage, NONE, ""},
     {"drain", command_drain, NONE, ""},

@@ -385,6 +385,27 @@ def control(service, *words):
     return done.returncode, done.stdout, done.stderr
 
 
+def test_the_client_watches_all_jobs(new_service):
+    service = new_service()
+    at = service.options.index("--listen")
+    del service.options[at:at + 2]
+    service.start()
+    watching = subprocess.Popen([service.build / "hexadctl", "watch"], env=service.environment(), stdout=subprocess.PIPE, text=True)
+    try:
+        assert list(json.loads(watching.stdout.readline())) == ["seq"]  # the position from which on it listens
+        jobs = [service.submit(sphere()), service.submit(sphere(count=301))]
+        ended = set()
+        while ended != set(jobs):
+            event = json.loads(watching.stdout.readline())
+            if event["type"] == "state" and event["state"] == "succeeded":
+                ended.add(event["job"])
+        assert watching.poll() is None
+    finally:
+        watching.kill()
+        watching.wait()
+        watching.stdout.close()
+
+
 def test_the_client_does_all_that(new_service, tmp_path):
     service = new_service("--worker", gated_worker(tmp_path), "--workers", 1)
     at = service.options.index("--listen")
