@@ -26,8 +26,8 @@ static void tell(const http_context *c, const http_request *request, queue_comma
     } else if (!found) {
         reply_set_problem(r, "not_found", NULL, "there is no job %s", job.id);
     } else if (!changed && (wants_end || ended || queue_state_is_final(now))) {
-        reply_set_problem(r, "conflict", NULL, "the job %s is %s: there is nothing to %s", job.id,
-                          queue_state_name(now), what);
+        reply_set_problem(r, "conflict", NULL, "there is nothing to %s in the job %s: its state is %s", what,
+                          job.id, queue_state_name(now));
     } else {
         log_write(LOG_LEVEL_INFO, "job told job=%s command=%s user=%s", job.id, what, request->caller->user);
         jobs_answer(c, request, job.id, now == QUEUE_CANCELLING ? 202 : 200, r);

@@ -475,7 +475,8 @@ static void put_in_queue(const http_context *c, const http_request *request, con
 void jobs_submit(const http_context *c, const http_request *request, reply *r)
 {
     if (!executor_takes_jobs(c->x)) {
-        reply_set_unavailable(r, "the service is draining and accepts no jobs");
+        reply_set_unavailable(
+            r, "the service accepts no jobs: it is stopping, or draining until hexadctl undrain");
         return;
     }
     order o = {0};
