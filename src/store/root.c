@@ -331,7 +331,8 @@ static int open_in_roots(const store_roots *roots, const char *path, error *e)
     else if (why == EXDEV || why == ELOOP)
         error_set(e, ERROR_PATH_FORBIDDEN, "%s leads out of the input roots by a symbolic link", path);
     else
-        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read below the input roots: %s", path, strerror(why));
+        error_set(e, ERROR_INPUT_MISSING, "%s cannot be read%s: %s", path,
+                  sent ? "" : " below the input roots", strerror(why));
     return -1;
 }
 
