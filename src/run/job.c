@@ -129,7 +129,10 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
                    : s->alpha.scale.world > 0 ? s->alpha.scale.world
                                               : s->alpha.scale.spacings * even;
     if (!(scale > 0)) return true;
-    *out = scaled_curvature_new(j->scan, scale, j->pool, e);
+    cell_samples samples;
+    if (cell_samples_take(j->scan, j->pool, &samples, e))
+        *out = scaled_curvature_new(j->scan, &samples, scale, j->pool, e);
+    cell_samples_free(&samples);
     return *out != NULL;
 }
 

@@ -6,7 +6,6 @@
 #include "base/memory.h"
 #include "geometry/block_map.h"
 #include "geometry/sym3.h"
-#include "surface/projection.h"
 
 /* Edge of a cube, over the scale, and at least this many of the surface's cells, so that no cube is passed over. */
 static const double EDGE_SCALE = 0.75, EDGE_CELLS = 1.25;
@@ -14,9 +13,6 @@ static const double EDGE_SCALE = 0.75, EDGE_CELLS = 1.25;
 static const double REACH = 2;
 /* Normals whose cosine is below the first do not count, above the second they count in full: as the pairs of the energy. */
 static const double FACING_NONE = -0.8, FACING_WHOLE = -0.5;
-/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
-static const int SAMPLE_STEPS = 5;
-static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
 /* A neighbourhood that is nearly a line says nothing across it: there the matrix is damped by this share. */
 static const double DAMPING = 1e-3;
 enum { GRAIN = 256 };
@@ -40,36 +36,6 @@ struct scaled_curvature {
     uint32_t count;
 };
 
-typedef struct cell_sample {
-    vec3 position, normal;
-    bool found;
-} cell_sample;
-
-typedef struct sample_job {
-    const surface *scan;
-    cell_sample *sample;
-} sample_job;
-
-static void sample_cell(const surface *scan, size_t k, cell_sample *out)
-{
-    const field *f = scan->field;
-    field_cell cell;
-    surface_cell(scan, k, &cell);
-    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
-                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
-    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x;
-    out->found = projection_find(f, &limits, &x, &out->normal) &&
-                 vec3_norm(vec3_sub(x, middle)) <= SAMPLE_FARTHEST * f->cell_size;
-    out->position = x;
-}
-
-static void sample_chunk(void *context, int worker, size_t begin, size_t end)
-{
-    sample_job *job = context;
-    (void)worker;
-    for (size_t k = begin; k < end; k++) sample_cell(job->scan, k, &job->sample[k]);
-}
-
 /* The axis that a normal follows most: 0 to 2 along it, 3 to 5 against it. */
 static int direction_of(vec3 n)
 {
@@ -88,11 +54,11 @@ static cube cube_of(const scaled_curvature *c, vec3 x)
 }
 
 /* The element of a cube and a direction, new if there is none. */
-static element *element_of(scaled_curvature *c, const cell_sample *sample, error *e)
+static element *element_of(scaled_curvature *c, vec3 position, vec3 normal, error *e)
 {
-    cube at = cube_of(c, sample->position);
+    cube at = cube_of(c, position);
     uint32_t before = c->map.count, number;
-    int direction = direction_of(sample->normal);
+    int direction = direction_of(normal);
     if (!block_map_find_or_add(&c->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
     if (number == before) c->first[number] = BLOCK_MAP_NONE;
     for (uint32_t k = c->first[number]; k != BLOCK_MAP_NONE; k = c->element[k].next)
@@ -105,7 +71,7 @@ static element *element_of(scaled_curvature *c, const cell_sample *sample, error
 }
 
 /* Adds the samples to the elements, in the order of the cells. */
-static bool make_elements(scaled_curvature *c, const surface *scan, const cell_sample *sample, error *e)
+static bool make_elements(scaled_curvature *c, const surface *scan, const cell_samples *sample, error *e)
 {
     const char *what = "the curvature at a scale";
     if (!block_map_init(&c->map, scan->cells / 2, e)) return false;
@@ -113,13 +79,13 @@ static bool make_elements(scaled_curvature *c, const surface *scan, const cell_s
     c->first = mem_array(scan->cells, sizeof *c->first, what, e);
     if (!c->element || !c->first) return false;
     for (size_t k = 0; k < scan->cells; k++) {
-        double area = scan->area_before[k + 1] - scan->area_before[k];
-        if (!sample[k].found || !(area > 0)) continue;
-        element *n = element_of(c, &sample[k], e);
+        double area = surface_cell_area(scan, k);
+        if (!sample->found[k] || !(area > 0)) continue;
+        element *n = element_of(c, sample->position[k], sample->normal[k], e);
         if (!n) return false;
         n->area += area;
-        n->position = vec3_axpy(area, sample[k].position, n->position);
-        n->normal = vec3_axpy(area, sample[k].normal, n->normal);
+        n->position = vec3_axpy(area, sample->position[k], n->position);
+        n->normal = vec3_axpy(area, sample->normal[k], n->normal);
     }
     for (uint32_t k = 0; k < c->count; k++) {
         element *n = &c->element[k];
@@ -220,20 +186,17 @@ static void fit_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-scaled_curvature *scaled_curvature_new(const surface *scan, double scale, threads *pool, error *e)
+scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *sample, double scale,
+                                       threads *pool, error *e)
 {
     scaled_curvature *c = mem_alloc(sizeof *c);
     c->scale = fmax(scale, scan->field->cell_size);
     c->edge = fmax(EDGE_SCALE * c->scale, EDGE_CELLS * scan->field->cell_size);
     c->reach = (int)ceil(REACH * c->scale / c->edge);
     c->origin = scan->box.min;
-    sample_job job = {scan, mem_array(scan->cells, sizeof *job.sample, "the curvature at a scale", e)};
-    bool ok = job.sample != NULL;
-    if (ok) threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
-    ok = ok && make_elements(c, scan, job.sample, e);
+    bool ok = make_elements(c, scan, sample, e);
     if (ok) threads_run(pool, c->count, GRAIN, fit_chunk, c);
     if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
-    free(job.sample);
     if (ok) return c;
     scaled_curvature_free(c);
     return NULL;

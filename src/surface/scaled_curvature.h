@@ -13,13 +13,15 @@
 
 #include "base/error.h"
 #include "base/threads.h"
+#include "surface/cell_samples.h"
 #include "surface/surface.h"
 
 typedef struct scaled_curvature scaled_curvature;
 
-/* `scale` > 0; scales below the surface's cells mean one cell. Errors: limit_memory, cancelled. Deterministic for any
+/* `sample`: those of the cells, read during the call. `scale` > 0; scales below the surface's cells mean one cell. Errors: limit_memory, cancelled. Deterministic for any
  * number of threads. */
-scaled_curvature *scaled_curvature_new(const surface *scan, double scale, threads *pool, error *e);
+scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *sample, double scale,
+                                       threads *pool, error *e);
 void scaled_curvature_free(scaled_curvature *c);
 
 /* The curvature sqrt(kappa1^2 + kappa2^2) at x, which is on the surface and has the unit normal; a blend of the elements

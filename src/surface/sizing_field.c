@@ -578,10 +578,11 @@ static bool fill_field(sizing_field *g, const spacing_request *r, size_t count, 
     int passes = spacing_request_is_implicit(&g->params) ? IMPLICIT_PASSES : 1;
     for (int pass = 0; ok && pass < passes; pass++) {
         for (size_t k = 0; pass > 0 && k < cells; k++)
-            over[k] = sqrt(over[k] * sizing_field_spacing(g, r->position[k], NULL));
+            over[k] = sqrt(over[k] * sizing_field_spacing(g, r->samples.position[k], NULL));
         empty_field(g);
-        ok = spacing_request_find(r, over, spacing, e) && make_nodes(g, r->scan, r->position, spacing, e) &&
-             meet_count(g, r->scan, r->position, count, pass < passes - 1, pool, e);
+        ok = spacing_request_find(r, over, spacing, e) &&
+             make_nodes(g, r->scan, r->samples.position, spacing, e) &&
+             meet_count(g, r->scan, r->samples.position, count, pass < passes - 1, pool, e);
     }
     free(over);
     free(spacing);
@@ -609,7 +610,7 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
         g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
         g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
         bbox box = bbox_empty();
-        for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, r.position[k]);
+        for (size_t k = 0; k < scan->cells; k++) box = bbox_include(box, r.samples.position[k]);
         /* two cubes of margin: one for the cubes beside, one for those beside a point that is to be blended */
         g->origin = vec3_sub(box.min, vec3_make(2 * g->edge, 2 * g->edge, 2 * g->edge));
         ok = fill_field(g, &r, count, pool, e);

@@ -5,7 +5,6 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
-#include "surface/projection.h"
 #include "surface/scaled_curvature.h"
 
 /* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
@@ -13,9 +12,6 @@
 static const double FINE_QUANTILE = 0.99;
 /* A request that has no upper end, as on flat faces, has it here, in units of its least. */
 static const double WIDEST_REQUEST = 1e3;
-/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
-static const int SAMPLE_STEPS = 5;
-static const double SAMPLE_ACCEPT = 1e-2, SAMPLE_REJECT = 0.1, SAMPLE_FARTHEST = 1.5;
 /* The distance of the first octave, over the even spacing. */
 static const double FINEST_OCTAVE = 0.125;
 enum { GRAIN = 256, OCTAVES = SPACING_REQUEST_OCTAVES };
@@ -37,27 +33,17 @@ static double curvature_of(const sizing_field_params *p, double kappa, double ka
 
 static void request_cell(const spacing_request *r, size_t k)
 {
-    const field *f = r->scan->field;
-    field_cell cell;
-    surface_cell(r->scan, k, &cell);
-    vec3 x = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), middle = x, normal = {0, 0, 0};
-    const projection_limits limits = {SAMPLE_STEPS, SAMPLE_ACCEPT * f->cell_size,
-                                      SAMPLE_ACCEPT * f->cell_size, SAMPLE_REJECT * f->cell_size};
-    r->position[k] = middle;
-    r->value[k] = NAN;
-    field_sample s;
-    if (!projection_find(f, &limits, &x, &normal) ||
-        vec3_norm(vec3_sub(x, middle)) > SAMPLE_FARTHEST * f->cell_size)
-        return;
-    r->position[k] = x;
-    r->normal[k] = normal;
     const sizing_field_params *p = r->params;
-    if (spacing_request_is_map(r->params)) {
+    vec3 x = r->samples.position[k];
+    field_sample s;
+    r->value[k] = NAN;
+    if (!r->samples.found[k]) return;
+    if (spacing_request_is_map(p)) {
         double v = p->map(p->map_context, x);
         r->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
         return;
     }
-    if (!field_sample_at(f, x, FIELD_HESSIAN, &s)) return;
+    if (!field_sample_at(r->scan->field, x, FIELD_HESSIAN, &s)) return;
     double kappa1, kappa2, kappa = field_curvature(&s, &kappa1, &kappa2);
     r->value[k] = curvature_of(p, kappa, kappa1, kappa2);
 }
@@ -83,7 +69,8 @@ static void octave_chunk(void *context, int worker, size_t begin, size_t end)
     for (size_t k = begin; k < end; k++) {
         double kappa1, kappa2;
         if (isnan(r->value[k])) continue;
-        double kappa = scaled_curvature_at(job->curvature, r->position[k], r->normal[k], &kappa1, &kappa2);
+        double kappa = scaled_curvature_at(job->curvature, r->samples.position[k], r->samples.normal[k],
+                                           &kappa1, &kappa2);
         r->curvature[OCTAVES * k + (size_t)job->octave] = curvature_of(r->params, kappa, kappa1, kappa2);
     }
 }
@@ -103,7 +90,7 @@ static bool measure_octaves(spacing_request *r, threads *pool, error *e)
     for (; job.octave < (p->scale_world > 0 ? 1 : OCTAVES); job.octave++) {
         double scale =
             p->scale_world > 0 ? p->scale_world : p->scale_spacings * octave_scale(r->even, job.octave);
-        scaled_curvature *c = scaled_curvature_new(r->scan, scale, pool, e);
+        scaled_curvature *c = scaled_curvature_new(r->scan, &r->samples, scale, pool, e);
         if (!c) return false;
         job.curvature = c;
         threads_run(pool, r->scan->cells, GRAIN, octave_chunk, &job);
@@ -183,8 +170,7 @@ bool spacing_request_find(const spacing_request *r, const double *over, double *
     const surface *scan = r->scan;
     double fine = 1, least = INFINITY;
     for (size_t k = 0; k < scan->cells; k++)
-        spacing[k] = isnan(r->value[k]) || !r->curvature ? r->value[k]
-                                                         : curvature_over(r, k, over ? over[k] : r->even);
+        spacing[k] = isnan(r->value[k]) || !r->curvature ? r->value[k] : curvature_over(r, k, over[k]);
     if (p->kind == SIZING_FIELD_RATIO && !find_quantile(scan, spacing, FINE_QUANTILE, &fine, e)) return false;
     for (size_t k = 0; k < scan->cells; k++) {
         if (isnan(spacing[k])) continue;
@@ -210,10 +196,8 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
                            double even, threads *pool, error *e)
 {
     *r = (spacing_request){.params = params, .scan = scan, .even = even};
-    r->position = mem_array(scan->cells, sizeof *r->position, "the grading", e);
-    r->normal = mem_array(scan->cells, sizeof *r->normal, "the grading", e);
     r->value = mem_array(scan->cells, sizeof *r->value, "the grading", e);
-    if (!r->position || !r->normal || !r->value) return false;
+    if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
     threads_run(pool, scan->cells, GRAIN, request_chunk, r);
     bool at_points =
         spacing_request_is_map(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
@@ -223,8 +207,7 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
 
 void spacing_request_free(spacing_request *r)
 {
-    free(r->position);
-    free(r->normal);
+    cell_samples_free(&r->samples);
     free(r->value);
     free(r->curvature);
 }

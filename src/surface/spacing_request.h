@@ -10,20 +10,20 @@
 
 #include "base/error.h"
 #include "base/threads.h"
+#include "surface/cell_samples.h"
 #include "surface/sizing_field_params.h"
 #include "surface/surface.h"
 
 /* Curvatures over so many distances, an octave apart. */
 #define SPACING_REQUEST_OCTAVES 6
-/* The most that a cell takes: place, normal, value, curvatures. */
-#define SPACING_REQUEST_CELL_BYTES (24 + 24 + 8 + 8 * SPACING_REQUEST_OCTAVES)
+/* The most that a cell takes: sample, value, curvatures. */
+#define SPACING_REQUEST_CELL_BYTES (24 + 24 + 1 + 8 + 8 * SPACING_REQUEST_OCTAVES)
 
 typedef struct spacing_request {
     const sizing_field_params *params; /* not owned, nor is the surface */
     const surface *scan;
-    double even;    /* spacing of the even packing */
-    vec3 *position; /* of each cell, on the surface where it has a value */
-    vec3 *normal;
+    double even; /* spacing of the even packing */
+    cell_samples samples;
     double *value;     /* curvature at the point, or the map's value; NaN: unknown */
     double *curvature; /* SPACING_REQUEST_OCTAVES a cell; NULL: the curvature at the point is used */
 } spacing_request;
@@ -37,8 +37,8 @@ bool spacing_request_is_implicit(const sizing_field_params *params);
 bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing_field_params *params,
                            double even, threads *pool, error *e);
 
-/* The spacing of each cell, NaN where it is unknown, up to a common factor. `over`: the spacing at each cell, read where
- * the request is implicit. Errors: input_unsupported (a map's value is no spacing), limit_memory. */
+/* The spacing of each cell, NaN where it is unknown, up to a common factor. `over`: the spacing at each cell; it
+ * matters where the request is implicit. Errors: input_unsupported (a map's value is no spacing), limit_memory. */
 bool spacing_request_find(const spacing_request *r, const double *over, double *spacing, error *e);
 
 void spacing_request_free(spacing_request *r);

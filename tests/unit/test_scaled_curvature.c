@@ -24,7 +24,10 @@ static probe probe_begin(const field *f, double scale)
     error e = {0};
     probe p = {.f = f, .pool = threads_new(2, NULL, &e)};
     p.scan = surface_scan(f, p.pool, &e);
-    p.c = scaled_curvature_new(p.scan, scale, p.pool, &e);
+    cell_samples samples;
+    assert_true(cell_samples_take(p.scan, p.pool, &samples, &e));
+    p.c = scaled_curvature_new(p.scan, &samples, scale, p.pool, &e);
+    cell_samples_free(&samples);
     if (!p.c) fail_msg("%s", e.message);
     return p;
 }

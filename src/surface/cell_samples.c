@@ -1,0 +1,56 @@
+#include "surface/cell_samples.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "surface/projection.h"
+
+/* A cell's middle goes to the surface within so many steps, to this fraction of the cell. */
+static const int STEPS = 5;
+static const double ACCEPT = 1e-2, REJECT = 0.1, FARTHEST = 1.5;
+enum { GRAIN = 256 };
+
+typedef struct sample_job {
+    const surface *scan;
+    cell_samples *out;
+} sample_job;
+
+static void sample_cell(const surface *scan, size_t k, cell_samples *out)
+{
+    const field *f = scan->field;
+    field_cell cell;
+    surface_cell(scan, k, &cell);
+    const projection_limits limits = {STEPS, ACCEPT * f->cell_size, ACCEPT * f->cell_size,
+                                      REJECT * f->cell_size};
+    vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5), x = middle;
+    out->found[k] = projection_find(f, &limits, &x, &out->normal[k]) &&
+                    vec3_norm(vec3_sub(x, middle)) <= FARTHEST * f->cell_size;
+    out->position[k] = out->found[k] ? x : middle;
+}
+
+static void sample_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const sample_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) sample_cell(job->scan, k, job->out);
+}
+
+bool cell_samples_take(const surface *scan, threads *pool, cell_samples *out, error *e)
+{
+    const char *what = "samples of the surface's cells";
+    *out = (cell_samples){0};
+    out->position = mem_array(scan->cells, sizeof *out->position, what, e);
+    out->normal = mem_array(scan->cells, sizeof *out->normal, what, e);
+    out->found = mem_array(scan->cells, sizeof *out->found, what, e);
+    if (!out->position || !out->normal || !out->found) return false;
+    sample_job job = {scan, out};
+    threads_run(pool, scan->cells, GRAIN, sample_chunk, &job);
+    return true;
+}
+
+void cell_samples_free(cell_samples *s)
+{
+    free(s->position);
+    free(s->normal);
+    free(s->found);
+}
