@@ -19,6 +19,8 @@ OTHER_SIDE = -0.6
 # points; there are such where a point within SHEET_REACH (beyond a hole of 1.2 spacings) has a normal that parts by
 # more than SHEET_FACING from one's own (beside an edge of right angle a spline's part by -0.38).
 SHEET_GAP, SHEET_REACH, SHEET_FACING = 1.2, 1.7, -0.4
+# Fewer points with a cell than this do not speak for the others: their measures are nan.
+LEAST_MEASURED = 20
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
 NEIGHBOURS = (16, 48, 144)
 # Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
@@ -212,7 +214,7 @@ def without_cell(points, triangles, edges):
 # ---- measures
 
 def _variation(values):
-    return float(values.std() / values.mean()) if len(values) else float("nan")
+    return float(values.std() / values.mean()) if len(values) > 1 and values.mean() > 0 else float("nan")
 
 
 def is_uneven(spacing):
@@ -237,7 +239,7 @@ def measure(points, area, domain=None):
     """The quality measures by their names in report.json, from the points and the surface's true area.
 
     domain: (low, high) corners of the box whose faces cut the surface; points within two spacings of it are left out.
-    Those that have no cell are left out of all but energy_excess and min_spacing_ratio.
+    Those that have no cell are left out of all but energy_excess, min_spacing_ratio and `all`.
     Beside them `degree`, `cell` (Voronoi areas), `local` (spacing), `component` (number of each point's
     part), `edges` and `rim`, for further questions."""
     n, h = points.count, ideal_spacing(area, points.count)
@@ -258,7 +260,6 @@ def measure(points, area, domain=None):
     cell = voronoi_areas(points, triangles)
     local = numpy.sqrt(2 * numpy.maximum(cell, 0) / numpy.sqrt(3))
     whole = inner & ~without_cell(points, triangles, edges)
-    sized = whole & (local > 0)
     uneven = is_uneven(points.spacing[inner])
     if is_uneven(points.alpha):  # no spacing is requested: order is measured against the achieved one
         own = dataclasses.replace(points, spacing=numpy.where(local > 0, local, points.spacing))
@@ -266,19 +267,29 @@ def measure(points, area, domain=None):
         relative = length / (0.5 * (own.spacing[i] + own.spacing[j]))
     else:
         energy = _energies(points, h, uneven)
-    ends = numpy.concatenate([relative[whole[i] & inner[j] & same], relative[whole[j] & inner[i] & same]])
-    slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0] if uneven else 1
+
+    def cells(of):
+        ends = numpy.concatenate([relative[of[i] & inner[j] & same], relative[of[j] & inner[i] & same]])
+        return {"hex_fraction": float((degree[of] == 6).mean()) if of.any() else float("nan"),
+                "edge_cv": _variation(ends), "area_cv": _variation((cell / points.spacing ** 2)[of])}
+
+    measured = whole if whole.sum() >= LEAST_MEASURED or (whole == inner).all() else numpy.zeros(n, bool)
+    sized = measured & (local > 0)
+    slope = float("nan")
+    if not uneven and measured.any():
+        slope = 1
+    elif sized.sum() > 1:
+        slope = numpy.polyfit(numpy.log(points.spacing[sized]), numpy.log(local[sized]), 1)[0]
     return {
         "count": n, "h": float(h), "rim_count": int(rim.sum()),
-        "unresolved_count": int((inner & ~whole).sum()),
-        "hex_fraction": float((degree[whole] == 6).mean()) if whole.any() else float("nan"),
-        "edge_cv": _variation(ends),
-        "area_cv": _variation((cell / points.spacing ** 2)[whole]),
+        "unresolved_count": int((inner & ~whole).sum()), "resolved_count": int(whole.sum()),
+        "resolved_share": float(whole.sum() / inner.sum()) if inner.any() else float("nan"),
+        **cells(measured), "all": cells(inner),
         "energy_excess": float(energy[inner].mean() / E_IDEAL - 1),
         "min_spacing_ratio": float(relative[(inner[i] | inner[j]) & same].min()),
         "euler": int((degree > 0).sum() - len(edges) + len(triangles)),
         "unmeshed": int((degree == 0).sum()),
-        "grading_cv": _variation((local / points.spacing)[whole]),
+        "grading_cv": _variation((local / points.spacing)[measured]),
         "grading_exponent": float(slope),
         "degree": degree, "cell": cell, "local": local, "edges": edges, "edge_length": length, "rim": rim,
         "component": csgraph.connected_components(

@@ -10,11 +10,10 @@
 
 /* A request whose spacings differ by less than this factor is even: the slope against it means nothing. */
 static const double EVEN_REQUEST = 1.05;
+/* With fewer measured points than this a fraction says nothing of those that are not measured. */
+static const double LEAST_MEASURED = 20;
 /* Two points never come closer than this fraction of the support as far as the energy is concerned. */
 static const double CLOSEST = 1e-6;
-
-/* Sheets that points do not tell apart: see the header. */
-static const double SHEET_FACING = -0.4, SHEET_REACH = 1.7, SHEET_GAP = 1.2;
 
 /* Points in a chunk of work, and in a partial sum. */
 #define CHUNK 256
@@ -24,11 +23,18 @@ typedef struct moments {
     double n, sum, squares;
 } moments;
 
+/* What is summed of the cells of some points. */
+typedef struct cell_sums {
+    double hex;
+    moments edge, area;
+} cell_sums;
+
 /* What a chunk of points adds to the measures; all but `degrees` and `boundary` without the points near boundaries. */
 typedef struct tally {
     double degrees; /* sum of 6 - degree */
-    double boundary, inner, unresolved, hex, energy, nearest;
-    moments edge, area, ratio;
+    double boundary, inner, energy, nearest;
+    cell_sums resolved, all;
+    moments ratio;
     double finest, coarsest;
     double sized, sx, sy, sxx, sxy; /* of the logarithms of requested and local spacing, where there is one */
 } tally;
@@ -121,11 +127,11 @@ static bool is_unresolved(const measure_job *job, uint32_t i)
     const uint32_t *list = neighbours_list(job->sites.near, i);
     for (uint32_t k = 0; k < job->sites.near->list_count[i]; k++) {
         uint32_t j = list[k];
-        if (vec3_dot(in->normal[i], in->normal[j]) >= SHEET_FACING) continue;
+        if (vec3_dot(in->normal[i], in->normal[j]) >= QUALITY_SHEET_FACING) continue;
         vec3 r = vec3_sub(in->position[j], in->position[i]);
-        double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = SHEET_REACH * mean;
+        double mean = 0.5 * (in->spacing[i] + in->spacing[j]), reach = QUALITY_SHEET_REACH * mean;
         double gap = fmin(fabs(vec3_dot(in->normal[i], r)), fabs(vec3_dot(in->normal[j], r)));
-        if (gap < SHEET_GAP * mean && vec3_norm2(r) < reach * reach) return true;
+        if (gap < QUALITY_SHEET_GAP * mean && vec3_norm2(r) < reach * reach) return true;
     }
     return false;
 }
@@ -144,13 +150,15 @@ static bool has_cell(const measure_job *job, uint32_t i, const voronoi_star *sta
     return has;
 }
 
-/* Those of a point that has a cell: an edge counts from either end. */
-static void tally_edges(const quality_input *in, uint32_t i, const voronoi_star *star, tally *t)
+/* An edge counts from either end. */
+static void sum_cell(const quality_input *in, uint32_t i, const voronoi_star *star, double area, cell_sums *c)
 {
+    c->hex += star->count == 6;
+    count_value(&c->area, area / (in->spacing[i] * in->spacing[i]));
     for (uint32_t k = 0; k < star->count; k++) {
         uint32_t j = star->point[k];
         if (!is_near_boundary(in, j))
-            count_value(&t->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
+            count_value(&c->edge, star->distance[k] / (0.5 * (in->spacing[i] + in->spacing[j])));
     }
 }
 
@@ -170,7 +178,7 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     voronoi_star star;
     voronoi_star_at(&job->sites, i, &star);
     double spacing = in->spacing[i], area = area_of(&star), local = packing_spacing(fmax(area, 0), 1);
-    if (job->local) job->local[job->part->partition.index[i]] = local;
+    if (job->local) job->local[job->part->partition.index[i]] = area > 0 && !star.pinched ? local : spacing;
     if (job->degree) job->degree[job->part->partition.index[i]] = star.count;
     t->degrees += 6.0 - star.count;
     if (is_near_boundary(in, i)) {
@@ -183,13 +191,9 @@ static void tally_point(const measure_job *job, uint32_t i, tally *t)
     t->inner++;
     t->finest = fmin(t->finest, spacing);
     t->coarsest = fmax(t->coarsest, spacing);
-    if (!has_cell(job, i, &star)) {
-        t->unresolved++;
-        return;
-    }
-    t->hex += star.count == 6;
-    tally_edges(in, i, &star, t);
-    count_value(&t->area, area / (spacing * spacing));
+    sum_cell(in, i, &star, area, &t->all);
+    if (!has_cell(job, i, &star)) return;
+    sum_cell(in, i, &star, area, &t->resolved);
     count_value(&t->ratio, local / spacing);
     if (job->part->graded && local > 0) tally_logarithms(spacing, local, t);
 }
@@ -216,17 +220,22 @@ static void add_moments(moments *m, const moments *other)
     m->squares += other->squares;
 }
 
+static void add_cells(cell_sums *c, const cell_sums *other)
+{
+    c->hex += other->hex;
+    add_moments(&c->edge, &other->edge);
+    add_moments(&c->area, &other->area);
+}
+
 static void add_tally(tally *t, const tally *other)
 {
     t->degrees += other->degrees;
     t->boundary += other->boundary;
-    t->unresolved += other->unresolved;
-    t->hex += other->hex;
     t->inner += other->inner;
     t->energy += other->energy;
     t->nearest = fmin(t->nearest, other->nearest);
-    add_moments(&t->edge, &other->edge);
-    add_moments(&t->area, &other->area);
+    add_cells(&t->resolved, &other->resolved);
+    add_cells(&t->all, &other->all);
     add_moments(&t->ratio, &other->ratio);
     t->finest = fmin(t->finest, other->finest);
     t->coarsest = fmax(t->coarsest, other->coarsest);
@@ -237,31 +246,40 @@ static void add_tally(tally *t, const tally *other)
     t->sxy += other->sxy;
 }
 
-/* Coefficient of variation. */
+/* Coefficient of variation; NAN of fewer than two values. */
 static double variation(const moments *m)
 {
-    if (m->n < 1 || !(m->sum > 0)) return 0;
+    if (m->n < 2 || !(m->sum > 0)) return NAN;
     double mean = m->sum / m->n;
     return sqrt(fmax(m->squares / m->n - mean * mean, 0)) / mean;
 }
 
+static quality_cells conclude_cells(const cell_sums *c)
+{
+    double n = c->area.n;
+    return (quality_cells){n > 0 ? c->hex / n : NAN, variation(&c->edge), variation(&c->area)};
+}
+
 static quality conclude(const tally *t)
 {
-    quality q = {.rim_count = (size_t)t->boundary,
-                 .unresolved_count = (size_t)t->unresolved,
+    double n = t->resolved.area.n;
+    quality q = {.all = conclude_cells(&t->all),
+                 .resolved = {NAN, NAN, NAN},
+                 .resolved_count = (size_t)n,
+                 .resolved_share = n / t->inner, /* NAN of nothing but boundaries, as energy_excess */
+                 .energy_excess = t->energy / t->inner / energy_cotangent.ideal - 1,
+                 .min_spacing_ratio = isfinite(t->nearest) ? sqrt(t->nearest) : NAN,
+                 .rim_count = (size_t)t->boundary,
+                 .unresolved_count = (size_t)(t->inner - n),
                  .euler = t->degrees / 6,
-                 .min_spacing_ratio = sqrt(t->nearest)};
-    q.grading_exponent = 1;
-    q.energy_excess = t->energy / t->inner / energy_cotangent.ideal - 1; /* NAN of nothing but boundaries */
-    if (t->area.n < 1) { /* no cells: there is nothing to say of them */
-        q.hex_fraction = q.edge_cv = q.area_cv = q.grading_cv = q.grading_exponent = NAN;
-        return q;
-    }
-    q.hex_fraction = t->hex / t->area.n;
-    q.edge_cv = variation(&t->edge);
-    q.area_cv = variation(&t->area);
+                 .grading_cv = NAN,
+                 .grading_exponent = NAN};
+    if (n < LEAST_MEASURED && n < t->inner) return q; /* too few to speak for the others */
+    q.resolved = conclude_cells(&t->resolved);
     q.grading_cv = variation(&t->ratio);
-    if (t->coarsest > EVEN_REQUEST * t->finest)
+    if (!(t->coarsest > EVEN_REQUEST * t->finest))
+        q.grading_exponent = n > 0 ? 1 : NAN;
+    else if (t->sized > 1)
         q.grading_exponent = (t->sxy - t->sx * t->sy / t->sized) / (t->sxx - t->sx * t->sx / t->sized);
     return q;
 }

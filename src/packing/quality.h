@@ -23,6 +23,11 @@
 #include "geometry/bbox.h"
 #include "geometry/vec3.h"
 
+/* When a point is unresolved, see above: the cosine of normals, and distances in spacings. */
+#define QUALITY_SHEET_FACING -0.4
+#define QUALITY_SHEET_REACH 1.7
+#define QUALITY_SHEET_GAP 1.2
+
 typedef struct quality_input {
     size_t count;
     const vec3 *position, *normal;
@@ -33,10 +38,17 @@ typedef struct quality_input {
     bbox domain;
 } quality_input;
 
-typedef struct quality {
-    /* share with six neighbours; as edge_cv, area_cv and grading, of points with a cell */
-    double hex_fraction;
+/* How regular the cells of some points are. NAN where too few are measured to say. */
+typedef struct quality_cells {
+    double hex_fraction; /* share with six neighbours */
     double edge_cv, area_cv;
+} quality_cells;
+
+typedef struct quality {
+    quality_cells resolved; /* of points with a cell; so is grading */
+    quality_cells all;      /* of these and of those without; near boundaries there are none */
+    size_t resolved_count;  /* points with a cell */
+    double resolved_share;  /* of the points that are not near a boundary; NAN where all are */
     /* mean E_i / E_ideal - 1 of the cotangent energy, support sqrt(3) h. Sized: sqrt(3) times the mean of the pair's
      * spacings, E_i over its own spacing squared */
     double energy_excess;
@@ -48,7 +60,8 @@ typedef struct quality {
     double grading_exponent;  /* of local against requested, 1 is ideal; 1 when requested is even */
 } quality;
 
-/* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), `degree` (or NULL) the number of
+/* `spacing_local` (count values, or NULL) receives sqrt(2 a / sqrt 3), and where the triangles around a point bound no
+ * cell, the requested spacing; `degree` (or NULL) the number of
  * Voronoi neighbours. Error: limit_memory. Deterministic for any number of threads. */
 bool quality_measure(const quality_input *in, threads *pool, double *spacing_local, double *degree,
                      quality *out, error *e);

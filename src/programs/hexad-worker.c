@@ -22,6 +22,7 @@
 #include "mesh/mesh_reader.h"
 #include "packing/energy.h"
 #include "run/run.h"
+#include "run/summary.h"
 #include "spec/schema.h"
 #include "spec/spec.h"
 #include "store/file.h"
@@ -312,18 +313,13 @@ static const worker_exit exit_of_outcome[VERDICT_OUTCOMES] = {
 
 static int run(const spec *s, const run_options *options, error *e)
 {
-    run_summary summary;
+    verdict_outcome outcome;
+    json *report = NULL;
     start_timer(s->timeout_s);
-    if (!run_job(s, options, &summary, e)) return -1;
-    printf("%zu points, %s, hex_fraction %.4f, max_residual %.1e h, %.2f s\n", summary.count,
-           verdict_names[summary.verdict.outcome], summary.hex_fraction, summary.max_residual,
-           summary.total_s);
-    for (size_t k = 0; k < summary.verdict.reason_count; k++) {
-        const verdict_reason *r = &summary.verdict.reason[k];
-        fprintf(stderr, "%s: %s %.3g, bound %.3g: %s\n", verdict_names[summary.verdict.outcome], r->criterion,
-                r->value, r->bound, r->message);
-    }
-    return exit_of_outcome[summary.verdict.outcome];
+    if (!run_job(s, options, &outcome, &report, e)) return -1;
+    summary_print(report, stdout, stderr);
+    json_free(report);
+    return exit_of_outcome[outcome];
 }
 
 static int estimate(const spec *s, const run_options *options, error *e)

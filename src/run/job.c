@@ -225,22 +225,17 @@ bool job_relax(job *j, sampler *s, double reserve_s, error *e)
     return true;
 }
 
-/* Where no spacing is requested, as with amplitudes, order is measured against the achieved spacing: of a point its own,
- * of one without a cell the expected one. */
+/* Where no spacing is requested, as with amplitudes, order is measured against the achieved spacing. */
 static bool measure_order(const quality_input *in, const double *achieved, threads *pool, quality *q,
                           error *e)
 {
-    double *spacing = mem_array(in->count, sizeof *spacing, "the quality measures", e);
     quality against_own;
-    for (size_t i = 0; spacing && i < in->count; i++)
-        spacing[i] = achieved[i] > 0 ? achieved[i] : in->spacing[i];
     quality_input own = *in;
-    own.spacing = spacing;
+    own.spacing = achieved;
     own.sized = true;
-    bool ok = spacing && quality_measure(&own, pool, NULL, NULL, &against_own, e);
-    free(spacing);
-    if (!ok) return false;
-    q->edge_cv = against_own.edge_cv;
+    if (!quality_measure(&own, pool, NULL, NULL, &against_own, e)) return false;
+    q->resolved.edge_cv = against_own.resolved.edge_cv;
+    q->all.edge_cv = against_own.all.edge_cv;
     q->energy_excess = against_own.energy_excess;
     q->min_spacing_ratio = against_own.min_spacing_ratio;
     return true;

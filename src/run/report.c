@@ -1,15 +1,11 @@
 #include "run/report.h"
 
-#include <math.h>
+#include <stdlib.h>
 #include <sys/resource.h>
 
 #include "base/clock.h"
-
-/* Neighbours within the support when the spacing resolves the surface: six, and a few of the next ring. Many
- * more means other sheets within reach. */
-static const double NEIGHBOURS_CROWDED = 12;
-/* The sum of (6 - degree) is six times a whole number where the points are a triangulation of the surface. */
-static const double EULER_DOUBT = 0.01;
+#include "base/memory.h"
+#include "run/advice.h"
 
 static void put_vec3(json *object, const char *key, vec3 v)
 {
@@ -46,6 +42,26 @@ void report_put_box(json *object, bbox box)
     put_vec3(o, "max", box.max);
 }
 
+/* Where many points are unresolved: how many, and what would resolve the surface. */
+static void put_resolution(json *report, json *warnings, const report_facts *facts)
+{
+    json *advice = json_put_array(report, "advice");
+    const quality *q = facts->quality;
+    if (!facts->clearance) return;
+    double area = facts->scan->area;
+    size_t count = sampler_result_points(facts->sampler)->count;
+    const advice_resolution to = advice_resolve(area, count, facts->clearance);
+    char *warning = mem_printf(
+        "%zu of the %zu points (%.3g %%) are unresolved: another sheet of the surface is nearer to "
+        "them than 1.2 spacings. A spacing of %.3g would resolve it, which is %.0f points",
+        q->unresolved_count, count, 100 * (double)q->unresolved_count / (double)count, to.spacing, to.count);
+    json_append_string(warnings, warning);
+    free(warning);
+    double memory = facts->memory_limit - facts->particle_memory + to.count * facts->bytes_per_particle;
+    advice_append_resolution(advice, facts->spec, area, to, memory / (1 << 20),
+                             facts->memory_limit / (1 << 20));
+}
+
 static void put_surface(json *report, const report_facts *facts)
 {
     json *object = json_put_object(report, "surface");
@@ -57,21 +73,22 @@ static void put_surface(json *report, const report_facts *facts)
         json_append_string(warnings,
                            "points.ply is written in double: in single precision the points would be "
                            "more than 1e-3 h off the surface");
-    double euler = facts->quality->euler;
-    if (sampler_result_points(facts->sampler)->mean_neighbours > NEIGHBOURS_CROWDED ||
-        (!facts->source->field->open && fabs(euler - round(euler)) > EULER_DOUBT))
-        json_append_string(warnings, "the spacing does not resolve the whole surface: where it does not, "
-                                     "hex_fraction, euler and the like say little");
+    put_resolution(report, warnings, facts);
     put_mesh(report, warnings, facts);
+}
+
+static void put_cells(json *object, const quality_cells *cells)
+{
+    json_put_number(object, "hex_fraction", cells->hex_fraction);
+    json_put_number(object, "edge_cv", cells->edge_cv);
+    json_put_number(object, "area_cv", cells->area_cv);
 }
 
 static void put_quality(json *report, const report_facts *facts)
 {
     const quality *q = facts->quality;
     json *object = json_put_object(report, "quality");
-    json_put_number(object, "hex_fraction", q->hex_fraction);
-    json_put_number(object, "edge_cv", q->edge_cv);
-    json_put_number(object, "area_cv", q->area_cv);
+    put_cells(object, &q->resolved);
     json_put_number(object, "energy_excess", q->energy_excess);
     json_put_number(object, "min_spacing_ratio", q->min_spacing_ratio);
     json_put_number(object, "max_residual", facts->results->max_residual);
@@ -79,6 +96,9 @@ static void put_quality(json *report, const report_facts *facts)
     json_put_integer(object, "removed_offsurface", (int64_t)sampler_removed_offsurface(facts->sampler));
     json_put_integer(object, "rim_count", (int64_t)q->rim_count);
     json_put_integer(object, "unresolved_count", (int64_t)q->unresolved_count);
+    json_put_integer(object, "resolved_count", (int64_t)q->resolved_count);
+    json_put_number(object, "resolved_share", q->resolved_share);
+    put_cells(json_put_object(object, "all"), &q->all);
     json_put_number(object, "euler", q->euler);
     json *graded = json_put_object(object, "grading");
     json_put_number(graded, "cv", q->grading_cv);

@@ -10,6 +10,7 @@
 #include "run/verdict.h"
 #include "sampler/sampler.h"
 #include "spec/spec.h"
+#include "surface/clearance.h"
 #include "surface/surface.h"
 
 typedef struct report_facts {
@@ -19,6 +20,10 @@ typedef struct report_facts {
     const sizing_field *sizing; /* or NULL */
     const sampler *sampler;
     const quality *quality;
+    const clearance *clearance; /* where many points are unresolved, else NULL */
+    double memory_limit;        /* bytes that the job may take */
+    double particle_memory;     /* those of them that particles may take, and what one takes */
+    double bytes_per_particle;
     const results_facts *results;
     const verdict *verdict;
     int threads;

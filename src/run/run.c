@@ -33,25 +33,45 @@ static bool write_results(job *j, error *e)
     return job_write_points(j, e);
 }
 
-static bool write_report(job *j, run_summary *out, error *e)
+/* Where the report has to tell how fine a spacing would have to be. *out stays NULL where it has not. */
+static bool find_clearance(const job *j, clearance *room, const clearance **out, error *e)
 {
     const solution *s = &j->solution;
-    const sampler_points *p = sampler_result_points(s->sampler);
+    if (!(1 - s->quality.resolved_share > VERDICT_UNRESOLVED_SHARE)) return true;
+    *out = room;
+    return clearance_measure(j->scan, s->sizing, sampler_spacing(s->sampler), j->pool, room, e);
+}
+
+static bool write_report(job *j, verdict_outcome *outcome, error *e)
+{
+    const solution *s = &j->solution;
+    clearance room;
+    const clearance *told = NULL;
+    if (!find_clearance(j, &room, &told, e)) return false;
     const verdict_input judged = {s->sampler, &s->quality, j->spec->has_control ? 0 : j->count,
                                   j->spec->step_tolerance, j->spec->energy_tolerance};
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
-        j->spec,     &j->source,   j->scan,
-        s->sizing,   s->sampler,   &s->quality,
-        &j->results, &v,           threads_count(j->pool),
-        j->isa,      &j->progress,
+        .spec = j->spec,
+        .source = &j->source,
+        .scan = j->scan,
+        .sizing = s->sizing,
+        .sampler = s->sampler,
+        .quality = &s->quality,
+        .clearance = told,
+        .memory_limit = (double)j->memory,
+        .particle_memory = job_particle_memory(j),
+        .bytes_per_particle = job_bytes_per_particle(j),
+        .results = &j->results,
+        .verdict = &v,
+        .threads = threads_count(j->pool),
+        .isa = j->isa,
+        .progress = &j->progress,
     };
     report_fill(j->report, &facts);
     if (j->spec->coherent) sequence_describe(&j->sequence, j->report);
-    if (!job_may_go_on(j, e) || !results_write_report(j->options->output, j->report, e)) return false;
-    *out = (run_summary){v, p->count, s->quality.hex_fraction, j->results.max_residual,
-                         clock_seconds(clock_monotonic_ms() - j->progress.start_ms)};
-    return true;
+    *outcome = v.outcome;
+    return job_may_go_on(j, e) && results_write_report(j->options->output, j->report, e);
 }
 
 /* Files of an earlier run in the same directory must not stand beside this one's report. */
@@ -60,7 +80,7 @@ static bool prepare_output(const char *directory, error *e)
     return store_directory_create(directory, e) && results_remove(directory, e);
 }
 
-bool run_job(const spec *s, const run_options *options, run_summary *out, error *e)
+bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e)
 {
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
     job j = {.spec = s, .options = options};
@@ -69,7 +89,11 @@ bool run_job(const spec *s, const run_options *options, run_summary *out, error 
     bool ok =
         prepare_output(options->output, e) && job_run_phases(&j, phases, sizeof phases / sizeof *phases, e);
     progress_end(&j.progress);
-    ok = ok && write_report(&j, out, e);
+    ok = ok && write_report(&j, outcome, e);
+    if (ok) {
+        *report = j.report;
+        j.report = NULL;
+    }
     job_free(&j);
     return ok;
 }

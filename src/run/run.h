@@ -16,14 +16,9 @@
 #include "run/verdict.h"
 #include "spec/spec.h"
 
-typedef struct run_summary {
-    verdict verdict;
-    size_t count;
-    double hex_fraction, max_residual, total_s;
-} run_summary;
-
-/* Errors: any code in base/error.h. On failure the directory has no report.json. */
-bool run_job(const spec *s, const run_options *options, run_summary *out, error *e);
+/* Errors: any code in base/error.h. On failure the directory has no report.json. *report is what was written there,
+ * to be freed with json_free. */
+bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e);
 
 /* Estimates what the job would take; free the object with json_free. It loads and scans the surface, and runs the job
  * with few points. These trial runs end after two seconds of processor time of all threads, at the end of the step

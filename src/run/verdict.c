@@ -4,8 +4,6 @@
 
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
-/* More unresolved points than this share, and the measures speak for too little of the surface. */
-static const double UNRESOLVED_SHARE = 0.02;
 /* Where six of ten points have six neighbours it is 0.13, where nine of ten have, 0.06. */
 static const double DISORDERED_EDGES = 0.1;
 /* Defects leave distances down to 0.8 of the spacing, creases down to 0.6. Closer points have merged or face each other
@@ -65,9 +63,8 @@ static bool lost(const verdict_input *in, double *value, double *bound)
 
 static bool unresolved_share(const verdict_input *in, double *value, double *bound)
 {
-    size_t inner = sampler_result_points(in->sampler)->count - in->quality->rim_count;
-    *value = inner > 0 ? (double)in->quality->unresolved_count / (double)inner : 0;
-    *bound = UNRESOLVED_SHARE;
+    *value = 1 - in->quality->resolved_share;
+    *bound = VERDICT_UNRESOLVED_SHARE;
     return *value > *bound;
 }
 
@@ -81,7 +78,7 @@ static bool energy_excess(const verdict_input *in, double *value, double *bound)
 
 static bool edge_cv(const verdict_input *in, double *value, double *bound)
 {
-    *value = in->quality->edge_cv;
+    *value = in->quality->resolved.edge_cv;
     *bound = DISORDERED_EDGES;
     return *value > *bound;
 }

@@ -21,6 +21,9 @@ typedef enum verdict_outcome { VERDICT_LIST(WORDS_ENUMERATOR, VERDICT) VERDICT_O
 
 extern const char *const verdict_names[VERDICT_OUTCOMES];
 
+/* Of the points that are not near a boundary. With more than that the measures speak for too little of the surface. */
+#define VERDICT_UNRESOLVED_SHARE 0.02
+
 typedef struct verdict_input {
     const sampler *sampler; /* finalized */
     const quality *quality; /* of its points */

@@ -455,11 +455,13 @@ NUMBER = (int, float)
 REPORT = {
     "schema": str, "version": int, "outcome": str, "count": int, "requested": {"count": int},
     "surface": {"area": NUMBER, "bounding_box": {"min": [NUMBER], "max": [NUMBER]}, "warnings": [str]},
+    "advice": [{"code": str, "message": str, "set": dict}],
     "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER,
     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
     "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER,
                 "min_spacing_ratio": NUMBER, "max_residual": NUMBER, "lost": int, "removed_offsurface": int,
-                "rim_count": int, "unresolved_count": int, "euler": NUMBER,
+                "rim_count": int, "unresolved_count": int, "resolved_count": int, "resolved_share": NUMBER,
+                "all": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER}, "euler": NUMBER,
                 "grading": {"cv": NUMBER, "exponent": NUMBER}},
     "rounds": [{"sweeps": int, "inserted": int, "deleted": int, "sigma": NUMBER, "count": int, "energy": NUMBER}],
     "sweeps": [{"energy": NUMBER, "mean_log10_lambda": NUMBER, "rms_step": NUMBER, "count": int, "sigma": NUMBER,
@@ -503,13 +505,47 @@ def test_the_report_has_every_member(ball, worker, tmp_path, example):
     assert entry["path"] == str(example) and entry["bytes"] == example.stat().st_size
 
 
-def test_points_too_few_to_tell_sheets_apart_have_no_measures_of_cells(example, worker, tmp_path):
-    done = worker(volume(example, 100))
+def test_points_too_few_to_tell_sheets_apart_are_told_and_the_advice_helps(example, worker, tmp_path):
+    spec = volume(example, 100)
+    done = worker(spec)
     assert done.returncode == 11, done.stderr
-    quality = json.loads((tmp_path / "out" / "report.json").read_text())["quality"]
-    assert quality["unresolved_count"] == 100
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    quality = report["quality"]
+    assert quality["unresolved_count"] == 100 and quality["resolved_count"] == 0 and quality["resolved_share"] == 0
     assert quality["hex_fraction"] is None and quality["edge_cv"] is None and quality["area_cv"] is None
+    assert quality["grading"] == {"cv": None, "exponent": None}
+    assert 0 < quality["all"]["hex_fraction"] < 1 and quality["all"]["edge_cv"] > 0.1
     assert quality["lost"] == 0 and quality["min_spacing_ratio"] > 0
+    assert Points((tmp_path / "out" / "points.ply").read_bytes()).spacing_local.min() > 0
+    (warning,), (advice,) = report["surface"]["warnings"], report["advice"]
+    assert warning.startswith("100 of the 100 points (100 %) are unresolved")
+    assert advice["code"] == "unresolved" and list(advice["set"]) == ["/sampling/count"]
+    count = advice["set"]["/sampling/count"]
+    assert f"{count} points" in warning and f"warning: {warning}\n" in done.stderr
+    assert f"advice: {advice['message']}; set /sampling/count to {count}\n" in done.stderr
+    assert "hex_fraction not measured of the 0 % resolved" in done.stdout
+    spec["sampling"]["count"] = count
+    done = worker(spec)
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["resolved_share"] >= 0.98 and report["advice"] == []
+
+
+@pytest.mark.parametrize("target,member", [
+    ({"spacing": 0.3}, "/sampling/spacing"), ({"density": 12}, "/sampling/density"),
+    ({"control": {"max_sigma": 0.5, "min_count": 100}}, "/sampling/control/max_sigma")])
+def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target, member):
+    """Of a thin plate, whose sides are one twentieth apart."""
+    plate = {"box": {"center": [0, 0, 0], "half_size": [1, 1, 0.025], "rounding": 0.02}}
+    spec = {"version": 1, "surface": {"analytic": {"shape": "box", **plate["box"]}}, "sampling": target,
+            "output": {"preview": False}}
+    assert worker(spec).returncode in (10, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    (told,) = (a["set"] for a in report["advice"] if a["code"] == "unresolved")
+    value = told[member]
+    spacing = {"/sampling/spacing": value, "/sampling/density": math.sqrt(2 / math.sqrt(3) / value),
+               "/sampling/control/max_sigma": value / math.sqrt(3)}[member]
+    assert 0.5 * 0.05 / 1.2 < spacing <= 0.05 / 1.2
 
 
 def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):

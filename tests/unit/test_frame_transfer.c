@@ -210,7 +210,7 @@ static double order_of(const stage *s, size_t count, const frame_transfer *start
     quality q;
     if (!quality_measure(&in, s->pool, NULL, NULL, &q, &e)) fail_msg("%s", e.message);
     sampler_free(rest);
-    return q.hex_fraction;
+    return q.resolved.hex_fraction;
 }
 
 static void test_portions_keep_more_of_the_packing(void **state)

@@ -63,9 +63,9 @@ static void lattice_is_perfect(void **state)
     sheet *s = make_sheet();
     quality q;
     measure(s, &q);
-    assert_true(q.hex_fraction == 1);
-    assert_close(q.edge_cv, 0, 1e-6); /* the root of rounding */
-    assert_close(q.area_cv, 0, 1e-6);
+    assert_true(q.resolved.hex_fraction == 1);
+    assert_close(q.resolved.edge_cv, 0, 1e-6); /* the root of rounding */
+    assert_close(q.resolved.area_cv, 0, 1e-6);
     assert_close(q.energy_excess, 0, 1e-9);
     assert_close(q.min_spacing_ratio, 1, 1e-12);
     assert_close(q.grading_cv, 0, 1e-6);
@@ -84,7 +84,7 @@ static void a_moved_point_shows(void **state)
     s->position[LATTICE / 2 + SIDE / 2].x += 0.1;
     measure(s, &q);
     assert_close(q.min_spacing_ratio, 0.9, 1e-9);
-    assert_true(q.edge_cv > 0.001 && q.edge_cv < 0.02);
+    assert_true(q.resolved.edge_cv > 0.001 && q.resolved.edge_cv < 0.02);
     assert_true(q.energy_excess > 0);
     free(s);
 }
@@ -99,8 +99,8 @@ static void a_vacancy_makes_defects(void **state)
     s->position[hole] = s->position[LATTICE - 1]; /* the last takes its place in the arrays */
     s->in.count = LATTICE - 1;
     measure(s, &q);
-    assert_true(q.hex_fraction < 1 && q.hex_fraction > 0.99);
-    assert_true(q.area_cv > 0.005);
+    assert_true(q.resolved.hex_fraction < 1 && q.resolved.hex_fraction > 0.99);
+    assert_true(q.resolved.area_cv > 0.005);
     free(s);
 }
 
@@ -149,7 +149,7 @@ static void grading_is_told_from_disorder(void **state)
     s->in.open = false; /* its outline is no box: measure all and read what rims do not spoil */
     measure(s, &graded);
     assert_close(graded.grading_exponent, 1, 0.1);
-    assert_true(graded.hex_fraction > 0.85);
+    assert_true(graded.resolved.hex_fraction > 0.85);
     for (int k = 0; k < LATTICE; k++) s->spacing[k] = 1.6;
     measure(s, &even);
     assert_true(even.grading_cv > graded.grading_cv + 0.05);
@@ -292,10 +292,11 @@ static void partitions_fit_together(void **state)
     free(spacing);
 }
 
-/* The lattice and below it another that faces down, of which the first `rows` rows are taken. */
-static size_t measure_plate(double gap, int rows, quality *q)
+/* The lattice, below it the first `rows` rows of another that faces down, and far above both `alone` points of a hexagon
+ * and its centre. */
+static size_t measure_plate(double gap, int rows, int alone, quality *q)
 {
-    enum { ALL = 2 * LATTICE };
+    enum { ALL = 2 * LATTICE + 7 };
     sheet *s = make_sheet();
     vec3 *x = calloc(ALL, sizeof *x), *normal = calloc(ALL, sizeof *normal);
     double *spacing = calloc(ALL, sizeof *spacing);
@@ -307,6 +308,12 @@ static size_t measure_plate(double gap, int rows, quality *q)
         spacing[k] = 1;
         if (side < 0) x[k] = vec3_add(x[k], (vec3){0.5, 0.3, -gap});
     }
+    for (int k = 0; k < alone; k++) {
+        double angle = k * M_PI / 3, radius = k < 6;
+        x[count + (size_t)k] = (vec3){SIDE / 2 + radius * cos(angle), SIDE / 2 + radius * sin(angle), 6};
+        normal[count + (size_t)k] = (vec3){0, 0, 1};
+    }
+    count += (size_t)alone;
     s->in.count = count;
     s->in.position = x;
     s->in.normal = normal;
@@ -327,16 +334,51 @@ static void sheets_that_are_too_close_are_left_out(void **state)
 {
     (void)state;
     quality near, far;
-    size_t count = measure_plate(1.19, SIDE, &near);
+    size_t count = measure_plate(1.19, SIDE, 0, &near);
     assert_int_equal(near.unresolved_count + near.rim_count, count);
-    assert_true(isnan(near.hex_fraction) && isnan(near.edge_cv) && isnan(near.area_cv));
+    assert_true(isnan(near.resolved.hex_fraction) && isnan(near.resolved.edge_cv) &&
+                isnan(near.resolved.area_cv));
     assert_true(isnan(near.grading_cv) && isnan(near.grading_exponent));
     assert_close(near.energy_excess, 0, 1e-9);
     assert_close(near.min_spacing_ratio, 1, 1e-12);
-    measure_plate(1.21, SIDE, &far);
+    measure_plate(1.21, SIDE, 0, &far);
     assert_int_equal(far.unresolved_count, 0);
-    assert_true(far.hex_fraction == 1);
-    assert_close(far.area_cv, 0, 1e-6);
+    assert_true(far.resolved.hex_fraction == 1);
+    assert_close(far.resolved.area_cv, 0, 1e-6);
+}
+
+/* What few points say is not said of the many that are not measured. */
+static void a_handful_of_points_says_nothing(void **state)
+{
+    (void)state;
+    quality q;
+    size_t count = measure_plate(1, SIDE, 7, &q);
+    assert_int_equal(q.resolved_count, 7);
+    assert_close(q.resolved_share, 7.0 / (double)(count - q.rim_count), 1e-12);
+    assert_true(isnan(q.resolved.hex_fraction) && isnan(q.resolved.edge_cv) && isnan(q.resolved.area_cv));
+    assert_true(isnan(q.grading_cv) && isnan(q.grading_exponent));
+}
+
+/* The measures over all points see what those over resolved points leave out. */
+static void all_points_are_measured_too(void **state)
+{
+    (void)state;
+    quality q;
+    measure_plate(1, SIDE, 0, &q);
+    assert_true(q.resolved_share == 0 && q.all.hex_fraction > 0.99);
+    assert_close(q.all.edge_cv, 0, 1e-6);
+    assert_close(q.all.area_cv, 0, 1e-6);
+    sheet *s = make_sheet();
+    rng r = rng_seed(test_seed(), 5);
+    for (int k = 0; k < LATTICE;
+         k++) /* facing at random: no point is resolved, nor has cells like its neighbours' */
+        s->normal[k].z = rng_uniform(&r) < 0.5 ? -1 : 1;
+    measure(s, &q);
+    assert_int_equal(q.resolved_count, 0);
+    assert_true(q.all.hex_fraction < 0.5 && q.all.area_cv > 0.1);
+    for (int k = 0; k < LATTICE; k++)
+        assert_true(s->local[k] > 0); /* one without a cell has the requested spacing */
+    free(s);
 }
 
 /* Half of the lattice has another sheet below it: left out is what faces that, and one row more. */
@@ -345,14 +387,14 @@ static void neighbours_of_the_unresolved_are_left_out(void **state)
     (void)state;
     enum { ROWS = 20 }; /* the last at 19 sqrt(3) / 2 + 0.3, which sees 1.7^2 - 1 beyond: 1 or 2 rows */
     quality q, whole;
-    measure_plate(10, ROWS, &whole);
-    measure_plate(1, ROWS, &q);
+    measure_plate(10, ROWS, 0, &whole);
+    measure_plate(1, ROWS, 0, &q);
     assert_int_equal(whole.unresolved_count, 0);
     size_t kept = 2 * LATTICE - (size_t)((SIDE - ROWS) * SIDE) - q.rim_count - q.unresolved_count;
     assert_in_range(kept, (SIDE - ROWS - 6) * (SIDE - 6), (SIDE - ROWS - 3) * (SIDE - 2));
-    assert_true(q.hex_fraction == 1);
-    assert_close(q.area_cv, 0, 1e-6);
-    assert_close(q.edge_cv, 0, 1e-6);
+    assert_true(q.resolved.hex_fraction == 1);
+    assert_close(q.resolved.area_cv, 0, 1e-6);
+    assert_close(q.resolved.edge_cv, 0, 1e-6);
 }
 
 /* Two faces that meet at right angles stay in the measures, on either side of the edge. */
@@ -391,6 +433,8 @@ int main(void)
         cmocka_unit_test(partitions_do_not_show),
         cmocka_unit_test(partitions_fit_together),
         cmocka_unit_test(sheets_that_are_too_close_are_left_out),
+        cmocka_unit_test(a_handful_of_points_says_nothing),
+        cmocka_unit_test(all_points_are_measured_too),
         cmocka_unit_test(neighbours_of_the_unresolved_are_left_out),
         cmocka_unit_test(creases_are_resolved),
     };

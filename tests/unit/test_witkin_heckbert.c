@@ -249,7 +249,7 @@ static void even_targets_give_an_even_sphere(void **state)
         solve(&shapes[SPHERE], &params, 1, &x);
         double gap = largest_gap(&x, &shapes[SPHERE]);
         print_message("# %zu points, hex %.3f, spacing varies by %.4f, gap %.3f h\n", x.points->count,
-                      x.q.hex_fraction, x.q.grading_cv, gap);
+                      x.q.resolved.hex_fraction, x.q.grading_cv, gap);
         assert_true(sampler_result(x.s) != SAMPLER_OUT_OF_SWEEPS && turnover(&x, 50) == 0);
         assert_close((double)x.points->count, 1000, 120);
         assert_close(x.points->mean_energy / x.points->ideal_energy, 1, 1e-3);
@@ -345,7 +345,7 @@ static void the_size_of_a_surface_does_not_matter(void **state)
     assert_close((double)large.points->count / (double)one.points->count, 1, 0.01);
     assert_close(sampler_spacing(large.s) / sampler_spacing(one.s), 1000, 5);
     assert_close(large.points->sigma / one.points->sigma, 1000, 5);
-    assert_close(large.q.hex_fraction, one.q.hex_fraction, 0.05);
+    assert_close(large.q.resolved.hex_fraction, one.q.resolved.hex_fraction, 0.05);
     release(&one);
     release(&large);
 }

@@ -1,0 +1,31 @@
+/* advice: what to change in a spec so that its result is better, as members of the spec with values computed from the data.
+ *
+ * Reports, estimates and descriptions of files have it as `advice: [{code, message, set}]`: a stable code, a sentence for
+ * people, and the members that it would set, by their JSON Pointers. Pure functions, any thread.
+ */
+#ifndef HEXAD_RUN_ADVICE_H
+#define HEXAD_RUN_ADVICE_H
+
+#include <stddef.h>
+
+#include "json/json.h"
+#include "spec/spec.h"
+#include "surface/clearance.h"
+
+typedef struct advice_resolution {
+    double spacing; /* of an even packing on the surface */
+    double count;   /* that many points; rounded up to two digits, what `spacing` and `count` say agrees */
+} advice_resolution;
+
+/* What resolves a surface of this area, on which `count` points have the given clearance. */
+advice_resolution advice_resolve(double area, size_t count, const clearance *c);
+
+/* Appends an item, and returns its object `set`. */
+json *advice_append(json *list, const char *code, const char *message);
+
+/* Appends the item `unresolved`, which sets the target of the spec so that the surface is resolved. `memory_mb`: what
+ * so many points need of limits.memory_mb; set, too, where it is more than `limit_mb`. */
+void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
+                              double limit_mb);
+
+#endif

@@ -1,0 +1,121 @@
+#include "surface/clearance.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "packing/quality.h"
+#include "surface/projection.h"
+
+/* Places that are looked at: shares are told to a few tenths of a percent. */
+enum { SAMPLES = 4096, GRAIN = 32 };
+/* What may stay unresolved: a fifth of what the verdict allows, since points beside unresolved ones have no cell either, and
+ * spacings are not even: the least is about nine tenths of the requested one. */
+static const double LEFT_OVER = 0.004, UNEVEN = 0.9;
+/* Rays: one along the normal to each side, and so many at this angle to it, at which a tube of the least diameter is
+ * seen with the least gap. */
+enum { TILTED = 6 };
+static const double TILT = 0.58;
+/* Steps along a ray, in cells, and to the surface. */
+static const double STRIDE = 0.5;
+static const int SETTLE_STEPS = 10;
+static const double SETTLE = 1e-2;
+static const uint64_t SEED = 1;
+
+typedef struct clearance_job {
+    const surface *scan;
+    const sizing_field *sizing;
+    double h;
+    double *
+        ratio; /* of each sample, largest spacing that resolves it over the requested one; INFINITY: none seen */
+} clearance_job;
+
+/* Whether the ray from x meets the surface's other side within `reach`; then where, and the normal there. `inside`: it
+ * goes into the solid. */
+static bool meet(const field *f, vec3 x, vec3 along, bool inside, double reach, vec3 *end, vec3 *normal)
+{
+    double step = STRIDE * f->cell_size;
+    for (double t = step; t < reach + step; t += step) {
+        field_sample s;
+        vec3 at = vec3_axpy(t, along, x);
+        if (!field_sample_at(f, at, FIELD_GRADIENT, &s) || (s.value < 0) == inside) continue;
+        double slope = vec3_norm(s.gradient);
+        if (!(slope > 0)) return false;
+        *normal = vec3_scale(s.gradient, 1 / slope);
+        *end = vec3_axpy(-s.value / slope, *normal, at);
+        return true;
+    }
+    return false;
+}
+
+/* The largest spacing with which x and the other sheet at the end of a ray are told apart. */
+static double spacing_at(const field *f, vec3 x, vec3 normal, vec3 along, bool inside, double reach)
+{
+    vec3 end, other;
+    if (!meet(f, x, along, inside, reach, &end, &other) || vec3_dot(normal, other) >= QUALITY_SHEET_FACING)
+        return INFINITY;
+    vec3 r = vec3_sub(end, x);
+    double gap = fmin(fabs(vec3_dot(normal, r)), fabs(vec3_dot(other, r)));
+    double needed = fmax(gap / QUALITY_SHEET_GAP, vec3_norm(r) / QUALITY_SHEET_REACH);
+    return fmax(needed, STRIDE * f->cell_size / QUALITY_SHEET_GAP);
+}
+
+/* Of all rays from x. */
+static double least_spacing(const field *f, vec3 x, vec3 normal, double reach)
+{
+    vec3 u = vec3_unit(vec3_cross(normal, fabs(normal.x) < 0.6 ? (vec3){1, 0, 0} : (vec3){0, 1, 0}));
+    vec3 v = vec3_cross(normal, u);
+    double least = INFINITY;
+    for (int side = -1; side <= 1; side += 2) {
+        vec3 axis = vec3_scale(normal, side);
+        least = fmin(least, spacing_at(f, x, normal, axis, side < 0, reach));
+        for (int k = 0; k < TILTED; k++) {
+            double angle = 2 * M_PI * k / TILTED;
+            vec3 across = vec3_add(vec3_scale(u, cos(angle)), vec3_scale(v, sin(angle)));
+            vec3 along = vec3_add(vec3_scale(axis, cos(TILT)), vec3_scale(across, sin(TILT)));
+            least = fmin(least, spacing_at(f, x, normal, along, side < 0, reach));
+        }
+    }
+    return least;
+}
+
+static void measure_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const clearance_job *job = context;
+    const field *f = job->scan->field;
+    const projection_limits limits = {SETTLE_STEPS, SETTLE * f->cell_size, SETTLE * f->cell_size,
+                                      f->cell_size};
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        rng r = rng_seed(SEED, k);
+        vec3 normal, x = surface_point(job->scan, job->scan->area_before,
+                                       ((double)k + rng_uniform(&r)) / SAMPLES * job->scan->area, &r);
+        job->ratio[k] = INFINITY;
+        if (!projection_find(f, &limits, &x, &normal)) continue;
+        double spacing = job->sizing ? sizing_field_spacing(job->sizing, x, NULL) : job->h;
+        job->ratio[k] = least_spacing(f, x, normal, QUALITY_SHEET_REACH * spacing) / spacing;
+    }
+}
+
+static int compare_ratios(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
+                       clearance *out, error *e)
+{
+    clearance_job job = {scan, sizing, h, mem_array(SAMPLES, sizeof(double), "the clearance", e)};
+    if (!job.ratio) return false;
+    threads_run(pool, SAMPLES, GRAIN, measure_chunk, &job);
+    bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+    size_t near = 0;
+    qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_ratios);
+    while (near < SAMPLES && job.ratio[near] < 1) near++;
+    if (ok)
+        *out =
+            (clearance){(double)near / SAMPLES, fmin(UNEVEN * job.ratio[(size_t)(LEFT_OVER * SAMPLES)], 1)};
+    free(job.ratio);
+    return ok;
+}
