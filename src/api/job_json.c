@@ -7,6 +7,7 @@
 
 #include "api/paths.h"
 #include "base/clock.h"
+#include "results/result.h"
 
 void job_json_put_time(json *object, const char *key, int64_t wall_ms)
 {
@@ -51,6 +52,17 @@ void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld.%08x\"", (long long)job->revision, (unsigned)hash);
     else
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
+}
+
+void job_json_put_notes(json *object, const char *state_dir, const char *id, int frame, bool succeeded)
+{
+    result r = {0};
+    char *directory = result_directory(state_dir, id, frame);
+    if (succeeded)
+        result_list(directory, &r, NULL); /* a result that was damaged or lost meanwhile has no notes */
+    job_json_put_stored(object, "notes", r.notes);
+    result_clear(&r);
+    free(directory);
 }
 
 /* Every answer has the counts and the links: one printf is cheaper than twelve JSON values. */
@@ -139,7 +151,7 @@ void job_json_append_attempt(json *list, const queue_job *job, const queue_attem
     if (a->reason) json_put_string(o, "reason", a->reason);
 }
 
-void job_json_append_task(json *list, const queue_task *t)
+json *job_json_append_task(json *list, const queue_task *t)
 {
     json *o = json_append_object(list);
     json_put_integer(o, "number", t->number);
@@ -159,4 +171,5 @@ void job_json_append_task(json *list, const queue_task *t)
     } else {
         json_put_null(o, "error");
     }
+    return o;
 }

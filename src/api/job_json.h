@@ -17,7 +17,12 @@ json *job_json_new(const queue_job *job, const char *progress);
 /* Adds `spec`, as it was submitted, and `paths`, the mapped ones of its paths; both are JSON text or NULL. */
 void job_json_put_spec(json *object, const char *stored_spec, const char *stored_paths);
 
-void job_json_append_task(json *list, const queue_task *task);
+/* Adds `notes`, what people should know of the result of a job or a frame of it: null where there is none. Only for who may
+ * see the result. */
+void job_json_put_notes(json *object, const char *state_dir, const char *id, int frame, bool succeeded);
+
+/* Returns the task's object. */
+json *job_json_append_task(json *list, const queue_task *task);
 void job_json_append_attempt(json *list, const queue_job *job, const queue_attempt *attempt);
 
 /* Puts a time as RFC 3339, null for 0. */

@@ -32,8 +32,8 @@ static char *progress_of(const http_context *c, const queue_job *job)
     return queue_state_is_final(job->state) ? NULL : executor_progress(c->x, job->id);
 }
 
-/* Answers with the whole document of a job. Only the owner and administrators get the spec, since that names
- * files. */
+/* Answers with the whole document of a job. Only the owner and administrators get the spec and the notes, since
+ * these name files. */
 static void answer_job(const http_context *c, const http_request *request, const queue_job *job, int status,
                        reply *r)
 {
@@ -49,6 +49,8 @@ static void answer_job(const http_context *c, const http_request *request, const
     json *document = job_json_new(job, progress);
     bool own = access_is_owner(request->caller, job->owner);
     job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
+    job_json_put_notes(document, c->state_dir, job->id, QUEUE_NO_FRAME,
+                       own && !job->array && job->state == QUEUE_SUCCEEDED);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);
     queue_attempts_free(attempts, count);
@@ -252,6 +254,7 @@ static void show_accepted(const queue_receipt *receipt, const queue_submission *
     memcpy(job.id, receipt->id, sizeof job.id);
     json *document = job_json_new(&job, NULL);
     job_json_put_spec(document, put->spec, put->paths);
+    json_put_null(document, "notes");
     json_put_array(document, "attempts");
     job_json_print_tag(&job, NULL, tag);
     reply_set_json(r, 201, document);

@@ -224,5 +224,6 @@ void job_table_print(json_at job)
     print_moment(job, "finished", started ? started : created, "took ", "");
     if (text_of(job, "cached_from", NULL)) print_line("result of", text_of(job, "cached_from", ""));
     print_tasks(job);
+    print_notes(stdout, json_member(&job, "notes"));
     print_attempts(job);
 }

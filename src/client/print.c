@@ -97,6 +97,31 @@ void print_job(json_at job)
     putchar('\n');
 }
 
+static void print_note(FILE *file, const char *kind, json_at text)
+{
+    fprintf(file, "%s: ", kind);
+    print_text(file, json_string(text, "?"));
+    fputc('\n', file);
+}
+
+void print_notes(FILE *file, json_at notes)
+{
+    json_at reasons = json_member(&notes, "outcome_reasons"), warnings = json_member(&notes, "warnings"),
+            advice = json_member(&notes, "advice"), share = json_member(&notes, "resolved_share");
+    if (json_number(share, 1) < 1)
+        fprintf(file, "resolved: %.3g %% of the points\n", 100 * json_number(share, 1));
+    for (size_t i = 0; i < json_size(reasons); i++) {
+        json_at reason = json_element(&reasons, i);
+        print_note(file, json_string(json_member(&reason, "criterion"), "?"),
+                   json_member(&reason, "message"));
+    }
+    for (size_t i = 0; i < json_size(warnings); i++) print_note(file, "warning", json_element(&warnings, i));
+    for (size_t i = 0; i < json_size(advice); i++) {
+        json_at item = json_element(&advice, i);
+        print_note(file, "advice", json_member(&item, "message"));
+    }
+}
+
 void print_document(const json *document)
 {
     char *text = json_print_pretty(document);

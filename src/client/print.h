@@ -20,6 +20,9 @@ int print_refused_spec(const client_reply *reply, const char *file);
 /* One line: id, state, outcome, and the error if there is one. */
 void print_job(json_at job);
 
+/* The notes of a job or task, or the warnings and advice of an estimate: a line for each. Nothing without any. */
+void print_notes(FILE *file, json_at notes);
+
 void print_document(const json *document);
 
 #endif

@@ -189,6 +189,7 @@ static void print_estimate(json_at document)
         print_text(stdout, json_string(json_member(&estimate, "seconds_missing"), "?"));
         putchar('\n');
     }
+    print_notes(stdout, estimate);
 }
 
 int command_estimate(client *c, const char *argument, const command_options *options)

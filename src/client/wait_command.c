@@ -54,6 +54,7 @@ int command_wait_for(client *c, const char *path, const command_options *options
                     print_document(reply.document);
                 else
                     print_job(job);
+                print_notes(stderr, json_member(&job, "notes"));
                 code = code_of_end(job);
             }
         }

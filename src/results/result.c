@@ -18,6 +18,8 @@
 
 /* A report has a record per sweep, and a job may ask for a million sweeps. */
 #define REPORT_LIMIT_BYTES (256u << 20)
+/* Notes that are longer are left in the report. */
+#define NOTES_LIMIT_BYTES 16384
 #define MAX_OUTPUTS 512 /* a turntable has up to 360 frames */
 /* No output has this name, because no output name begins with a point. */
 #define LISTING_NAME ".listing.json"
@@ -38,6 +40,7 @@ void result_clear(result *r)
 {
     for (size_t i = 0; i < r->output_count; i++) free(r->output[i].name);
     free(r->output);
+    free(r->notes);
     *r = (result){0};
 }
 
@@ -99,6 +102,41 @@ static bool read_output(const char *directory, json_at at, result_output *output
     return true;
 }
 
+/* Puts the member of an object there, or null. */
+static void copy_member(json_at from, const char *key, json *to)
+{
+    json_at member = json_member(&from, key);
+    if (member.node)
+        json_put(to, key, json_copy(member.node));
+    else
+        json_put_null(to, key);
+}
+
+/* Of a report, or of a listing, which has them as they were made. */
+static char *read_notes(json_at report)
+{
+    json_at kept = json_member(&report, "notes"), surface = json_member(&report, "surface"),
+            quality = json_member(&report, "quality");
+    if (json_type_of(kept) == JSON_OBJECT) return json_print(kept.node);
+    json *notes = json_new_object();
+    copy_member(quality, "resolved_share", notes);
+    copy_member(report, "outcome_reasons", notes);
+    copy_member(surface, "warnings", notes);
+    copy_member(report, "advice", notes);
+    char *text = json_print(notes);
+    if (strlen(text) > NOTES_LIMIT_BYTES) {
+        json *warnings = json_new_array();
+        json_append_string(warnings, "there are too many to show them here: see report.json");
+        json_put(notes, "warnings", warnings);
+        json_put_array(notes, "outcome_reasons");
+        json_put_array(notes, "advice");
+        free(text);
+        text = json_print(notes);
+    }
+    json_free(notes);
+    return text;
+}
+
 static bool read_report(const char *directory, const json *report, result *r, error *e)
 {
     json_at root = json_root(report);
@@ -111,6 +149,7 @@ static bool read_report(const char *directory, const json *report, result *r, er
     if (!(count >= 0) || count > 0x1p53 || count != floor(count))
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no count");
     r->count = (int64_t)count;
+    r->notes = read_notes(root);
     size_t listed = json_size(outputs);
     if (json_type_of(outputs) != JSON_ARRAY || listed > MAX_OUTPUTS)
         return error_set(e, ERROR_INPUT_DAMAGED, "report.json has no list of outputs");
@@ -187,6 +226,7 @@ static char *print_listing(const result *r)
         json_put_integer(o, "bytes", r->output[i].bytes);
         json_put_string(o, "sha256", r->output[i].sha256);
     }
+    json_put_text(document, "notes", r->notes);
     char *text = json_print(document);
     json_free(document);
     return text;

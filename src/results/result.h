@@ -27,6 +27,8 @@ typedef struct result {
     int64_t count;
     size_t output_count;
     result_output *output; /* as the report lists them; report.json is added by result_list only */
+    char *notes;           /* what people should know of it, a JSON object: resolved_share,
+                            * outcome_reasons, warnings, advice (doc/report.md) */
 } result;
 
 /* Reads and checks a result. The caller clears it. Errors: input_damaged tells what is wrong with the result. internal

@@ -39,28 +39,41 @@ static double rounded_down(double value)
     return floor(value / unit * (1 + 1e-12)) * unit;
 }
 
+/* The member of the spec that asks for the points, and its value for this resolution. NULL: it is a time, and the count is
+ * what that allows. */
+static const char *choose_target(const spec *s, double area, advice_resolution to, double *value)
+{
+    *value = s->spacing > 0   ? rounded_down(to.spacing)
+             : s->density > 0 ? rounded_up(to.count / area)
+             : s->has_control ? rounded_down(packing_support(to.spacing))
+                              : to.count;
+    return s->spacing > 0   ? "/sampling/spacing"
+           : s->density > 0 ? "/sampling/density"
+           : s->has_control ? "/sampling/control/max_sigma"
+           : s->time_s > 0  ? NULL
+                            : "/sampling/count";
+}
+
 void advice_append_resolution(json *list, const spec *s, double area, advice_resolution to, double memory_mb,
                               double limit_mb)
 {
-    bool possible = to.count <= PLAN_COUNT_MAX;
-    char *message =
-        possible
-            ? mem_printf("%.0f points, a spacing of %.3g, resolve the surface", to.count, to.spacing)
-            : mem_printf("resolving the surface takes a spacing of %.3g, which is %.2g points: smooth the "
-                         "input, or sample a region of it",
-                         to.spacing, to.count);
-    json *set = advice_append(list, "unresolved", message);
+    double value, memory = rounded_up(memory_mb);
+    const char *target = choose_target(s, area, to, &value);
+    const char *code = "unresolved";
+    char *message,
+        *more = memory > limit_mb ? mem_printf(" and /limits/memory_mb to %.0f", memory) : mem_strdup("");
+    if (to.count > PLAN_COUNT_MAX || !target) {
+        message =
+            mem_printf("to resolve the surface takes a spacing of %.3g, which is %.2g points: %s", to.spacing,
+                       to.count, target ? "smooth the input, or sample a region of it" : "allow more time");
+        advice_append(list, code, message);
+    } else {
+        message = mem_printf("set %s to %.10g%s: %.0f points, a spacing of %.3g, resolve the surface", target,
+                             value, more, to.count, to.spacing);
+        json *set = advice_append(list, code, message);
+        json_put_number(set, target, value);
+        if (memory > limit_mb) json_put_number(set, "/limits/memory_mb", memory);
+    }
     free(message);
-    if (!possible) return;
-    if (s->spacing > 0)
-        json_put_number(set, "/sampling/spacing", rounded_down(to.spacing));
-    else if (s->density > 0)
-        json_put_number(set, "/sampling/density", rounded_up(to.count / area));
-    else if (s->has_control)
-        json_put_number(set, "/sampling/control/max_sigma", rounded_down(packing_support(to.spacing)));
-    else if (s->time_s > 0)
-        ; /* the count is what the time allows */
-    else
-        json_put_integer(set, "/sampling/count", (int64_t)to.count);
-    if (memory_mb > limit_mb) json_put_integer(set, "/limits/memory_mb", (int64_t)rounded_up(memory_mb));
+    free(more);
 }

@@ -1,7 +1,7 @@
 /* advice: what to change in a spec so that its result is better, as members of the spec with values computed from the data.
  *
- * Reports, estimates and descriptions of files have it as `advice: [{code, message, set}]`: a stable code, a sentence for
- * people, and the members that it would set, by their JSON Pointers. Pure functions, any thread.
+ * Reports, estimates and descriptions of files have it as `advice: [{code, message, set}]`: a stable code, a sentence that
+ * says all to people, and the members that it would set, by their JSON Pointers. Pure functions, any thread.
  */
 #ifndef HEXAD_RUN_ADVICE_H
 #define HEXAD_RUN_ADVICE_H

@@ -1,11 +1,17 @@
 /* estimate: what a job would take, see run_estimate. */
 #include <math.h>
+#include <stdlib.h>
 
 #include "base/clock.h"
+#include "base/memory.h"
+#include "packing/packing.h"
+#include "run/advice.h"
 #include "run/cost_model.h"
 #include "run/job.h"
 #include "run/report.h"
 #include "run/run.h"
+#include "run/verdict.h"
+#include "surface/clearance.h"
 #include "surface/surface.h"
 
 /* Of processor time, which others on the machine do not stretch: no run that only tells what the job's own would
@@ -55,10 +61,35 @@ static double rehearse(job *j)
                       : NAN;
 }
 
+/* What so many points and the surface take. */
+static double memory_for(const job *j, double count)
+{
+    return (double)j->memory - job_particle_memory(j) + count * job_bytes_per_particle(j);
+}
+
+/* What the surface's sheets ask of the count. A spacing that varies is not known before the job has begun. */
+static void describe_resolution(const job *j, json *warnings, json *advice)
+{
+    clearance c;
+    bool even = !j->spec->has_curvature && !j->spec->has_grid;
+    double h = packing_spacing(j->scan->area, (double)j->count);
+    if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
+        c.unresolved_share <= VERDICT_UNRESOLVED_SHARE)
+        return;
+    const advice_resolution to = advice_resolve(j->scan->area, j->count, &c);
+    char *warning =
+        mem_printf("about %.2g %% of the surface would be unresolved: other sheets are nearer than 1.2 "
+                   "spacings there",
+                   100 * c.unresolved_share);
+    json_append_string(warnings, warning);
+    free(warning);
+    advice_append_resolution(advice, j->spec, j->scan->area, to, memory_for(j, to.count) / (1 << 20),
+                             (double)j->memory / (1 << 20));
+}
+
 /* `missing`: why there are no seconds, NULL when there are. */
 static json *describe_estimate(const job *j, double seconds, const char *missing)
 {
-    double memory = (double)j->memory - job_particle_memory(j) + (double)j->count * job_bytes_per_particle(j);
     json *o = json_new_object();
     if (j->count > 0)
         json_put_integer(o, "count", (int64_t)j->count);
@@ -66,13 +97,17 @@ static json *describe_estimate(const job *j, double seconds, const char *missing
         json_put_null(o, "count");
     json_put_number(o, "area", j->scan->area);
     report_put_box(o, j->scan->box);
-    json_put_integer(o, "memory_bytes", (int64_t)memory);
+    json_put_integer(o, "memory_bytes", (int64_t)memory_for(j, (double)j->count));
     if (isnan(seconds))
         json_put_null(o, "seconds");
     else
         json_put_number(o, "seconds", clock_seconds(llround(1000 * seconds)));
     json_put_string(o, "seconds_missing", missing);
     json_put_integer(o, "threads", threads_count(j->pool));
+    json *warnings = json_put_array(o, "warnings"), *unused = json_new_object();
+    source_describe(&j->source, unused, unused, warnings);
+    json_free(unused);
+    describe_resolution(j, warnings, json_put_array(o, "advice"));
     return o;
 }
 

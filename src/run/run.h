@@ -29,6 +29,7 @@ bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome
  *     seconds       on `threads` processors, without writing the results; null when there is no estimate
  *     seconds_missing   why there is none, or null
  *     threads
+ *     warnings, advice  as the report would have them, as far as that can be told now
  * Errors: those of run_job before the first point is placed. Writes no file. */
 json *run_estimate(const spec *s, const run_options *options, error *e);
 

@@ -1,7 +1,5 @@
 #include "run/summary.h"
 
-#include <stdlib.h>
-
 static double number_of(json_at object, const char *key)
 {
     return json_number(json_member(&object, key), 0);
@@ -26,23 +24,6 @@ static void print_hexagons(json_at quality, FILE *out)
     }
 }
 
-/* Each in one line: what to change, and why. */
-static void print_advice(json_at report, FILE *err)
-{
-    json_at list = json_member(&report, "advice");
-    for (size_t k = 0; k < json_size(list); k++) {
-        json_at item = json_element(&list, k), set = json_member(&item, "set");
-        fprintf(err, "advice: %s", json_string(json_member(&item, "message"), "?"));
-        for (size_t i = 0; i < json_size(set); i++) {
-            json_at value = json_element(&set, i);
-            char *text = json_print(value.node);
-            fprintf(err, "%s %s to %s", i == 0 ? "; set" : ",", value.key, text);
-            free(text);
-        }
-        putc('\n', err);
-    }
-}
-
 static void print_reasons(json_at report, FILE *err)
 {
     json_at reasons = json_member(&report, "outcome_reasons");
@@ -58,7 +39,7 @@ void summary_print(const json *report, FILE *out, FILE *err)
 {
     json_at root = json_root(report), quality = json_member(&root, "quality"),
             surface = json_member(&root, "surface"), warnings = json_member(&surface, "warnings"),
-            timing = json_member(&root, "timing_s");
+            advice = json_member(&root, "advice"), timing = json_member(&root, "timing_s");
     fprintf(out, "%.0f points, %s, ", number_of(root, "count"),
             json_string(json_member(&root, "outcome"), "?"));
     print_hexagons(quality, out);
@@ -67,5 +48,8 @@ void summary_print(const json *report, FILE *out, FILE *err)
     print_reasons(root, err);
     for (size_t k = 0; k < json_size(warnings); k++)
         fprintf(err, "warning: %s\n", json_string(json_element(&warnings, k), "?"));
-    print_advice(root, err);
+    for (size_t k = 0; k < json_size(advice); k++) {
+        json_at item = json_element(&advice, k);
+        fprintf(err, "advice: %s\n", json_string(json_member(&item, "message"), "?"));
+    }
 }

@@ -99,6 +99,29 @@ def test_unresolved(run, tmp_path):
     assert done.returncode == 11 and "unresolved" in done.stdout
 
 
+def test_notes_reach_who_waits_and_who_asks(run, tmp_path, service):
+    """A thin plate with few points: what is said of it, and what to do, is told before the job, after it, and later."""
+    plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.02], "rounding": 0.01}}
+    spec = write(tmp_path, {"version": 1, "surface": plate, "sampling": {"count": 200}, "output": {"preview": False}})
+    before = run("estimate", spec)
+    assert before.returncode == 0 and " % of the surface would be unresolved" in before.stdout
+    done = run("submit", spec, "--wait")
+    assert done.returncode == 11, done.stderr
+    job = service.get("/v1/jobs/" + done.stdout.split()[0]).json
+    notes = job["notes"]
+    count = notes["advice"][0]["set"]["/sampling/count"]
+    assert notes["resolved_share"] == 0 and notes["outcome_reasons"][0]["criterion"] == "unresolved_share"
+    assert f"advice: set /sampling/count to {count}: " in before.stdout
+    for told in (done.stderr, run("show", job["id"]).stdout):
+        assert "resolved: 0 % of the points" in told and f"warning: {notes['warnings'][0]}\n" in told
+        assert f"advice: {notes['advice'][0]['message']}\n" in told
+    spec = write(tmp_path, {**json.loads(open(spec).read()), "sampling": {"count": count}})
+    assert run("estimate", spec).stdout.count("warning:") == 0
+    done = run("submit", spec, "--wait")
+    assert done.returncode == 0 and "advice" not in done.stderr, done.stderr
+    assert service.get("/v1/jobs/" + done.stdout.split()[0]).json["notes"]["advice"] == []
+
+
 def test_a_bar_on_a_terminal(service, build, tmp_path):
     master, slave = pty.openpty()
     process = subprocess.Popen([build / "hexadctl", "submit", write(tmp_path, long_sphere()), "--wait"],
