@@ -1,6 +1,5 @@
 #include "mesh/levelset.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -357,57 +356,4 @@ vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *note
     if (ok) return out;
     vdb_grid_free(out);
     return NULL;
-}
-
-/* ---- comparing */
-
-/* Points per triangle: one for so many square voxels, and not more than so many. */
-static const double area_per_point = 4;
-static const int most_points = 256;
-/* How far from the mesh its two sides are looked at, in voxels: nearer, a sheet is thinner than a voxel. */
-static const double side_gap = 0.75;
-static const double close_vox = 0.05;
-
-/* The field's distance from its zero set, to first order, in voxels; NAN where there is none. */
-static double distance_at(const field *f, const double m[16], vec3 p)
-{
-    const vec3 world = {m[0] * p.x + m[3], m[5] * p.y + m[7], m[10] * p.z + m[11]};
-    field_sample s;
-    if (!field_sample_at(f, world, FIELD_GRADIENT, &s)) return NAN;
-    return s.value / (vec3_norm(s.gradient) * m[0]);
-}
-
-levelset_fidelity levelset_compare(const mesh *m, const double index_to_world[16], const field *f)
-{
-    double area = 0, followed = 0, near = 0, sum = 0;
-    for (size_t n = 0; n < m->triangle_count; n++) {
-        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
-        const vec3 ac = vec3_sub(m->vertex[m->triangle[n][2]], a), normal = vec3_cross(ab, ac);
-        const double whole = 0.5 * vec3_norm(normal);
-        if (!(whole > DBL_EPSILON)) continue;
-        const vec3 step = vec3_scale(normal, 0.5 * side_gap / whole);
-        const int points = (int)fmin(1 + whole / area_per_point, most_points);
-        for (int k = 0; k < points; k++) {
-            /* the additive sequence of the plastic number, folded into the triangle; the first is its
-             * middle */
-            double u = fmod(1.0 / 3 + k * 0.7548776662466927, 1),
-                   v = fmod(1.0 / 3 + k * 0.5698402909980532, 1);
-            if (u + v > 1) {
-                u = 1 - u;
-                v = 1 - v;
-            }
-            const vec3 p = vec3_axpy(u, ab, vec3_axpy(v, ac, a));
-            const double part = whole / points, d = distance_at(f, index_to_world, p);
-            area += part;
-            if (!(distance_at(f, index_to_world, vec3_add(p, step)) > 0 &&
-                  distance_at(f, index_to_world, vec3_sub(p, step)) < 0))
-                continue;
-            followed += part;
-            near += fabs(d) < close_vox ? part : 0;
-            sum += part * d * d;
-        }
-    }
-    const double size = index_to_world[0];
-    return (levelset_fidelity){area * size * size, followed > 0 ? sqrt(sum / followed) : 0,
-                               area > 0 ? near / area : 0, area > 0 ? 1 - followed / area : 0};
 }

@@ -12,7 +12,6 @@
 
 #include "base/error.h"
 #include "base/threads.h"
-#include "field/field.h"
 #include "mesh/mesh.h"
 #include "vdb/vdb.h"
 
@@ -29,16 +28,5 @@ typedef struct levelset_params {
  * mesh_repair_solids; no_surface for a mesh without extent; spec_invalid for voxels too large or too small for
  * it; limit_memory; cancelled. The same for any number of threads. */
 vdb_grid *levelset_make(mesh *m, const levelset_params *params, mesh_notes *notes, error *e);
-
-/* How well a field keeps to the mesh that it was made of. */
-typedef struct levelset_fidelity {
-    double area;       /* of the mesh, world units */
-    double rms_vox;    /* of the distance of the mesh from the zero set, where that follows it */
-    double close;      /* share of the area nearer than 0.05 voxel */
-    double unresolved; /* share of the area that the zero set does not follow: hidden, or too thin */
-} levelset_fidelity;
-
-/* `m` as levelset_make left it. */
-levelset_fidelity levelset_compare(const mesh *m, const double index_to_world[16], const field *f);
 
 #endif

@@ -28,6 +28,21 @@ void mesh_free(mesh *m)
     *m = (mesh){0};
 }
 
+bool mesh_copy(const mesh *m, mesh *out, error *e)
+{
+    mesh copy = {m->vertex_count, m->triangle_count, mem_array(m->vertex_count, sizeof *m->vertex, what, e),
+                 NULL};
+    if (copy.vertex) copy.triangle = mem_array(m->triangle_count, sizeof *m->triangle, what, e);
+    if (!copy.triangle) {
+        mesh_free(&copy);
+        return false;
+    }
+    memcpy(copy.vertex, m->vertex, m->vertex_count * sizeof *m->vertex);
+    memcpy(copy.triangle, m->triangle, m->triangle_count * sizeof *m->triangle);
+    *out = copy;
+    return true;
+}
+
 /* Per triangle: itself, a sorted copy, three edges of 12 bytes and the unions; per vertex: itself, its
  * place in the table and fixed-point coordinates. */
 size_t mesh_bytes(size_t vertices, size_t triangles)

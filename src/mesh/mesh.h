@@ -31,6 +31,9 @@ void mesh_note(mesh_notes *notes, const char *format, ...) __attribute__((format
 
 void mesh_free(mesh *m); /* NULL, and a zeroed one, will do */
 
+/* Errors: limit_memory. */
+bool mesh_copy(const mesh *m, mesh *out, error *e);
+
 /* Bytes that a mesh takes while it is judged, edges and all: what a caller holds against a limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);
 

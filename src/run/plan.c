@@ -53,6 +53,14 @@ static const char *target_pointer(const spec *s)
                             : "/sampling/control/max_sigma";
 }
 
+double plan_spacing(const spec *s)
+{
+    return s->spacing > 0   ? s->spacing
+           : s->density > 0 ? packing_spacing(1, s->density)
+           : s->has_control ? s->control.max_sigma / packing_support(1)
+                            : 0;
+}
+
 bool plan_count(const spec *s, double area, size_t *out, error *e)
 {
     double count = (double)s->count;

@@ -48,8 +48,12 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
     clearance room;
     const clearance *told = NULL;
     if (!find_clearance(j, &room, &told, e)) return false;
-    const verdict_input judged = {s->sampler, &s->quality, j->spec->has_control ? 0 : j->count,
-                                  j->spec->step_tolerance, j->spec->energy_tolerance};
+    const verdict_input judged = {s->sampler,
+                                  &s->quality,
+                                  j->spec->has_control ? 0 : j->count,
+                                  j->spec->step_tolerance,
+                                  j->spec->energy_tolerance,
+                                  source_missing_share(&j->source)};
     const verdict v = verdict_judge(&judged);
     const report_facts facts = {
         .spec = j->spec,

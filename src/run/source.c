@@ -9,6 +9,7 @@
 #include "dense/coefficients.h"
 #include "dense/exr_stack.h"
 #include "dense/raw_volume.h"
+#include "run/plan.h"
 
 /* Of the square of a scale: how far numbers written in decimal let a rotation's columns be from orthonormal.
  */
@@ -48,6 +49,8 @@ typedef struct opening {
     isa kernels;
     threads *pool;
     source *source; /* for its inputs, and what it holds already */
+    const spec *spec;
+    size_t leaves; /* formulas, volumes and meshes among which the points are shared */
 } opening;
 
 static size_t memory_left(const opening *o)
@@ -131,11 +134,16 @@ static volume *open_mesh(const spec_mesh *m, double offset, int fd, const openin
     const volume_mesh_request request = {
         .fd = fd,
         .path = m->path,
-        .voxel_size = m->voxel_size,
-        .resolution = m->resolution,
+        .resolution = {.voxel_size = m->voxel_size,
+                       .resolution = m->resolution,
+                       .max_resolution = m->max_resolution,
+                       .spacing = plan_spacing(o->spec),
+                       .count = (double)o->spec->count / (double)o->leaves,
+                       .least = volume_mesh_least_voxel(offset, m->band_vox),
+                       .memory_limit = memory_left(o),
+                       .point_bytes = plan_bytes_per_particle(o->spec, false)},
         .band_vox = m->band_vox,
         .offset = offset,
-        .memory_limit = memory_left(o),
         .pool = o->pool,
         .isa = o->kernels,
     };
@@ -319,6 +327,13 @@ static bool open_part(const spec_surface *s, double offset, const opening *o, so
     return false;
 }
 
+static size_t count_leaves(const spec_surface *s)
+{
+    size_t count = s->part_count == 0;
+    for (size_t k = 0; k < s->part_count; k++) count += count_leaves(s->parts[k]);
+    return count;
+}
+
 static bool open_map(const spec *s, const opening *o, error *e)
 {
     int fd = open_input(o->source, s->surface.vdb.path, e);
@@ -332,7 +347,7 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
                  source *out, error *e)
 {
     *out = (source){.roots = roots};
-    const opening o = {memory, kernels, pool, out};
+    const opening o = {memory, kernels, pool, out, s, count_leaves(&s->surface)};
     if (!open_part(&s->surface, 0, &o, &out->whole, e) || (s->has_grid && !open_map(s, &o, e))) return false;
     out->field = out->whole.field;
     if (s->has_region) {
@@ -385,6 +400,11 @@ static void describe_volume(const volume_info *info, json *surface, json *warnin
         json_put_number(of_mesh, "rms_distance_vox", info->fidelity.rms_vox);
         json_put_number(of_mesh, "close_fraction", info->fidelity.close);
         json_put_number(of_mesh, "unresolved_fraction", info->fidelity.unresolved);
+        json_put_number(of_mesh, "thin_fraction", info->fidelity.thin);
+        json_put_number(of_mesh, "hidden_fraction", info->fidelity.hidden);
+        json_put_number(of_mesh, "resolution", round(info->resolution.longest / info->resolution.voxel_size));
+        json_put_string(of_mesh, "resolution_by", info->resolution.chosen_by);
+        json_put_string(of_mesh, "resolution_limited_by", info->resolution.limited_by);
     }
     json_put_number(surface, "voxel_size", info->voxel_size);
     json_put_integer(surface, "crossing_cells", (int64_t)info->crossing_cells);
@@ -424,6 +444,24 @@ static size_t memory_of_part(const source_part *p)
     if (p->bspline) bytes += bspline_bytes(p->bspline);
     for (size_t k = 0; k < p->part_count; k++) bytes += memory_of_part(&p->parts[k]);
     return bytes;
+}
+
+/* Areas of the meshes among the parts, and of what is missing of them. */
+static void add_missing(const source_part *p, double *area, double *missing)
+{
+    if (p->volume) {
+        const fidelity *f = &volume_describe(p->volume)->fidelity;
+        *area += f->area;
+        *missing += f->thin * f->area;
+    }
+    for (size_t k = 0; k < p->part_count; k++) add_missing(&p->parts[k], area, missing);
+}
+
+double source_missing_share(const source *s)
+{
+    double area = 0, missing = 0;
+    add_missing(&s->whole, &area, &missing);
+    return area > 0 ? missing / area : 0;
 }
 
 size_t source_memory(const source *s)

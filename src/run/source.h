@@ -62,6 +62,9 @@ void source_describe(const source *s, json *report, json *surface, json *warning
 /* Whether random starts are drawn from crossing cells instead of the whole domain. */
 bool source_starts_in_cells(const source *s);
 
+/* The share of the area of its meshes that is not sampled, since it is thinner than their voxels. */
+double source_missing_share(const source *s);
+
 /* Bytes that the source holds; 0 for one that is not open. */
 size_t source_memory(const source *s);
 

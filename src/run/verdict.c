@@ -4,6 +4,8 @@
 
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
+/* More of a mesh than this is missed by people who look. */
+static const double MISSING_SHARE = 0.01;
 /* Where six of ten points have six neighbours it is 0.13, where nine of ten have, 0.06. */
 static const double DISORDERED_EDGES = 0.1;
 /* Defects leave distances down to 0.8 of the spacing, creases down to 0.6. Closer points have merged or face each other
@@ -68,6 +70,13 @@ static bool unresolved_share(const verdict_input *in, double *value, double *bou
     return *value > *bound;
 }
 
+static bool missing_share(const verdict_input *in, double *value, double *bound)
+{
+    *value = in->missing;
+    *bound = MISSING_SHARE;
+    return *value > *bound;
+}
+
 /* Measures are NaN, which fails nothing, where no point can be measured. */
 static bool energy_excess(const verdict_input *in, double *value, double *bound)
 {
@@ -104,6 +113,8 @@ static const criterion criteria[] = {
     {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
      "other sheets of the surface lie closer than 1.2 spacings to so many points: ask for more points, or a finer "
      "spacing"},
+    {"missing_share", VERDICT_UNRESOLVED, missing_share,
+     "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it"},
     {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
      "the points are at rest but not in order: ask for more points where the surface has small features, and use the "
      "cotangent energy"},

@@ -29,6 +29,7 @@ typedef struct verdict_input {
     const quality *quality; /* of its points */
     size_t count;           /* requested; 0: the count is not a target */
     double step_tolerance, energy_tolerance;
+    double missing; /* share of a mesh's area that is not sampled */
 } verdict_input;
 
 enum { VERDICT_MOST_REASONS = 12 };

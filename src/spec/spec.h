@@ -47,7 +47,8 @@ typedef struct spec_exr {
 typedef struct spec_mesh {
     char *path;
     double voxel_size; /* world units; 0: by the resolution */
-    int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size */
+    int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size, or by need */
+    int max_resolution; /* of voxels that are chosen by need */
     int band_vox;
 } spec_mesh;
 

@@ -110,13 +110,24 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_VOXELS,
      .low = 8,
      .high = 8191,
-     .otherwise = "256",
      AT(surface.mesh.resolution),
      .unit = "voxels",
-     .prose = "The number of voxels along the longest side of the mesh's bounding box. The default applies "
-              "if voxel_size is absent. At 256, at least nine tenths of a scanned mesh lie within 0.05 "
-              "voxel of the sampled surface; creases deviate more. 512 needs three times the memory and "
-              "time and brings about a third of the rest within 0.05 voxel."},
+     .prose =
+         "The number of voxels along the longest side of the mesh's bounding box. If both this and voxel_size "
+         "are absent, hexad chooses: 256, or more where the spacing is smaller than such a voxel or more than "
+         "half a percent of the mesh is too thin to show. At 256, at least nine tenths of a scanned mesh lie "
+         "within 0.05 voxel of the sampled surface; creases deviate more. Twice the number needs three to four "
+         "times the memory and time."},
+    {.pointer = "/surface/mesh/max_resolution",
+     .type = SPEC_TYPE_INTEGER,
+     .low = 256,
+     .high = 8191,
+     .otherwise = "4096",
+     AT(surface.mesh.max_resolution),
+     .unit = "voxels",
+     .prose =
+         "The most voxels along the longest side that hexad chooses by itself. limits.memory_mb bounds them, "
+         "too: thin parts may take an eighth of it."},
     {.pointer = "/surface/mesh/band_vox",
      .type = SPEC_TYPE_INTEGER,
      .low = 3,

@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "field/spline.h"
 #include "geometry/affine.h"
+#include "mesh/levelset.h"
 #include "mesh/mesh_file.h"
 #include "vdb/vdb.h"
 #include "volume/crossings.h"
@@ -453,19 +454,28 @@ volume *volume_open(const volume_request *request, error *e)
 
 /* What the level set does not follow is said from this share of the area on: less is a crease here or there. */
 static const double unresolved_from = 0.001;
+/* Spacings smaller than this, in voxels, are warned of: creases are rounded over a voxel. */
+static const double spacing_below = 0.8;
 
 /* Voxels of the band that must be left on either side of a surface at an offset. */
 #define MESH_BAND_LEAST 3
 
-static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh *m, mesh_notes *notes,
-                      error *e)
+double volume_mesh_least_voxel(double offset, int band_vox)
 {
-    const mesh_file file = {r->fd, r->path, r->reader, r->memory_limit};
-    const levelset_params params = {r->voxel_size, r->resolution, r->band_vox, r->memory_limit, r->pool};
+    return offset == 0 ? 0 : fabs(offset) / fmax(band_vox - MESH_BAND_LEAST, 1);
+}
+
+static bool load_mesh(const volume_mesh_request *r, const resolution *choice, loading *l, volume *v, mesh *m,
+                      mesh_notes *notes, error *e)
+{
+    const levelset_params params = {.voxel_size = choice->voxel_size,
+                                    .band_vox = r->band_vox,
+                                    .memory_limit = r->resolution.memory_limit,
+                                    .pool = r->pool};
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
     l->kind = GRID_VIEW_LEVEL_SET;
-    if (!mesh_file_read(&file, m, notes, e) || !(l->grid = levelset_make(m, &params, notes, e))) return false;
+    if (!(l->grid = levelset_make(m, &params, notes, e))) return false;
     double band = (double)l->grid->background, voxel = band / r->band_vox;
     if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
         return error_set(e, ERROR_SPEC_INVALID,
@@ -473,42 +483,107 @@ static bool load_mesh(const volume_mesh_request *r, loading *l, volume *v, mesh 
                          "32), or larger voxels",
                          r->offset, fabs(r->offset) / voxel, ceil(fabs(r->offset) / voxel) + MESH_BAND_LEAST);
     v->info.isovalue = r->offset;
-    size_t held = mesh_bytes(m->vertex_count, m->triangle_count);
-    l->memory_limit = r->memory_limit > held ? r->memory_limit - held : 0;
+    size_t held = mesh_bytes(m->vertex_count, m->triangle_count), limit = r->resolution.memory_limit;
+    l->memory_limit = limit > held ? limit - held : 0;
     v->info.active_voxels = l->grid->active_voxels;
     v->info.triangles = m->triangle_count;
     return true;
 }
 
-static void compare_mesh(volume *v, const mesh *m)
-{
-    v->info.fidelity = levelset_compare(m, v->info.index_to_world, &v->base);
-    if (v->info.fidelity.unresolved >= unresolved_from)
-        warn(
-            &v->info,
-            "%.2g %% of the mesh's area is not on the surface that is sampled: it is thinner than a voxel (use "
-            "smaller voxels), or hidden where shells overlap, touch or cross themselves (what is sampled is "
-            "their union)",
-            100 * v->info.fidelity.unresolved);
-}
-
-volume *volume_open_mesh(const volume_mesh_request *request, error *e)
+/* One level set of the mesh, which stays as it is. *measured also where there is no surface, all being too thin. */
+static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, const mesh *whole,
+                        fidelity *measured, error *e)
 {
     loading l = {0};
     mesh m = {0};
     mesh_notes notes = {0};
     volume *v = mem_alloc(sizeof *v);
-    v->spline = spline_for(request->isa);
+    v->spline = spline_for(r->isa);
     v->base.ops = &volume_ops;
-    bool ok = load_mesh(request, &l, v, &m, &notes, e) && build(&l, v, e);
+    bool loaded = mesh_copy(whole, &m, e) && load_mesh(r, choice, &l, v, &m, &notes, e),
+         ok = loaded && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
-    if (ok && request->offset == 0) compare_mesh(v, &m);
     loading_free(&l);
+    if (r->offset == 0 && (ok || (loaded && e->code == ERROR_NO_SURFACE))) {
+        error told = {0};
+        if (!fidelity_measure(&m, v->info.index_to_world, ok ? &v->base : NULL, choice->finest, measured,
+                              &told)) {
+            ok = false;
+            *e = told;
+        }
+    }
     mesh_free(&m);
     if (ok) return v;
-    error_prefix(e, "%s", request->path);
     volume_close(v);
     return NULL;
+}
+
+/* Finer voxels where the first ones do not show thin parts, as far as memory allows. */
+static volume *open_mesh(const volume_mesh_request *r, const mesh *whole, resolution *choice, fidelity *f,
+                         error *e)
+{
+    *choice = resolution_begin(whole, &r->resolution);
+    volume *v = try_mesh(r, choice, whole, f, e);
+    const double enough = choice->voxel_size;
+    if ((v || e->code == ERROR_NO_SURFACE) && f->area > 0 &&
+        resolution_refine(choice, &r->resolution, f->thin_voxel, f->worth_voxel)) {
+        volume_close(v);
+        while (!(v = try_mesh(r, choice, whole, f, e)) && e->code == ERROR_LIMIT_MEMORY &&
+               choice->voxel_size < enough)
+            resolution_relent(choice, enough);
+    }
+    if (!v && e->code == ERROR_NO_SURFACE && f->thin_voxel > 0 && f->thin_voxel < choice->voxel_size)
+        error_set(e, ERROR_NO_SURFACE,
+                  "the mesh is thinner than a voxel of %g everywhere: give voxel_size <= %.3g, and more of "
+                  "limits.memory_mb if that is not enough",
+                  choice->voxel_size, f->thin_voxel);
+    return v;
+}
+
+static void warn_of_mesh(volume_info *info)
+{
+    const fidelity *f = &info->fidelity;
+    const resolution *r = &info->resolution;
+    if (f->thin >= unresolved_from)
+        warn(
+            info,
+            "%.2g %% of the mesh's area is thinner than a voxel and is not sampled: voxel_size <= %.3g shows all but "
+            "%g %%%s%s",
+            100 * f->thin, f->thin_voxel, 100 * FIDELITY_MOST_THIN, r->limited_by ? "; bounded by " : "",
+            r->limited_by ? r->limited_by : "");
+    if (f->hidden >= unresolved_from)
+        warn(
+            info,
+            "%.2g %% of the mesh's area is hidden inside the union: where shells overlap, touch or cross themselves, "
+            "the outside of all is sampled",
+            100 * f->hidden);
+    if (r->spacing > 0 && r->spacing < spacing_below * r->voxel_size)
+        warn(info,
+             "the points are %.3g apart, less than a voxel, %.3g: creases are rounded over several points; "
+             "voxel_size <= %.3g follows them",
+             r->spacing, r->voxel_size, r->spacing);
+}
+
+volume *volume_open_mesh(const volume_mesh_request *request, error *e)
+{
+    mesh whole = {0};
+    mesh_notes notes = {0};
+    const mesh_file file = {request->fd, request->path, request->reader, request->resolution.memory_limit};
+    volume *v = NULL;
+    resolution choice = {0};
+    fidelity kept = {0};
+    error why = {0};
+    if (mesh_file_read(&file, &whole, &notes, &why)) v = open_mesh(request, &whole, &choice, &kept, &why);
+    mesh_free(&whole);
+    if (!v) {
+        error_set(e, why.code, "%s: %s", request->path, why.message);
+        return NULL;
+    }
+    for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
+    v->info.fidelity = kept;
+    v->info.resolution = choice;
+    warn_of_mesh(&v->info);
+    return v;
 }
 
 /* ---- dense volumes */

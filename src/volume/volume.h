@@ -18,7 +18,8 @@
 #include "base/threads.h"
 #include "dense/slices.h"
 #include "field/field.h"
-#include "mesh/levelset.h"
+#include "mesh/fidelity.h"
+#include "mesh/resolution.h"
 
 typedef struct volume volume;
 
@@ -40,16 +41,14 @@ typedef struct volume_request {
 } volume_request;
 
 typedef struct volume_mesh_request {
-    int fd;              /* as above */
-    const char *path;    /* for messages, and its ending for the format */
-    const char *reader;  /* the program that reads meshes; NULL: this one (see mesh_reader.h) */
-    double voxel_size;   /* world units; 0: from the resolution */
-    int resolution;      /* voxels along the longest side of the mesh's box */
-    int band_vox;        /* half-width of the band of distances */
-    double offset;       /* of the surface from the mesh, outwards */
-    size_t memory_limit; /* as above, the process that reads included */
-    threads *pool;       /* as in levelset_params */
-    isa isa;             /* as above */
+    int fd;                        /* as above */
+    const char *path;              /* for messages, and its ending for the format */
+    const char *reader;            /* the program that reads meshes; NULL: this one (see mesh_reader.h) */
+    resolution_request resolution; /* its memory_limit as above, the process that reads included */
+    int band_vox;                  /* half-width of the band of distances */
+    double offset;                 /* of the surface from the mesh, outwards */
+    threads *pool;                 /* as in levelset_params */
+    isa isa;                       /* as above */
 } volume_mesh_request;
 
 typedef struct volume_dense_request {
@@ -72,12 +71,13 @@ typedef struct volume_info {
     uint64_t active_voxels;
     uint64_t crossing_cells;
     uint64_t bricks;
-    size_t memory_bytes;        /* what the volume holds */
-    bbox surface_box;           /* of the crossing cells */
-    size_t triangles;           /* of a mesh, as far as they count; 0 for a grid */
-    levelset_fidelity fidelity; /* of a mesh */
-    int64_t size[3];            /* samples of a dense volume; 0 for another */
-    char format[8], space[64];  /* of a dense volume, as in slices.h */
+    size_t memory_bytes;       /* what the volume holds */
+    bbox surface_box;          /* of the crossing cells */
+    size_t triangles;          /* of a mesh, as far as they count; 0 for a grid */
+    fidelity fidelity;         /* of a mesh, where it is not moved by an offset */
+    resolution resolution;     /* of a mesh: its voxels, and why these */
+    int64_t size[3];           /* samples of a dense volume; 0 for another */
+    char format[8], space[64]; /* of a dense volume, as in slices.h */
     size_t warning_count;
     char warning[VOLUME_MAX_WARNINGS][256];
 } volume_info;
@@ -91,6 +91,9 @@ volume *volume_open(const volume_request *request, error *e);
  * become warnings. Errors: input_damaged, input_unsupported (open meshes, formats), spec_invalid (voxels that
  * do not suit its size), no_surface, limit_memory; each names the file and the reason. */
 volume *volume_open_mesh(const volume_mesh_request *request, error *e);
+
+/* The smallest voxels with which a band reaches around an offset. */
+double volume_mesh_least_voxel(double offset, int band_vox);
 
 /* The same for a dense volume. Where the surface meets the end of the data it is open, with a boundary on that
  * face of the data's box (see volume_loose_ends for boxes that are not aligned with the world's axes).

@@ -14,6 +14,7 @@
 #include "mesh_fixture.h"
 #include "mesh/levelset.h"
 #include "mesh/mesh_repair.h"
+#include "mesh/resolution.h"
 #include "mesh/triangle.h"
 #include "mesh/winding_number.h"
 #include "volume_fixture.h"
@@ -291,9 +292,9 @@ static void shells_in_shells(void **state)
 
 /* ---- the level set */
 
-static vdb_grid *make(mesh *m, int resolution, mesh_notes *notes)
+static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
 {
-    const levelset_params params = {0, resolution, 4, (size_t)1 << 30, mesh_fixture_pool()};
+    const levelset_params params = {0, voxels, 4, (size_t)1 << 30, mesh_fixture_pool()};
     error e = {0};
     vdb_grid *g = levelset_make(m, &params, notes, &e);
     if (!g) fail_msg("%s", e.message);
@@ -624,6 +625,36 @@ static void sizes_and_limits(void **state)
     mesh_free(&point);
 }
 
+/* ---- voxels by need */
+
+static void voxels_follow_the_points(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 1}, 0);
+    resolution_request q = {.max_resolution = 4096, .memory_limit = (size_t)1 << 32, .point_bytes = 300};
+    assert_true(fabs(resolution_begin(&m, &q).voxel_size - 2.0 / 256) < 1e-12);
+    q.count = 1e6; /* 24 / 1e6 for each: spacings of 0.00526 */
+    resolution r = resolution_begin(&m, &q);
+    assert_true(fabs(r.voxel_size - 0.005264) < 1e-5);
+    assert_string_equal(r.chosen_by, "spacing");
+    assert_null(r.limited_by);
+    q.max_resolution = 300;
+    r = resolution_begin(&m, &q);
+    assert_true(fabs(r.voxel_size - 2.0 / 300) < 1e-12);
+    assert_string_equal(r.limited_by, "max_resolution");
+    q.max_resolution = 4096;
+    q.memory_limit = (size_t)800 << 20; /* the points take a third of it */
+    r = resolution_begin(&m, &q);
+    assert_true(r.voxel_size > 0.006 && r.voxel_size < 2.0 / 256);
+    assert_string_equal(r.limited_by, "memory");
+    q.resolution = 100;
+    r = resolution_begin(&m, &q);
+    assert_true(fabs(r.voxel_size - 0.02) < 1e-12);
+    assert_string_equal(r.chosen_by, "spec");
+    assert_false(resolution_refine(&r, &q, 0.001, 0.001));
+    mesh_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -646,6 +677,7 @@ int main(void)
         cmocka_unit_test(closed_however_tangled),
         cmocka_unit_test(zeros_of_either_sign_are_one),
         cmocka_unit_test(sizes_and_limits),
+        cmocka_unit_test(voxels_follow_the_points),
     };
     return cmocka_run_group_tests_name("levelset", tests, NULL, NULL);
 }

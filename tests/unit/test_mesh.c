@@ -22,23 +22,28 @@
 
 enum { SEED = 20260721, FAKES = 14 };
 
-static volume *open_bytes(const void *bytes, size_t count, const char *path, int resolution, size_t memory,
+static volume *open_bytes(const void *bytes, size_t count, const char *path, int voxels, size_t memory,
                           error *e)
 {
     int fd = fixture_bytes(bytes, count);
     const volume_mesh_request request = {
-        fd, path, NULL, 0, resolution, 4, 0, memory, mesh_fixture_pool(), isa_best()};
+        .fd = fd,
+        .path = path,
+        .resolution = {.resolution = voxels, .max_resolution = 8191, .memory_limit = memory},
+        .band_vox = 4,
+        .pool = mesh_fixture_pool(),
+        .isa = isa_best()};
     volume *v = volume_open_mesh(&request, e);
     close(fd);
     return v;
 }
 
-static volume *open_mesh(const mesh *m, const char *format, int resolution, error *e)
+static volume *open_mesh(const mesh *m, const char *format, int voxels, error *e)
 {
     size_t count;
     char *bytes = mesh_fixture_print(m, format, &count),
          *path = mem_printf("x/ball.%s", strcmp(format, "bstl") ? format : "STL");
-    volume *v = open_bytes(bytes, count, path, resolution, FIXTURE_MEMORY, e);
+    volume *v = open_bytes(bytes, count, path, voxels, FIXTURE_MEMORY, e);
     free(path);
     free(bytes);
     return v;
@@ -125,7 +130,7 @@ static void cavities_and_hidden_shells(void **state)
     field_sample s;
     if (field_sample_at(volume_field(v), (vec3){1.02, 0, 0}, FIELD_GRADIENT, &s)) assert_true(s.value < -0.9);
     assert_warned(v, "lie within others");
-    assert_warned(v, "20 % of the mesh's area is not on the surface");
+    assert_warned(v, "20 % of the mesh's area is hidden inside the union");
     volume_close(v);
     mesh_free(&m);
 }
@@ -138,14 +143,38 @@ static void thin_walls_are_told(void **state)
     mesh_fixture_append(&m, mesh_fixture_box((vec3){0, 0, 0.5}, (vec3){1, 1, 0.002}, 0));
     volume *v = open_mesh(&m, "off", 64, &e);
     assert_non_null(v);
-    assert_warned(v, "thinner than a voxel");
-    assert_true(volume_describe(v)->fidelity.unresolved > 0.45);
+    assert_warned(v, "thinner than a voxel and is not sampled: voxel_size <= 0.0032");
+    assert_true(volume_describe(v)->fidelity.thin > 0.45 && volume_describe(v)->fidelity.hidden == 0);
     volume_close(v);
     mesh_free(&m);
     m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 1, 0.002}, 0);
     assert_null(open_mesh(&m, "off", 64, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
-    assert_non_null(strstr(e.message, "thinner than that everywhere"));
+    assert_non_null(
+        strstr(e.message, "thinner than a voxel of 0.03125 everywhere: give voxel_size <= 0.0032"));
+    mesh_free(&m);
+}
+
+/* A blade that 256 voxels do not show at all, and beside it one that they do. */
+static void voxels_follow_the_thickness(void **state)
+{
+    (void)state;
+    error e = {0};
+    mesh m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 0.02, 0.002}, 0.4);
+    volume *v = open_mesh(&m, "off", 0, &e);
+    assert_non_null(v);
+    const volume_info *info = volume_describe(v);
+    assert_string_equal(info->resolution.chosen_by, "thickness");
+    assert_true(info->fidelity.thin <= FIDELITY_MOST_THIN);
+    assert_true(info->voxel_size > 0.0025 && info->voxel_size < 0.0035);
+    assert_int_equal(info->warning_count, 0);
+    volume_close(v);
+    mesh_free(&m);
+    m = mesh_fixture_box((vec3){0, 0, 0}, (vec3){1, 0.1, 0.02}, 0.4);
+    v = open_mesh(&m, "off", 0, &e);
+    assert_non_null(v);
+    assert_string_equal(volume_describe(v)->resolution.chosen_by, "default");
+    volume_close(v);
     mesh_free(&m);
 }
 
@@ -328,9 +357,11 @@ static void answers_are_not_believed(void **state)
                                  : ERROR_INPUT_DAMAGED,
                      words[kind]);
     }
-    const volume_mesh_request request = {
-        fixture_bytes("x", 1), "a.obj",   "/nowhere/at/all", 0, 32, 4, 0, FIXTURE_MEMORY,
-        mesh_fixture_pool(),   isa_best()};
+    const volume_mesh_request request = {.fd = fixture_bytes("x", 1),
+                                         .path = "a.obj",
+                                         .reader = "/nowhere/at/all",
+                                         .resolution = {.resolution = 32, .memory_limit = FIXTURE_MEMORY},
+                                         .band_vox = 4};
     assert_null(volume_open_mesh(&request, &e));
     assert_int_equal(e.code, ERROR_INTERNAL);
     close(request.fd);
@@ -346,7 +377,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(thin_walls_are_told),        cmocka_unit_test(open_meshes_are_refused),
         cmocka_unit_test(files_that_are_no_meshes),   cmocka_unit_test(damaged_files),
         cmocka_unit_test(other_files_are_not_opened), cmocka_unit_test(limits_hold),
-        cmocka_unit_test(answers_are_not_believed),
+        cmocka_unit_test(answers_are_not_believed),   cmocka_unit_test(voxels_follow_the_thickness),
     };
     return cmocka_run_group_tests_name("mesh", tests, NULL, NULL);
 }
