@@ -575,10 +575,11 @@ static void test_mesh(void **state)
     static const struct {
         const char *members;
         double voxel_size;
-        int resolution, band_vox;
-    } cases[] = {{"", 0, 256, 4},
-                 {",\"resolution\":100,\"band_vox\":6", 0, 100, 6},
-                 {",\"voxel_size\":0.5", 0.5, 0, 4}};
+        int resolution, max_resolution, band_vox;
+    } cases[] = {{"", 0, 0, 4096, 4},
+                 {",\"max_resolution\":512", 0, 0, 512, 4},
+                 {",\"resolution\":100,\"band_vox\":6", 0, 100, 0, 6},
+                 {",\"voxel_size\":0.5", 0.5, 0, 0, 4}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         char *text = mem_printf(
             "{\"version\":1,\"surface\":{\"mesh\":{\"path\":\"a/b.obj\"%s}},\"sampling\":{\"count\":9}}",
@@ -590,6 +591,7 @@ static void test_mesh(void **state)
         assert_string_equal(s->surface.mesh.path, "a/b.obj");
         assert_true(s->surface.mesh.voxel_size == cases[k].voxel_size);
         assert_int_equal(s->surface.mesh.resolution, cases[k].resolution);
+        assert_int_equal(s->surface.mesh.max_resolution, cases[k].max_resolution);
         assert_int_equal(s->surface.mesh.band_vox, cases[k].band_vox);
         spec_free(s);
         json_free(root);
@@ -684,7 +686,7 @@ static void test_surfaces_of_surfaces(void **state)
     assert_int_equal(offset->kind, SPEC_SURFACE_OFFSET);
     assert_true(offset->distance == -0.5);
     assert_int_equal(both->kind, SPEC_SURFACE_UNION);
-    assert_int_equal(both->parts[0]->mesh.resolution, 256);
+    assert_int_equal(both->parts[0]->mesh.max_resolution, 4096);
     assert_true(both->parts[1]->analytic.radius == 2 && both->parts[1]->analytic.center.x == 0.5);
     assert_true(spec_input_at(s, 0, &input));
     assert_string_equal(input.pointer, "/surface/difference/0/vdb/path");
