@@ -19,6 +19,7 @@
 #include "webhook/hosts.h"
 
 struct http_context {
+    access_control *access;
     queue *q;
     executor *x;
     estimator *estimator;     /* NULL: no estimates */
@@ -40,6 +41,8 @@ struct http_context {
     const delivery_counters *calls; /* of webhooks */
     atomic_bool *copying;           /* true while a backup is made */
     document_cache *documents;      /* NULL: no document is cached */
+    const struct page *page;        /* api/page.h; NULL: there is none */
+    double session_s;               /* how long a session lasts */
 };
 
 #endif

@@ -7,8 +7,10 @@
 #include "api/jobs.h"
 #include "api/metrics.h"
 #include "api/openapi.h"
+#include "api/page.h"
 #include "api/parameters.h"
 #include "api/results.h"
+#include "api/session.h"
 #include "api/status.h"
 #include "api/tasks.h"
 
@@ -269,6 +271,42 @@ static const route routes[] = {
      .summary = "Get a copy of the database as a backup",
      .answers = "200:file",
      .problems = "database_damaged storage_full"},
+    {.method = "POST",
+     .pattern = "/v1/session",
+     .handler = session_sign_in,
+     .name = "signIn",
+     .summary = "Begin the session of a browser, by a token; the answer sets a cookie",
+     .body = "SignIn",
+     .answers = "200:Session",
+     .problems = "json_invalid body_too_large media_type_unsupported unauthorized not_found"},
+    {.method = "GET",
+     .pattern = "/v1/session",
+     .handler = session_show,
+     .name = "getSession",
+     .summary = "Find out who asks, and what this caller may do",
+     .answers = "200:Session"},
+    {.method = "DELETE",
+     .pattern = "/v1/session",
+     .handler = session_sign_out,
+     .name = "signOut",
+     .summary = "End the session of a browser",
+     .answers = "204:-"},
+    {.method = "GET",
+     .pattern = "/",
+     .handler = page_show,
+     .name = "getPage",
+     .summary = "Get the web page",
+     .headers = "If-None-Match",
+     .answers = "200:file 304:-",
+     .problems = "not_found"},
+    {.method = "GET",
+     .pattern = "/page/{name}",
+     .handler = page_send_file,
+     .name = "getPageFile",
+     .summary = "Get a file of the web page",
+     .headers = "If-None-Match",
+     .answers = "200:file 304:-",
+     .problems = "not_found"},
     {.method = "GET",
      .pattern = "/v1/openapi.json",
      .handler = openapi_show,

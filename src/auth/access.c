@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 
@@ -26,6 +27,8 @@ typedef struct numbers {
 struct access_control {
     numbers users, groups, admins;
     bool open_tcp;
+    session_key key; /* without a cookie's name: there are no sessions */
+    int64_t session_ms;
     char *token_file;
     pthread_mutex_t mutex; /* for what follows */
     token_set tokens;
@@ -99,8 +102,10 @@ access_control *access_open(const access_settings *settings, error *e)
     access_control *a = mem_alloc(sizeof *a);
     pthread_mutex_init(&a->mutex, NULL);
     a->open_tcp = settings->open_tcp;
+    a->session_ms = (int64_t)(settings->session_s * 1000);
     a->token_file = mem_strdup(settings->token_file);
-    if (resolve(&settings->users, "user", resolve_user, &a->users, e) &&
+    if ((!settings->session_key_file || session_key_open(settings->session_key_file, &a->key, e)) &&
+        resolve(&settings->users, "user", resolve_user, &a->users, e) &&
         resolve(&settings->groups, "group", resolve_group, &a->groups, e) &&
         resolve(&settings->admins, "user", resolve_user, &a->admins, e) && refresh(a, e))
         return a;
@@ -175,33 +180,79 @@ void access_look(access_control *a, int fd, access_peer *peer)
     if (peer->scopes) name_user(who.uid, peer->user);
 }
 
+static void take_rights(const token *t, access_caller *caller)
+{
+    strcpy(caller->user, t->user);
+    caller->scopes = t->scopes;
+    caller->max_priority = t->max_priority;
+}
+
+/* The tokens as they are now, until unlock_tokens. */
+static const token_set *lock_tokens(access_control *a)
+{
+    error e = {0};
+    pthread_mutex_lock(&a->mutex);
+    if (!refresh(a, &e)) log_write(LOG_LEVEL_ERROR, "no token is known: %s", e.message);
+    return &a->tokens;
+}
+
+static void unlock_tokens(access_control *a)
+{
+    pthread_mutex_unlock(&a->mutex);
+}
+
 static bool identify_token(access_control *a, const char *authorization, access_caller *caller)
 {
     static const char scheme[] = "Bearer ";
-    error e = {0};
     if (strncasecmp(authorization, scheme, sizeof scheme - 1) != 0) return false;
     const char *text = authorization + sizeof scheme - 1 + strspn(authorization + sizeof scheme - 1, " ");
-    pthread_mutex_lock(&a->mutex);
-    if (!refresh(a, &e)) log_write(LOG_LEVEL_ERROR, "no token is known: %s", e.message);
-    const token *t = token_set_find(&a->tokens, text);
-    if (t) {
-        strcpy(caller->user, t->user);
-        caller->scopes = t->scopes;
-        caller->max_priority = t->max_priority;
-    }
-    pthread_mutex_unlock(&a->mutex);
+    const token *t = token_set_find(lock_tokens(a), text);
+    if (t) take_rights(t, caller);
+    unlock_tokens(a);
+    return t != NULL;
+}
+
+static bool identify_session(access_control *a, const char *session, access_caller *caller)
+{
+    if (!*a->key.cookie) return false;
+    int64_t ends_ms = 0;
+    const token *t = session_find(&a->key, lock_tokens(a), session, clock_wall_ms(), &ends_ms);
+    if (t) take_rights(t, caller);
+    unlock_tokens(a);
+    caller->session_ends_ms = ends_ms;
     return t != NULL;
 }
 
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
-                     access_caller *caller)
+                     const char *session, access_caller *caller)
 {
     *caller = (access_caller){.max_priority = TOKEN_ANY_PRIORITY};
     if (authorization) return identify_token(a, authorization, caller);
+    if (session && !peer->local && identify_session(a, session, caller)) return true;
     if (!peer->scopes) return false;
     strcpy(caller->user, peer->user);
     caller->scopes = peer->scopes;
     return true;
+}
+
+bool access_begin_session(access_control *a, const char *token_text, char session[SESSION_SIZE],
+                          access_caller *caller)
+{
+    if (!*a->key.cookie) return false;
+    int64_t ends_ms = (clock_wall_ms() + a->session_ms) / 1000 * 1000;
+    const token *t = token_set_find(lock_tokens(a), token_text);
+    if (t) {
+        *caller = (access_caller){.session_ends_ms = ends_ms};
+        take_rights(t, caller);
+        session_begin(&a->key, t, ends_ms, session);
+    }
+    unlock_tokens(a);
+    return t != NULL;
+}
+
+const char *access_session_cookie(const access_control *a)
+{
+    return a->key.cookie;
 }
 
 bool access_is_owner(const access_caller *caller, const char *owner)

@@ -6,6 +6,9 @@
  * else is unknown. A caller on TCP without a token is unknown too, unless `open_tcp` makes all of them one
  * user, ACCESS_ANYONE.
  *
+ * A browser shows its token once and gets a session (auth/session.h), which it shows over TCP from then on. A session
+ * may do what its token may do, and ends with it.
+ *
  * The token file is read again when it has changed. While it cannot be read, all tokens are unknown. Any
  * thread.
  */
@@ -17,6 +20,7 @@
 #include <sys/types.h>
 
 #include "auth/scope.h"
+#include "auth/session.h"
 #include "auth/token.h"
 #include "base/error.h"
 
@@ -33,11 +37,13 @@ typedef struct access_names {
 typedef struct access_settings {
     access_names users, groups, admins;
     const char *token_file;
+    const char *session_key_file; /* NULL: there are no sessions */
+    double session_s;             /* how long a session lasts */
     bool open_tcp;
 } access_settings;
 
 /* Copies the settings. Error spec_invalid: a user or group is unknown, or token_set_read refuses the token
- * file. */
+ * file, or session_key_open that of the key. */
 access_control *access_open(const access_settings *settings, error *e);
 void access_close(access_control *a); /* accepts NULL */
 
@@ -57,12 +63,21 @@ void access_look(access_control *a, int fd, access_peer *peer);
 typedef struct access_caller {
     char user[ACCESS_USER_SIZE];
     unsigned scopes;
-    int max_priority; /* of the token; TOKEN_ANY_PRIORITY without one */
+    int max_priority;        /* of the token; TOKEN_ANY_PRIORITY without one */
+    int64_t session_ends_ms; /* wall clock; 0: the caller has no session */
 } access_caller;
 
-/* `authorization` is the value of the header or NULL. Returns false for an unknown caller or token. */
+/* `authorization` is the value of the header, `session` that of the cookie, or NULL. Returns false for an unknown
+ * caller or token. A session that is over, or over a Unix socket, counts as none. */
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
-                     access_caller *caller);
+                     const char *session, access_caller *caller);
+
+/* Begins a session of the token: false when the token is unknown or there are no sessions. */
+bool access_begin_session(access_control *a, const char *token_text, char session[SESSION_SIZE],
+                          access_caller *caller);
+
+/* The name of the cookie; "" when there are no sessions. */
+const char *access_session_cookie(const access_control *a);
 
 /* Whether the caller is the owner or an administrator. */
 bool access_is_owner(const access_caller *caller, const char *owner);

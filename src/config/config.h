@@ -33,6 +33,8 @@ typedef struct config {
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
     config_list page_origins, trusted_proxies;
+    int64_t page; /* 0: no */
+    double session_s;
     config_list input_roots, output_roots, path_mappings;
     char *output_mode;                        /* octal digits */
     char *output_group;                       /* "": stays */

@@ -33,9 +33,14 @@ const config_row config_table[] = {
     {SETTING(page_origins), .type = CONFIG_WORDS,
      .help =
          "Origins of web pages (https://gui.example, http://localhost:3000) that may send requests from a "
-         "browser and read the answers; separated by commas, and the key may be repeated. A port without "
-         "tokens answers 421 to requests whose Host is neither its own nor one of these, and 403 to "
-         "requests of pages from any other origin."},
+         "browser and read the answers; separated by commas, and the key may be repeated. Behind a proxy: "
+         "the origin at which browsers reach it, for the page of hexad itself. A request over TCP that shows no "
+         "token is answered 421 when its Host is neither this port's own nor one of these, and 403 when it "
+         "comes from a page of any other origin."},
+    {SETTING(page), .type = CONFIG_INTEGER, .default_text = "1", .low = 0, .high = 1,
+     .help = "1: the web page is served at /, and browsers may sign in with a token. 0: neither."},
+    {SETTING(session_s), .type = CONFIG_REAL, .default_text = "43200", .low = 1, .high = 3.2e7, .unit = "s",
+     .help = "How long a browser stays signed in. A session ends earlier when its token is revoked."},
     {SETTING(trusted_proxies), .type = CONFIG_WORDS,
      .help = "Addresses or ranges (10.0.0.0/8) of proxies in front of a TCP port; separated by commas, and "
              "the key may be repeated. Their header Forwarded (RFC 7239) tells the client's address, which "

@@ -32,6 +32,7 @@ typedef enum http_header {
     HTTP_IF_NONE_MATCH,
     HTTP_IF_RANGE,
     HTTP_LAST_EVENT_ID,
+    HTTP_ORIGIN,
     HTTP_PREFER,
     HTTP_RANGE,
     HTTP_TRACEPARENT,

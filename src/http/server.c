@@ -18,6 +18,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "http/fields.h"
 #include "http/forwarded.h"
 #include "http/head.h"
 #include "http/loop.h"
@@ -31,8 +32,6 @@
 /* A stream sends something at least this often, so that a closed connection is noticed. */
 #define STREAM_TICK_MS 15000
 #define STREAM_BLOCK_BYTES 16384
-/* The number of Forwarded headers; each proxy extends one or adds one. */
-#define MOST_FORWARDED 16
 /* How long server_stop waits for answers under way. */
 #define STOP_MS 5000
 /* So many submissions may share a flush of the queue. The threads sleep most of the time. Further threads
@@ -77,11 +76,11 @@ typedef struct exchange {
 } exchange;
 
 static const char *const header_names[HTTP_HEADER_COUNT] = {
-    [HTTP_ACCEPT] = "Accept",           [HTTP_IDEMPOTENCY_KEY] = "Idempotency-Key",
-    [HTTP_IF_MATCH] = "If-Match",       [HTTP_IF_NONE_MATCH] = "If-None-Match",
-    [HTTP_IF_RANGE] = "If-Range",       [HTTP_LAST_EVENT_ID] = "Last-Event-ID",
-    [HTTP_PREFER] = "Prefer",           [HTTP_RANGE] = "Range",
-    [HTTP_TRACEPARENT] = "traceparent",
+    [HTTP_ACCEPT] = "Accept",     [HTTP_IDEMPOTENCY_KEY] = "Idempotency-Key",
+    [HTTP_IF_MATCH] = "If-Match", [HTTP_IF_NONE_MATCH] = "If-None-Match",
+    [HTTP_IF_RANGE] = "If-Range", [HTTP_LAST_EVENT_ID] = "Last-Event-ID",
+    [HTTP_ORIGIN] = "Origin",     [HTTP_PREFER] = "Prefer",
+    [HTTP_RANGE] = "Range",       [HTTP_TRACEPARENT] = "traceparent",
 };
 
 static client_connection *connection_of(struct MHD_Connection *connection)
@@ -220,68 +219,16 @@ static enum MHD_Result queue_reply(exchange *x, reply *r)
     return done;
 }
 
-/* The headers that the server itself reads. */
-typedef struct fields {
-    int lengths, codings, authorizations, hosts, origins;
-    bool coded; /* Content-Encoding names one */
-    bool chunked;
-    const char *length, *authorization, *host, *origin;
-    const char *forwarded[MOST_FORWARDED];
-    size_t forwarded_count;
-} fields;
-
-static void read_origin_fields(fields *f, const char *key, const char *value)
-{
-    if (strcasecmp(key, MHD_HTTP_HEADER_HOST) == 0) {
-        f->hosts++;
-        f->host = value ? value : "";
-    } else if (strcasecmp(key, MHD_HTTP_HEADER_ORIGIN) == 0) {
-        f->origins++;
-        f->origin = value ? value : "";
-    } else if (strcasecmp(key, MHD_HTTP_HEADER_FORWARDED) == 0) {
-        /* when there are too many, none is trusted */
-        if (f->forwarded_count < MOST_FORWARDED) f->forwarded[f->forwarded_count] = value ? value : "";
-        f->forwarded_count++;
-    }
-}
-
-static enum MHD_Result read_field(void *context, enum MHD_ValueKind kind, const char *key, const char *value)
-{
-    (void)kind;
-    fields *f = context;
-    if (strcasecmp(key, MHD_HTTP_HEADER_CONTENT_LENGTH) == 0) {
-        f->lengths++;
-        f->length = value;
-    } else if (strcasecmp(key, MHD_HTTP_HEADER_TRANSFER_ENCODING) == 0) {
-        f->codings++;
-        f->chunked = value && strcasecmp(value, "chunked") == 0;
-    } else if (strcasecmp(key, MHD_HTTP_HEADER_CONTENT_ENCODING) == 0) {
-        f->coded = f->coded || !value || strcasecmp(value, "identity") != 0;
-    } else if (strcasecmp(key, MHD_HTTP_HEADER_AUTHORIZATION) == 0) {
-        f->authorizations++;
-        f->authorization = value;
-    } else {
-        read_origin_fields(f, key, value);
-    }
-    return MHD_YES;
-}
-
-/* The media type, perhaps with parameters. */
-static bool is_media_type(const char *type, const char *wanted)
-{
-    size_t length = strlen(wanted);
-    return type && strncasecmp(type, wanted, length) == 0 &&
-           (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
-}
-
 /* Identifies the caller and the client address. */
 static void identify(exchange *x, const fields *f)
 {
     const client_connection *from = connection_of(x->connection);
+    const char *session =
+        MHD_lookup_connection_value(x->connection, MHD_COOKIE_KIND, access_session_cookie(x->s->access));
     x->known = f->authorizations < 2 &&
-               access_identify(x->s->access, connections_access(from), f->authorization, &x->caller);
+               access_identify(x->s->access, connections_access(from), f->authorization, session, &x->caller);
     x->client = *connections_address(from);
-    if (f->forwarded_count && f->forwarded_count <= MOST_FORWARDED)
+    if (f->forwarded_count && f->forwarded_count <= FIELDS_MOST_FORWARDED)
         x->client = forwarded_client(&x->client, x->s->settings.proxies, f->forwarded, f->forwarded_count);
 }
 
@@ -295,7 +242,8 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
         [CONNECTION_TOO_MANY] = "the service has too many connections (setting connection_limit)",
     };
     client_connection *p = connection_of(x->connection);
-    bool is_user = x->known && (f->authorization || connections_access(p)->local);
+    bool is_user =
+        x->known && (f->authorization || x->caller.session_ends_ms || connections_access(p)->local);
     connection_verdict verdict =
         connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL);
     if (verdict == CONNECTION_ADMITTED) return false;
@@ -306,28 +254,45 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
     return true;
 }
 
-/* On a port without tokens: refuses requests of web pages from other origins. A request without Host is not
- * from a browser, since all browsers send it. */
+static void set_unauthorized(const fields *f, reply *r)
+{
+    reply_set_problem(r, "unauthorized", NULL,
+                      f->authorization ? "the token is unknown; it may have been revoked"
+                                       : "this needs a token: send the header Authorization: Bearer TOKEN");
+    reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
+                     f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
+                                      : "Bearer realm=\"hexad\"");
+}
+
+/* Whether a page of another origin sends the request. A link on it may lead to what is open to all. */
+static bool is_foreign_page(const exchange *x, const fields *f)
+{
+    if (f->origins) return f->origins > 1 || !pages_is_welcome(x->s->settings.pages, f->origin);
+    if (!f->site || strcmp(f->site, "same-origin") == 0 || strcmp(f->site, "none") == 0) return false;
+    const route *found = x->route.found;
+    return !(found && !found->scope && f->destination && strcmp(f->destination, "document") == 0);
+}
+
+/* Over TCP: refuses requests for other hosts and of web pages from other origins, unless they show a token. A
+ * request without Host is not from a browser, since all browsers send it. */
 static bool refuse_page(const exchange *x, const fields *f, reply *r)
 {
     const access_peer *from = connections_access(connection_of(x->connection));
-    const pages *allowed = x->s->settings.pages;
-    if (from->local || !from->scopes || (f->authorization && x->known)) return false;
-    if (f->hosts && !pages_is_host(allowed, f->host)) {
+    if (from->local || (f->authorization && x->known)) return false;
+    bool other_host = f->hosts && !pages_is_host(x->s->settings.pages, f->host);
+    if (!other_host && !is_foreign_page(x, f)) return false;
+    if (f->authorization && !from->scopes)
+        set_unauthorized(f, r); /* a program, whose token is what is wrong */
+    else if (other_host)
         reply_set_problem(r, "misdirected_request", NULL,
-                          "this service is not at the host %.200s: use the address that it listens on, or add"
-                          " an origin with this host to the setting page_origins",
+                          "this service is not at the host %.200s: use the address that it listens on, send a"
+                          " token, or add an origin with this host to the setting page_origins",
                           f->host);
-        return true;
-    }
-    const char *site = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, "Sec-Fetch-Site");
-    bool foreign = f->origins ? f->origins > 1 || !pages_is_welcome(allowed, f->origin)
-                              : site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0;
-    if (!foreign) return false;
-    reply_set_problem(r, "origin_forbidden", NULL,
-                      "pages of %.200s may not send requests to this service: the setting page_origins"
-                      " names those that may",
-                      f->origins ? f->origin : "another site");
+    else
+        reply_set_problem(r, "origin_forbidden", NULL,
+                          "pages of %.200s may not send requests to this service: the setting page_origins"
+                          " names those that may",
+                          f->origins ? f->origin : "another site");
     return true;
 }
 
@@ -353,13 +318,7 @@ static bool refuse_caller(const exchange *x, const fields *f, reply *r)
     const route_match *match = &x->route;
     if (match->found && !match->found->scope) return false; /* open to all */
     if (!x->known) {
-        reply_set_problem(r, "unauthorized", NULL,
-                          f->authorization
-                              ? "the token is unknown; it may have been revoked"
-                              : "this needs a token: send the header Authorization: Bearer TOKEN");
-        reply_add_header(r, MHD_HTTP_HEADER_WWW_AUTHENTICATE,
-                         f->authorization ? "Bearer realm=\"hexad\", error=\"invalid_token\""
-                                          : "Bearer realm=\"hexad\"");
+        set_unauthorized(f, r);
         return true;
     }
     if (!match->found || x->caller.scopes & match->found->scope) return false;
@@ -388,7 +347,8 @@ static bool refuse_body(const exchange *x, const fields *f, reply *r)
     const char *type =
         MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_CONTENT_TYPE);
     bool patch = strcmp(x->route.found->method, "PATCH") == 0;
-    if (is_media_type(type, "application/json") || (patch && is_media_type(type, ROUTE_MERGE_PATCH)))
+    if (fields_is_media_type(type, "application/json") ||
+        (patch && fields_is_media_type(type, ROUTE_MERGE_PATCH)))
         return false;
     reply_set_problem(r, "media_type_unsupported", NULL,
                       "the body must be JSON: send the header Content-Type: application/json");
@@ -471,18 +431,19 @@ static bool refuse_head(const exchange *x, const fields *f, const char *method, 
 static bool refuse_early(exchange *x, const char *method, const char *path, const char *version, bool *early,
                          reply *r)
 {
-    fields f = {0};
-    MHD_get_connection_values(x->connection, MHD_HEADER_KIND, read_field, &f);
+    fields f = fields_read(x->connection);
     route_find(x->s->settings.routes, method, path, &x->route);
     identify(x, &f);
     if (f.origins == 1 && pages_is_named(x->s->settings.pages, f.origin)) x->page_origin = f.origin;
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     x->chunked = f.codings > 0;
-    if (refuse_head(x, &f, method, version, r) || refuse_connection(x, &f, r) || refuse_page(x, &f, r)) {
+    if (refuse_head(x, &f, method, version, r) || refuse_connection(x, &f, r)) {
         *early = true;
     } else if (answer_preflight(x, method, r)) {
         return true;
+    } else if (refuse_page(x, &f, r)) {
+        *early = true;
     } else if (!refuse(x, &f, method, path, r)) {
         return false;
     }

@@ -18,6 +18,7 @@
 
 #include "api/context.h"
 #include "api/notifier.h"
+#include "api/page.h"
 #include "api/routes.h"
 #include "auth/access.h"
 #include "base/clock.h"
@@ -87,6 +88,7 @@ typedef struct service {
     http_context context;
     address_ranges proxies;
     pages *pages;
+    page *page; /* NULL: none */
     server *http;
     uint64_t turns; /* of the supervisor, at the last ping; UINT64_MAX: none yet */
     bool stuck;
@@ -263,15 +265,19 @@ static bool init_access(service *s, error *e)
 {
     const config *c = &s->settings;
     char *file = token_file_of(s);
+    char *key_file = c->page ? mem_printf("%s/session.key", s->state_dir) : NULL;
     access_settings settings = {
         .users = names_of(&c->unix_users),
         .groups = names_of(&c->unix_groups),
         .admins = names_of(&c->unix_admins),
         .token_file = file,
+        .session_key_file = key_file,
+        .session_s = c->session_s,
         .open_tcp = s->socket.reach == LISTEN_LOOPBACK && *c->tcp_without_tokens,
     };
     s->access = access_open(&settings, e);
     free(file);
+    free(key_file);
     if (s->access && check_reach(s, e)) return true;
     access_close(s->access);
     return false;
@@ -489,6 +495,21 @@ static void fini_network(service *s)
     address_ranges_clear(&s->proxies);
 }
 
+/* A service without its page does all else. */
+static bool init_page(service *s, error *e)
+{
+    (void)e;
+    error why = {0};
+    if (!s->settings.page) return true;
+    if (!(s->page = page_open(&why))) log_write(LOG_LEVEL_WARNING, "there is no web page: %s", why.message);
+    return true;
+}
+
+static void fini_page(service *s)
+{
+    page_close(s->page);
+}
+
 static void free_context(service *s)
 {
     document_cache_free(s->context.documents);
@@ -519,6 +540,7 @@ static bool init_http(service *s, error *e)
     if (c->estimates && !(m = estimator_open(&workers, (int)c->estimates, c->estimate_timeout_s, e)))
         return false;
     s->context = (http_context){
+        .access = s->access,
         .q = s->q,
         .x = s->x,
         .estimator = m,
@@ -540,6 +562,8 @@ static bool init_http(service *s, error *e)
         .calls = &s->calls,
         .copying = &s->copying,
         .documents = document_cache_new((size_t)c->kept_documents),
+        .page = s->page,
+        .session_s = c->session_s,
     };
     s->http = server_start(&settings, &s->socket, s->access, e);
     if (s->http) return true;
@@ -592,6 +616,7 @@ static const struct step {
     {"notifier", init_notifier, fini_notifier},
     {"webhooks", init_webhooks, fini_webhooks},
     {"network", init_network, fini_network},
+    {"page", init_page, fini_page},
     {"http", init_http, fini_http},
     {"checker", init_checker, fini_checker},
     {"port_file", init_port_file, fini_port_file},

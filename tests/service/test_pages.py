@@ -1,9 +1,15 @@
-"""What a web page that is open in a browser can do to a port that asks for no token: nothing, unless it is named."""
+"""What web pages that are open in a browser can do over TCP: nothing, unless they are named, or are hexad's own.
+
+Its own page signs in with a token and has a session from then on.
+"""
 import json
+import re
+import signal
+import subprocess
 
 import pytest
 
-from service import OPEN_TCP, long_sphere, sphere
+from service import OPEN_TCP, long_sphere, sphere, wait_until
 from test_access import new_token
 from test_connections import settings_fault
 from test_rest import exchange, expect_problem
@@ -112,15 +118,18 @@ def with_tokens(new_service):
     return service.start()
 
 
-def test_where_tokens_are_needed_nothing_changes(with_tokens):
-    """A page has none; and proxies ask by other names."""
+def test_whoever_shows_a_token_asks_by_any_name(with_tokens):
+    """A page of others has none; and proxies ask by other names."""
     assert ask(with_tokens, "GET", "/v1/jobs", Host="hexad.example", Authorization=with_tokens.token).status == 200
     reply = ask(with_tokens, "GET", "/v1/jobs", Origin="http://evil.example", Authorization=with_tokens.token)
     assert reply.status == 200 and reply.headers["Access-Control-Allow-Origin"] is None
-    assert ask(with_tokens, "GET", "/healthz", Host="evil.example").status == 200
+    expect_problem(ask(with_tokens, "GET", "/healthz", Host="evil.example"), 421, "misdirected_request")
+    # of a program it says what is wrong: its token
+    wrong = ask(with_tokens, "GET", "/v1/jobs", Host="hexad.example", Authorization="Bearer hexad_" + "0" * 64)
+    expect_problem(wrong, 401, "unauthorized")
     expect_problem(ask(with_tokens, "GET", "/v1/jobs", Origin=GUI), 401, "unauthorized")
     # a named origin's page that was given one may use it
-    asked = ask(with_tokens, "OPTIONS", "/v1/jobs", Origin=GUI, Access_Control_Request_Method="GET",
+    asked = ask(with_tokens, "OPTIONS", "/v1/jobs", Origin=GUI, Host="hexad.example", Access_Control_Request_Method="GET",
                 Access_Control_Request_Headers="authorization")
     assert asked.status == 204 and "Authorization" in asked.headers["Access-Control-Allow-Headers"]
 
@@ -138,3 +147,100 @@ def test_on_a_port_open_to_all_a_token_is_enough(new_service):
 def test_an_origin_that_is_none(service):
     for origin in ("gui.example", "null", "*", f"{GUI}/"):
         assert "page_origins" in settings_fault(service, "--page_origins", origin)
+
+
+# ---- hexad's own page, and sessions
+
+def sign_in(service, token, **headers):
+    return ask(service, "POST", "/v1/session", json.dumps({"token": token.removeprefix("Bearer ")}),
+               Content_Type="application/json", **headers)
+
+
+def cookie_of(reply):
+    return reply.headers["Set-Cookie"].partition(";")[0]
+
+
+def test_the_page_is_open_and_holds_nothing(with_tokens):
+    if not (with_tokens.build / "page/made").exists():
+        pytest.skip("the page was not built: run npm ci in page, and make")
+    page = with_tokens.get("/")
+    assert page.status == 200 and page.headers["Content-Type"] == "text/html; charset=utf-8"
+    policy = page.headers["Content-Security-Policy"]
+    assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy and "unsafe" not in policy
+    for link in re.findall(r'(?:src|href)="([^"]*)"', page.body.decode()):
+        part = with_tokens.get(f"/{link}")
+        assert part.status == 200 and part.headers["X-Content-Type-Options"] == "nosniff"
+        again = ask(with_tokens, "GET", f"/{link}", If_None_Match=part.headers["ETag"])
+        assert again.status == 304 and not again.body
+    for path in ("/page/nothing.js", "/page/..%2findex.html", "/page/made"):
+        assert with_tokens.get(path).status in (401, 404)
+    # a link on another page leads here; a picture or a frame of it does not
+    assert ask(with_tokens, "GET", "/", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="document").status == 200
+    expect_problem(ask(with_tokens, "GET", "/", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="iframe"), 403,
+                   "origin_forbidden")
+    expect_problem(ask(with_tokens, "GET", "/v1/jobs", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="document"), 403,
+                   "origin_forbidden")
+    expect_problem(ask(with_tokens, "GET", "/", Host="evil.example"), 421, "misdirected_request")
+
+
+def test_a_session_has_the_rights_of_its_token(with_tokens):
+    own = f"http://{with_tokens.address}"
+    reply = sign_in(with_tokens, new_token(with_tokens, "bob", "--scopes", "read"), Origin=own)
+    assert reply.status == 200 and reply.json["user"] == "bob" and reply.json["scopes"] == ["read"]
+    attributes = reply.headers["Set-Cookie"].split("; ")[1:]
+    assert attributes == ["Max-Age=43200", "HttpOnly", "SameSite=Strict"]
+    cookie = cookie_of(reply)
+    assert ask(with_tokens, "GET", "/v1/session", Cookie=cookie).json == reply.json
+    assert ask(with_tokens, "GET", "/v1/jobs", Cookie=f"other=1; {cookie}").status == 200
+    refused = ask(with_tokens, "POST", "/v1/jobs", json.dumps(sphere()), Cookie=cookie, Content_Type="application/json")
+    expect_problem(refused, 403, "forbidden")
+    # a session is no token: it makes no page of others welcome
+    for headers, status in (({"Host": "evil.example"}, 421), ({"Origin": "http://evil.example"}, 403),
+                            ({"Sec_Fetch_Site": "cross-site"}, 403)):
+        assert ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie, **headers).status == status
+    over = ask(with_tokens, "DELETE", "/v1/session", Cookie=cookie)
+    assert over.status == 204 and "Max-Age=0" in over.headers["Set-Cookie"]
+    assert "; Secure" in sign_in(with_tokens, with_tokens.token, Origin=GUI).headers["Set-Cookie"]
+
+
+def test_a_session_outlives_the_service_but_not_its_token(with_tokens):
+    secret = new_token(with_tokens, "bob")
+    cookie = cookie_of(sign_in(with_tokens, secret))
+    with_tokens.end(signal.SIGKILL)
+    with_tokens.start()
+    assert ask(with_tokens, "GET", "/v1/session", Cookie=cookie).json["user"] == "bob"
+    identity = cookie.partition("=")[2].partition(".")[0]
+    subprocess.run([with_tokens.build / "hexadctl", "token", "revoke", identity, "--file",
+                    with_tokens.state / "tokens"], check=True)
+    assert ask(with_tokens, "GET", "/v1/session", Cookie=cookie).json == {"user": None, "scopes": [], "ends": None}
+    expect_problem(ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie), 401, "unauthorized")
+    expect_problem(sign_in(with_tokens, secret), 401, "unauthorized")
+    expect_problem(sign_in(with_tokens, "x" * 5000), 401, "unauthorized")
+
+
+def test_a_session_that_was_changed_is_none(with_tokens):
+    name, _, value = cookie_of(sign_in(with_tokens, with_tokens.token)).partition("=")
+    identity, ends, mac = value.split(".")
+    for forged in (f"{identity}.{int(ends) + 1}.{mac}", f"{identity}.{ends}.{'0' * 64}", f"{identity}.{ends}.",
+                   f"{identity}.{ends}", identity, "", "." * 60, f"{identity}.{'9' * 40}.{mac}", f"{value}0",
+                   f"{identity}. {ends}.{mac}", value.upper()):
+        assert ask(with_tokens, "GET", "/v1/jobs", Cookie=f"{name}={forged}").status == 401, forged
+    assert ask(with_tokens, "GET", "/v1/jobs", Cookie=f"{name}={value}").status == 200
+    assert oct((with_tokens.state / "session.key").stat().st_mode & 0o777) == "0o600"
+
+
+def test_a_session_ends(with_tokens):
+    with_tokens.end()
+    with_tokens.start("--session_s", "1")
+    reply = sign_in(with_tokens, with_tokens.token)
+    assert "Max-Age=1;" in reply.headers["Set-Cookie"]
+    wait_until(lambda: ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie_of(reply)).status == 401, "the end")
+
+
+def test_a_service_without_its_page(with_tokens):
+    cookie = cookie_of(sign_in(with_tokens, with_tokens.token))
+    with_tokens.end()
+    with_tokens.start("--page", "0")
+    expect_problem(with_tokens.get("/"), 404, "not_found")
+    expect_problem(sign_in(with_tokens, with_tokens.token), 404, "not_found")
+    assert ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie).status == 401

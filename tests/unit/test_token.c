@@ -13,7 +13,9 @@
 #include <unistd.h>
 
 #include "auth/access.h"
+#include "auth/session.h"
 #include "auth/token.h"
+#include "base/memory.h"
 #include "store/file.h"
 
 static char path[] = "/tmp/hexad-token-XXXXXX";
@@ -223,29 +225,29 @@ static void test_peers_and_tokens(void **state)
     access_caller caller;
     access_look(a, pair[0], &peer);
     assert_true(peer.local && peer.uid == geteuid());
-    assert_true(access_identify(a, &peer, NULL, &caller));
+    assert_true(access_identify(a, &peer, NULL, NULL, &caller));
     assert_int_equal(caller.scopes, SCOPE_ALL);
     assert_int_equal(caller.max_priority, TOKEN_ANY_PRIORITY);
-    assert_false(access_identify(a, &stranger, NULL, &caller));
+    assert_false(access_identify(a, &stranger, NULL, NULL, &caller));
     /* a token that is made while the service runs is known, and is what counts */
     assert_non_null(token_set_add(&set, "alice", SCOPE_READ, 0, secret, &e));
     assert_true(token_set_write(path, &set, TOKEN_NO_GROUP, &e));
     strcat(strcpy(header, "Bearer "), secret);
-    assert_true(access_identify(a, &peer, header, &caller));
+    assert_true(access_identify(a, &peer, header, NULL, &caller));
     assert_string_equal(caller.user, "alice");
     assert_int_equal(caller.scopes, SCOPE_READ);
     assert_int_equal(caller.max_priority, 0);
-    assert_true(access_identify(a, &stranger, header, &caller));
+    assert_true(access_identify(a, &stranger, header, NULL, &caller));
     assert_true(access_is_owner(&caller, "alice"));
     assert_false(access_is_owner(&caller, "bob"));
     header[10]++;
-    assert_false(access_identify(a, &peer, header, &caller));
-    assert_false(access_identify(a, &peer, "Basic YTpi", &caller));
-    assert_false(access_identify(a, &peer, "", &caller));
+    assert_false(access_identify(a, &peer, header, NULL, &caller));
+    assert_false(access_identify(a, &peer, "Basic YTpi", NULL, &caller));
+    assert_false(access_identify(a, &peer, "", NULL, &caller));
     /* one that others can reach is worth nothing */
     header[10]--;
     assert_int_equal(chmod(path, 0644), 0);
-    assert_false(access_identify(a, &stranger, header, &caller));
+    assert_false(access_identify(a, &stranger, header, NULL, &caller));
     access_close(a);
     token_set_clear(&set);
     close(pair[0]);
@@ -256,9 +258,53 @@ static void test_peers_and_tokens(void **state)
     assert_non_null(strstr(e.message, nobody[0]));
 }
 
+static void test_sessions(void **state)
+{
+    (void)state;
+    error e = {0};
+    token_set set = {0};
+    session_key key, same, other;
+    char secret[TOKEN_SIZE], text[SESSION_SIZE], more[SESSION_SIZE];
+    char *file = mem_printf("%s-key", path);
+    assert_true(session_key_open(file, &key, &e));
+    assert_true(session_key_open(file, &same, &e));
+    assert_memory_equal(key.bytes, same.bytes, sizeof key.bytes);
+    assert_string_equal(key.cookie, same.cookie);
+    assert_non_null(token_set_add(&set, "alice", SCOPE_READ, 0, secret, &e));
+    assert_non_null(token_set_add(&set, "bob", SCOPE_ALL, 0, secret, &e));
+    int64_t ends_ms = 0;
+    session_begin(&key, &set.item[1], 5000, text);
+    assert_ptr_equal(session_find(&same, &set, text, 4999, &ends_ms), &set.item[1]);
+    assert_int_equal(ends_ms, 5000);
+    assert_null(session_find(&key, &set, text, 5000, &ends_ms));
+    /* each byte counts */
+    for (size_t i = 0; text[i]; i++) {
+        strcpy(more, text);
+        more[i] ^= 1;
+        assert_null(session_find(&key, &set, more, 0, &ends_ms));
+        more[i] = '\0';
+        assert_null(session_find(&key, &set, more, 0, &ends_ms));
+    }
+    /* nor does it help to know the hash of the token */
+    assert_int_equal(unlink(file), 0);
+    assert_true(session_key_open(file, &other, &e));
+    assert_string_not_equal(other.cookie, key.cookie);
+    assert_null(session_find(&other, &set, text, 0, &ends_ms));
+    assert_true(token_set_remove(&set, set.item[1].id));
+    assert_null(session_find(&key, &set, text, 0, &ends_ms));
+    assert_int_equal(truncate(file, 31), 0);
+    assert_false(session_key_open(file, &key, &e));
+    assert_int_equal(truncate(file, 33), 0);
+    assert_false(session_key_open(file, &key, &e));
+    assert_int_equal(unlink(file), 0);
+    free(file);
+    token_set_clear(&set);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(test_sessions, set_up, tear_down),
         cmocka_unit_test(test_scopes),
         cmocka_unit_test_setup_teardown(test_a_token_is_found_by_its_secret_alone, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_files_that_are_refused, set_up, tear_down),

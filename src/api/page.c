@@ -1,0 +1,147 @@
+#include "api/page.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <libgen.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "http/preconditions.h"
+#include "store/file.h"
+
+#define FILE_BYTES_MOST (1 << 20)
+/* Scripts and styles come from this service alone, and no text becomes markup or code. */
+#define POLICY                                                                                           \
+    "default-src 'self'; img-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; " \
+    "frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types 'none'"
+
+typedef struct page_file {
+    char *name, *bytes;
+    size_t length;
+    const char *type;
+    char tag[STORE_HASH_SIZE + 2]; /* ETag */
+} page_file;
+
+struct page {
+    page_file *file;
+    size_t count;
+};
+
+/* NULL: not a file of the page. */
+static const char *type_of(const char *name)
+{
+    static const struct {
+        const char *ending, *type;
+    } types[] = {
+        {".html", "text/html; charset=utf-8"},
+        {".js", "text/javascript; charset=utf-8"},
+        {".css", "text/css; charset=utf-8"},
+        {".svg", "image/svg+xml"},
+    };
+    const char *ending = strrchr(name, '.');
+    for (size_t i = 0; ending && i < sizeof types / sizeof *types; i++)
+        if (strcmp(ending, types[i].ending) == 0) return types[i].type;
+    return NULL;
+}
+
+static const page_file *find(const page *p, const char *name)
+{
+    for (size_t i = 0; p && i < p->count; i++)
+        if (strcmp(p->file[i].name, name) == 0) return &p->file[i];
+    return NULL;
+}
+
+static bool read_file(page *p, const char *directory, const char *name, error *e)
+{
+    char hash[STORE_HASH_SIZE];
+    page_file f = {.type = type_of(name)};
+    if (!f.type) return true;
+    char *path = mem_printf("%s/%s", directory, name);
+    f.bytes = store_file_read(path, FILE_BYTES_MOST, &f.length, e);
+    free(path);
+    if (!f.bytes) return false;
+    store_hash(f.bytes, f.length, hash);
+    snprintf(f.tag, sizeof f.tag, "\"%s\"", hash);
+    f.name = mem_strdup(name);
+    p->file = mem_resize(p->file, (p->count + 1) * sizeof *p->file);
+    p->file[p->count++] = f;
+    return true;
+}
+
+static page *read_directory(const char *directory, error *e)
+{
+    page *p = mem_alloc(sizeof *p);
+    DIR *listing = opendir(directory);
+    bool ok = listing || error_set(e, ERROR_INPUT_MISSING, "%s: %s", directory, strerror(errno));
+    for (struct dirent *entry; ok && (entry = readdir(listing));)
+        ok = read_file(p, directory, entry->d_name, e);
+    if (listing) closedir(listing);
+    if (ok && !find(p, "index.html"))
+        ok = error_set(e, ERROR_INPUT_MISSING, "%s has no index.html", directory);
+    if (ok) return p;
+    page_close(p);
+    return NULL;
+}
+
+page *page_open(error *e)
+{
+    char own[PATH_MAX];
+    ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
+    own[length > 0 ? length : 0] = '\0';
+    char *beside = mem_printf("%s/page", dirname(own));
+    page *p = read_directory(beside, NULL);
+    free(beside);
+    if (!p) p = read_directory(HEXAD_PAGEDIR, e);
+    if (!p) error_prefix(e, "the page was not built (npm ci in its folder, then make)");
+    return p;
+}
+
+void page_close(page *p)
+{
+    if (!p) return;
+    for (size_t i = 0; i < p->count; i++) {
+        free(p->file[i].name);
+        free(p->file[i].bytes);
+    }
+    free(p->file);
+    free(p);
+}
+
+static void send_file(const http_context *c, const http_request *request, const char *name, reply *r)
+{
+    const page_file *f = find(c->page, name);
+    if (!f) {
+        reply_set_problem(r, "not_found", NULL,
+                          c->page
+                              ? "the page has no file %.200s"
+                              : "this service has no page: the setting page is 0, or the page was not built",
+                          name);
+        return;
+    }
+    const char *known = request->header[HTTP_IF_NONE_MATCH];
+    if (known && preconditions_match(known, f->tag, true)) {
+        reply_set_empty(r, 304);
+    } else {
+        char *copy = mem_alloc(f->length + 1);
+        memcpy(copy, f->bytes, f->length);
+        reply_set_text(r, f->type, copy);
+    }
+    r->cache_control = "no-cache";
+    reply_add_header(r, "ETag", f->tag);
+    reply_add_header(r, "Content-Security-Policy", POLICY);
+    reply_add_header(r, "Referrer-Policy", "no-referrer");
+}
+
+void page_show(const http_context *c, const http_request *request, reply *r)
+{
+    send_file(c, request, "index.html", r);
+}
+
+void page_send_file(const http_context *c, const http_request *request, reply *r)
+{
+    send_file(c, request, request->parameter[0], r);
+}
