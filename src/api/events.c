@@ -25,7 +25,8 @@ _Static_assert(QUEUE_OWNER_SIZE >= ACCESS_USER_SIZE, "the owner of an event is n
 /* Which events a request asks for. */
 typedef struct selection {
     const char *id, *owner, *label; /* NULL: any */
-    bool whole_job;                 /* of one job, with its progress, until its end */
+    bool whole_job;                 /* of one job, until its end */
+    bool progress;                  /* with progress lines, among which `label` does not choose */
     int64_t after;                  /* or QUEUE_EVENTS_FROM_NOW */
     int64_t row;                    /* the last progress line that the client has, or ROWS_FROM_NOW */
 } selection;
@@ -35,7 +36,7 @@ typedef struct follower {
     reply_source source; /* first: the server's view of it */
     const http_context *c;
     char *id, *owner, *label; /* NULL: any */
-    bool whole_job;
+    bool whole_job, progress;
     bool begun;       /* the first page was read */
     bool behind;      /* there are more events than the last page had */
     int64_t seq, row; /* the last ones that were read */
@@ -140,9 +141,9 @@ static bool read_news(follower *f, FILE *out, error *e)
         .id = f->id, .owner = f->owner, .label = f->label, .after_seq = f->seq, .limit = BATCH};
     if (!queue_list_events(f->c->q, &filter, &page, e)) return false;
     introduce(f, out, &page);
-    if (f->whole_job)
-        line_count =
-            progress_ring_list(executor_progress_ring(f->c->x), f->id, f->row, BATCH, &lines, &f->row);
+    if (f->progress)
+        line_count = progress_ring_list(executor_progress_ring(f->c->x), f->id, f->owner, f->row, BATCH,
+                                        &lines, &f->row);
     while (told < page.count && !(f->whole_job && ends_job(&page.events[told])))
         write_event(f, out, &page.events[told++]);
     for (size_t i = 0; i < line_count; i++) write_row(f, out, &lines[i]);
@@ -248,6 +249,7 @@ static void follow(const http_context *c, const selection *s, reply *r)
                     .owner = copy(s->owner),
                     .label = copy(s->label),
                     .whole_job = s->whole_job,
+                    .progress = s->progress,
                     .seq = s->after,
                     .told_seq = s->after,
                     .row = s->row,
@@ -318,7 +320,7 @@ static bool is_over(const http_context *c, const queue_job *job, int64_t after)
 void events_of_job(const http_context *c, const http_request *request, reply *r)
 {
     queue_job job = {0};
-    selection s = {.whole_job = true};
+    selection s = {.whole_job = true, .progress = true};
     if (!job_lookup_find_own(c, request, &job, r)) return;
     s.id = job.id;
     if (!read_position(request, 0, &s))
@@ -352,7 +354,9 @@ void events_of_all(const http_context *c, const http_request *request, reply *r)
 {
     selection s = {.id = parameter_text(request, "job", NULL),
                    .owner = parameter_text(request, "owner", NULL),
-                   .label = parameter_text(request, "label", NULL)};
+                   .label = parameter_text(request, "label", NULL),
+                   .progress = parameter_integer(request, "progress", 0) != 0,
+                   .row = ROWS_FROM_NOW};
     if (!read_position(request, QUEUE_EVENTS_FROM_NOW, &s)) {
         refuse_position(r);
     } else if (may_select(c, request, &s, r)) {

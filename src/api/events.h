@@ -12,8 +12,8 @@
  * reached, because it was restored from an older backup; the stream continues after `seq`. Pages of JSON have
  * `position` and both members, too.
  *
- * The stream of one job also has events `progress`, one for each progress line of a worker. They have no id
- * and are not stored, and a slow client misses some. The stream ends with the job.
+ * The stream of one job also has events `progress`, one for each progress line of a worker; another stream has them with
+ * the parameter `progress`. They are not stored, and a slow client misses some. The stream of one job ends with it.
  */
 #ifndef HEXAD_API_EVENTS_H
 #define HEXAD_API_EVENTS_H

@@ -29,9 +29,9 @@ struct notifier {
 
 /* The topics of one round: jobs and their owners. */
 typedef struct news {
-    const char *topic[3 * NEWS_MOST];
+    const char *topic[4 * NEWS_MOST];
     size_t count;
-    char owner_topic[NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event */
+    char owner_topic[2 * NEWS_MOST][REPLY_TOPIC_SIZE]; /* of each event and each line */
 } news;
 
 void notifier_name_topic(const char *owner, char topic[REPLY_TOPIC_SIZE])
@@ -68,8 +68,13 @@ static bool wake_waiters(notifier *n)
     }
     progress_ring_line *lines = NULL;
     size_t line_count =
-        progress_ring_list(n->progress, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
-    for (size_t i = 0; i < line_count; i++) add_topic(&fresh, lines[i].id);
+        progress_ring_list(n->progress, NULL, NULL, n->row_number, NEWS_MOST, &lines, &n->row_number);
+    for (size_t i = 0; i < line_count; i++) {
+        char *owner_topic = fresh.owner_topic[page.count + i];
+        notifier_name_topic(lines[i].owner, owner_topic);
+        add_topic(&fresh, lines[i].id);
+        add_topic(&fresh, owner_topic);
+    }
     if (fresh.count) wait_list_wake(n->waiting, fresh.topic, fresh.count);
     free(page.events);
     progress_ring_lines_free(lines, line_count);

@@ -67,6 +67,13 @@ static const parameter parameters[] = {
      .prose = "`next` or `position` of the previous page: the list continues after it. 0: from the"
               " oldest entry. Without it `/v1/events` begins now, and other lists at their"
               " beginning."},
+    {.name = "progress",
+     .type = PARAMETER_INTEGER,
+     .low = 0,
+     .high = 1,
+     .otherwise = "0",
+     .prose =
+         "1: the stream has the progress of running attempts as well, whatever the label of their jobs."},
     {.name = "frame",
      .type = PARAMETER_INTEGER,
      .low = -2147483647,

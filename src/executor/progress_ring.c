@@ -28,10 +28,12 @@ void progress_ring_free(progress_ring *r)
     free(r);
 }
 
-void progress_ring_add(progress_ring *r, const char *id, int frame, int attempt, const char *text)
+void progress_ring_add(progress_ring *r, const char *id, const char *owner, int frame, int attempt,
+                       const char *text)
 {
     progress_ring_line made = {.frame = frame, .attempt = attempt, .text = mem_strdup(text)};
     snprintf(made.id, sizeof made.id, "%s", id);
+    snprintf(made.owner, sizeof made.owner, "%s", owner);
     pthread_mutex_lock(&r->mutex);
     made.number = ++r->newest;
     progress_ring_line *place = &r->line[made.number % PROGRESS_RING_LINES];
@@ -41,7 +43,7 @@ void progress_ring_add(progress_ring *r, const char *id, int frame, int attempt,
     free(old);
 }
 
-size_t progress_ring_list(progress_ring *r, const char *id, int64_t after, size_t limit,
+size_t progress_ring_list(progress_ring *r, const char *id, const char *owner, int64_t after, size_t limit,
                           progress_ring_line **lines, int64_t *newest)
 {
     progress_ring_line *found = mem_alloc(limit * sizeof *found);
@@ -53,7 +55,7 @@ size_t progress_ring_list(progress_ring *r, const char *id, int64_t after, size_
     int64_t number = after + 1 > oldest ? after + 1 : oldest;
     for (; number <= r->newest && count < limit; number++) {
         const progress_ring_line *l = &r->line[number % PROGRESS_RING_LINES];
-        if (id && strcmp(l->id, id) != 0) continue;
+        if ((id && strcmp(l->id, id) != 0) || (owner && strcmp(l->owner, owner) != 0)) continue;
         found[count] = *l;
         found[count++].text = mem_strdup(l->text);
     }

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "queue/queue.h"
 #include "queue/ulid.h"
 
 /* An attempt reports at most ten times a second, so this holds six seconds of sixty attempts: about a megabyte. */
@@ -20,6 +21,7 @@ typedef struct progress_ring progress_ring;
 typedef struct progress_ring_line {
     int64_t number;
     char id[ULID_SIZE]; /* of the job */
+    char owner[QUEUE_OWNER_SIZE];
     int frame, attempt; /* frame is QUEUE_NO_FRAME when the job is no array */
     char *text;         /* one JSON object */
 } progress_ring_line;
@@ -27,11 +29,12 @@ typedef struct progress_ring_line {
 progress_ring *progress_ring_new(void);
 void progress_ring_free(progress_ring *r); /* accepts NULL */
 
-void progress_ring_add(progress_ring *r, const char *id, int frame, int attempt, const char *text);
+void progress_ring_add(progress_ring *r, const char *id, const char *owner, int frame, int attempt,
+                       const char *text);
 
-/* Lists the lines of the job `id` (NULL: of all jobs) with numbers above `after`, oldest first, at most `limit`.
+/* Lists the lines of the job `id` and of the jobs of `owner` (NULL: of all) with numbers above `after`, oldest first, at most `limit`.
  * *newest is the value of `after` for the next call. The caller frees with progress_ring_lines_free. */
-size_t progress_ring_list(progress_ring *r, const char *id, int64_t after, size_t limit,
+size_t progress_ring_list(progress_ring *r, const char *id, const char *owner, int64_t after, size_t limit,
                           progress_ring_line **lines, int64_t *newest);
 void progress_ring_lines_free(progress_ring_line *lines, size_t count);
 

@@ -315,8 +315,8 @@ static void keep_progress(slot *s, const char *line)
     w->progress = copy;
     pthread_mutex_unlock(&s->mutex);
     free(old);
-    progress_ring_add(s->context->progress, w->claimed.job.id, w->claimed.task.frame, w->claimed.task.attempt,
-                      line);
+    progress_ring_add(s->context->progress, w->claimed.job.id, w->claimed.job.owner, w->claimed.task.frame,
+                      w->claimed.task.attempt, line);
     queue_signal(s->context->place->q);
 }
 

@@ -273,3 +273,18 @@ def test_progress_is_told_once(gated):
     for bad in ("x", "1.", ".1", "1.2.3", "1.x", "-1"):
         expect_problem(gated.request("GET", where, headers={"Accept": "text/event-stream", "Last-Event-ID": bad}), 400,
                        "request_invalid")
+
+
+def test_progress_of_all_jobs_is_told_to_who_wants_it(gated):
+    """The lines of a running job reach a stream of all jobs that asked for them, and only that."""
+    plain, wanting = Stream(gated, "/v1/events"), Stream(gated, "/v1/events?progress=1")
+    job = gated.submit(sphere())
+    line = next(document for _, kind, document in wanting if kind == "progress")
+    assert line["job"] == job and line["progress"]["phase"] == "relax"
+    gated.open_gate(job)
+    kinds = set()
+    for _, kind, document in plain:
+        kinds.add(kind)
+        if document.get("state") == "succeeded":
+            break
+    assert "progress" not in kinds

@@ -15,24 +15,27 @@ static void test_lines_of_one_job(void **state)
     progress_ring *r = progress_ring_new();
     progress_ring_line *lines;
     int64_t newest = -1;
-    assert_int_equal(progress_ring_list(r, NULL, 0, 9, &lines, &newest), 0);
+    assert_int_equal(progress_ring_list(r, NULL, NULL, 0, 9, &lines, &newest), 0);
     assert_int_equal(newest, 0);
     progress_ring_lines_free(lines, 0);
-    progress_ring_add(r, "one", 7, 2, "{\"a\":1}");
-    progress_ring_add(r, "two", 8, 1, "{\"b\":1}");
-    progress_ring_add(r, "one", 7, 2, "{\"a\":2}");
-    assert_int_equal(progress_ring_list(r, "one", 0, 1, &lines, &newest), 1);
+    progress_ring_add(r, "one", "alice", 7, 2, "{\"a\":1}");
+    progress_ring_add(r, "two", "bob", 8, 1, "{\"b\":1}");
+    progress_ring_add(r, "one", "alice", 7, 2, "{\"a\":2}");
+    assert_int_equal(progress_ring_list(r, "one", NULL, 0, 1, &lines, &newest), 1);
     assert_string_equal(lines[0].text, "{\"a\":1}");
     assert_int_equal(lines[0].frame, 7);
     assert_int_equal(lines[0].attempt, 2);
     progress_ring_lines_free(lines, 1);
-    assert_int_equal(progress_ring_list(r, "one", newest, 9, &lines, &newest), 1);
+    assert_int_equal(progress_ring_list(r, "one", NULL, newest, 9, &lines, &newest), 1);
     assert_string_equal(lines[0].text, "{\"a\":2}");
     assert_int_equal(newest, 3);
     progress_ring_lines_free(lines, 1);
-    assert_int_equal(progress_ring_list(r, NULL, 0, 9, &lines, &newest), 3);
+    assert_int_equal(progress_ring_list(r, NULL, NULL, 0, 9, &lines, &newest), 3);
     progress_ring_lines_free(lines, 3);
-    assert_int_equal(progress_ring_list(r, NULL, 1000, 9, &lines, &newest),
+    assert_int_equal(progress_ring_list(r, NULL, "bob", 0, 9, &lines, &newest), 1);
+    assert_string_equal(lines[0].id, "two");
+    progress_ring_lines_free(lines, 1);
+    assert_int_equal(progress_ring_list(r, NULL, NULL, 1000, 9, &lines, &newest),
                      0); /* a number from before a restart */
     assert_int_equal(newest, 3);
     progress_ring_lines_free(lines, 0);
@@ -48,9 +51,9 @@ static void test_the_oldest_go(void **state)
     char text[32];
     for (int i = 1; i <= PROGRESS_RING_LINES + 10; i++) {
         snprintf(text, sizeof text, "%d", i);
-        progress_ring_add(r, "job", 0, 1, text);
+        progress_ring_add(r, "job", "alice", 0, 1, text);
     }
-    size_t count = progress_ring_list(r, "job", 5, 2 * PROGRESS_RING_LINES, &lines, &newest);
+    size_t count = progress_ring_list(r, "job", NULL, 5, 2 * PROGRESS_RING_LINES, &lines, &newest);
     assert_int_equal(count, PROGRESS_RING_LINES);
     assert_int_equal(lines[0].number, 11);
     assert_string_equal(lines[0].text, "11");

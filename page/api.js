@@ -1,0 +1,113 @@
+// The REST interface of hexad. The page may lie below a path prefix, so addresses are relative to its own.
+
+const root = new URL("..", import.meta.url);
+
+export const urlOf = path => new URL(path.replace(/^\//, ""), root);
+
+/** An answer that says what is wrong: a problem document, or no answer at all (status 0). */
+export class Problem extends Error {
+  constructor(status, body) {
+    super(body.detail || body.title || `The service answered ${status}.`);
+    this.status = status;
+    this.code = body.code;
+    this.errors = body.errors || [];
+    this.checks = body.checks;
+  }
+}
+
+/** Sends a request and returns the response; throws a Problem. */
+export async function send(method, path, {body, headers, signal} = {}) {
+  let response;
+  try {
+    response = await fetch(urlOf(path), {method, body, headers, signal, credentials: "same-origin"});
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Problem(0, {detail: "The service does not answer."});
+  }
+  if (response.ok) return response;
+  const text = await response.text();
+  let problem = {};
+  try {
+    problem = JSON.parse(text);
+  } catch {
+    problem = {detail: text};
+  }
+  if (response.status === 401) dispatchEvent(new Event("signed-out"));
+  throw new Problem(response.status, problem);
+}
+
+export async function get(path, options) {
+  return (await send("GET", path, options)).json();
+}
+
+export async function call(method, path, document) {
+  const options = document === undefined ? {} : {
+    body: JSON.stringify(document), headers: {"Content-Type": "application/json"}};
+  const response = await send(method, path, options);
+  return response.status === 204 ? null : response.json();
+}
+
+/** "?a=1&b=2" of the members that have a value. */
+export function query(members) {
+  const given = Object.entries(members).filter(([, value]) => value !== "" && value !== null && value !== undefined);
+  return given.length ? `?${new URLSearchParams(given)}` : "";
+}
+
+const RETRY_MS = 2000;
+const EVENTS = ["position", "state", "task", "started", "ended", "edited", "progress"];
+
+/**
+ * Follows a stream of events until the returned function is called. `on(type, data)` gets each event; `onGap()` is
+ * called when events may have been missed: read again what they told of. A hidden page holds no connection, since a
+ * browser has six of them for all its pages of one service.
+ */
+export function follow(path, on, onGap) {
+  let source, timer, last = null;
+
+  function open() {
+    const url = urlOf(path);
+    if (last !== null) url.searchParams.set("after", last);
+    let opened = false;
+    source = new EventSource(url);
+    source.onopen = () => {
+      if (opened) onGap();
+      opened = true;
+    };
+    source.onerror = () => {
+      if (source.readyState !== EventSource.CLOSED) return;
+      clearTimeout(timer); // an answer that is no stream: browsers give up, or the stream is complete
+      timer = setTimeout(() => {
+        onGap();
+        open();
+      }, RETRY_MS);
+    };
+    for (const type of EVENTS)
+      source.addEventListener(type, event => {
+        const data = JSON.parse(event.data);
+        if (event.lastEventId) last = parseInt(event.lastEventId, 10);
+        if (type === "position" ? data.reset || data.removed_up_to : false) onGap();
+        on(type, data);
+      });
+  }
+
+  function close() {
+    clearTimeout(timer);
+    if (source) source.close();
+    source = null;
+  }
+
+  function watchVisibility() {
+    if (document.hidden) close();
+    else if (!source) {
+      onGap();
+      open();
+    }
+  }
+
+  document.addEventListener("visibilitychange", watchVisibility);
+  if (!document.hidden) open();
+  return () => {
+    document.removeEventListener("visibilitychange", watchVisibility);
+    close();
+  };
+}

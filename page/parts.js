@@ -1,0 +1,74 @@
+// Small parts that several views share.
+import {html, useEffect, useRef, useState, useCallback} from "./preact.js";
+import {percentOf, stateOf} from "./words.js";
+
+export function State({job}) {
+  const {word, sign, kind} = stateOf(job);
+  return html`<span class=${`state ${kind}`}><span aria-hidden="true" class="sign">${sign}</span>${word}</span>`;
+}
+
+export function Progress({fraction, label}) {
+  return html`<span class="progress"><progress aria-label=${label} value=${fraction} max="1"></progress
+    ><span>${percentOf(fraction)}</span></span>`;
+}
+
+/** What went wrong, in words; nothing when nothing did. */
+export function Trouble({error}) {
+  if (!error) return null;
+  return html`<div class="trouble" role="alert"><p>${error.message}</p>
+    ${error.errors && error.errors.length > 1 && html`<ul>${error.errors.map(e =>
+      html`<li><code>${e.pointer}</code> ${e.detail}</li>`)}</ul>`}</div>`;
+}
+
+/** A function that runs an asynchronous action and keeps its error: [run, error, busy]. */
+export function useAction(action) {
+  const [error, setError] = useState(null);
+  const [busy, setBusy] = useState(false);
+  const latest = useRef(action);
+  latest.current = action;
+  const run = useCallback(async (...words) => {
+    setBusy(true);
+    setError(null);
+    try {
+      return await latest.current(...words);
+    } catch (e) {
+      if (e.name !== "AbortError") setError(e);
+    } finally {
+      setBusy(false);
+    }
+  }, []);
+  return [run, error, busy];
+}
+
+/** Values that outlive the page, as the theme; without storage they do not. */
+export function recall(key) {
+  try {
+    return localStorage.getItem(`hexad.${key}`);
+  } catch {
+    return null;
+  }
+}
+
+export function remember(key, value) {
+  try {
+    if (value === null) localStorage.removeItem(`hexad.${key}`);
+    else localStorage.setItem(`hexad.${key}`, value);
+  } catch { /* private windows */ }
+}
+
+/** Sets the title of the document while the view is shown. */
+export function useTitle(text) {
+  useEffect(() => {
+    document.title = text ? `${text} · hexad` : "hexad";
+  }, [text]);
+}
+
+/** Renders again every so often, for ages and times. */
+export function useClock(ms = 5000) {
+  const [now, setNow] = useState(Date.now());
+  useEffect(() => {
+    const timer = setInterval(() => document.hidden || setNow(Date.now()), ms);
+    return () => clearInterval(timer);
+  }, [ms]);
+  return now;
+}

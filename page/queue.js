@@ -1,0 +1,219 @@
+// The queue: a page of jobs, kept right by the stream of events.
+import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {call, follow, get, query} from "./api.js";
+import {Progress, State, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
+
+const ROWS = 50;
+/** However fast events come, the list is read again no more often. */
+const READ_MS = 500;
+
+/** Orders of the rows of the page that is shown. */
+const ORDERS = {
+  created: job => -new Date(job.created),
+  name: job => nameOf(job).toLowerCase(),
+  state: job => Object.keys(STATES).indexOf(job.state),
+  owner: job => job.owner,
+  priority: job => -job.priority,
+};
+
+const COLUMNS = [["name", "Job"], ["state", "State"], ["owner", "Owner"], ["priority", "Priority"], ["created", "Submitted"]];
+
+function sorted(jobs, by, down) {
+  const key = ORDERS[by];
+  const order = [...jobs].sort((a, b) => (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0));
+  return down ? order.reverse() : order;
+}
+
+/** Runs an action for each, a few at a time; returns the errors. */
+async function forEach(jobs, action) {
+  const waiting = [...jobs], errors = [];
+  await Promise.all(Array.from({length: 4}, async () => {
+    for (let job = waiting.shift(); job; job = waiting.shift())
+      await action(job).catch(error => errors.push(`${nameOf(job)}: ${error.message}`));
+  }));
+  return errors;
+}
+
+/** The jobs of the filter, the load and the readiness of the service: [data, reload, patch]. */
+function useQueue(filter, cursor) {
+  const [data, setData] = useState({jobs: null, next: null, load: null, checks: null, error: null});
+  const state = useRef({});
+  Object.assign(state.current, {filter, cursor});
+
+  const read = useCallback(async () => {
+    const now = state.current;
+    now.due = null;
+    now.readAt = performance.now();
+    const asked = query({...now.filter, limit: ROWS, cursor: now.cursor});
+    try {
+      const [page, workers, ready] = await Promise.all([
+        get(`v1/jobs${asked}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
+      if (asked === query({...state.current.filter, limit: ROWS, cursor: state.current.cursor}))
+        setData({...page, load: workers.load, checks: ready.checks || {}, error: null});
+    } catch (error) {
+      setData(old => ({...old, error}));
+    }
+  }, []);
+
+  const readSoon = useCallback(() => {
+    const now = state.current;
+    if (!now.due) now.due = setTimeout(read, Math.max(0, READ_MS - (performance.now() - (now.readAt || -READ_MS))));
+  }, []);
+
+  const address = query({...filter, cursor});
+  useEffect(() => {
+    read();
+  }, [address]);
+  useEffect(() => {
+    const progress = new Map(); // of a job: its newest line, shown with the next frame
+    let frame = null;
+    function showProgress() {
+      frame = null;
+      setData(old => ({...old, jobs: old.jobs && old.jobs.map(job =>
+        (progress.has(job.id) && !isFinal(job.state) ? {...job, progress: progress.get(job.id)} : job))}));
+      progress.clear();
+    }
+    const stop = follow("v1/events?progress=1", (type, event) => {
+      if (type === "position") return;
+      if (type !== "progress") {
+        readSoon();
+        return;
+      }
+      progress.set(event.job, event.progress);
+      frame = frame || requestAnimationFrame(showProgress);
+    }, readSoon);
+    return () => {
+      stop();
+      cancelAnimationFrame(frame);
+      clearTimeout(state.current.due);
+    };
+  }, []);
+  return [data, read];
+}
+
+function Filter({filter, onChange}) {
+  const set = (key, value) => onChange({...filter, [key]: value});
+  const field = (key, word) => html`<label>${word}<input value=${filter[key]} onChange=${e => set(key, e.target.value.trim())} /></label>`;
+  return html`<form class="filter" role="search" aria-label="Filter" onSubmit=${e => e.preventDefault()}>
+    <label>State<select value=${filter.state} onChange=${e => set("state", e.target.value)}>
+      <option value="">All</option>
+      ${Object.entries(STATES).map(([key, {word}]) => html`<option value=${key} selected=${key === filter.state}>${word}</option>`)}
+    </select></label>
+    ${field("name", "Name")}${field("owner", "Owner")}${field("label", "Label")}
+  </form>`;
+}
+
+function Meter({word, used, limit, show = String}) {
+  return html`<div class="meter"><span id=${`meter-${word}`}>${word}</span>
+    <meter aria-labelledby=${`meter-${word}`} value=${used} max=${limit || 1}></meter><span>${show(used)} of ${show(limit)}</span></div>`;
+}
+
+/** What the machine is busy with, and the switches of administrators. */
+function Load({load, checks, admin, onChange}) {
+  const [turn, error, busy] = useAction(async action => {
+    await call("POST", `v1/admin/${action}`);
+    await onChange();
+  });
+  if (!load) return null;
+  const draining = checks.jobs === "draining", held = checks.queue === "held";
+  const warnings = [
+    draining && "It takes no jobs and starts none: somebody drains it.",
+    held && "Jobs wait: somebody holds the queue.",
+    checks.storage === "full" && "The disk is full: no job is started.",
+    checks.results === "full" && "Results have met their bound: no job is started.",
+    checks.database === "damaged" && "The database is damaged: nothing is changed any more.",
+  ].filter(Boolean);
+  return html`<section class="load card" aria-label="Load">
+    <${Meter} word="Attempts" used=${load.attempts} limit=${load.attempts_limit} />
+    <${Meter} word="Threads" used=${load.threads} limit=${load.threads_limit} />
+    <${Meter} word="Memory" used=${load.memory_mb} limit=${load.memory_mb_limit} show=${mib => bytesOf(mib * 2 ** 20)} />
+    ${admin && html`<span class="buttons">
+      <button disabled=${busy} onClick=${() => turn(held ? "release" : "hold")}>${held ? "Release" : "Hold"}</button>
+      <button disabled=${busy} onClick=${() => turn(draining ? "resume" : "drain")}>${draining ? "Undrain" : "Drain"}</button></span>`}
+    ${warnings.map(text => html`<p class="notice" role="status">${text}</p>`)}
+    <${Trouble} error=${error} /></section>`;
+}
+
+function Actions({chosen, onDone}) {
+  const [errors, setErrors] = useState([]);
+  const [run, , busy] = useAction(async (method, path, body) => {
+    setErrors(await forEach(chosen, job => call(method, `v1/jobs/${job.id}${path}`, body)));
+    onDone();
+  });
+  const setPriority = () => {
+    const text = prompt(`Priority of ${chosen.length === 1 ? nameOf(chosen[0]) : `${chosen.length} jobs`} (-1000 to 1000):`, chosen[0].priority);
+    if (text !== null && /^-?\d+$/.test(text.trim())) run("PATCH", "", {priority: Number(text)});
+  };
+  const remove = () => confirm(`Delete ${chosen.length} jobs and their results?`) && run("DELETE", "");
+  const button = (word, path) => html`<button disabled=${busy || !chosen.length} onClick=${() => run("POST", path)}>${word}</button>`;
+  return html`<div class="actions" role="toolbar" aria-label="Selected jobs">
+    <span role="status">${chosen.length} selected</span>
+    ${button("Cancel", "/cancel")}${button("Pause", "/pause")}${button("Resume", "/resume")}${button("Retry", "/retry")}
+    <button disabled=${busy || !chosen.length} onClick=${setPriority}>Priority …</button>
+    <button disabled=${busy || !chosen.length} onClick=${remove}>Delete …</button>
+    ${chosen.length === 2 && html`<a class="button" href=${`#/compare/${chosen[0].id}/${chosen[1].id}`}>Compare</a>`}
+    ${errors.length > 0 && html`<div class="trouble" role="alert"><ul>${errors.slice(0, 5).map(text => html`<li>${text}</li>`)}</ul>
+      ${errors.length > 5 && html`<p>and ${errors.length - 5} more</p>`}</div>`}</div>`;
+}
+
+function RowState({job}) {
+  const {all, succeeded} = job.tasks;
+  const fraction = job.array ? succeeded / all : job.progress ? job.progress.fraction : 0;
+  return html`<${State} job=${job} />
+    ${!isFinal(job.state) && (job.progress || (job.array && job.started)) && html`<${Progress} fraction=${fraction} label=${`Progress of ${nameOf(job)}`} />`}
+    ${job.progress && job.state === "running" && html`<span class="detail">${PHASES[job.progress.phase]}</span>`}
+    ${job.array && html`<span class="detail">${succeeded} of ${all} frames${job.tasks.failed ? `, ${job.tasks.failed} failed` : ""}</span>`}
+    ${job.error && html`<span class="detail why">${job.error.message}</span>`}`;
+}
+
+function Row({job, now, chosen, onChoose}) {
+  return html`<tr class=${chosen ? "chosen" : ""}>
+    <td class="choose"><input type="checkbox" aria-label=${`Select ${nameOf(job)}`} checked=${chosen} onChange=${() => onChoose(job)} /></td>
+    <td class="name"><a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a>
+      ${job.labels.map(label => html`<span class="label">${label}</span>`)}</td>
+    <td class="row-state"><${RowState} job=${job} /></td>
+    <td>${job.owner}</td><td class="number priority">${job.priority}</td>
+    <td title=${timeOf(job.created)}>${ageOf(job.created, now)}</td>
+    <td class="number">${spentOf(job, now)}</td></tr>`;
+}
+
+export function Queue({session}) {
+  const [filter, setFilter] = useState({state: "", name: "", owner: "", label: ""});
+  const [cursors, setCursors] = useState([null]); // of the pages so far; the last one is shown
+  const [order, setOrder] = useState({by: "created", down: false});
+  const [selection, setSelection] = useState(new Set());
+  const [data, reload] = useQueue(filter, cursors[cursors.length - 1]);
+  const now = useClock();
+  useTitle("Queue");
+
+  const jobs = data.jobs ? sorted(data.jobs, order.by, order.down) : [];
+  const chosen = jobs.filter(job => selection.has(job.id));
+  const choose = job => setSelection(old => {
+    const next = new Set(old);
+    if (!next.delete(job.id)) next.add(job.id);
+    return next;
+  });
+  const chooseAll = e => setSelection(new Set(e.target.checked ? jobs.map(job => job.id) : []));
+  const heading = ([key, word]) => html`<th scope="col" class=${key === "priority" ? "number" : ""} aria-sort=${order.by === key ? (order.down ? "descending" : "ascending") : null}>
+    <button class="plain" onClick=${() => setOrder({by: key, down: order.by === key && !order.down})}>${word}</button></th>`;
+  const mayChange = session.scopes.includes("cancel");
+  return html`<h1>Queue</h1>
+    <${Load} load=${data.load} checks=${data.checks} admin=${session.scopes.includes("admin")} onChange=${reload} />
+    <${Filter} filter=${filter} onChange=${next => {
+      setFilter(next);
+      setCursors([null]);
+    }} />
+    <${Trouble} error=${data.error} />
+    ${mayChange && html`<${Actions} chosen=${chosen} onDone=${reload} />`}
+    <div class="scroll" tabindex="0" role="region" aria-label="Jobs"><table class="jobs"><thead><tr>
+      <th scope="col" class="choose"><input type="checkbox" aria-label="Select all" checked=${chosen.length > 0 && chosen.length === jobs.length} onChange=${chooseAll} /></th>
+      ${COLUMNS.map(heading)}<th scope="col" class="number">Ran</th></tr></thead>
+      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} onChoose=${choose} />`)}</tbody></table></div>
+    ${data.jobs && !jobs.length && html`<p class="empty">No jobs${Object.values(filter).some(Boolean) ? " like these" : " yet"}.
+      ${session.scopes.includes("submit") && html` <a href="#/submit">Submit one</a>`}</p>`}
+    <nav class="pages" aria-label="Pages">
+      <button disabled=${cursors.length < 2} onClick=${() => setCursors(cursors.slice(0, -1))}>Newer</button>
+      <span>Page ${cursors.length}</span>
+      <button disabled=${!data.next} onClick=${() => setCursors([...cursors, data.next])}>Older</button></nav>`;
+}

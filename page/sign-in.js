@@ -1,0 +1,23 @@
+// The form that takes a token once. The service answers with a cookie that scripts cannot read.
+import {html, useState} from "./preact.js";
+import {call} from "./api.js";
+import {Trouble, useAction, useTitle} from "./parts.js";
+
+export function SignIn({onSession}) {
+  const [token, setToken] = useState("");
+  useTitle("Sign in");
+  const [signIn, error, busy] = useAction(async () => onSession(await call("POST", "v1/session", {token: token.trim()})));
+  return html`<form class="sign-in card" onSubmit=${e => {
+    e.preventDefault();
+    signIn();
+  }}>
+    <img src="page/icon.svg" alt="" width="48" height="48" />
+    <h1>hexad</h1>
+    <label for="token">Your token</label>
+    <input id="token" type="password" autocomplete="current-password" required autofocus placeholder="hexad_…"
+      value=${token} onInput=${e => setToken(e.target.value)} />
+    <p class="hint">An administrator makes one with <code>hexadctl token add NAME</code>.</p>
+    <${Trouble} error=${error} />
+    <button class="main" disabled=${busy}>Sign in</button>
+  </form>`;
+}
