@@ -67,6 +67,16 @@ static const parameter parameters[] = {
      .prose = "`next` or `position` of the previous page: the list continues after it. 0: from the"
               " oldest entry. Without it `/v1/events` begins now, and other lists at their"
               " beginning."},
+    {.name = "path",
+     .type = PARAMETER_TEXT,
+     .low = 0,
+     .high = 4096,
+     .prose = "A directory below an input root. Without it, or empty: the roots themselves."},
+    {.name = "after_name",
+     .type = PARAMETER_TEXT,
+     .low = 1,
+     .high = 255,
+     .prose = "`next` of the previous page: the list continues after this name."},
     {.name = "progress",
      .type = PARAMETER_INTEGER,
      .low = 0,

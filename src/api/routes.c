@@ -2,6 +2,7 @@
 
 #include "api/backup.h"
 #include "api/events.h"
+#include "api/files.h"
 #include "api/inputs.h"
 #include "api/job_commands.h"
 #include "api/jobs.h"
@@ -232,6 +233,16 @@ static const route routes[] = {
      .summary = "Delete an input",
      .answers = "204:-",
      .problems = "not_found"},
+    {.method = "GET",
+     .pattern = "/v1/files",
+     .handler = files_list,
+     .scope = SCOPE_SUBMIT,
+     .waits = true,
+     .name = "listFiles",
+     .summary = "List a directory of the input roots, or the roots, by name",
+     .query = "path after_name limit",
+     .answers = "200:FilePage",
+     .problems = "path_forbidden input_missing"},
     {.method = "POST",
      .pattern = "/v1/admin/drain",
      .handler = status_drain,

@@ -361,3 +361,32 @@ int store_open_input(const store_roots *roots, const char *path, error *e)
     }
     return fd;
 }
+
+int store_open_directory(const store_roots *roots, const char *path, error *e)
+{
+    struct stat info;
+    char *inside_it = mem_printf("%s/", path); /* a root lies below itself */
+    int fd = open_in_roots(roots, inside_it, e);
+    free(inside_it);
+    if (fd < 0 || (fstat(fd, &info) == 0 && S_ISDIR(info.st_mode))) return fd;
+    close(fd);
+    error_set(e, ERROR_INPUT_MISSING, "%s is not a directory", path);
+    return -1;
+}
+
+bool store_find_input(const store_roots *roots, const char *path, struct stat *info)
+{
+    int fd = open_in_roots(roots, path, NULL);
+    if (fd < 0) return false;
+    bool found = fstat(fd, info) == 0 && (S_ISREG(info->st_mode) || S_ISDIR(info->st_mode));
+    close(fd);
+    return found;
+}
+
+const char *store_roots_name(const store_roots *roots, size_t index, bool *directory)
+{
+    size_t first = roots->count && roots->item[0].sent;
+    if (first + index >= roots->count) return NULL;
+    *directory = !roots->item[first + index].only;
+    return roots->item[first + index].given;
+}

@@ -15,7 +15,9 @@
 #ifndef HEXAD_STORE_ROOT_H
 #define HEXAD_STORE_ROOT_H
 
+#include <stdbool.h>
 #include <stddef.h>
+#include <sys/stat.h>
 
 #include "base/error.h"
 
@@ -35,6 +37,15 @@ void store_roots_close(store_roots *roots);
  * An absolute path belongs to the root that it begins with; a relative one is tried under each root
  * in order. With `roots` NULL (a worker that stands alone) the path is opened as it is. */
 int store_open_input(const store_roots *roots, const char *path, error *e);
+
+/* The same for a directory that can be read. Files that clients have sent are in none. */
+int store_open_directory(const store_roots *roots, const char *path, error *e);
+
+/* Whether a directory or a regular file is at the path; then what is known of it. */
+bool store_find_input(const store_roots *roots, const char *path, struct stat *info);
+
+/* The path of a root as configured, NULL behind the last one. *directory: it is no single file. */
+const char *store_roots_name(const store_roots *roots, size_t index, bool *directory);
 
 /* The walk that follows no link, which kernels without openat2 get at once; here so that it is tested on every
  * kernel: the file at the relative `path` beneath `directory`, or -1 and errno (EXDEV: leads out, or a symbolic

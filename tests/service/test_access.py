@@ -264,3 +264,35 @@ def test_a_slow_client_takes_no_place_from_others(new_service, public_directory)
     assert done.stdout.strip() == "200", done.stderr
     for s in slow:
         s.close()
+
+
+def test_the_files_of_the_input_roots_are_listed(new_service, tmp_path):
+    """For those who may submit, and no other; page by page; nothing outside of the roots is told."""
+    root, outside = tmp_path / "root", tmp_path / "outside"
+    (root / "b").mkdir(parents=True)
+    outside.mkdir()
+    (outside / "secret").write_text("x")
+    for name in ("c.ply", "a.vdb", ".hidden"):
+        (root / name).write_text("1234")
+    (root / "away").symlink_to(outside / "secret")
+    (root / "latest").symlink_to("b")
+    service = new_service("--input_roots", root).start()
+    roots = service.get("/v1/files").json
+    assert [f["name"] for f in roots["files"]] == [str(root)] and roots["files"][0]["directory"]
+    page = service.get(f"/v1/files?path={root}").json
+    assert [(f["name"], f["directory"], f["bytes"]) for f in page["files"]] == [
+        ("a.vdb", False, 4), ("b", True, None), ("c.ply", False, 4), ("latest", True, None)]
+    assert page["parent"] == "" and page["next"] is None
+    assert service.get(f"/v1/files?path={root}/b").json["parent"] == str(root)
+    names, after = [], ""
+    while after is not None:
+        page = service.get(f"/v1/files?path={root}&limit=1{after and '&after_name=' + after}").json
+        names += [f["name"] for f in page["files"]]
+        after = page["next"]
+    assert names == ["a.vdb", "b", "c.ply", "latest"]
+    for path in (outside, f"{root}/..", f"{root}/away", "/", f"{root}/b/../../outside", f"{root}side"):
+        assert service.get(f"/v1/files?path={path}").status == 403, path
+    expect_problem(service.get(f"/v1/files?path={root}/nothing"), 422, "input_missing")
+    expect_problem(service.get(f"/v1/files?path={root}/c.ply"), 422, "input_missing")
+    token = new_token(service, "eve", "--scopes", "read")
+    expect_problem(with_token(service, token, "GET", "/v1/files"), 403, "forbidden")

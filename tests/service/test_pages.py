@@ -161,7 +161,7 @@ def cookie_of(reply):
 
 
 def test_the_page_is_open_and_holds_nothing(with_tokens):
-    if not (with_tokens.build / "page/made").exists():
+    if not (with_tokens.build / "page/uplot.js").exists():
         pytest.skip("the page was not built: run npm ci in page, and make")
     page = with_tokens.get("/")
     assert page.status == 200 and page.headers["Content-Type"] == "text/html; charset=utf-8"
@@ -172,7 +172,7 @@ def test_the_page_is_open_and_holds_nothing(with_tokens):
         assert part.status == 200 and part.headers["X-Content-Type-Options"] == "nosniff"
         again = ask(with_tokens, "GET", f"/{link}", If_None_Match=part.headers["ETag"])
         assert again.status == 304 and not again.body
-    for path in ("/page/nothing.js", "/page/..%2findex.html", "/page/made"):
+    for path in ("/page/nothing.js", "/page/..%2findex.html", "/page/made-up.js"):
         assert with_tokens.get(path).status in (401, 404)
     # a link on another page leads here; a picture or a frame of it does not
     assert ask(with_tokens, "GET", "/", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="document").status == 200

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from service import gated_worker, sphere, wait_until
+from service import gated_worker, long_sphere, sphere, wait_until
 from test_access import closed_service, new_token  # noqa: F401
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="no python3-selenium")
@@ -66,6 +66,7 @@ def chromium(tmp_path_factory):
     options.binary_location = program
     for flag in (*FLAGS.split(), f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
         options.add_argument(flag)
+    options.add_argument("--window-size=700,500")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     started = webdriver.Chrome(service=Driver(driver), options=options)
     yield Browser(started)
@@ -74,7 +75,7 @@ def chromium(tmp_path_factory):
 
 @pytest.fixture
 def browser(chromium, build):
-    if not (build / "page/made").exists():
+    if not (build / "page/uplot.js").exists():
         pytest.skip("the page was not built: run npm ci in page, and make")
     chromium.faults()
     yield chromium
@@ -173,4 +174,213 @@ def test_names_from_strangers_are_text(service, browser):
     browser.open(service)
     browser.wait_text("onerror", "table")
     browser.wait_text("<b>l</b>", "table")
-    assert not browser.all("main img, main script, main b") and "owned" not in browser.driver.title
+    assert not browser.all("main img, main script, main b") and browser.driver.title != "owned"
+
+
+def test_logs_and_messages_from_strangers_are_text(service, browser):
+    job = service.submit(sphere(name=HOSTILE))
+    service.wait_state(job, "succeeded")
+    log = next((service.state / "results" / job).glob("*.log"), None) or service.state / "attempts" / f"{job}.1" / "worker.log"
+    log.write_text(f"\x1b[31m{HOSTILE}\n")
+    browser.open(service, f"#/jobs/{job}")
+    browser.press("Log", "main")
+    browser.wait_text("onerror", "pre.log")
+    assert not browser.all("main img:not(.preview), main script, main b") and browser.driver.title != "owned"
+
+
+def test_a_job_is_watched_until_it_has_converged(service, browser):
+    """The plots move while it runs; afterwards they have all sweeps, and the report is there."""
+    job = service.submit(long_sphere(name="long"))
+    browser.open(service, f"#/jobs/{job}")
+    browser.wait_text("Relaxing", ".live")
+    wait_until(lambda: len(browser.all("figure.chart canvas")) == 5, "live plots")
+    seen = browser.one("figure.chart:nth-child(2) [role=img]").get_attribute("aria-label")
+    wait_until(lambda: browser.one("figure.chart:nth-child(2) [role=img]").get_attribute("aria-label") != seen, "new sweeps")
+    browser.press("Cancel", "main")
+    browser.wait_text("Cancelled", "h1")
+    done = service.submit(sphere(count=2000, name="short"))
+    browser.open(service, f"#/jobs/{done}")
+    browser.wait_text("at rest and in order")
+    report = service.get(f"/v1/jobs/{done}/results/report.json").json
+    browser.wait_text(f"{report['quality']['hex_fraction']:.4g}", ".measures")
+    wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.one("figure.chart [role=img]").get_attribute("aria-label"), "all sweeps")
+    assert {link.text for link in browser.all(".results a")} == {"points.ply", "preview.png", "preview.exr", "report.json"}
+
+
+def test_a_failed_job_says_why(service, browser):
+    job = service.submit({"version": 1, "name": "empty", "surface": {"bspline": {"dims": [4, 4, 4], "coefficients": [1] * 64}},
+                          "sampling": {"count": 100}})
+    service.wait_state(job, "failed")
+    browser.open(service, f"#/jobs/{job}")
+    browser.wait_text(service.job(job)["error"]["message"], ".trouble")
+    browser.wait_text("Failed", "h1")
+
+
+def test_the_frames_of_an_array(service, browser):
+    job = service.submit(sphere(name="film", queue={"frames": "1-3", "by_frame": {"/surface/analytic/radius": [1, 1.1, 1.2]}}))
+    service.wait_state(job, "succeeded")
+    browser.open(service, f"#/jobs/{job}")
+    wait_until(lambda: len(browser.all("button.frame.succeeded")) == 3, "three cells")
+    browser.one("button.frame:nth-child(2)").click()
+    browser.wait_text("points.ply", ".results")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("Frame 1", ".film")
+    browser.press("Play", ".film")
+    wait_until(lambda: "Frame 3" in browser.text(".film"), "the film")
+
+
+PICTURE = """
+  const canvas = document.querySelector("canvas.points"), picture = document.createElement("canvas");
+  [picture.width, picture.height] = [canvas.width, canvas.height];
+  return new Promise(done => requestAnimationFrame(() => {
+    canvas.dispatchEvent(new KeyboardEvent("keydown", {key: arguments[0], bubbles: true}));
+    requestAnimationFrame(() => {
+      picture.getContext("2d").drawImage(canvas, 0, 0);
+      const {data} = picture.getContext("2d").getImageData(0, 0, picture.width, picture.height);
+      let hash = 0, drawn = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        hash = (hash * 31 + data[i] + 7 * data[i + 1] + 13 * data[i + 2]) | 0;
+        drawn += data[i] + data[i + 1] + data[i + 2] !== data[0] + data[1] + data[2];
+      }
+      done([hash, drawn / (data.length / 4)]);
+    });
+  }));
+"""
+
+
+def test_a_hundred_thousand_points_are_turned(service, browser):
+    job = service.submit(sphere(count=100000, name="many", output={"preview": False, "mesh": True}))
+    service.wait_state(job, "succeeded")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("100\u202f000 points", ".stats")  # drawn by the processor here, so the window is small
+    before, drawn = browser.run(PICTURE, "Home")
+    assert drawn > 0.1
+    after, _ = browser.run(PICTURE, "ArrowLeft")
+    assert after != before
+    canvas = browser.one("canvas.points")
+    canvas.click()
+    browser.wait_text("kappa1", ".picked")
+    for line in ("kappa\n1", "spacing_local\n"):
+        assert line in browser.text(".picked")
+    browser.run("arguments[0].value = 'wire'; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))",
+                next(s for s in browser.all(".controls select") if "With points" in s.text))
+    browser.wait_text("2 draw calls", ".stats")
+
+
+def test_neighbours_are_counted_as_in_the_report(service, browser):
+    job = service.submit(sphere(count=3000))
+    service.wait_state(job, "succeeded")
+    share = service.get(f"/v1/jobs/{job}/results/report.json").json["quality"]["hex_fraction"]
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("3\u202f000 points", ".stats")
+    browser.run("arguments[0].value = 'neighbours'; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))",
+                browser.one(".controls select"))
+    browser.wait_text("six:", ".legend")
+    six = int(browser.text(".legend").split("six: ")[1].split(",")[0].replace("\u202f", ""))
+    assert abs(six / 3000 - share) < 0.002  # where four cells nearly meet in a point, both are right
+
+
+CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
+f 1 4 3\nf 1 3 2\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n"""
+
+
+def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser, tmp_path):  # noqa: F811
+    """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
+    (tmp_path / "cube.obj").write_text(CUBE)
+    browser.open(closed_service)
+    browser.one("#token").send_keys(new_token(closed_service, "dora"))
+    browser.press("Sign in")
+    browser.press("New job", "header")
+    browser.wait_text("Drop a mesh")
+    browser.run("""
+        const data = new DataTransfer();
+        data.items.add(new File([arguments[0]], "cube.obj"));
+        document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true}));""", CUBE)
+    wait_until(lambda: "sha256:" in browser.one("#json").get_property("value"), "the file to be there")
+    browser.wait_text("Memory", ".estimate")
+    count = browser.one("[id='f/sampling/count']")
+    count.clear()
+    count.send_keys("500")
+    wait_until(lambda: "500" in browser.text(".estimate"), "the new estimate")
+    browser.press("Submit", "aside")
+    browser.wait_text("cube.obj", "h1")
+    browser.wait_text("points.ply", ".results")
+    size = browser.run("return fetch(document.querySelector('.results a').href).then(r => r.arrayBuffer()).then(b => b.byteLength)")
+    assert size > 500 * 52
+    browser.press("Points in 3-D", "main")
+    browser.wait_text("500 points", ".stats")
+
+
+def test_faults_are_shown_where_they_are(service, browser):
+    browser.open(service, "#/submit")
+    radius = browser.one("[id='f/surface/analytic/radius']")
+    radius.clear()
+    radius.send_keys("-1")
+    wait_until(lambda: browser.one("[id='f/surface/analytic/radius']").get_attribute("aria-invalid"), "the fault")
+    assert not browser.one("aside button.main").is_enabled()
+    browser.run("location.hash = '#/'")
+
+
+def test_a_changed_copy(service, browser):
+    job = service.submit(sphere(name="original"))
+    browser.open(service, f"#/jobs/{job}")
+    browser.press("Submit a changed copy", "main")
+    wait_until(lambda: '"original"' in browser.one("#json").get_property("value"), "the spec")
+
+
+def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
+    root = tmp_path / "root"
+    (root / "shots").mkdir(parents=True)
+    (root / "shots" / "cube.obj").write_text(CUBE)
+    service = new_service("--input_roots", root).start()
+    browser.open(service, "#/submit")
+    browser.one("details summary").click()
+    browser.press(f"{root}/", ".drop")
+    browser.press("shots/", ".drop")
+    browser.press("cube.obj", ".drop")
+    wait_until(lambda: f"{root}/shots/cube.obj" in browser.one("#json").get_property("value"), "the path in the spec")
+    browser.wait_text("Memory", ".estimate")
+
+
+def test_two_jobs_are_compared(service, browser):
+    jobs = [service.submit(sphere(count=count, name=f"of {count}")) for count in (300, 600)]
+    for job in jobs:
+        service.wait_state(job, "succeeded")
+    browser.open(service, f"#/compare/{jobs[0]}/{jobs[1]}")
+    wait_until(lambda: len(browser.all(".stats")) == 2, "both clouds")
+    browser.wait_text("600", ".measures")
+    wait_until(lambda: browser.all("figure.chart canvas"), "plots of both")
+
+
+def test_below_a_prefix_of_a_proxy(service, browser, source):
+    """The page asks for nothing by an address that begins at the root."""
+    for name in (source / "page").glob("*.[jh]*"):
+        text = name.read_text()
+        for absolute in ('href="/', 'src="/', '"/v1', "`/v1"):
+            assert absolute not in text, name
+
+
+AUDIT = """
+const done = arguments[0];
+axe.run(document, {resultTypes: ["violations"]}).then(found => done(found.violations.map(violation =>
+  `${violation.id}: ${violation.help}: ${violation.nodes.map(node => node.html.slice(0, 120) + " " + (node.any[0] || {}).message).join(" | ")}`)), error => done([String(error)]));
+"""
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_an_audit_finds_no_barrier(service, browser, source, theme):
+    """axe-core, on each view."""
+    audit = source / "page/node_modules/axe-core/axe.min.js"
+    if not audit.exists():
+        pytest.skip("no axe-core: run npm ci in page")
+    job = service.submit(sphere(count=1000, name="audited", queue={"labels": ["x"]}))
+    service.wait_state(job, "succeeded")
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": theme}]})
+    for where, there in (("#/", "tbody tr"), (f"#/jobs/{job}", ".measures"), (f"#/jobs/{job}/points", ".stats"),
+                         ("#/submit", ".estimate dl")):
+        browser.open(service, where)
+        browser.one(there)
+        # the page lets no text become a script: a tool of the browser brings it in
+        browser.driver.execute_cdp_cmd("Runtime.evaluate", {"expression": audit.read_text()})
+        assert browser.driver.execute_async_script(AUDIT) == [], where
+    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

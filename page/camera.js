@@ -1,0 +1,129 @@
+// A camera that circles a point: matrices for the graphics card, and what mouse, fingers and keys do to it.
+
+const NEAR = 0.01, FAR = 100; // in distances of the eye from the point
+const FIELD_OF_VIEW = 0.6; // radians
+const STEP = 0.12; // of a key
+
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+export class Camera {
+  constructor() {
+    this.target = [0, 0, 0];
+    this.moved = false; // by hand; before that it follows what it shows
+    this.reset(1);
+  }
+
+  /** Looks at a ball around the target from the right and above, as previews do. */
+  reset(radius) {
+    Object.assign(this, {radius, distance: radius / Math.sin(FIELD_OF_VIEW / 2) * 1.05, yaw: 0.7, pitch: 0.45, moved: false});
+  }
+
+  frame(center, radius) {
+    if (this.moved) return;
+    this.target = center;
+    this.reset(radius);
+  }
+
+  /** Unit vectors to the right, up and back to the eye. */
+  axes() {
+    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    const back = [cy * cp, sy * cp, sp], right = [-sy, cy, 0];
+    return {right, up: cross(back, right), back};
+  }
+
+  eye() {
+    const {back} = this.axes();
+    return this.target.map((t, k) => t + back[k] * this.distance);
+  }
+
+  /** World to clip space, by columns. */
+  matrix(aspect) {
+    const {right, up, back} = this.axes(), eye = this.eye();
+    const f = 1 / Math.tan(FIELD_OF_VIEW / 2), [fx, fy] = aspect > 1 ? [f / aspect, f] : [f, f * aspect];
+    const near = this.distance * NEAR, far = this.distance * FAR;
+    const a = (far + near) / (near - far), b = 2 * far * near / (near - far);
+    const [tx, ty, tz] = [-dot(right, eye), -dot(up, eye), -dot(back, eye)];
+    const column = k => [fx * right[k], fy * up[k], a * back[k], -back[k]];
+    return new Float32Array([...column(0), ...column(1), ...column(2), fx * tx, fy * ty, a * tz + b, -tz]);
+  }
+
+  /** World units that one pixel covers, at distance one. */
+  pixel(width, height) {
+    return 2 * Math.tan(FIELD_OF_VIEW / 2) / Math.min(width, height);
+  }
+
+  turn(dx, dy) {
+    this.moved = true;
+    this.yaw -= dx;
+    this.pitch = Math.min(1.57, Math.max(-1.57, this.pitch + dy));
+  }
+
+  /** By fractions of the picture's smaller side. */
+  pan(dx, dy) {
+    this.moved = true;
+    const {right, up} = this.axes(), scale = 2 * Math.tan(FIELD_OF_VIEW / 2) * this.distance;
+    this.target = this.target.map((t, k) => t + scale * (up[k] * dy - right[k] * dx));
+  }
+
+  zoom(factor) {
+    this.moved = true;
+    this.distance = Math.min(this.radius * 50, Math.max(this.radius * 1e-3, this.distance * factor));
+  }
+
+  key(event) {
+    const arrows = {ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP]};
+    if (arrows[event.key]) {
+      const [dx, dy] = arrows[event.key];
+      if (event.shiftKey) this.pan(dx, dy);
+      else this.turn(dx, dy);
+    } else if (event.key === "+" || event.key === "=") this.zoom(1 / 1.15);
+    else if (event.key === "-") this.zoom(1.15);
+    else if (event.key === "Home") this.reset(this.radius);
+    else return false;
+    return true;
+  }
+}
+
+/** Lets mouse, fingers and keys move the camera of a canvas; `onMove()` after each, `onPick(x, y)` for a click. */
+export function steer(canvas, camera, onMove, onPick) {
+  const fingers = new Map();
+  let travelled = 0;
+  const middle = () => {
+    const all = [...fingers.values()];
+    const x = all.reduce((s, p) => s + p.x, 0) / all.length, y = all.reduce((s, p) => s + p.y, 0) / all.length;
+    return {x, y, spread: all.length > 1 ? Math.hypot(all[0].x - all[1].x, all[0].y - all[1].y) : 0};
+  };
+  canvas.onpointerdown = event => {
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+    travelled = 0;
+  };
+  canvas.onpointermove = event => {
+    if (!fingers.has(event.pointerId)) return;
+    const before = middle();
+    fingers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+    const after = middle(), dx = after.x - before.x, dy = after.y - before.y;
+    travelled += Math.hypot(dx, dy);
+    const size = Math.min(canvas.clientWidth, canvas.clientHeight);
+    if (fingers.size > 1 || event.shiftKey || event.buttons & 6) camera.pan(dx / size, dy / size);
+    else camera.turn(dx * 3 / size, dy * 3 / size);
+    if (before.spread && after.spread) camera.zoom(before.spread / after.spread);
+    onMove();
+  };
+  canvas.onpointerup = canvas.onpointercancel = event => {
+    fingers.delete(event.pointerId);
+    if (event.type === "pointerup" && travelled < 4) onPick(event.offsetX, event.offsetY);
+  };
+  canvas.onwheel = event => {
+    event.preventDefault();
+    camera.zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.03 : 0.001)));
+    onMove();
+  };
+  canvas.onkeydown = event => {
+    if (!camera.key(event)) return;
+    event.preventDefault();
+    onMove();
+  };
+  canvas.oncontextmenu = event => event.preventDefault();
+}

@@ -1,0 +1,216 @@
+// A job: its state in words, its tasks and attempts, plots while it runs and afterwards, report and results.
+import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {call, follow, get, query, send, urlOf} from "./api.js";
+import {Charts, rowsOfReport} from "./chart.js";
+import {Progress, State, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {Report} from "./report.js";
+import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
+
+const FRAMES = 500; // of an array, in one request
+const LOG_MS = 1000;
+
+/** The job, kept right by its events; the progress lines of its current attempt: [job, rows, error, reload]. */
+function useJob(id, own) {
+  const [job, setJob] = useState(null);
+  const [error, setError] = useState(null);
+  const [rows, setRows] = useState([]);
+  const read = useCallback(() => get(`v1/jobs/${id}`).then(found => {
+    setJob(found);
+    setError(null);
+  }, setError), [id]);
+  useEffect(() => {
+    read();
+  }, [id]);
+
+  const lives = job && !isFinal(job.state);
+  const follows = lives && own(job);
+  useEffect(() => {
+    if (!follows) return undefined;
+    let fresh = [], frame = null, attempt = 0;
+    function show() {
+      frame = null;
+      const more = fresh;
+      fresh = [];
+      setRows(old => [...old, ...more]);
+      setJob(old => ({...old, progress: more[more.length - 1]}));
+    }
+    const stop = follow(`v1/jobs/${id}/events`, (type, event) => {
+      if (type !== "progress") {
+        if (type !== "position") read();
+        return;
+      }
+      if (event.attempt > attempt) setRows([]);
+      attempt = event.attempt;
+      fresh.push(event.progress);
+      frame = frame || requestAnimationFrame(show);
+    }, read);
+    return () => {
+      stop();
+      cancelAnimationFrame(frame);
+    };
+  }, [id, follows]);
+  return [job, rows, error, read];
+}
+
+/** The report of a job, or of one frame; null while there is none. */
+export function useReport(job, frame) {
+  const [report, setReport] = useState(null);
+  const there = job && job.links.results && (!job.array || frame !== null);
+  useEffect(() => {
+    setReport(null);
+    if (there) get(`v1/jobs/${job.id}/results/report.json${query({frame})}`).then(setReport, () => setReport(null));
+  }, [there, job && job.id, frame, job && job.revision]);
+  return report;
+}
+
+/** What the state means and what one can do, in sentences. */
+function explain(job, report) {
+  if (job.error) return [job.error.message];
+  const reasons = report && report.outcome_reasons || [];
+  if (reasons.length) return reasons.map(reason => reason.message);
+  switch (job.state) {
+    case "queued": return [job.paused ? "It is paused: resume it to have it run." : "It starts as soon as there is room."];
+    case "blocked": return ["It starts when the jobs that it depends on have ended."];
+    case "succeeded": return job.outcome === "converged" ? ["The points are at rest and in order."] : [];
+    case "cancelled": return ["Somebody cancelled it. Retry runs it again."];
+    default: return [];
+  }
+}
+
+function Buttons({job, onChange}) {
+  const [run, error, busy] = useAction(async (method, path) => {
+    await call(method, `v1/jobs/${job.id}${path}`);
+    if (method === "DELETE") location.hash = "#/";
+    else await onChange();
+  });
+  const button = (word, path) => html`<button disabled=${busy} onClick=${() => run("POST", path)}>${word}</button>`;
+  const ended = isFinal(job.state);
+  return html`<div class="buttons">
+    ${job.links.results && html`<a class="button main" href=${`#/jobs/${job.id}/points`}>Points in 3-D</a>`}
+    ${!ended && button("Cancel", "/cancel")}
+    ${!ended && (job.paused ? button("Resume", "/resume") : button("Pause", "/pause"))}
+    ${ended && (job.state !== "succeeded") && button("Retry", "/retry")}
+    ${job.spec && html`<a class="button" href=${`#/submit?from=${job.id}`}>Submit a changed copy</a>`}
+    ${ended && html`<button disabled=${busy} onClick=${() => confirm(`Delete ${nameOf(job)} and its results?`) && run("DELETE", "")}>Delete …</button>`}
+  </div><${Trouble} error=${error} />`;
+}
+
+function Facts({job, now}) {
+  const rows = [
+    ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
+    ["Ran", spentOf(job, now)], ["Attempt", `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
+    ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
+    ["Result of", job.cached_from && html`<a href=${`#/jobs/${job.cached_from}`}>${job.cached_from}</a>`], ["Id", html`<code>${job.id}</code>`],
+  ];
+  return html`<dl class="card facts-list">${rows.map(([word, value]) => (value || value === 0) && html`<div><dt>${word}</dt><dd>${value}</dd></div>`)}</dl>`;
+}
+
+/** The frames of an array as cells; a chosen one shows its results. */
+function Tasks({job, frame, onChoose}) {
+  const [tasks, setTasks] = useState([]);
+  useEffect(() => {
+    let wanted = true;
+    (async () => {
+      const all = [];
+      for (let after = null; after !== undefined && wanted;) {
+        const page = await get(`v1/jobs/${job.id}/tasks${query({after, limit: FRAMES})}`);
+        all.push(...page.tasks);
+        after = page.next ?? undefined;
+      }
+      if (wanted) setTasks(all);
+    })().catch(() => {});
+    return () => {
+      wanted = false;
+    };
+  }, [job.id, job.revision]);
+  return html`<section aria-label="Frames"><h2>Frames</h2><div class="frames">${tasks.map(task => {
+    const {word, sign} = STATES[task.state] || {word: task.state, sign: "?"};
+    return html`<button key=${task.frame} class=${`frame ${task.state}`} aria-pressed=${task.frame === frame}
+      title=${`Frame ${task.frame}: ${word}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
+      ><span aria-hidden="true">${sign}</span>${task.frame}<span class="hidden">: ${word}</span></button>`;
+  })}</div></section>`;
+}
+
+function Log({job, attempt}) {
+  const [text, setText] = useState(null);
+  const [error, setError] = useState(null);
+  const place = useRef(null), readAt = useRef(0);
+  const lives = !attempt.finished;
+  useEffect(() => {
+    // while it runs it is read again as progress comes
+    if (text !== null && lives && performance.now() - readAt.current < LOG_MS) return;
+    readAt.current = performance.now();
+    send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
+      .then(response => response.text()).then(setText, setError);
+  }, [job.id, job.revision, attempt.number, attempt.frame, lives && job.progress]);
+  useEffect(() => {
+    if (place.current) place.current.scrollTop = place.current.scrollHeight;
+  }, [text]);
+  return html`<${Trouble} error=${error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
+}
+
+function Attempts({job}) {
+  const [open, setOpen] = useState(null);
+  if (!job.attempts || !job.attempts.length) return null;
+  const keyOf = attempt => `${attempt.frame ?? ""}.${attempt.number}`;
+  const endOf = attempt => (attempt.reason || (attempt.signal ? `signal ${attempt.signal}` : attempt.exit_status !== undefined ? `exit ${attempt.exit_status}` : "running"));
+  return html`<section aria-label="Attempts"><h2>Attempts</h2><div class="scroll" tabindex="0" role="region" aria-label="List of attempts"><table><thead><tr>
+    <th scope="col" class="number">No.</th><th scope="col">Started</th><th scope="col" class="number">Ran</th><th scope="col">End</th>
+    <th scope="col" class="number">Memory</th><th scope="col"><span class="hidden">Log</span></th></tr></thead><tbody>
+    ${job.attempts.map(attempt => html`<tr><td class="number">${attempt.frame !== undefined ? `${attempt.frame} / ` : ""}${attempt.number}</td>
+      <td>${timeOf(attempt.started)}</td><td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>
+      <td class="number">${bytesOf(attempt.peak_memory_bytes)}</td>
+      <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td></tr>
+      ${open === keyOf(attempt) && html`<tr><td colspan="6"><${Log} job=${job} attempt=${attempt} /></td></tr>`}`)}
+    </tbody></table></div></section>`;
+}
+
+function Results({job, frame}) {
+  const [results, setResults] = useState([]);
+  useEffect(() => {
+    get(`v1/jobs/${job.id}/results${query({frame})}`).then(found => setResults(found.results), () => setResults([]));
+  }, [job.id, frame, job.revision]);
+  if (!results.length) return null;
+  const preview = results.find(result => result.name === "preview.png");
+  return html`<section aria-label="Results"><h2>Results</h2><div class="results">
+    ${preview && html`<img class="preview" src=${urlOf(preview.href).href} alt=${`Preview of the points of ${nameOf(job)}`} />`}
+    <div class="scroll" tabindex="0" role="region" aria-label="Files"><table><thead><tr><th scope="col">File</th><th scope="col" class="number">Size</th><th scope="col">SHA-256</th></tr></thead><tbody>
+    ${results.map(result => html`<tr><td><a href=${urlOf(result.href).href} download=${result.name}>${result.name}</a></td>
+      <td class="number">${bytesOf(result.bytes)}</td><td><code class="hash" title=${result.sha256}>${result.sha256}</code></td></tr>`)}
+    </tbody></table></div></div></section>`;
+}
+
+function Spec({spec}) {
+  const text = JSON.stringify(spec, null, 2);
+  const [copy, error] = useAction(() => navigator.clipboard.writeText(text));
+  return html`<details><summary>Spec</summary><button onClick=${copy}>Copy</button><${Trouble} error=${error} /><pre class="log" tabindex="0">${text}</pre></details>`;
+}
+
+export function Job({ids: [id], search, session}) {
+  const owns = job => session.scopes.includes("admin") || job.owner === session.user || job.spec !== null;
+  const [job, rows, error, reload] = useJob(id, owns);
+  const asked = search.get("frame");
+  const [frame, setFrame] = useState(asked === null ? null : Number(asked));
+  const report = useReport(job, frame);
+  const now = useClock(1000);
+  useTitle(job ? nameOf(job) : "Job");
+  if (!job) return error ? html`<${Trouble} error=${error} />` : html`<p class="loading" role="status">Loading …</p>`;
+
+  const own = owns(job), progress = !isFinal(job.state) && job.progress;
+  return html`<p class="back"><a href="#/">Queue</a></p>
+    <h1>${nameOf(job)} <${State} job=${job} /></h1>
+    <${Trouble} error=${error} />
+    ${explain(job, report).map(text => html`<p class=${job.error ? "trouble" : "lead"}>${text}</p>`)}
+    ${progress && html`<div class="live" aria-live="off"><${Progress} fraction=${progress.fraction} label="Progress" />
+      <span>${PHASES[progress.phase]}${progress.eta_s !== undefined && progress.eta_s !== null ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
+    ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} onChange=${reload} />`}
+    <${Facts} job=${job} now=${now} />
+    ${job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
+    ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
+    ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
+      : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
+    ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
+    ${report && html`<${Report} report=${report} />`}
+    ${own && html`<${Attempts} job=${job} />`}
+    ${job.spec && html`<${Spec} spec=${job.spec} />`}`;
+}

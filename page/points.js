@@ -1,0 +1,311 @@
+// The points of a job in 3-D, and what can be asked of them.
+import {html, useEffect, useRef, useState} from "./preact.js";
+import {get, query} from "./api.js";
+import {Camera, steer} from "./camera.js";
+import {coloursOf, MAPS, rangeOf} from "./colours.js";
+import {Discs} from "./discs.js";
+import {countNeighbours} from "./neighbours.js";
+import {recall, Trouble, useTitle} from "./parts.js";
+import {loadEdges, loadPoints} from "./ply.js";
+import {bytesOf, countOf, nameOf, numberOf} from "./words.js";
+
+/** Of more points, a part is shown and said to be one: two million are 64 MiB on the graphics card. */
+const MOST = 2000000;
+const NEIGHBOURS = "neighbours";
+const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
+const HELD = 60; // milliseconds: a film shows no frame for less
+
+const AXES = {"": "No cut", x: "x", y: "y", z: "z"};
+
+/** Draws into a canvas whenever something has changed, and measures the time. Holds what is not the view's state. */
+class Scene {
+  constructor(canvas, onStats) {
+    this.canvas = canvas;
+    this.discs = new Discs(canvas);
+    this.camera = new Camera();
+    this.onStats = onStats;
+    this.points = null;
+    this.watcher = new ResizeObserver(() => this.resize());
+    this.watcher.observe(canvas);
+  }
+
+  resize() {
+    const ratio = Math.min(2, devicePixelRatio || 1);
+    this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
+    this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    this.change();
+  }
+
+  /** Has the next frame drawn. */
+  change() {
+    this.frame = this.frame || requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    cancelAnimationFrame(this.frame);
+    this.frame = null;
+    const dark = getComputedStyle(this.canvas).colorScheme === "dark" || (recall("theme") !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+    const begun = performance.now();
+    const calls = this.discs.draw(this.camera, dark ? [0.08, 0.094, 0.106] : [1, 1, 1], dark ? [0.8, 0.85, 0.88] : [0.1, 0.15, 0.18]);
+    this.onStats({calls, ms: performance.now() - begun, bytes: this.discs.bytes || 0});
+  }
+
+  /** Sees all that has come so far, unless somebody has moved the camera. */
+  frameAll() {
+    const {columns: {x, y, z}, count} = this.points;
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const step = Math.max(1, Math.floor(count / 50000));
+    for (let i = 0; i < count; i += step)
+      [x[i], y[i], z[i]].forEach((value, k) => {
+        low[k] = Math.min(low[k], value);
+        high[k] = Math.max(high[k], value);
+      });
+    this.box = {low, high};
+    const center = low.map((l, k) => (l + high[k]) / 2);
+    let radius = 0;
+    for (let i = 0; i < count; i += step) radius = Math.max(radius, Math.hypot(x[i] - center[0], y[i] - center[1], z[i] - center[2]));
+    this.camera.frame(center, radius || 1);
+  }
+
+  /** Cuts away what lies beyond a part of the box along an axis. */
+  cut(axis, part, other) {
+    const k = "xyz".indexOf(axis), sign = other ? 1 : -1;
+    this.discs.plane = [0, 0, 0, 1];
+    if (axis && this.box) {
+      const at = this.box.low[k] + part * (this.box.high[k] - this.box.low[k]);
+      this.discs.plane = [0, 1, 2].map(i => (i === k ? sign : 0)).concat(-sign * at);
+    }
+    this.change();
+  }
+
+  free() {
+    cancelAnimationFrame(this.frame);
+    this.watcher.disconnect();
+    this.discs.free();
+  }
+}
+
+function Legend({colouring, counts}) {
+  const place = useRef(null);
+  useEffect(() => {
+    const canvas = place.current, context = canvas.getContext("2d"), image = context.createImageData(256, 1);
+    image.data.set(coloursOf(colouring.map));
+    context.putImageData(image, 0, 0);
+  }, [colouring.map]);
+  const ends = colouring.by === NEIGHBOURS ? null : colouring.range;
+  return html`<div class="legend"><canvas ref=${place} width="256" height="1" aria-hidden="true"></canvas>
+    ${ends ? html`<span class="ends"><span>${numberOf(ends[0])}</span><span>${colouring.by}</span><span>${numberOf(ends[1])}</span></span>`
+      : html`<span class="ends">${[4, 5, 6, 7, 8].map(n => html`<span>${n === 4 ? "≤ 4" : n === 8 ? "≥ 8" : n}</span>`)}</span>`}
+    ${counts && colouring.by === NEIGHBOURS && html`<p class="hint">Five: ${countOf(counts[5] || 0)}, six: ${countOf(counts[6] || 0)}, seven: ${countOf(counts[7] || 0)}, others: ${countOf(counts.others)}</p>`}</div>`;
+}
+
+function Picked({points, index, onClose}) {
+  if (index < 0) return null;
+  const {columns, origin, step} = points;
+  const value = name => columns[name][index] + (origin["xyz".indexOf(name)] ?? 0);
+  return html`<aside class="picked card" aria-label="Point"><button class="plain close" aria-label="Close" onClick=${onClose}>✕</button>
+    <h3>Point ${countOf(index * step)}</h3><dl>${Object.keys(columns).map(name => html`<div><dt>${name}</dt><dd>${numberOf(value(name))}</dd></div>`)}</dl></aside>`;
+}
+
+function ColourControls({colouring, names, onChange}) {
+  const set = change => onChange({...colouring, ...change});
+  const bound = (k, word) => html`<label>${word}<input type="number" step="any" value=${Number(colouring.range[k].toPrecision(4))}
+    onChange=${e => set({range: colouring.range.map((old, i) => (i === k ? Number(e.target.value) : old))})} /></label>`;
+  return html`<label>Colour by<select value=${colouring.by} onChange=${e => set({by: e.target.value, range: null})}>
+      ${names.map(name => html`<option value=${name} selected=${name === colouring.by}>${name}</option>`)}</select></label>
+    ${colouring.by !== NEIGHBOURS && colouring.range && html`${bound(0, "From")}${bound(1, "To")}
+      <label>Map<select value=${colouring.map} onChange=${e => set({map: e.target.value})}>
+        ${Object.keys(MAPS).filter(map => map !== NEIGHBOURS).map(map => html`<option value=${map} selected=${map === colouring.map}>${map}</option>`)}</select></label>`}`;
+}
+
+/** The neighbours of all points, counted once and kept with them. */
+async function addNeighbours(scene) {
+  const {points} = scene;
+  const degrees = await countNeighbours(points, () => scene.points === points);
+  if (!degrees) return null;
+  points.columns[NEIGHBOURS] = degrees;
+  points.neighbours = {others: 0};
+  for (const degree of degrees) {
+    const key = degree >= 5 && degree <= 7 ? degree : "others";
+    points.neighbours[key] = (points.neighbours[key] || 0) + 1;
+  }
+  return degrees;
+}
+
+/** The points of a job or of one of its frames; `onShown` is called when a frame is there. */
+export function PointCloud({job, frame, onShown}) {
+  const canvas = useRef(null), scene = useRef(null);
+  const [error, setError] = useState(null);
+  const [progress, setProgress] = useState(null); // the points so far; null before the first
+  const [stats, setStats] = useState({calls: 0, ms: 0, bytes: 0});
+  const [colouring, setColouring] = useState({by: "kappa", map: "viridis", range: null});
+  const [picked, setPicked] = useState(-1);
+  const [counting, setCounting] = useState(false);
+  const [wire, setWire] = useState("none"); // none, wire, only
+  const [cut, setCut] = useState({axis: "", part: 0.5, other: false});
+
+  useEffect(() => {
+    try {
+      scene.current = new Scene(canvas.current, setStats);
+    } catch (e) {
+      setError(e);
+      return undefined;
+    }
+    const {camera, discs} = scene.current;
+    steer(canvas.current, camera, () => scene.current.change(), (x, y) => {
+      const ratio = canvas.current.width / canvas.current.clientWidth;
+      discs.picked = discs.pick(camera, Math.round(x * ratio), Math.round(y * ratio));
+      setPicked(discs.picked);
+      scene.current.change();
+    });
+    return () => scene.current.free();
+  }, []);
+
+  useEffect(() => {
+    const now = scene.current, stop = new AbortController();
+    if (!now) return undefined;
+    const more = points => {
+      now.discs.extend(points);
+      now.frameAll();
+      setProgress({count: points.count, points});
+      now.change();
+    };
+    const alone = now.points === null; // the first file is shown while it comes, frames of a film when they are whole
+    loadPoints(`v1/jobs/${job.id}/results/points.ply${query({frame})}`, MOST, {
+      signal: stop.signal,
+      onStart: points => {
+        if (!alone) return;
+        now.points = points;
+        now.discs.allocate(points.kept);
+      },
+      onMore: points => alone && more(points),
+    }).then(points => {
+      if (!alone) now.discs.allocate(points.kept);
+      now.points = points;
+      setPicked(-1);
+      more(points);
+      setProgress({count: points.count, points, whole: true});
+      if (onShown) onShown(points);
+    }).catch(e => e.name === "AbortError" || setError(e));
+    return () => stop.abort();
+  }, [job.id, frame]);
+
+  const points = progress && progress.points;
+  useEffect(() => {
+    if (!points || !points.count) return;
+    const {discs} = scene.current, column = points.columns[colouring.by];
+    if (!column) {
+      if (colouring.by !== NEIGHBOURS) setColouring({...colouring, by: "spacing", range: null});
+      else if (progress.whole && !counting) {
+        setCounting(true);
+        addNeighbours(scene.current).then(() => {
+          setCounting(false);
+          setProgress(old => ({...old}));
+        });
+      }
+      return;
+    }
+    const range = colouring.by === NEIGHBOURS ? [3.5, 8.5] : colouring.range || rangeOf(column, points.count);
+    const map = colouring.by === NEIGHBOURS ? NEIGHBOURS : colouring.map === NEIGHBOURS ? "viridis" : colouring.map;
+    discs.setMap(coloursOf(map));
+    discs.colourBy(column);
+    discs.range = range;
+    scene.current.change();
+    if (progress.whole && (String(range) !== String(colouring.range) || map !== colouring.map)) setColouring({...colouring, range, map});
+  }, [progress, colouring.by, colouring.map, String(colouring.range)]);
+
+  useEffect(() => {
+    if (scene.current) scene.current.cut(cut.axis, cut.part, cut.other);
+  }, [cut, progress && progress.whole]);
+
+  const mesh = points && points.step === 1 && job.spec && job.spec.output && job.spec.output.mesh;
+  useEffect(() => {
+    const now = scene.current;
+    if (!now || !points || !mesh) return;
+    Object.assign(now.discs, {showWire: wire !== "none", showDiscs: wire !== "only"});
+    now.change();
+    if (wire === "none" || now.discs.edgeCount) return;
+    loadEdges(`v1/jobs/${job.id}/results/mesh.ply${query({frame})}`, {}).then(edges => {
+      now.discs.setEdges(edges);
+      now.change();
+    }, setError);
+  }, [wire, points]);
+
+  const save = () => {
+    scene.current.draw(); // the picture is there until the browser shows the next one
+    canvas.current.toBlob(blob => {
+      const link = Object.assign(document.createElement("a"), {href: URL.createObjectURL(blob), download: `${nameOf(job)}.png`});
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    });
+  };
+  const home = () => {
+    scene.current.camera.reset(scene.current.camera.radius);
+    scene.current.frameAll();
+    scene.current.change();
+  };
+  const names = points ? [...Object.keys(points.columns).filter(name => !NO_COLOURS.includes(name) && name !== NEIGHBOURS), ...(points.step === 1 ? [NEIGHBOURS] : [])] : [];
+  return html`<div class="cloud">
+    <${Trouble} error=${error} />
+    <div class="stage"><canvas ref=${canvas} tabindex="0" role="img" class="points"
+      aria-label=${`The points of ${nameOf(job)} in 3-D. Arrow keys turn, with shift they move, plus and minus zoom, Home shows all.`}></canvas>
+      ${points && html`<${Legend} colouring=${colouring} counts=${points.neighbours} />`}
+      ${points && html`<${Picked} points=${points} index=${picked} onClose=${() => {
+        scene.current.discs.picked = -1;
+        scene.current.change();
+        setPicked(-1);
+      }} />`}
+      ${(!progress || !progress.whole) && !error && html`<p class="loading-points" role="status">${points ? `${countOf(progress.count * points.step)} of ${countOf(points.total)} points …` : "Loading points …"}</p>`}
+      ${counting && html`<p class="loading-points" role="status">Counting neighbours …</p>`}</div>
+    ${points && points.step > 1 && html`<p class="notice">One of ${points.step} points is shown: ${countOf(points.kept)} of ${countOf(points.total)}. Gaps between discs are no gaps in the packing.</p>`}
+    ${points && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} onChange=${setColouring} />
+      <label>Cut along<select value=${cut.axis} onChange=${e => setCut({...cut, axis: e.target.value})}>
+        ${Object.entries(AXES).map(([key, word]) => html`<option value=${key} selected=${key === cut.axis}>${word}</option>`)}</select></label>
+      ${cut.axis && html`<label>Where<input type="range" min="0" max="1" step="0.005" value=${cut.part} onInput=${e => setCut({...cut, part: Number(e.target.value)})} /></label>
+        <button onClick=${() => setCut({...cut, other: !cut.other})}>Other side</button>`}
+      ${mesh && html`<label>Mesh<select value=${wire} onChange=${e => setWire(e.target.value)}>
+        <option value="none">Hidden</option><option value="wire">With points</option><option value="only">Alone</option></select></label>`}
+      <span class="buttons"><button onClick=${home}>Show all</button><button onClick=${save}>Save picture</button></span></div>
+      <p class="hint stats">${countOf(progress.count)} points, ${stats.calls} draw calls a frame, ${bytesOf(stats.bytes)} on the graphics card, ${stats.ms.toFixed(1)} ms of script a frame.
+        Drag turns, shift or two fingers move, the wheel zooms, a click reads a point.</p>`}</div>`;
+}
+
+/** The frames of an array as a film. */
+function Film({frames, frame, shown, onChange}) {
+  const [plays, setPlays] = useState(false);
+  const at = frames.indexOf(frame);
+  useEffect(() => {
+    if (!plays || shown !== frame) return undefined;
+    const timer = setTimeout(() => onChange(frames[(at + 1) % frames.length]), HELD);
+    return () => clearTimeout(timer);
+  }, [plays, shown, frame]);
+  return html`<div class="controls film"><button aria-pressed=${plays} onClick=${() => setPlays(!plays)}>${plays ? "Stop" : "Play"}</button>
+    <label class="grow">Frame ${frame}<input type="range" min="0" max=${frames.length - 1} value=${at} onInput=${e => onChange(frames[Number(e.target.value)])} /></label></div>`;
+}
+
+export function Points({ids: [id], search}) {
+  const [job, setJob] = useState(null);
+  const [frames, setFrames] = useState(null); // those that have succeeded; empty: the job is no array
+  const [frame, setFrame] = useState(search.has("frame") ? Number(search.get("frame")) : null);
+  const [shown, setShown] = useState(null);
+  const [error, setError] = useState(null);
+  useTitle(job ? `Points of ${nameOf(job)}` : "Points");
+  useEffect(() => {
+    (async () => {
+      const found = await get(`v1/jobs/${id}`), done = [];
+      for (let after = null; found.array && after !== undefined;) {
+        const page = await get(`v1/jobs/${id}/tasks${query({after, limit: 500})}`);
+        done.push(...page.tasks.filter(task => task.state === "succeeded").map(task => task.frame));
+        after = page.next ?? undefined;
+      }
+      if (done.length && frame === null) setFrame(done[0]);
+      setFrames(done);
+      setJob(found);
+    })().catch(setError);
+  }, [id]);
+  if (!job) return html`<${Trouble} error=${error} />`;
+  if (job.array && !frames.length) return html`<p class="empty">No frame has succeeded yet.</p>`;
+  return html`<p class="back"><a href="#/">Queue</a> › <a href=${`#/jobs/${id}`}>${nameOf(job)}</a></p><h1>Points of ${nameOf(job)}</h1>
+    <${PointCloud} job=${job} frame=${frame} onShown=${() => setShown(frame)} />
+    ${frames.length > 1 && html`<${Film} frames=${frames} frame=${frame} shown=${shown} onChange=${setFrame} />`}`;
+}

@@ -1,0 +1,144 @@
+// A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
+import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {call, get, send} from "./api.js";
+import {Files} from "./files.js";
+import {Node} from "./form.js";
+import {Progress, Trouble, useAction, useTitle} from "./parts.js";
+import {sha256} from "./sha256.js";
+import {bytesOf, countOf, durationOf, numberOf} from "./words.js";
+
+const CHECK_MS = 500;
+const FIRST = {version: 1, surface: {analytic: {shape: "sphere", center: [0, 0, 0], radius: 1}}, sampling: {count: 10000}};
+const VOLUMES = ["nrrd", "nhdr", "nii", "gz"];
+
+/** The surface of a spec that a file is. */
+function surfaceOf(name, path) {
+  const ending = name.split(".").pop().toLowerCase();
+  if (ending === "vdb") return {vdb: {path}};
+  return VOLUMES.includes(ending) ? {volume: {path}} : {mesh: {path}};
+}
+
+/** Sends a file, unless the service has it; returns the path by which a spec names it. */
+async function upload(file, onProgress) {
+  const hash = await sha256(file, share => onProgress(`Reading ${file.name}`, share));
+  onProgress(`Sending ${file.name}`, null);
+  const {path} = await (await send("PUT", `v1/inputs/${hash}`, {body: file, headers: {"Content-Type": "application/octet-stream"}})).json();
+  const ending = /\.[A-Za-z0-9]+$/.exec(file.name);
+  return path + (ending ? ending[0] : "");
+}
+
+/** What the service says of the spec: [faults by pointer, error, estimate, busy]. */
+function useCheck(spec) {
+  const [answer, setAnswer] = useState({faults: new Map(), error: null, validation: null});
+  const [busy, setBusy] = useState(false);
+  useEffect(() => {
+    const stop = new AbortController();
+    const timer = setTimeout(async () => {
+      setBusy(true);
+      try {
+        const options = {method: "POST", body: JSON.stringify(spec), headers: {"Content-Type": "application/json"}, signal: stop.signal};
+        setAnswer({faults: new Map(), error: null, validation: await (await send("POST", "v1/jobs:validate", options)).json()});
+      } catch (error) {
+        if (error.name === "AbortError") return;
+        setAnswer({faults: new Map((error.errors || []).map(({pointer, detail}) => [pointer, detail])), error, validation: null});
+      }
+      setBusy(false);
+    }, CHECK_MS);
+    return () => {
+      clearTimeout(timer);
+      stop.abort();
+    };
+  }, [JSON.stringify(spec)]);
+  return [answer, busy];
+}
+
+function Estimate({validation, busy}) {
+  const estimate = validation && validation.estimate;
+  return html`<div class="card estimate" role="status" aria-busy=${busy}>
+    ${!validation ? html`<p class="dim">${busy ? "Checking …" : "Not checked yet"}</p>`
+      : !estimate ? html`<p>The spec is good. ${validation.estimate_missing}</p>`
+      : html`<dl><div><dt>Points</dt><dd>${countOf(estimate.count)}</dd></div><div><dt>Area</dt><dd>${numberOf(estimate.area)}</dd></div>
+        <div><dt>Memory</dt><dd>${bytesOf(estimate.memory_bytes)}</dd></div><div><dt>Time, about</dt><dd>${durationOf(estimate.seconds)}</dd></div></dl>`}</div>`;
+}
+
+function Json({spec, onChange}) {
+  const [text, setText] = useState(JSON.stringify(spec, null, 2));
+  const [fault, setFault] = useState(null);
+  const written = useRef(spec);
+  useEffect(() => {
+    if (spec !== written.current) setText(JSON.stringify(spec, null, 2));
+  }, [spec]);
+  const change = e => {
+    setText(e.target.value);
+    try {
+      written.current = JSON.parse(e.target.value);
+      setFault(null);
+      onChange(written.current);
+    } catch (error) {
+      setFault(error);
+    }
+  };
+  const [copy, copyError] = useAction(() => navigator.clipboard.writeText(text));
+  return html`<label class="json" for="json">The spec as JSON</label><textarea id="json" rows="22" spellcheck="false" value=${text} onInput=${change}></textarea>
+    <${Trouble} error=${fault || copyError} /><button type="button" onClick=${copy}>Copy</button>`;
+}
+
+export function Submit({search}) {
+  const [schema, setSchema] = useState(null);
+  const [spec, setSpec] = useState(search.has("from") ? null : FIRST);
+  const [error, setError] = useState(null);
+  const [sending, setSending] = useState(null);
+  const [over, setOver] = useState(false);
+  const [{faults, error: fault, validation}, busy] = useCheck(spec || FIRST);
+  useTitle("New job");
+
+  useEffect(() => {
+    get("v1/openapi.json").then(document => setSchema(document.components.schemas.JobSpec), setError);
+    if (search.has("from")) get(`v1/jobs/${search.get("from")}`).then(job => setSpec(job.spec), setError);
+  }, []);
+
+  const useFile = useCallback((name, path) => setSpec(old => ({...old, name: old.name || name, surface: surfaceOf(name, path)})), []);
+  const [take, takeError] = useAction(async file => {
+    try {
+      useFile(file.name, await upload(file, (word, share) => setSending({word, share})));
+    } finally {
+      setSending(null);
+    }
+  });
+  const [submit, submitError, submitting] = useAction(async () => {
+    const job = await call("POST", "v1/jobs", spec);
+    location.hash = `#/jobs/${job.id}`;
+  });
+  const drop = e => {
+    e.preventDefault();
+    setOver(false);
+    if (e.dataTransfer.files.length) take(e.dataTransfer.files[0]);
+  };
+  if (!schema || !spec) return html`<${Trouble} error=${error} />`;
+
+  const {properties} = schema;
+  const group = name => html`<fieldset class="card" key=${name}><legend>${name[0].toUpperCase() + name.slice(1)}</legend><div class="fields">
+    <${Node} name=${name} schema=${properties[name]} value=${spec[name]} pointer=${`/${name}`} faults=${faults} onChange=${next => setSpec({...spec, [name]: next})} /></div></fieldset>`;
+  const rest = Object.keys(properties).filter(name => !["version", "name", "surface", "sampling"].includes(name));
+  return html`<div class=${`submit ${over ? "over" : ""}`} onDragOver=${e => {
+    e.preventDefault();
+    setOver(true);
+  }} onDragLeave=${() => setOver(false)} onDrop=${drop}>
+    <h1>New job</h1>
+    <div class="drop card"><p>Drop a mesh or a volume here, or choose a file:</p>
+      <span class="buttons"><label class="button" for="file">From this computer</label><input id="file" class="hidden" type="file" onChange=${e => e.target.files.length && take(e.target.files[0])} /></span>
+      <${Files} onChoose=${useFile} />
+      ${sending && html`<p role="status">${sending.word} … ${sending.share !== null && html`<${Progress} fraction=${sending.share} label=${sending.word} />`}</p>`}
+      <${Trouble} error=${takeError} /></div>
+    <form class="columns" onSubmit=${e => {
+      e.preventDefault();
+      submit();
+    }}><div>
+      <fieldset class="card"><legend>Job</legend><div class="fields"><${Node} name="name" schema=${properties.name} value=${spec.name} pointer="/name" faults=${faults}
+        onChange=${next => setSpec({...spec, name: next})} /></div></fieldset>
+      ${group("surface")}${group("sampling")}
+      <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(group)}</details></div>
+    <aside aria-label="Check"><${Estimate} validation=${validation} busy=${busy} /><${Trouble} error=${fault} />
+      <button class="main" disabled=${submitting || Boolean(fault)}>Submit</button><${Trouble} error=${submitError} />
+      <${Json} spec=${spec} onChange=${setSpec} /></aside></form></div>`;
+}

@@ -1,0 +1,129 @@
+#include "api/files.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "api/job_json.h"
+#include "base/memory.h"
+#include "http/parameter.h"
+
+/* The first names of a directory in their order, of those behind `after`. */
+typedef struct names {
+    const char *after;
+    size_t most, count;
+    bool more;
+    char **item;
+} names;
+
+static void names_clear(names *n)
+{
+    for (size_t i = 0; i < n->count; i++) free(n->item[i]);
+    free(n->item);
+}
+
+static void names_add(names *n, const char *name)
+{
+    size_t at = n->count;
+    if (n->after && strcmp(name, n->after) <= 0) return;
+    while (at > 0 && strcmp(name, n->item[at - 1]) < 0) at--;
+    if (n->count == n->most) {
+        n->more = true;
+        if (at == n->most) return;
+        free(n->item[--n->count]);
+    }
+    memmove(n->item + at + 1, n->item + at, (n->count - at) * sizeof *n->item);
+    n->item[at] = mem_strdup(name);
+    n->count++;
+}
+
+static void append(json *list, const char *name, const struct stat *info)
+{
+    json *o = json_append_object(list);
+    json_put_string(o, "name", name);
+    json_put_bool(o, "directory", S_ISDIR(info->st_mode));
+    if (S_ISDIR(info->st_mode))
+        json_put_null(o, "bytes");
+    else
+        json_put_integer(o, "bytes", info->st_size);
+    job_json_put_time(o, "modified", (int64_t)info->st_mtim.tv_sec * 1000);
+}
+
+/* What a link leads to is looked at only where jobs might read it. */
+static void append_found(const http_context *c, int directory, const char *path, const char *name, json *list)
+{
+    struct stat info;
+    if (fstatat(directory, name, &info, AT_SYMLINK_NOFOLLOW) != 0) return;
+    if (S_ISLNK(info.st_mode)) {
+        char *full = mem_printf("%s/%s", path, name);
+        bool found = store_find_input(c->roots, full, &info);
+        free(full);
+        if (!found) return;
+    }
+    if (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode)) append(list, name, &info);
+}
+
+static void list_roots(const http_context *c, json *document)
+{
+    json_put_string(document, "path", "");
+    json_put_null(document, "parent");
+    json *list = json_put_array(document, "files");
+    bool directory;
+    const char *name;
+    struct stat info;
+    for (size_t i = 0; (name = store_roots_name(c->roots, i, &directory)); i++)
+        if (stat(name, &info) == 0) append(list, name, &info);
+    json_put_null(document, "next");
+}
+
+/* The directory above; for that of a root the list of roots. */
+static void put_parent(const http_context *c, const char *path, json *document)
+{
+    bool directory;
+    const char *name, *slash = strrchr(path, '/');
+    bool is_root = !slash || slash == path;
+    for (size_t i = 0; (name = store_roots_name(c->roots, i, &directory)); i++)
+        is_root = is_root || strcmp(name, path) == 0;
+    char *above = is_root ? mem_strdup("") : mem_strndup(path, (size_t)(slash - path));
+    json_put_string(document, "parent", above);
+    free(above);
+}
+
+void files_list(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    const char *path = parameter_text(request, "path", "");
+    json *document = json_new_object();
+    if (!*path) {
+        list_roots(c, document);
+        reply_set_json(r, 200, document);
+        return;
+    }
+    int fd = store_open_directory(c->roots, path, &e);
+    DIR *listing = fd < 0 ? NULL : fdopendir(fd);
+    if (!listing) {
+        if (fd >= 0) {
+            error_set(&e, ERROR_INPUT_MISSING, "%s cannot be read: %s", path, strerror(errno));
+            close(fd);
+        }
+        reply_set_error(r, &e, NULL);
+        json_free(document);
+        return;
+    }
+    names found = {.after = parameter_text(request, "after_name", NULL),
+                   .most = (size_t)parameter_integer(request, "limit", 50)};
+    found.item = mem_alloc((found.most + 1) * sizeof *found.item);
+    for (struct dirent *entry; (entry = readdir(listing));)
+        if (entry->d_name[0] != '.') names_add(&found, entry->d_name);
+    json_put_string(document, "path", path);
+    put_parent(c, path, document);
+    json *list = json_put_array(document, "files");
+    for (size_t i = 0; i < found.count; i++) append_found(c, fd, path, found.item[i], list);
+    json_put_string(document, "next", found.more ? found.item[found.count - 1] : NULL);
+    closedir(listing);
+    names_clear(&found);
+    reply_set_json(r, 200, document);
+}
