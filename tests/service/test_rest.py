@@ -111,7 +111,7 @@ def test_health_and_version(service):
 
 
 def test_unknown_places(service):
-    expect_problem(service.get("/"), 404, "not_found")
+    expect_problem(service.get("/nothing"), 404, "not_found")
     expect_problem(service.get("/v1/nothing"), 404, "not_found")
     expect_problem(service.get("/v1/jobs/"), 404, "not_found")
     expect_problem(service.get("/v1/jobs/01aaaaaaaaaaaaaaaaaaaaaaaa"), 404, "not_found")
