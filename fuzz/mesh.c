@@ -22,7 +22,8 @@ static void make_levelset(mesh *m)
     mesh_notes notes = {0};
     threads *alone = threads_new(1, NULL, &e);
     expect(alone);
-    levelset_params params = {.resolution = 16, .band_vox = 3, .memory_limit = memory, .pool = alone};
+    levelset_params params = {
+        .resolution = 16, .band_vox = 3, .weld = 1e-4, .memory_limit = memory, .pool = alone};
     vdb_grid *g = levelset_make(m, &params, &notes, &e);
     expect(g || (e.code != ERROR_INTERNAL && *e.message));
     expect(notes.count <= MESH_MAX_NOTES);

@@ -138,10 +138,8 @@ bool fidelity_measure(const mesh *m, const double index_to_world[16], const fiel
 {
     const double size = index_to_world[0];
     measuring w = {.m = m, .f = f, .index_to_world = index_to_world};
-    bbox box = bbox_empty();
     bool ok = true;
-    for (size_t n = 0; n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
-    w.touching_vox = touching * bbox_longest(box);
+    w.touching_vox = m->triangle_count ? touching * bbox_longest(mesh_box(m)) : 0;
     for (uint32_t n = 0; ok && n < m->triangle_count; n++) ok = measure_triangle(&w, n, e);
     if (ok) {
         if (w.gap_count) qsort(w.gaps, w.gap_count, sizeof *w.gaps, by_width);

@@ -56,9 +56,8 @@ static bool over_limit(const making *k, size_t needed, error *e)
 static bool to_index_space(making *k, const levelset_params *p, double index_to_world[16], error *e)
 {
     mesh *m = k->m;
-    bbox box = bbox_empty();
-    for (size_t n = 0; n < m->vertex_count; n++) box = bbox_include(box, m->vertex[n]);
-    double longest = m->vertex_count ? bbox_longest(box) : 0;
+    const bbox box = mesh_box(m);
+    const double longest = m->triangle_count ? bbox_longest(box) : 0;
     if (!(longest > 0))
         return error_set(e, ERROR_NO_SURFACE, "the mesh has no extent: all of its triangles are points");
     double size = p->voxel_size > 0 ? p->voxel_size : longest / p->resolution, voxels = longest / size;
@@ -326,14 +325,16 @@ static bool fill_tiles(const making *k, vdb_grid *out, error *e)
 
 static bool make(making *k, const levelset_params *p, vdb_grid *out, error *e)
 {
+    const double longest = k->m->triangle_count ? bbox_longest(mesh_box(k->m)) : 0;
     if (!mesh_weld(k->m, k->notes, e) || !to_index_space(k, p, out->index_to_world, e)) return false;
+    const mesh_place place = {p->weld * longest / k->voxel_size, out->index_to_world};
     k->fixed = mem_array(k->m->vertex_count, sizeof *k->fixed, "the mesh", e);
     if (!k->fixed) return false;
     for (size_t n = 0; n < k->m->vertex_count; n++) k->fixed[n] = winding_fix(k->m->vertex[n]);
     out->grid_class = VDB_LEVEL_SET;
     out->background = (float)(k->band * k->voxel_size);
-    return mesh_repair_solids(k->m, k->fixed, &k->solids, k->notes, e) && may_go_on(k, e) && plan(k, e) &&
-           may_go_on(k, e) &&
+    return mesh_repair_solids(k->m, k->fixed, &place, &k->solids, k->notes, e) && may_go_on(k, e) &&
+           plan(k, e) && may_go_on(k, e) &&
            winding_make(k->m, k->fixed, k->solids.first, k->solids.solid_count, k->limit, &k->columns, e) &&
            fill_leaves(k, out, e) && fill_tiles(k, out, e);
 }

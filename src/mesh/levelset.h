@@ -19,6 +19,7 @@ typedef struct levelset_params {
     double voxel_size;   /* world units; 0: from the resolution */
     int resolution;      /* voxels along the longest side of the mesh's box */
     int band_vox;        /* half-width of the band */
+    double weld;         /* what lies nearer to an open edge, of the longest side of the box, is on it */
     size_t memory_limit; /* bytes, the mesh included */
     threads *pool;       /* works on the distances, and may be told to stop */
 } levelset_params;

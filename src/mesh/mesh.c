@@ -28,6 +28,14 @@ void mesh_free(mesh *m)
     *m = (mesh){0};
 }
 
+bbox mesh_box(const mesh *m)
+{
+    bbox box = bbox_empty();
+    for (size_t n = 0; n < m->triangle_count; n++)
+        for (int k = 0; k < 3; k++) box = bbox_include(box, m->vertex[m->triangle[n][k]]);
+    return box;
+}
+
 bool mesh_copy(const mesh *m, mesh *out, error *e)
 {
     mesh copy = {m->vertex_count, m->triangle_count, mem_array(m->vertex_count, sizeof *m->vertex, what, e),
@@ -122,7 +130,7 @@ static void drop_unused(mesh *m, uint32_t *place)
         for (int k = 0; k < 3; k++) m->triangle[n][k] = place[m->triangle[n][k]];
 }
 
-static size_t drop_degenerate(mesh *m)
+size_t mesh_drop_degenerate(mesh *m)
 {
     size_t kept = 0, all = m->triangle_count;
     for (size_t n = 0; n < all; n++) {
@@ -200,7 +208,7 @@ bool mesh_weld(mesh *m, mesh_notes *notes, error *e)
     uint32_t *place = mem_array(m->vertex_count, sizeof *place, what, e);
     bool ok = place && join_vertices(m, e);
     if (ok) {
-        size_t degenerate = drop_degenerate(m);
+        size_t degenerate = mesh_drop_degenerate(m);
         ok = drop_repeated(m, &repeated, e);
         if (ok) drop_unused(m, place);
         if (degenerate)

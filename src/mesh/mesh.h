@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "geometry/bbox.h"
 #include "geometry/vec3.h"
 
 typedef struct mesh {
@@ -37,9 +38,15 @@ bool mesh_copy(const mesh *m, mesh *out, error *e);
 /* Bytes that a mesh takes while it is judged, edges and all: what a caller holds against a limit. */
 size_t mesh_bytes(size_t vertices, size_t triangles);
 
+/* Of the vertices of its triangles; those of none do not count. */
+bbox mesh_box(const mesh *m);
+
 /* Joins vertices of equal coordinates, drops vertices of no triangle, triangles with two equal corners, and
  * triangles that stand more than once: of those that differ in orientation as many as cancel go, but where
  * that leaves nothing at all (a mesh with every face twice) one of each stays. Order is kept. */
 bool mesh_weld(mesh *m, mesh_notes *notes, error *e);
+
+/* Drops triangles with two equal corners, and returns how many there were. */
+size_t mesh_drop_degenerate(mesh *m);
 
 #endif

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/sets.h"
 #include "geometry/bbox.h"
+#include "mesh/seams.h"
 
 static const char what[] = "the edges of the mesh";
 
@@ -30,6 +31,7 @@ typedef struct component {
 typedef struct judging {
     mesh *m;
     const winding_point *fixed;
+    const mesh_place *place;
     mesh_notes *notes;
     /* sides by their lower vertex: sides[first[v]] .. sides[first[v + 1]], by the other vertex */
     side *sides;
@@ -93,6 +95,9 @@ static int by_other(const void *left, const void *right)
 static bool list_sides(judging *j, error *e)
 {
     const mesh *m = j->m;
+    free(j->sides);
+    free(j->first);
+    j->first = NULL;
     j->sides = mem_array(3 * m->triangle_count, sizeof *j->sides, what, e);
     j->first = mem_array(m->vertex_count + 2, sizeof *j->first, what, e);
     if (!j->sides || !j->first) return false;
@@ -160,34 +165,122 @@ static size_t edge_length(const side *s, size_t left)
     return n;
 }
 
-/* Holes: sets of boundary edges that hang together by vertices. Each edge that joins two sets makes one
- * less of the sets that the vertices are at first. */
-static bool count_holes(judging *j, error *e)
+static bool list_boundary(const judging *j, seam_edge **out, size_t *count, error *e)
 {
-    const uint32_t count = (uint32_t)j->m->vertex_count;
-    uint32_t *up = mem_array(count, sizeof *up, what, e);
-    bool *on = mem_array(count, sizeof *on, what, e);
-    if (up && on) {
-        sets_reset(up, count);
-        for (uint32_t v = 0; v < count; v++)
+    seam_edge *list = NULL;
+    *count = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        if (pass && !(list = mem_array(*count, sizeof *list, what, e))) return false;
+        *count = 0;
+        for (uint32_t v = 0; v < j->m->vertex_count; v++)
             for (size_t k = j->first[v], n; k < j->first[v + 1]; k += n) {
-                n = edge_length(j->sides + k, j->first[v + 1] - k);
+                const side *s = j->sides + k;
+                n = edge_length(s, j->first[v + 1] - k);
                 if (n != 1) continue;
-                uint32_t b = j->sides[k].other;
-                j->holes += (size_t)!on[v] + (size_t)!on[b] - sets_join(up, v, b);
-                on[v] = on[b] = true;
+                if (pass)
+                    list[*count] =
+                        (seam_edge){s->upwards ? v : s->other, s->upwards ? s->other : v, s->triangle};
+                ++*count;
             }
     }
-    bool ok = up && on;
+    *out = list;
+    return true;
+}
+
+/* First vertices meet vertices; then each round splits one edge of a triangle. */
+static bool close_seams(judging *j, error *e)
+{
+    enum { MOST_ROUNDS = 9 };
+    const double tolerance = j->place->tolerance;
+    size_t joined = 0, split = 0, changed = 1;
+    for (int round = 0; changed && round < MOST_ROUNDS; round++) {
+        const size_t before = split;
+        seam_edge *open;
+        size_t count;
+        if (!list_boundary(j, &open, &count, e)) return false;
+        bool ok = round == 0 ? seams_join(j->m, open, count, tolerance, &joined, e)
+                             : seams_split(j->m, open, count, tolerance, &split, e);
+        free(open);
+        changed = count > 0 && (round == 0 || split > before);
+        if (!ok || (changed && !list_sides(j, e))) return false;
+    }
+    if (joined)
+        mesh_note(j->notes, "%zu vertices of open edges lie as near to others as rounding: joined", joined);
+    if (split)
+        mesh_note(j->notes, "%zu triangles have vertices of others on their open edges: split there", split);
+    return true;
+}
+
+/* A set of boundary edges that hang together by vertices. */
+typedef struct hole {
+    size_t edges;
+    bbox box;
+} hole;
+
+static int by_edges(const void *left, const void *right)
+{
+    const hole *a = left, *b = right;
+    if (a->edges != b->edges) return a->edges > b->edges ? -1 : 1;
+    return (a->box.min.x > b->box.min.x) - (a->box.min.x < b->box.min.x);
+}
+
+static bool find_holes(judging *j, const seam_edge *open, size_t count, hole **out, error *e)
+{
+    uint32_t *up = mem_array(j->m->vertex_count, sizeof *up, what, e);
+    uint32_t *number = mem_array(j->m->vertex_count, sizeof *number, what, e);
+    hole *holes = mem_array(count, sizeof *holes, what, e);
+    bool ok = up && number && holes;
+    if (ok) {
+        sets_reset(up, j->m->vertex_count);
+        for (size_t k = 0; k < count; k++) sets_join(up, open[k].from, open[k].to);
+        for (size_t k = 0; k < count; k++) {
+            uint32_t *n = &number[sets_root(up, open[k].from)];
+            if (*n == 0) {
+                holes[j->holes].box = bbox_empty();
+                *n = (uint32_t)++j->holes;
+            }
+            hole *h = &holes[*n - 1];
+            h->edges++;
+            h->box = bbox_include(bbox_include(h->box, j->m->vertex[open[k].from]), j->m->vertex[open[k].to]);
+        }
+        qsort(holes, j->holes, sizeof *holes, by_edges);
+        *out = holes;
+    }
     free(up);
-    free(on);
+    free(number);
+    if (!ok) free(holes);
     return ok;
+}
+
+/* Where the largest holes are, in the file's coordinates. */
+static void print_holes(const judging *j, const hole *holes, char *text, size_t size)
+{
+    enum { MOST_TOLD = 4 };
+    const double *m = j->place->index_to_world;
+    size_t at = 0;
+    for (size_t k = 0; k < j->holes && k < MOST_TOLD && at < size; k++) {
+        const bbox b = holes[k].box;
+        at += (size_t)snprintf(
+            text + at, size - at, "%s%zu edges within [%.5g, %.5g, %.5g] to [%.5g, %.5g, %.5g]",
+            k ? "; " : "", holes[k].edges, m[0] * b.min.x + m[3], m[5] * b.min.y + m[7],
+            m[10] * b.min.z + m[11], m[0] * b.max.x + m[3], m[5] * b.max.y + m[7], m[10] * b.max.z + m[11]);
+    }
+    if (j->holes > MOST_TOLD && at < size)
+        snprintf(text + at, size - at, "; and %zu more", j->holes - MOST_TOLD);
 }
 
 static bool not_closed(judging *j, error *e)
 {
-    char odd[128] = "";
-    if (!count_holes(j, e)) return false;
+    char odd[128] = "", where[640] = "";
+    seam_edge *open;
+    size_t count;
+    hole *holes = NULL;
+    if (!list_boundary(j, &open, &count, e)) return false;
+    bool ok = find_holes(j, open, count, &holes, e);
+    free(open);
+    if (!ok) return false;
+    print_holes(j, holes, where, sizeof where);
+    free(holes);
     if (j->odd_edges)
         snprintf(odd, sizeof odd, "%s%zu edges at which an odd number of triangles, three or more, meet",
                  j->boundary_edges ? " and " : "", j->odd_edges);
@@ -197,9 +290,9 @@ static bool not_closed(judging *j, error *e)
                          odd);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
-        "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: close the "
-        "holes (most mesh editors fill them) and submit it again",
-        j->boundary_edges, j->holes, j->holes == 1 ? "" : "s", odd);
+        "the mesh is open, so it encloses no volume: it has %zu boundary edges around %zu hole%s%s: close "
+        "the holes (most mesh editors fill them) and submit it again; %s",
+        j->boundary_edges, j->holes, j->holes == 1 ? "" : "s", odd, where);
 }
 
 static void count_edge(judging *j, size_t triangles)
@@ -444,12 +537,13 @@ static bool gather_solids(judging *j, uint32_t solids, mesh_solids *out, error *
 
 static bool settle(judging *j, mesh_solids *out, error *e)
 {
-    const size_t count = j->m->triangle_count;
     uint32_t solids = 0;
+    if (!list_sides(j, e) || !close_seams(j, e)) return false;
+    const size_t count = j->m->triangle_count;
     j->parent = mem_array(count, sizeof *j->parent, what, e);
     j->turned = mem_array(count, sizeof *j->turned, what, e);
     j->conflict = mem_array(count, sizeof *j->conflict, what, e);
-    if (!j->parent || !j->turned || !j->conflict || !list_sides(j, e)) return false;
+    if (!j->parent || !j->turned || !j->conflict) return false;
     for (uint32_t n = 0; n < count; n++) j->parent[n] = n;
     if (!join_at_edges(j, e) || !number_components(j, e)) return false;
     if (j->branching_edges)
@@ -467,9 +561,10 @@ static bool settle(judging *j, mesh_solids *out, error *e)
     return nest(j, &solids, e) && gather_solids(j, solids, out, e);
 }
 
-bool mesh_repair_solids(mesh *m, const winding_point *fixed, mesh_solids *out, mesh_notes *notes, error *e)
+bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *place, mesh_solids *out,
+                        mesh_notes *notes, error *e)
 {
-    judging j = {.m = m, .fixed = fixed, .notes = notes};
+    judging j = {.m = m, .fixed = fixed, .place = place, .notes = notes};
     mesh_solids t = {0};
     bool ok = settle(&j, &t, e);
     free(j.sides);

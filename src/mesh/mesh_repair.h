@@ -22,10 +22,18 @@ typedef struct mesh_solids {
     bool *one_sided; /* of a solid: its triangles cannot be turned to agree, only parity tells its inside */
 } mesh_solids;
 
-/* Equal vertices must have been joined (mesh_weld). Turns the triangles of the mesh and sorts them by solid.
- * `fixed` are the vertices in fixed point (winding_number.h). Adds notes on oddities. Errors: input_unsupported for
- * a mesh that is not closed, with the number of boundary edges and of holes; limit_memory. */
-bool mesh_repair_solids(mesh *m, const winding_point *fixed, mesh_solids *out, mesh_notes *notes, error *e);
+/* Where the mesh is. */
+typedef struct mesh_place {
+    double tolerance;             /* vertices this near to an open edge lie on it */
+    const double *index_to_world; /* of the mesh's units, for messages */
+} mesh_place;
+
+/* Equal vertices must have been joined (mesh_weld). Splits triangles at open edges (see seams.h), turns them and sorts
+ * them by solid. `fixed` are the vertices in fixed point (winding_number.h). Adds notes on oddities. Errors:
+ * input_unsupported for a mesh that is not closed, with the number of boundary edges, of holes, and the boxes of the
+ * largest; limit_memory. */
+bool mesh_repair_solids(mesh *m, const winding_point *fixed, const mesh_place *place, mesh_solids *out,
+                        mesh_notes *notes, error *e);
 void mesh_solids_free(mesh_solids *t);
 
 #endif

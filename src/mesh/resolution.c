@@ -18,18 +18,14 @@ static const double relenting = 1.4;
 /* Gains below this are not worth another try. */
 static const double least_gain = 0.95;
 
-/* Vertices of no triangle do not count. */
-static void measure(const mesh *m, resolution *out)
+static double mesh_area(const mesh *m)
 {
-    bbox box = bbox_empty();
     double twice = 0;
     for (size_t n = 0; n < m->triangle_count; n++) {
-        vec3 corner[3];
-        for (int k = 0; k < 3; k++) box = bbox_include(box, corner[k] = m->vertex[m->triangle[n][k]]);
-        twice += vec3_norm(vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0])));
+        const vec3 a = m->vertex[m->triangle[n][0]], ab = vec3_sub(m->vertex[m->triangle[n][1]], a);
+        twice += vec3_norm(vec3_cross(ab, vec3_sub(m->vertex[m->triangle[n][2]], a)));
     }
-    out->area = twice / 2;
-    out->longest = m->triangle_count ? bbox_longest(box) : 0;
+    return twice / 2;
 }
 
 /* The smallest voxels within the bounds, and which bound that is. */
@@ -50,8 +46,8 @@ static double finest_voxel(const resolution *r, const resolution_request *q, dou
 
 resolution resolution_begin(const mesh *m, const resolution_request *q)
 {
-    resolution r = {.chosen_by = "spec"};
-    measure(m, &r);
+    resolution r = {.area = mesh_area(m), .chosen_by = "spec"};
+    r.longest = m->triangle_count ? bbox_longest(mesh_box(m)) : 0;
     r.spacing = q->spacing > 0 ? q->spacing : q->count > 0 ? packing_spacing(r.area, q->count) : 0;
     r.voxel_size = q->voxel_size > 0 ? q->voxel_size : r.longest / q->resolution;
     if (q->voxel_size > 0 || q->resolution > 0) return r;

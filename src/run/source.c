@@ -143,6 +143,7 @@ static volume *open_mesh(const spec_mesh *m, double offset, int fd, const openin
                        .memory_limit = memory_left(o),
                        .point_bytes = plan_bytes_per_particle(o->spec, false)},
         .band_vox = m->band_vox,
+        .weld = m->weld,
         .offset = offset,
         .pool = o->pool,
         .isa = o->kernels,

@@ -50,6 +50,7 @@ typedef struct spec_mesh {
     int resolution;    /* voxels along the longest side of the mesh's box; 0: by the voxel size, or by need */
     int max_resolution; /* of voxels that are chosen by need */
     int band_vox;
+    double weld; /* share of the longest side of the box */
 } spec_mesh;
 
 /* Members that a shape does not have are zero. Defaults: centre (0.5, 0.5, 0.5); a torus' axis

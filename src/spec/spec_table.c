@@ -137,6 +137,15 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose = "The half-width of the band of distances around the mesh. Particles use four voxels on "
               "either side of the surface. Three give the same surface; more than four only cost time."},
+    {.pointer = "/surface/mesh/weld",
+     .type = SPEC_TYPE_NUMBER,
+     .low = 0,
+     .high = 0.01,
+     .otherwise = "1e-6",
+     AT(surface.mesh.weld),
+     .unit = "longest sides",
+     .prose = "Vertices of open edges that are nearer to each other than this share of the longest side of the mesh's box "
+              "are one, and one as near to another open edge lies on it. 0: only vertices of equal coordinates are one."},
 
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,

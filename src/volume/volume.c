@@ -470,6 +470,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
 {
     const levelset_params params = {.voxel_size = choice->voxel_size,
                                     .band_vox = r->band_vox,
+                                    .weld = r->weld,
                                     .memory_limit = r->resolution.memory_limit,
                                     .pool = r->pool};
     snprintf(l->name, sizeof l->name, "its level set");

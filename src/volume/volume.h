@@ -46,6 +46,7 @@ typedef struct volume_mesh_request {
     const char *reader;            /* the program that reads meshes; NULL: this one (see mesh_reader.h) */
     resolution_request resolution; /* its memory_limit as above, the process that reads included */
     int band_vox;                  /* half-width of the band of distances */
+    double weld;                   /* as in levelset_params */
     double offset;                 /* of the surface from the mesh, outwards */
     threads *pool;                 /* as in levelset_params */
     isa isa;                       /* as above */

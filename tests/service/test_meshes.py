@@ -23,7 +23,7 @@ OPEN = {  # from the table of the folder
     "stanford-bunny.obj": "223 boundary edges around 5 holes",
     "suzanne.obj": "42 boundary edges",
     "teapot.obj": "160 boundary edges",
-    "truck.obj": "1388 boundary edges",
+    "truck.obj": "1384 boundary edges",
 }
 WARNED = {  # a part of a warning that must be there
     "cup.obj": "400 of 800 triangles stand in the file again",

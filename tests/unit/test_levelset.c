@@ -134,13 +134,17 @@ typedef struct judgement {
     size_t triangles, solids;
 } judgement;
 
+static const double TOLERANCE = 1e-5;
+
 static judgement judge(mesh m)
 {
     judgement j = {0};
     mesh_solids t = {0};
+    const double unit[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    const mesh_place place = {TOLERANCE, unit};
     assert_true(mesh_weld(&m, &j.notes, &j.e));
     winding_point *fixed = fix_all(&m);
-    j.ok = mesh_repair_solids(&m, fixed, &t, &j.notes, &j.e);
+    j.ok = mesh_repair_solids(&m, fixed, &place, &t, &j.notes, &j.e);
     j.triangles = m.triangle_count;
     j.solids = t.solid_count;
     if (j.ok) assert_int_equal(t.first[t.solid_count], m.triangle_count);
@@ -200,6 +204,68 @@ static void holes_are_counted(void **state)
     mesh_fixture_add(&m, m.triangle[0][0], m.triangle[0][1], (uint32_t)m.vertex_count - 1);
     j = judge(m);
     assert_refused(&j, "2 boundary edges around 1 hole and 1 edges at which an odd number");
+}
+
+static void holes_are_placed(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 3, 2}, 0);
+    mesh_fixture_remove(&m, 11);
+    mesh_fixture_remove(&m, 10);
+    judgement j = judge(m);
+    assert_refused(&j, "4 edges within [");
+    assert_refused(&j, "4 boundary edges around 1 hole:");
+}
+
+/* Twins of corners that rounding has moved: each triangle has corners of its own. */
+static void near_vertices_are_joined(void **state)
+{
+    (void)state;
+    uint64_t seed = SEED;
+    for (int far = 0; far < 2; far++) {
+        mesh ball = ball_at(10), m = {3 * ball.triangle_count, 0, NULL, NULL};
+        m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "test", NULL);
+        for (uint32_t n = 0; n < ball.triangle_count; n++)
+            for (uint32_t k = 0; k < 3; k++)
+                m.vertex[3 * n + k] = vec3_add(ball.vertex[ball.triangle[n][k]],
+                                               random_point(&seed, (far ? 20 : 0.5) * TOLERANCE));
+        for (uint32_t n = 0; n < ball.triangle_count; n++) mesh_fixture_add(&m, 3 * n, 3 * n + 1, 3 * n + 2);
+        judgement j = judge(m);
+        if (far) {
+            assert_refused(&j, "the mesh is open");
+        } else {
+            assert_true(j.ok);
+            assert_int_equal(j.triangles, ball.triangle_count);
+            assert_note(&j, "vertices of open edges lie as near to others as rounding: joined");
+        }
+        mesh_free(&ball);
+    }
+}
+
+/* A box of which one face was cut into triangles without regard to its neighbours: three vertices on each edge. */
+static void seams_are_closed(void **state)
+{
+    (void)state;
+    mesh m = mesh_fixture_box((vec3){10, 10, 10}, (vec3){4, 3, 2}, 0);
+    const uint32_t t[2][3] = {{m.triangle[0][0], m.triangle[0][1], m.triangle[0][2]},
+                              {m.triangle[1][0], m.triangle[1][1], m.triangle[1][2]}};
+    mesh_fixture_remove(&m, 1);
+    mesh_fixture_remove(&m, 0);
+    for (uint32_t n = 0; n < 2; n++) { /* fans about the middle: edges in two parts, and in three */
+        const uint32_t parts = 2 + n, around = 3 * parts;
+        mesh face = {around + 1, 0, mem_array(around + 1, sizeof(vec3), "test", NULL), NULL};
+        for (uint32_t k = 0; k < around; k++) {
+            const vec3 a = m.vertex[t[n][k / parts]], b = m.vertex[t[n][(k / parts + 1) % 3]];
+            face.vertex[k] = vec3_axpy((double)(k % parts) / parts, vec3_sub(b, a), a);
+            face.vertex[around] = vec3_axpy(1.0 / around, face.vertex[k], face.vertex[around]);
+        }
+        for (uint32_t k = 0; k < around; k++) mesh_fixture_add(&face, k, (k + 1) % around, around);
+        mesh_fixture_append(&m, face);
+    }
+    judgement j = judge(m);
+    if (!j.ok) fail_msg("%s", j.e.message);
+    assert_int_equal(j.solids, 1);
+    assert_note(&j, "vertices of others on their open edges: split there");
 }
 
 static void walls_within_are_refused(void **state)
@@ -294,7 +360,7 @@ static void shells_in_shells(void **state)
 
 static vdb_grid *make(mesh *m, int voxels, mesh_notes *notes)
 {
-    const levelset_params params = {0, voxels, 4, (size_t)1 << 30, mesh_fixture_pool()};
+    const levelset_params params = {0, voxels, 4, 1e-6, (size_t)1 << 30, mesh_fixture_pool()};
     error e = {0};
     vdb_grid *g = levelset_make(m, &params, notes, &e);
     if (!g) fail_msg("%s", e.message);
@@ -604,8 +670,8 @@ static void sizes_and_limits(void **state)
                  {1e-5, 0, 1 << 30, ERROR_SPEC_INVALID}, {0, 256, 1 << 20, ERROR_LIMIT_MEMORY},
                  {0, 8191, 1 << 26, ERROR_LIMIT_MEMORY}, {0, 256, 100, ERROR_LIMIT_MEMORY}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-        const levelset_params params = {cases[k].voxel_size, cases[k].resolution, 4, cases[k].memory,
-                                        mesh_fixture_pool()};
+        const levelset_params params = {cases[k].voxel_size, cases[k].resolution, 4, 1e-6,
+                                        cases[k].memory,     mesh_fixture_pool()};
         error e = {0};
         mesh_notes notes = {0};
         mesh m = mesh_fixture_ball((vec3){0, 0, 0}, 1, 2);
@@ -618,7 +684,7 @@ static void sizes_and_limits(void **state)
     }
     error e = {0};
     mesh_notes notes = {0};
-    const levelset_params params = {0, 100, 4, 1 << 30, mesh_fixture_pool()};
+    const levelset_params params = {0, 100, 4, 1e-6, 1 << 30, mesh_fixture_pool()};
     mesh point = mesh_fixture_ball((vec3){1, 1, 1}, 0, 0);
     assert_null(levelset_make(&point, &params, &notes, &e));
     assert_int_equal(e.code, ERROR_NO_SURFACE);
@@ -663,6 +729,9 @@ int main(void)
         cmocka_unit_test(winding_of_a_ball),
         cmocka_unit_test(good_meshes_have_no_notes),
         cmocka_unit_test(holes_are_counted),
+        cmocka_unit_test(holes_are_placed),
+        cmocka_unit_test(near_vertices_are_joined),
+        cmocka_unit_test(seams_are_closed),
         cmocka_unit_test(walls_within_are_refused),
         cmocka_unit_test(edges_of_four_are_noted),
         cmocka_unit_test(orientation_is_mended),
