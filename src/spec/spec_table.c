@@ -144,8 +144,9 @@ const spec_row spec_rows[] = {
      .otherwise = "1e-6",
      AT(surface.mesh.weld),
      .unit = "longest sides",
-     .prose = "Vertices of open edges that are nearer to each other than this share of the longest side of the mesh's box "
-              "are one, and one as near to another open edge lies on it. 0: only vertices of equal coordinates are one."},
+     .prose =
+         "Vertices of open edges that are nearer to each other than this share of the longest side of the mesh's box "
+         "are one, and one as near to another open edge lies on it. 0: only vertices of equal coordinates are one."},
 
     {.pointer = "/surface/analytic",
      .type = SPEC_TYPE_GROUP,
