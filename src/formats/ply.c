@@ -30,15 +30,18 @@ static const char *const property_names[PLY_PROPERTIES_MOST] = {"x",
                                                                 "energy",
                                                                 "spacing",
                                                                 "spacing_local",
+                                                                "kappa_scale",
                                                                 "id",
                                                                 "velocity_x",
                                                                 "velocity_y",
                                                                 "velocity_z"};
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
-/* The one property that is a whole number of 32 bits, whatever the others are. */
-enum { ID = PLY_PROPERTIES };
-static const char id_property[] = "property uint id";
+/* Properties that not every set has, by their places among all. The id is a whole number of 32 bits, whatever the others
+ * are. */
+enum { KAPPA_SCALE = PLY_PROPERTIES, ID, VELOCITY };
+#define ALWAYS ((1u << PLY_PROPERTIES) - 1)
+#define IN_SEQUENCES (1u << ID | 7u << VELOCITY)
 static const char face_property[] = "property list uchar int vertex_indices";
 
 /* A triangle in binary: how many corners, and each. */
@@ -46,9 +49,23 @@ enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8 };
 
 /* ---- writing ---- */
 
-static int count_properties(const points *s)
+/* The properties that a set has, a bit each. */
+static unsigned properties_of(const points *s)
 {
-    return s->id ? PLY_PROPERTIES_MOST : PLY_PROPERTIES;
+    return ALWAYS | (s->kappa_scale ? 1u << KAPPA_SCALE : 0) | (s->id ? IN_SEQUENCES : 0);
+}
+
+/* The next property after c, or PLY_PROPERTIES_MOST; the first is next_property(properties, -1). */
+static int next_property(unsigned properties, int c)
+{
+    do c++;
+    while (c < PLY_PROPERTIES_MOST && !(properties >> c & 1));
+    return c;
+}
+
+static int count_properties(unsigned properties)
+{
+    return __builtin_popcount(properties);
 }
 
 static const char *type_name(int property, ply_precision precision)
@@ -57,12 +74,13 @@ static const char *type_name(int property, ply_precision precision)
 }
 
 /* Bytes of a point in binary. */
-static size_t row_bytes(int properties, ply_precision precision)
+static size_t row_bytes(unsigned properties, ply_precision precision)
 {
-    size_t wide = precision == PLY_FLOAT ? 4 : 8;
-    return properties > ID ? (size_t)(properties - 1) * wide + 4 : (size_t)properties * wide;
+    size_t wide = precision == PLY_FLOAT ? 4 : 8, count = (size_t)count_properties(properties);
+    return properties >> ID & 1 ? (count - 1) * wide + 4 : count * wide;
 }
 
+/* A row has each property at its place among all. */
 static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES_MOST])
 {
     row[0] = s->position[i].x;
@@ -78,26 +96,27 @@ static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES_MOST])
     row[10] = s->energy[i];
     row[11] = s->spacing[i];
     row[12] = s->spacing_local[i];
+    if (s->kappa_scale) row[KAPPA_SCALE] = s->kappa_scale[i];
     if (!s->id) return;
     row[ID] = s->id[i];
-    row[14] = s->velocity[i].x;
-    row[15] = s->velocity[i].y;
-    row[16] = s->velocity[i].z;
+    row[VELOCITY] = s->velocity[i].x;
+    row[VELOCITY + 1] = s->velocity[i].y;
+    row[VELOCITY + 2] = s->velocity[i].z;
 }
 
-static bool check_row(const double *row, int properties, size_t i, ply_precision precision, error *e)
+static bool check_row(const double *row, unsigned properties, size_t i, ply_precision precision, error *e)
 {
-    for (int c = 0; c < properties; c++)
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
         if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
             return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
                              property_names[c], row[c], precision_names[precision]);
     return true;
 }
 
-static size_t pack_row(const double *row, int properties, ply_precision precision, char *out)
+static size_t pack_row(const double *row, unsigned properties, ply_precision precision, char *out)
 {
     char *at = out;
-    for (int c = 0; c < properties; c++) {
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
         if (c == ID || precision == PLY_FLOAT) {
             float value = (float)row[c];
             uint32_t bits = (uint32_t)row[ID];
@@ -127,16 +146,17 @@ static size_t print_number(double value, ply_precision precision, char *out)
     return (size_t)n;
 }
 
-static size_t print_row(const double *row, int properties, ply_precision precision, char *out)
+static size_t print_row(const double *row, unsigned properties, ply_precision precision, char *out)
 {
     size_t n = 0;
-    for (int c = 0; c < properties; c++) {
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
         if (c == ID)
             n += (size_t)sprintf(out + n, "%" PRIu32, (uint32_t)row[c]);
         else
             n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
-        out[n++] = c + 1 < properties ? ' ' : '\n';
+        out[n++] = ' ';
     }
+    out[n - 1] = '\n';
     return n;
 }
 
@@ -149,7 +169,8 @@ static bool write_header(FILE *file, const points *set, ply_format format, ply_p
 {
     bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
                         set->count) > 0;
-    for (int c = 0; c < count_properties(set); c++)
+    const unsigned properties = properties_of(set);
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
         good = good && fprintf(file, "property %s %s\n", type_name(c, precision), property_names[c]) > 0;
     if (set->triangle_count > 0)
         good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
@@ -187,7 +208,7 @@ static void fill_blocks(void *context, int worker, size_t begin, size_t end)
         b->good = true;
         for (size_t i = from; b->good && i < to; i++) {
             double row[PLY_PROPERTIES_MOST] = {0};
-            int properties = count_properties(job->set);
+            unsigned properties = properties_of(job->set);
             load_row(job->set, i, row);
             b->good = check_row(row, properties, i, job->precision, &b->e);
             if (!b->good) break;
@@ -296,13 +317,24 @@ static bool parse_count(const char *line, const char *name, size_t *count, error
     return true;
 }
 
-/* The lines of the properties from `first` on to before `end`. */
-static bool expect_properties(FILE *file, ply_precision precision, int first, int end, error *e)
+/* The line of a property. */
+static bool is_property(const char *line, int property, ply_precision precision)
 {
     char expected[LINE_MAX_BYTES];
+    snprintf(expected, sizeof expected, "property %s %s", type_name(property, precision),
+             property_names[property]);
+    return strcmp(line, expected) == 0;
+}
+
+/* The lines of the properties from `first` on to before `end`, of which `line` is the first; it receives the line after
+ * them. */
+static bool expect_properties(FILE *file, ply_precision precision, int first, int end, char *line, error *e)
+{
     for (int c = first; c < end; c++) {
-        snprintf(expected, sizeof expected, "property %s %s", type_name(c, precision), property_names[c]);
-        if (!expect_line(file, expected, e)) return false;
+        if (!is_property(line, c, precision))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s', found '%.60s'",
+                             type_name(c, precision), property_names[c], line);
+        if (!read_line(file, line, e)) return false;
     }
     return true;
 }
@@ -321,14 +353,16 @@ static bool read_header(FILE *file, ply_file *f, error *e)
         !read_line(file, line, e))
         return false;
     f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
-    if (f->precision == PLY_FLOAT && strcmp(line, "property float x") != 0)
-        return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected the property x, found '%.60s'", line);
-    if (!expect_properties(file, f->precision, 1, PLY_PROPERTIES, e) || !read_line(file, line, e))
-        return false;
-    f->properties = strcmp(line, id_property) == 0 ? PLY_PROPERTIES_MOST : PLY_PROPERTIES;
-    if (f->properties == PLY_PROPERTIES_MOST &&
-        (!expect_properties(file, f->precision, ID + 1, PLY_PROPERTIES_MOST, e) || !read_line(file, line, e)))
-        return false;
+    if (!expect_properties(file, f->precision, 0, PLY_PROPERTIES, line, e)) return false;
+    f->properties = ALWAYS;
+    if (is_property(line, KAPPA_SCALE, f->precision)) {
+        f->properties |= 1u << KAPPA_SCALE;
+        if (!read_line(file, line, e)) return false;
+    }
+    if (is_property(line, ID, f->precision)) {
+        f->properties |= IN_SEQUENCES;
+        if (!expect_properties(file, f->precision, ID, PLY_PROPERTIES_MOST, line, e)) return false;
+    }
     if (strcmp(line, "end_header") == 0) return true;
     return parse_count(line, "face", &f->points.triangle_count, e) && expect_line(file, face_property, e) &&
            expect_line(file, "end_header", e);
@@ -346,7 +380,8 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
         return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
-    size_t point = text ? 2 * (size_t)f->properties : row_bytes(f->properties, f->precision);
+    size_t point =
+        text ? 2 * (size_t)count_properties(f->properties) : row_bytes(f->properties, f->precision);
     size_t face = text ? FACE_TEXT_LEAST : FACE_BYTES;
     if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
         (!text && vertices * point + faces * face != left))
@@ -356,9 +391,9 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     return true;
 }
 
-static void unpack_row(const char *in, int properties, ply_precision precision, double *row)
+static void unpack_row(const char *in, unsigned properties, ply_precision precision, double *row)
 {
-    for (int c = 0; c < properties; c++) {
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
         if (c == ID || precision == PLY_FLOAT) {
             uint32_t bits;
             float value;
@@ -385,18 +420,19 @@ static bool is_id(const char *text, size_t length)
     return digits && !(length > 1 && text[0] == '0') && strtoumax(text, &end, 10) <= UINT32_MAX;
 }
 
-static bool wrong_line(int properties, error *e)
+static bool wrong_line(unsigned properties, error *e)
 {
-    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %d numbers", properties);
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %d numbers",
+                     count_properties(properties));
 }
 
-static bool parse_row(FILE *file, int properties, ply_precision precision, double *row, error *e)
+static bool parse_row(FILE *file, unsigned properties, ply_precision precision, double *row, error *e)
 {
     char line[LINE_MAX_BYTES], *at = line;
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
-    for (int c = 0; c < properties; c++) {
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
         size_t n = strspn(at, "0123456789+-.eE");
-        char *end = at, stop = c + 1 < properties ? ' ' : '\n';
+        char *end = at, stop = next_property(properties, c) < PLY_PROPERTIES_MOST ? ' ' : '\n';
         if (n > 0) row[c] = c != ID && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
         if (end != at + n || *end != stop || n == 0 || (c == ID && !is_id(at, n)))
             return wrong_line(properties, e);
@@ -417,9 +453,10 @@ static void store_row(const points *set, size_t i, const double *row)
     ((double *)set->energy)[i] = row[10];
     ((double *)set->spacing)[i] = row[11];
     ((double *)set->spacing_local)[i] = row[12];
+    if (set->kappa_scale) ((double *)set->kappa_scale)[i] = row[KAPPA_SCALE];
     if (!set->id) return;
     ((uint32_t *)set->id)[i] = (uint32_t)row[ID];
-    ((vec3 *)set->velocity)[i] = vec3_make(row[14], row[15], row[16]);
+    ((vec3 *)set->velocity)[i] = vec3_make(row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2]);
 }
 
 static void lay_out(ply_file *f)
@@ -435,9 +472,14 @@ static void lay_out(ply_file *f)
     f->points.energy = d + 10 * n;
     f->points.spacing = d + 11 * n;
     f->points.spacing_local = d + 12 * n;
-    if (f->properties == PLY_PROPERTIES) return;
-    f->points.velocity = (const vec3 *)(d + 13 * n);
-    f->points.id = (const uint32_t *)(d + 16 * n);
+    d += 13 * n;
+    if (f->properties >> KAPPA_SCALE & 1) {
+        f->points.kappa_scale = d;
+        d += n;
+    }
+    if (!(f->properties >> ID & 1)) return;
+    f->points.velocity = (const vec3 *)d;
+    f->points.id = (const uint32_t *)(d + 3 * n);
 }
 
 static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error *e)
@@ -450,7 +492,8 @@ static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error
         if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
         unpack_row(packed, f->properties, f->precision, row);
     }
-    for (int c = 0; c < f->properties; c++)
+    const unsigned properties = f->properties;
+    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
         if (!isfinite(row[c]))
             return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, property_names[c],
                              row[c]);
@@ -508,8 +551,8 @@ bool ply_read(FILE *file, ply_file *out, error *e)
     ply_file f = {0};
     double row[PLY_PROPERTIES_MOST];
     if (!read_start(file, &f, e)) return false;
-    f.storage =
-        mem_array(f.points.count, (size_t)f.properties * sizeof(double), "the points of a PLY file", e);
+    f.storage = mem_array(f.points.count, (size_t)count_properties(f.properties) * sizeof(double),
+                          "the points of a PLY file", e);
     f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
     bool ok = f.storage && f.triangles;
@@ -541,13 +584,14 @@ bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision 
     double row[PLY_PROPERTIES_MOST], meant[PLY_PROPERTIES_MOST];
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
-        f.format != format || f.precision != precision || f.properties != count_properties(set))
+        f.format != format || f.precision != precision || f.properties != properties_of(set))
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         if (!read_row(file, &f, i, row, e)) return false;
         load_row(set, i, meant);
-        for (int c = 0; c < f.properties; c++)
+        const unsigned properties = f.properties;
+        for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
             if (row[c] != (c == ID ? meant[c] : as_written(meant[c], precision)))
                 return error_set(e, ERROR_INPUT_DAMAGED,
                                  "PLY file: the %s of point %zu is not what was written", property_names[c],

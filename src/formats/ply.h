@@ -1,7 +1,7 @@
 /* ply: points.ply and mesh.ply, written and, for verification, read back.
  *
- * One element `vertex` with PLY_PROPERTIES properties of one type, and for a set with ids the unsigned `id`
- * and a velocity after them; for a set with triangles a second, `face`, with the list `vertex_indices` of
+ * One element `vertex` with PLY_PROPERTIES properties of one type, for a set that has it
+ * `kappa_scale` after them, and for a set with ids the unsigned `id` and a velocity; for a set with triangles a second, `face`, with the list `vertex_indices` of
  * three. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
  * the shortest text that reads back to the same value of the property's type; the bytes are the same for any
  * pool. Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
@@ -16,7 +16,7 @@
 #include "base/threads.h"
 #include "formats/points.h"
 
-enum { PLY_PROPERTIES = 13, PLY_PROPERTIES_MOST = 17 };
+enum { PLY_PROPERTIES = 13, PLY_PROPERTIES_MOST = 18 };
 
 typedef enum ply_format { PLY_BINARY_LITTLE_ENDIAN, PLY_ASCII } ply_format;
 typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
@@ -39,8 +39,8 @@ typedef struct ply_file {
     points points; /* arrays owned by this struct */
     ply_format format;
     ply_precision precision;
-    int properties; /* of a point */
-    void *storage;  /* private, as triangles */
+    unsigned properties; /* of a point, a bit each in the order of the file */
+    void *storage;       /* private, as triangles */
     uint32_t (*triangles)[3];
 } ply_file;
 

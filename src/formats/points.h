@@ -21,6 +21,7 @@ typedef struct points {
     const double *spacing;       /* requested spacing at the point */
     const double *spacing_local; /* achieved spacing, sqrt(2 a / sqrt 3) */
     const double *degree;        /* how many neighbours each has; or NULL */
+    const double *kappa_scale;   /* curvature over a distance; or NULL */
     const uint32_t *id;          /* of coherent sequences, with velocity; or NULL, both */
     const vec3 *velocity;        /* world units per frame */
     size_t triangle_count;       /* of a mesh whose vertices they are; 0: there is none */

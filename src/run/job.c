@@ -272,6 +272,7 @@ bool job_write_points(job *j, error *e)
                         .kappa = p->kappa,
                         .kappa1 = p->kappa1,
                         .kappa2 = p->kappa2,
+                        .kappa_scale = p->kappa_scale,
                         .alpha = p->alpha,
                         .energy = p->energy,
                         .spacing = p->spacing,

@@ -171,6 +171,15 @@ static void put_grading(json *report, const report_facts *facts)
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
 }
 
+/* What (14) takes curvatures times, and the distance over which it takes them. */
+static void put_alpha(json *report, const report_facts *facts)
+{
+    if (!facts->spec->has_alpha) return;
+    json *object = json_put_object(report, "alpha");
+    json_put_number(object, "length", facts->source->field->extent);
+    json_put_number(object, "scale", facts->curvature ? scaled_curvature_scale(facts->curvature) : 0);
+}
+
 /* What was asked for, and the same of what came of it. */
 static void put_target(json *report, const report_facts *facts)
 {
@@ -212,9 +221,11 @@ void report_fill(json *report, const report_facts *facts)
     put_target(report, facts);
     put_surface(report, facts);
     put_grading(report, facts);
+    put_alpha(report, facts);
     json_put_number(report, "sigma", solved->sigma);
     json_put_number(report, "spacing", sampler_spacing(facts->sampler));
     json_put_number(report, "mean_neighbours", solved->mean_neighbours);
+    json_put_number(report, "step_left", solved->step_left);
     json *energy = json_put_object(report, "energy");
     json_put_number(energy, "mean", solved->mean_energy);
     json_put_number(energy, "ideal", solved->ideal_energy);

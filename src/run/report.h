@@ -17,7 +17,8 @@ typedef struct report_facts {
     const spec *spec;
     const source *source;
     const surface *scan;
-    const sizing_field *sizing; /* or NULL */
+    const sizing_field *sizing;        /* or NULL */
+    const scaled_curvature *curvature; /* of sampling.alpha, or NULL */
     const sampler *sampler;
     const quality *quality;
     const clearance *clearance; /* where many points are unresolved, else NULL */

@@ -60,6 +60,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .source = &j->source,
         .scan = j->scan,
         .sizing = s->sizing,
+        .curvature = s->curvature,
         .sampler = s->sampler,
         .quality = &s->quality,
         .clearance = told,

@@ -31,6 +31,14 @@ static bool rms_step(const verdict_input *in, double *value, double *bound)
     return end == SAMPLER_RUNNING || end == SAMPLER_OUT_OF_SWEEPS;
 }
 
+/* Of the points as they are delivered, whatever the solve thought of them; NaN fails nothing. */
+static bool step_left(const verdict_input *in, double *value, double *bound)
+{
+    *value = sampler_result_points(in->sampler)->step_left;
+    *bound = in->step_tolerance;
+    return *value > *bound;
+}
+
 static bool gain(const verdict_input *in, double *value, double *bound)
 {
     size_t count;
@@ -102,6 +110,9 @@ static bool min_spacing_ratio(const verdict_input *in, double *value, double *bo
 static const criterion criteria[] = {
     {"rms_step", VERDICT_NOT_CONVERGED, rms_step,
      "the solve ended while the points still moved: raise solver.max_sweeps or sampling.time_s"},
+    {"step_left", VERDICT_NOT_CONVERGED, step_left,
+     "the delivered points are so far, in spacings, from where their energy wants them: raise solver.max_sweeps, or "
+     "solver.step for the gradient minimiser"},
     {"gain", VERDICT_NOT_CONVERGED, gain,
      "some points creep without end, most often at features smaller than the spacing: ask for more points"},
     {"target_energy", VERDICT_NOT_CONVERGED, target_energy,

@@ -117,6 +117,10 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         field_sample sample;
+        double kappa1, kappa2;
+        if (s->setup.params.curvature)
+            s->record.column[4 * n + i] = scaled_curvature_at(
+                s->setup.params.curvature, s->state.p->position[i], s->state.p->normal[i], &kappa1, &kappa2);
         if (!field_sample_at(s->setup.field, s->state.p->position[i], FIELD_HESSIAN, &sample)) continue;
         s->record.column[i] =
             field_curvature(&sample, &s->record.column[n + i], &s->record.column[2 * n + i]);
@@ -132,6 +136,11 @@ static bool describe_energies(sampler *s, error *e)
         return false;
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
+    /* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre */
+    s->record.out.step_left =
+        s->setup.params.energy == &energy_gaussian
+            ? NAN
+            : relax_rms_step_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing);
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;
@@ -140,7 +149,8 @@ static bool describe_energies(sampler *s, error *e)
 static bool describe_points(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
-    s->record.column = mem_array(4 * n, sizeof *s->record.column, "the result", e);
+    s->record.column =
+        mem_array((s->setup.params.curvature ? 5 : 4) * n, sizeof *s->record.column, "the result", e);
     if (!s->record.column) return false;
     threads_run(s->setup.pool, n, 256, curvature_chunk, s);
     requested_spacing(s, s->record.column + 3 * n);
@@ -151,6 +161,7 @@ static bool describe_points(sampler *s, error *e)
     s->record.out.kappa = s->record.column;
     s->record.out.kappa1 = s->record.column + n;
     s->record.out.kappa2 = s->record.column + 2 * n;
+    if (s->setup.params.curvature) s->record.out.kappa_scale = s->record.column + 4 * n;
     s->record.out.alpha = s->state.p->alpha;
     s->record.out.energy = s->state.p->energy;
     s->record.out.spacing = s->record.column + 3 * n;

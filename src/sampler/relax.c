@@ -17,6 +17,8 @@ static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
  * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
+/* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
+static const double SMOOTH_COSINE = 0.8;
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
@@ -319,8 +321,8 @@ static bool try_step(const attempt *a, double s1, double s2, vec3 *x, vec3 *norm
     return true;
 }
 
-/* A particle whose expected gain never comes is misled by a normal that is off by the last Newton step:
- * put it on the surface to well below what `gain` can see. */
+/* A particle whose expected gain does not come is misled by a place and a normal that are off by the last Newton step, and
+ * would creep by damped steps for ever: put it on the surface to well below what `gain` can see. */
 static void straighten(const attempt *a, vec3 *x, vec3 *normal)
 {
     double h = tolerance_scale(a);
@@ -363,6 +365,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
+            if (!first) straighten(a, &x, &normal);
             take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
             p->lambda[i] = (float)(first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda);
             return;
@@ -641,6 +644,96 @@ double relax_mean_energy(relax *r, particles *p, double sigma)
         alpha += p->alpha[i];
     }
     return alpha > 0 ? sum / alpha : all / all_alpha;
+}
+
+/* Sums are made of so many parts, by the count alone. */
+enum { PARTS = 256 };
+
+typedef struct steps_job {
+    sweep_job sweep;
+    size_t grain;
+    double squares[PARTS];
+    size_t counts[PARTS];
+} steps_job;
+
+/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. */
+static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count)
+{
+    const relax *r = job->r;
+    const particles *p = job->p;
+    pair_forces f[FAST_KERNEL_LANES];
+    double unit = 1, squares = 0;
+    if (r->fast && count > 0) {
+        const fast_kernel_params params = {.unit = r->near->unit, .support = job->sigma};
+        fast_kernel_particles own;
+        fast_kernel_forces forces;
+        line_up(r, p, items, count, &own);
+        r->fast->forces(r->near->place, &own, &params, &forces);
+        for (size_t l = 0; l < count; l++)
+            f[l] = (pair_forces){.d1 = (double)forces.d1[l],
+                                 .d2 = (double)forces.d2[l],
+                                 .h11 = (double)forces.h11[l],
+                                 .h12 = (double)forces.h12[l],
+                                 .h22 = (double)forces.h22[l]};
+        unit = r->near->unit;
+    } else {
+        for (size_t l = 0; l < count; l++) {
+            uint32_t i = items[l];
+            vec3 axis1, axis2;
+            vec3_frame(p->normal[i], &axis1, &axis2);
+            pair_forces_at(gather_list(r, p, worker, i), r->energy, p->position[i], axis1, axis2,
+                           job->sigma * p->size[i], &f[l]);
+        }
+    }
+    for (size_t l = 0; l < count; l++) {
+        double s1, s2, over = unit / p->size[items[l]];
+        damped_step(&f[l], 0, &s1, &s2);
+        squares += (s1 * s1 + s2 * s2) * over * over;
+    }
+    return squares;
+}
+
+/* Whether the energy is smooth around particle i: where a sharp edge runs through its support the tangent plane does not
+ * tell where a step would end. */
+static bool is_smooth_at(const sweep_job *job, size_t i)
+{
+    const particles *p = job->p;
+    const uint32_t *list = neighbours_list(job->r->near, i);
+    for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
+        uint32_t j = list[k];
+        double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
+        if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&
+            vec3_dot(p->normal[i], p->normal[j]) < SMOOTH_COSINE)
+            return false;
+    }
+    return !p->near_boundary[i];
+}
+
+static void steps_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    steps_job *job = context;
+    uint32_t items[FAST_KERNEL_LANES];
+    size_t held = 0, part = begin / job->grain;
+    for (size_t i = begin; i < end; i++) {
+        if (job->sweep.r->flat[i] && is_smooth_at(&job->sweep, i)) items[held++] = (uint32_t)i;
+        if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
+        job->squares[part] += squared_steps(&job->sweep, worker, items, held);
+        job->counts[part] += held;
+        held = 0;
+    }
+}
+
+double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing)
+{
+    steps_job job = {.sweep = {.r = r, .p = p, .sigma = sigma}, .grain = p->count / PARTS + 1};
+    threads_run(r->pool, p->count, job.grain, steps_chunk, &job);
+    double squares = 0;
+    size_t count = 0;
+    for (int k = 0; k < PARTS; k++) {
+        squares += job.squares[k];
+        count += job.counts[k];
+    }
+    return count > 0 ? sqrt(squares / (double)count) / spacing : NAN;
 }
 
 double relax_max_support(const relax *r)

@@ -74,6 +74,11 @@ void relax_sweep(relax *r, particles *p, const relax_params *params, relax_sums 
  * p->energy. */
 double relax_mean_energy(relax *r, particles *p, double sigma);
 
+/* The rms of the Newton steps (12) that are left to the particles where they are, over `spacing` and the size; nobody
+ * moves. Of particles away from boundaries and from edges (within their support no normal is turned by more than 37
+ * degrees): there the energy is smooth, and such a step says how far it is to rest. NaN when there are none. */
+double relax_rms_step_left(relax *r, particles *p, double sigma, double spacing);
+
 /* The largest support that the lists cover, until a particle moves. */
 double relax_max_support(const relax *r);
 

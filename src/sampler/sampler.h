@@ -83,12 +83,17 @@ typedef struct sampler_points {
     size_t count;
     const vec3 *position, *normal;
     const double *kappa, *kappa1, *kappa2, *alpha;
+    const double
+        *kappa_scale;      /* the curvature of (14), over a distance; NULL where it is that at the point */
     const double *energy;  /* E_i, full sum under the final sigma; with a grading over the size squared */
     const double *spacing; /* requested */
     const bool *replaced;  /* put on a new place since it was lost */
     size_t lost;           /* not on the surface, and no place found for them */
     double max_residual;   /* max |F| / |grad F|, over h */
     double sigma, mean_energy, ideal_energy, mean_neighbours;
+    /* rms of the Newton steps that are left to the points, over the requested spacing (relax_rms_step_left); NaN where
+     * no such step is known */
+    double step_left;
 } sampler_points;
 
 /* After sampler_finalize; the arrays belong to the sampler. */

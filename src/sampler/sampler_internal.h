@@ -71,7 +71,7 @@ typedef struct sampler_record {
     size_t removed; /* particles put on a new place */
     sampler_points out;
     bool *replaced; /* of each particle, from sampler_finalize on */
-    double *column; /* kappa, kappa1, kappa2, spacing: one after the other */
+    double *column; /* kappa, kappa1, kappa2, spacing, kappa_scale: one after the other */
 } sampler_record;
 
 struct sampler {

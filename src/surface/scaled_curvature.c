@@ -211,6 +211,11 @@ void scaled_curvature_free(scaled_curvature *c)
     free(c);
 }
 
+double scaled_curvature_scale(const scaled_curvature *c)
+{
+    return c->scale;
+}
+
 typedef struct blend {
     vec3 normal;
     double over; /* 1 / width^2 of the weights */

@@ -18,11 +18,14 @@
 
 typedef struct scaled_curvature scaled_curvature;
 
-/* `sample`: those of the cells, read during the call. `scale` > 0; scales below the surface's cells mean one cell. Errors: limit_memory, cancelled. Deterministic for any
- * number of threads. */
+/* `sample`: those of the cells, read during the call. `scale` > 0; scales below the surface's cells mean one cell. Errors:
+ * limit_memory, cancelled. Deterministic for any number of threads. */
 scaled_curvature *scaled_curvature_new(const surface *scan, const cell_samples *sample, double scale,
                                        threads *pool, error *e);
 void scaled_curvature_free(scaled_curvature *c);
+
+/* The distance in force: what was asked for, or a cell. */
+double scaled_curvature_scale(const scaled_curvature *c);
 
 /* The curvature sqrt(kappa1^2 + kappa2^2) at x, which is on the surface and has the unit normal; a blend of the elements
  * around, smooth in x. *kappa1 >= *kappa2, positive where the solid is convex, as field_curvature gives them. */

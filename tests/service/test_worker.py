@@ -214,6 +214,15 @@ def test_not_converged_is_10_and_delivers(worker, tmp_path):
     assert Points((tmp_path / "out" / "points.ply").read_bytes()).count == 500
 
 
+def test_small_steps_are_not_rest(worker, tmp_path):
+    """A descent of tiny steps stands still wherever it is: what counts is how far the points have yet to go."""
+    done = worker(sphere(500, solver={"method": "paper", "minimiser": "gradient", "step": 1e-4}))
+    assert done.returncode == 10, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["sweeps"][-1]["rms_step"] < 0.003 < report["step_left"]
+    assert "step_left" in [r["criterion"] for r in report["outcome_reasons"]]
+
+
 QUARTIC, PLATE = {"analytic": {"shape": "quartic"}}, {"analytic": {"shape": "box", "half_size": [1, 1, 0.01]}}
 
 
@@ -456,7 +465,7 @@ REPORT = {
     "schema": str, "version": int, "outcome": str, "count": int, "requested": {"count": int},
     "surface": {"area": NUMBER, "bounding_box": {"min": [NUMBER], "max": [NUMBER]}, "warnings": [str]},
     "advice": [{"code": str, "message": str, "set": dict}],
-    "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER,
+    "sigma": NUMBER, "spacing": NUMBER, "mean_neighbours": NUMBER, "step_left": NUMBER,
     "energy": {"mean": NUMBER, "ideal": NUMBER, "excess": NUMBER},
     "quality": {"hex_fraction": NUMBER, "edge_cv": NUMBER, "area_cv": NUMBER, "energy_excess": NUMBER,
                 "min_spacing_ratio": NUMBER, "max_residual": NUMBER, "lost": int, "removed_offsurface": int,

@@ -282,9 +282,14 @@ static void test_ids_and_velocities(void **state)
     (void)state;
     static const uint32_t id[3] = {7, 16777217, UINT32_MAX - 1}; /* the second is no float */
     static const vec3 velocity[3] = {{0, 0.5, -1}, {1e-3, 0, 0}, {-0.25, 2, 3}};
+    static const double kappa_scale[3] = {0, 0.25, 3}; /* which a set may have besides */
     for (int format = 0; format <= 1; format++)
-        for (int precision = 0; precision <= 1; precision++) {
+        for (int kind = 0; kind <= 3; kind++) {
+            int precision = kind % 2;
+            bool has_scale = kind / 2;
+            const char *line = has_scale ? "a line is not 18 numbers" : "a line is not 17 numbers";
             point_set s = point_set_sphere(3, vec3_make(0, 0, 0), 1);
+            s.points.kappa_scale = has_scale ? kappa_scale : NULL;
             s.points.id = id;
             s.points.velocity = velocity;
             bytes b = write_set(&s.points, (ply_format)format, (ply_precision)precision);
@@ -294,6 +299,8 @@ static void test_ids_and_velocities(void **state)
             if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
             check_equal(&s.points, &f.points, precision == PLY_FLOAT);
             assert_memory_equal(f.points.id, id, sizeof id);
+            assert_int_equal(f.points.kappa_scale != NULL, has_scale);
+            if (has_scale) assert_memory_equal(f.points.kappa_scale, kappa_scale, sizeof kappa_scale);
             for (int i = 0; i < 3; i++)
                 assert_true(f.points.velocity[i].x ==
                                 (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
@@ -311,9 +318,9 @@ static void test_ids_and_velocities(void **state)
                 if (read_bytes(b.data, n, &f, NULL)) fail_msg("accepted %zu of %zu bytes", n, b.length);
             refuse_with(&b, "uint id", "int id", "expected");
             if (format == PLY_ASCII) {
-                refuse_with(&b, " 16777217 ", " 4294967296 ", "a line is not 17 numbers");
-                refuse_with(&b, " 16777217 ", " 1.5 ", "a line is not 17 numbers");
-                refuse_with(&b, " 16777217 ", " -1 ", "a line is not 17 numbers");
+                refuse_with(&b, " 16777217 ", " 4294967296 ", line);
+                refuse_with(&b, " 16777217 ", " 1.5 ", line);
+                refuse_with(&b, " 16777217 ", " -1 ", line);
             }
             free(b.data);
             ply_file_free(&f);

@@ -354,9 +354,30 @@ static void tiny_counts_work(void **state)
     }
 }
 
+/* Rest is said of the points that are delivered: their Newton steps are as short as the last sweep's. Particles whose
+ * trials were refused for a normal that was off crept by damped steps, up to 0.01 h from their rest. */
+static void delivered_points_are_at_rest(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        sampler_params params = even;
+        params.start = SAMPLER_START_RANDOM;
+        params.seed = seed;
+        solved x;
+        solve(3, &params, 1, &x);
+        size_t count;
+        const sampler_sweep *sweep = sampler_sweeps(x.s, &count);
+        print_message("# step left %.2g h, rms step of the last sweep %.2g h\n", x.points->step_left,
+                      sweep[count - 1].rms_step);
+        assert_true(x.points->step_left < 2e-4);
+        release(&x);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(delivered_points_are_at_rest),
         cmocka_unit_test(quartic_even),
         cmocka_unit_test(quartic_alpha),
         cmocka_unit_test(alpha_draws_particles_to_curvature),
