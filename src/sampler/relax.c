@@ -14,6 +14,9 @@
 #include "surface/projection.h"
 
 static const double LAMBDA_FLOOR = -3; /* log10; below it the damping is nothing */
+/* Where the energy is smooth a particle that moves only under such damping (log10) is misled by its place: good steps need
+ * less. At creases and boundaries they need it, and there a place that is corrected would be left again, for ever. */
+static const double MISLED_LAMBDA = 2;
 /* Where all normals agree to within 60 degrees the weights are 1, and are taken to stay so while the lists
  * are valid; it would take a turn of 30 degrees within skin / 2 to make that untrue. */
 static const double FLAT_COSINE = 0.5;
@@ -365,7 +368,7 @@ static void descend_damped(const sweep_job *job, const attempt *a, const pair_fo
         }
         vec3 x, normal;
         if (try_step(a, s1, s2, &x, &normal)) {
-            if (!first) straighten(a, &x, &normal);
+            if (lambda >= MISLED_LAMBDA && a->flat && !p->near_boundary[i]) straighten(a, &x, &normal);
             take_step(job, i, x, normal, vec3_norm(vec3_sub(x, a->x)), allowed_step, sums);
             p->lambda[i] = (float)(first ? fmax(lambda - 1, LAMBDA_FLOOR) : lambda);
             return;

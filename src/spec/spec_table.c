@@ -595,10 +595,11 @@ const spec_row spec_rows[] = {
      .choice = SPEC_CHOICE_GRADING,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_alpha),
-     .prose = "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). "
-              "kappa is multiplied by a length L, so that it does not depend on scale: the longest side of the "
-              "box around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
-              "tells it."},
+     .prose =
+         "Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). "
+         "kappa is multiplied by a length L, so that it does not depend on scale: the longest side of the "
+         "box around the surface of a volume or mesh, of the domain of a formula or B-spline. The report "
+         "tells it."},
     {.pointer = "/sampling/alpha/d",
      .type = SPEC_TYPE_NUMBER,
      .low = 0,
