@@ -2,9 +2,11 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 
 typedef struct upload {
     http_sink sink;     /* first: the server's view of it */
@@ -78,6 +80,22 @@ bool inputs_may_use(const http_context *c, const access_caller *caller, const ch
            store_inputs_was_sent_by(c->inputs, hex, caller->user);
 }
 
+bool inputs_check(const http_context *c, const access_caller *caller, const char *path, error *e)
+{
+    char name[STORE_INPUT_NAME_SIZE];
+    bool sent = store_inputs_is_sent(path, name);
+    const char *hex = name + strlen(STORE_INPUT_PREFIX);
+    /* a use before the check, so that it is not removed in between */
+    if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
+        return error_set(e, ERROR_INPUT_MISSING,
+                         "%s: you have not sent this file, or it is not kept any more: send it"
+                         " (hexadctl upload)",
+                         path);
+    int fd = store_open_input(c->roots, path, e);
+    if (fd >= 0) close(fd);
+    return fd >= 0;
+}
+
 http_sink *inputs_begin(const http_context *c, const http_request *request, reply *r)
 {
     error e = {0};
@@ -145,4 +163,57 @@ void inputs_delete(const http_context *c, const http_request *request, reply *r)
         reply_set_problem(r, "not_found", NULL, "there is no input %s", hex);
     else
         reply_set_empty(r, 204);
+}
+
+/* Has a worker look at a file that the caller's jobs may read; answers. */
+static void inspect(const http_context *c, const char *path, reply *r)
+{
+    error e = {0};
+    int threads = 0;
+    int64_t memory_mb = 0;
+    char name[STORE_INPUT_NAME_SIZE], *found = NULL;
+    const char *sent = name;
+    size_t sent_count = store_inputs_is_sent(path, name);
+    if (!executor_size(c->x, &threads, &memory_mb, &e)) {
+        reply_set_error(r, &e, NULL);
+        return;
+    }
+    json *asked = json_new_object();
+    json_put_string(asked, "path", path);
+    char *text = json_print(asked);
+    estimator_verdict verdict = estimator_ask(c->estimator, WORKER_COMMAND_INSPECT, text, &sent, sent_count,
+                                              QUEUE_NO_FRAME, threads, memory_mb, &found, &e);
+    if (verdict == ESTIMATOR_MADE)
+        reply_set_text(r, "application/json", found);
+    else if (verdict == ESTIMATOR_FAULT)
+        reply_set_error(r, &e, NULL);
+    else
+        reply_set_unavailable(r, e.message);
+    free(text);
+    json_free(asked);
+}
+
+void inputs_inspect(const http_context *c, const http_request *request, reply *r)
+{
+    error e = {0};
+    json *document = json_parse(request->body, request->length, &e);
+    json_at root = json_root(document);
+    const char *asked = json_string(json_member(&root, "path"), NULL);
+    if (!document) {
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
+    } else if (!asked || !*asked || json_size(root) != 1) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "the body is an object with one member, path: the file");
+    } else if (!c->estimator) {
+        reply_set_unavailable(r, "the service looks at no files (setting estimates)");
+    } else {
+        char *mapped = path_map_apply(c->mappings, asked);
+        const char *path = mapped ? mapped : asked;
+        if (inputs_check(c, request->caller, path, &e))
+            inspect(c, path, r);
+        else
+            reply_set_error(r, &e, NULL);
+        free(mapped);
+    }
+    json_free(document);
 }

@@ -16,6 +16,7 @@
 #include "base/frames.h"
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/worker_contract.h"
 #include "executor/cache.h"
 #include "http/parameter.h"
 #include "http/preconditions.h"
@@ -154,24 +155,10 @@ static bool check_inputs(const http_context *c, const access_caller *caller, con
     const spec *s = o->s;
     for (size_t k = 0; spec_input_at(s, k, &input); k++) {
         error e = {0};
-        char name[STORE_INPUT_NAME_SIZE];
         char *path = s->frames ? frames_path(input.path, s->frame[0]) : mem_strdup(input.path);
-        bool sent = store_inputs_is_sent(path, name);
-        const char *hex = name + strlen(STORE_INPUT_PREFIX);
-        int fd = -1;
-        /* a use before the check, so that it is not removed in between */
-        if (sent && (!inputs_may_use(c, caller, hex) || store_inputs_use(c->inputs, hex) < 0))
-            error_set(&e, ERROR_INPUT_MISSING,
-                      "%s: you have not sent this file, or it is not kept any more: send it"
-                      " (hexadctl upload)",
-                      path);
-        else
-            fd = store_open_input(c->roots, path, &e);
+        bool good = inputs_check(c, caller, path, &e);
         free(path);
-        if (fd >= 0) {
-            close(fd);
-            continue;
-        }
+        if (good) continue;
         refuse_member(o, input.pointer, &e, r);
         return false;
     }
@@ -506,7 +493,7 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         size_t sent_count = 0;
         char *text = json_print(o->s->normalised), **sent = list_sent(o->s, &sent_count);
         verdict =
-            estimator_ask(c->estimator, text, (const char *const *)sent, sent_count,
+            estimator_ask(c->estimator, WORKER_COMMAND_ESTIMATE, text, (const char *const *)sent, sent_count,
                           o->s->frames ? o->s->frame[0] : QUEUE_NO_FRAME, threads, memory_mb, &found, &e);
         free_sent(sent, sent_count);
         free(text);

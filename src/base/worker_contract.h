@@ -7,9 +7,9 @@
 #ifndef HEXAD_BASE_WORKER_CONTRACT_H
 #define HEXAD_BASE_WORKER_CONTRACT_H
 
-/* The exit status of the commands run and estimate. */
+/* The exit status of the commands run, estimate and inspect. */
 typedef enum worker_exit {
-    WORKER_EXIT_CONVERGED = 0, /* for estimate: succeeded */
+    WORKER_EXIT_CONVERGED = 0, /* for estimate and inspect: succeeded */
     WORKER_EXIT_INTERNAL = 1,  /* any error without a code of its own */
     WORKER_EXIT_SPEC = 2,      /* the spec is not valid or asks for something not supported */
     WORKER_EXIT_INPUT = 3,     /* an input file is missing, damaged, forbidden or not understood */
@@ -24,6 +24,7 @@ typedef enum worker_exit {
 /* Commands: hexad-worker COMMAND SPEC|- [OPTION VALUE]... */
 #define WORKER_COMMAND_RUN "run"
 #define WORKER_COMMAND_ESTIMATE "estimate"
+#define WORKER_COMMAND_INSPECT "inspect" /* takes a FILE; with -, standard input is {"path": FILE} */
 #define WORKER_SPEC_ON_STDIN "-"
 
 /* Names of options, without the two dashes. */
@@ -42,5 +43,6 @@ typedef enum worker_exit {
 /* Files in the output directory. run writes the report last: a directory without it is not a result. */
 #define WORKER_REPORT_NAME "report.json"
 #define WORKER_ESTIMATE_NAME "estimate.json"
+#define WORKER_INSPECTION_NAME "inspection.json"
 
 #endif

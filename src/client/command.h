@@ -44,7 +44,7 @@ typedef struct command_options {
 /* `argument` is the path of a file or "-", the job's id, the token's user or id, or NULL. Each returns an exit code. */
 typedef int command(client *c, const char *argument, const command_options *options);
 
-command command_submit, command_validate, command_estimate, command_upload;
+command command_submit, command_validate, command_estimate, command_upload, command_inspect;
 command command_list, command_show, command_attempts, command_wait;
 command command_fetch, command_log;
 command command_cancel, command_pause, command_resume, command_retry, command_delete, command_priority;

@@ -265,3 +265,21 @@ int command_upload(client *c, const char *argument, const command_options *optio
     json_free(document);
     return code;
 }
+
+int command_inspect(client *c, const char *argument, const command_options *options)
+{
+    json *asked = json_new_object(), *document = NULL;
+    json_put_string(asked, "path", argument);
+    char *body = json_print(asked);
+    int code = command_ask(c, "POST", "/v1/inputs:inspect", body, &document);
+    json_at root = json_root(document);
+    if (code == COMMAND_OK && options->json)
+        print_document(document);
+    else if (code == COMMAND_OK)
+        fputs(json_string(json_member(&root, "text"), ""),
+              stdout); /* made by the worker, without control characters */
+    free(body);
+    json_free(asked);
+    json_free(document);
+    return code;
+}

@@ -144,7 +144,7 @@ static bool choose(image *m)
     return found == 1 || no_part(m, wanted, found, parts, channels);
 }
 
-static bool open_image(image *m)
+static bool open_file(image *m)
 {
     exr_context_initializer_t with = EXR_DEFAULT_CONTEXT_INITIALIZER;
     with.error_handler_fn = note_complaint;
@@ -154,7 +154,48 @@ static bool open_image(image *m)
     complaint[0] = '\0';
     if (exr_start_read(&m->file, "slice", &with) != EXR_ERR_SUCCESS)
         return damaged(m, "the file is no OpenEXR file, or its header is damaged");
-    if (!choose(m)) return false;
+    return true;
+}
+
+/* ---- all of them */
+
+static void list_channel(const image *m, int part, const exr_attr_chlist_entry_t *channel, FILE *out)
+{
+    static const char *const storages[] = {"scanlines", "tiles", "deep scanlines", "deep tiles"};
+    static const char *const types[] = {"uint", "half", "float"};
+    exr_storage_t storage = EXR_STORAGE_LAST_TYPE;
+    exr_attr_box2i_t w = {0};
+    unsigned type = (unsigned)channel->pixel_type;
+    exr_get_storage(m->file, part, &storage);
+    exr_get_data_window(m->file, part, &w);
+    bool known = (unsigned)storage < sizeof storages / sizeof *storages;
+    fprintf(out, "%s\t%s\t%d\t%d\t%d\t%d\t%s\t%s\n", name_of(m, part), known ? storages[storage] : "unknown",
+            w.min.x, w.min.y, w.max.x, w.max.y, channel->name.str,
+            type < sizeof types / sizeof *types ? types[type] : "unknown");
+}
+
+/* To be freed. */
+static char *list_channels(const image *m)
+{
+    char *text = NULL;
+    size_t length = 0;
+    int parts = 0;
+    FILE *out = open_memstream(&text, &length);
+    if (!out) return NULL;
+    exr_get_count(m->file, &parts);
+    for (int part = 0; part < parts; part++) {
+        const exr_attr_chlist_t *list;
+        if (exr_get_channels(m->file, part, &list) != EXR_ERR_SUCCESS) continue;
+        for (int k = 0; k < list->num_channels && ftell(out) < EXR_READER_LIST_MAX / 2; k++)
+            list_channel(m, part, &list->entries[k], out);
+    }
+    fclose(out);
+    return text;
+}
+
+static bool open_image(image *m)
+{
+    if (!open_file(m) || !choose(m)) return false;
     if (exr_get_storage(m->file, m->part_index, &m->storage) != EXR_ERR_SUCCESS ||
         exr_get_data_window(m->file, m->part_index, &m->window) != EXR_ERR_SUCCESS)
         return damaged(m, "its header is damaged");
@@ -330,17 +371,21 @@ static char receive(int *fd)
 
 static bool answer(image *m, char what)
 {
-    bool ok = open_image(m) && (what == EXR_READER_WINDOW || read_pixels(m));
+    char *list = NULL;
+    bool ok = what == EXR_READER_LIST ? open_file(m) && (list = list_channels(m))
+                                      : open_image(m) && (what == EXR_READER_WINDOW || read_pixels(m));
     exr_reader_answer a = {.magic = EXR_READER_MAGIC, .code = (uint32_t)m->fault.code};
-    if (ok) {
+    const char *text = list ? list : m->fault.message;
+    if (ok && !list) {
         memcpy(a.low, &m->window.min, sizeof a.low);
         memcpy(a.high, &m->window.max, sizeof a.high);
     } else {
-        a.text_length = (uint32_t)strnlen(m->fault.message, EXR_READER_TEXT_MAX);
+        a.text_length = (uint32_t)strnlen(text, list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX);
     }
-    bool written = reader_write(&a, sizeof a) && reader_write(m->fault.message, a.text_length);
+    bool written = reader_write(&a, sizeof a) && reader_write(text, a.text_length);
     if (written && ok && what == EXR_READER_PIXELS)
         written = reader_write(m->values, (size_t)(width_of(m) * height_of(m)) * sizeof(float));
+    free(list);
     free(m->values);
     if (m->file) exr_finish(&m->file);
     close(m->fd);

@@ -102,22 +102,24 @@ static bool send_request(exr_stack *s, char what, int fd, error *e)
            error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
 }
 
-static bool read_answer(exr_stack *s, exr_reader_answer *a, error *e)
+/* The answer's text goes to `list` (EXR_READER_LIST_MAX and one more), or is an error. */
+static bool read_answer(exr_stack *s, exr_reader_answer *a, char *list, error *e)
 {
-    char text[EXR_READER_TEXT_MAX + 1] = "";
+    char fault[EXR_READER_TEXT_MAX + 1] = "", *text = list ? list : fault;
+    size_t most = list ? EXR_READER_LIST_MAX : EXR_READER_TEXT_MAX;
     if (fread(a, sizeof *a, 1, s->reader.stream) != 1)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end");
-    if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > EXR_READER_TEXT_MAX ||
+    if (a->magic != EXR_READER_MAGIC || a->code >= ERROR_CODE_COUNT || a->text_length > most ||
         fread(text, 1, a->text_length, s->reader.stream) != a->text_length)
         return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
     for (char *p = text; *p; p++)
-        if ((unsigned char)*p < ' ') *p = ' ';
+        if ((unsigned char)*p < ' ' && !(list && (*p == '\t' || *p == '\n'))) *p = ' ';
     return a->code == ERROR_NONE || error_set(e, (error_code)a->code, "%s", text);
 }
 
 /* One slice's answer. A reader that did not come to its end is judged, and another one serves the next slice.
  */
-static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *pixels, error *e)
+static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *pixels, char *list, error *e)
 {
     if (!start(s, e)) return false;
     int fd = s->params.files->open(s->params.files->context, s->params.paths[k], e);
@@ -127,7 +129,7 @@ static bool ask(exr_stack *s, size_t k, char what, exr_reader_answer *a, float *
     if (ok) {
         const window *w = &s->windows[k];
         *a = (exr_reader_answer){0};
-        ok = send_request(s, what, fd, e) && read_answer(s, a, e);
+        ok = send_request(s, what, fd, e) && read_answer(s, a, list, e);
         whole = ok || (a->magic == EXR_READER_MAGIC && a->code != ERROR_NONE);
         if (ok && what == EXR_READER_PIXELS) {
             size_t count = (size_t)((w->high[0] - w->low[0] + 1) * (w->high[1] - w->low[1] + 1));
@@ -154,7 +156,7 @@ static bool ask_all(exr_stack *s, size_t first, float *pixels, error *e)
         exr_reader_answer a;
         window *w = &s->windows[k];
         int number = s->params.numbers[k], before = k ? s->params.numbers[k - 1] : number - 1;
-        if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, &fault)) {
+        if (ask(s, k, pixels ? EXR_READER_PIXELS : EXR_READER_WINDOW, &a, pixels, NULL, &fault)) {
             for (int axis = 0; axis < 2 && !pixels; axis++) {
                 w->low[axis] = a.low[axis];
                 w->high[axis] = a.high[axis];
@@ -200,7 +202,7 @@ static bool exr_next(slices *base, float *values, error *e)
     error fault = {0};
     if (!whole && !s->pixels && !(s->pixels = mem_array(count, sizeof *s->pixels, "a slice", e)))
         return false;
-    if (!ask(s, s->at, EXR_READER_PIXELS, &a, whole ? values : s->pixels, &fault)) {
+    if (!ask(s, s->at, EXR_READER_PIXELS, &a, whole ? values : s->pixels, NULL, &fault)) {
         float *rest = mem_array(count, sizeof *rest, "a slice", e);
         bool told = rest && !ask_all(s, s->at, rest, e); /* it names this one and those that follow */
         free(rest);
@@ -254,13 +256,32 @@ static bool span(exr_stack *s, error *e)
     return true;
 }
 
-slices *exr_stack_open(const exr_stack_params *params, error *e)
+static exr_stack *make(const exr_stack_params *params)
 {
     exr_stack *s = mem_alloc(sizeof *s);
     *s = (exr_stack){.base = {.ops = &exr_ops, .format = "EXR"}, .params = *params};
     s->windows = mem_alloc(params->count * sizeof *s->windows);
     s->names = mem_printf("%s%s\n%s%s", params->channel ? "=" : "*", params->channel ? params->channel : "",
                           params->part ? "=" : "*", params->part ? params->part : "");
+    return s;
+}
+
+char *exr_stack_list(const exr_stack_params *params, error *e)
+{
+    exr_stack *s = make(params);
+    exr_reader_answer a;
+    char *text = mem_alloc(EXR_READER_LIST_MAX + 1);
+    if (!ask(s, 0, EXR_READER_LIST, &a, NULL, text, e)) {
+        free(text);
+        text = NULL;
+    }
+    exr_close(&s->base);
+    return text;
+}
+
+slices *exr_stack_open(const exr_stack_params *params, error *e)
+{
+    exr_stack *s = make(params);
     if (!ask_all(s, 0, NULL, e) || !span(s, e)) {
         exr_close(&s->base);
         return NULL;

@@ -21,7 +21,7 @@
 
 typedef struct engine_request {
     const char *worker;    /* path of the worker program */
-    const char *command;   /* "run" or "estimate" */
+    const char *command;   /* "run", "estimate" or "inspect" */
     const char *directory; /* the attempt's own directory, which exists and is empty; takes the output */
     const char *spec;      /* JSON text */
     const char *const *input_roots;

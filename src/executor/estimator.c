@@ -15,8 +15,8 @@
 #include "json/json.h"
 #include "store/file.h"
 
-/* An estimate is a small JSON object. */
-#define LONGEST_BYTES 65536
+/* An estimate is a small JSON object; what lies in a file may be long. */
+#define LONGEST_BYTES (8u << 20)
 
 struct estimator {
     executor_settings settings;
@@ -75,11 +75,13 @@ static bool await(const estimator *m, engine_attempt *attempt)
     return !stopped;
 }
 
-/* Reads the estimate that the worker wrote. NULL when it is no JSON object. */
-static char *read_document(const char *directory)
+/* Reads what the worker wrote. NULL when it is no JSON object. */
+static char *read_document(const engine_request *request)
 {
     size_t length = 0;
-    char *path = mem_printf("%s/" WORKER_ESTIMATE_NAME, directory);
+    bool inspects = strcmp(request->command, WORKER_COMMAND_INSPECT) == 0;
+    char *path =
+        mem_printf("%s/%s", request->directory, inspects ? WORKER_INSPECTION_NAME : WORKER_ESTIMATE_NAME);
     char *text = store_file_read(path, LONGEST_BYTES, &length, NULL);
     json *document = text ? json_parse(text, length, NULL) : NULL;
     if (json_type_of(json_root(document)) != JSON_OBJECT) {
@@ -91,14 +93,15 @@ static char *read_document(const char *directory)
     return text;
 }
 
-static estimator_verdict decide(const engine_ending *ending, const char *directory, char **document, error *e)
+static estimator_verdict decide(const engine_ending *ending, const engine_request *request, char **document,
+                                error *e)
 {
-    if (ending->exit_status == WORKER_EXIT_CONVERGED && (*document = read_document(directory)))
+    if (ending->exit_status == WORKER_EXIT_CONVERGED && (*document = read_document(request)))
         return ESTIMATOR_MADE;
     if (ending->exit_status > 0 && settlement_read_last_words(ending->last_words, e) &&
         e->code != ERROR_INTERNAL && e->code != ERROR_CANCELLED && !error_is_of_storage(e->code))
         return ESTIMATOR_FAULT;
-    error_set(e, ERROR_INTERNAL, "the worker ended without an estimate and without an error");
+    error_set(e, ERROR_INTERNAL, "the worker ended without an answer and without an error");
     return ESTIMATOR_NONE;
 }
 
@@ -111,17 +114,18 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
     if (attempt) m->settings.engine->settle(attempt, &ending);
     estimator_verdict verdict = ESTIMATOR_NONE;
     if (ended)
-        verdict = decide(&ending, request->directory, document, e);
+        verdict = decide(&ending, request, document, e);
     else if (attempt)
-        error_set(e, ERROR_INTERNAL, "the estimate took longer than %g s (setting estimate_timeout_s)",
+        error_set(e, ERROR_INTERNAL, "the worker took longer than %g s (setting estimate_timeout_s)",
                   m->timeout_s);
     free(ending.last_words);
     store_remove(request->directory, NULL);
     return verdict;
 }
 
-estimator_verdict estimator_ask(estimator *m, const char *spec, const char *const *inputs, size_t input_count,
-                                int frame, int threads, int64_t memory_mb, char **document, error *e)
+estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
+                                const char *const *inputs, size_t input_count, int frame, int threads,
+                                int64_t memory_mb, char **document, error *e)
 {
     estimator_verdict verdict = ESTIMATOR_NONE;
     const executor_settings *settings = &m->settings;
@@ -132,7 +136,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, const char *cons
                                               settings->input_root_count, &root_count);
         engine_request request = {
             .worker = settings->worker,
-            .command = WORKER_COMMAND_ESTIMATE,
+            .command = command,
             .directory = directory,
             .spec = spec,
             .input_roots = (const char *const *)roots,
@@ -148,7 +152,7 @@ estimator_verdict estimator_ask(estimator *m, const char *spec, const char *cons
         input_permissions_free(roots, root_count);
         free(directory);
     } else {
-        error_set(e, ERROR_INTERNAL, "%d other estimates are running (setting estimates)", m->at_once);
+        error_set(e, ERROR_INTERNAL, "%d others are running (setting estimates)", m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);
     return verdict;

@@ -1,4 +1,4 @@
-/* estimator: estimates the time and memory of a job with a worker (`hexad-worker estimate`), and waits for it.
+/* estimator: has a worker look at a job (`hexad-worker estimate`) or a file (`hexad-worker inspect`), and waits for it.
  *
  * These workers have the same input roots, sandbox and limits as those that run jobs. Their number and their time are
  * limited, apart from the attempts. Any thread may call these functions.
@@ -24,9 +24,11 @@ typedef enum estimator_verdict {
     ESTIMATOR_NONE   /* no estimate could be made: the error tells why */
 } estimator_verdict;
 
-/* `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is
- * one JSON object (run/run.h), to be freed. */
-estimator_verdict estimator_ask(estimator *m, const char *spec, const char *const *inputs, size_t input_count,
-                                int frame, int threads, int64_t memory_mb, char **document, error *e);
+/* `command` is WORKER_COMMAND_ESTIMATE, or WORKER_COMMAND_INSPECT, whose `spec` names a path (base/worker_contract.h).
+ * `threads` and `memory_mb` are those of an attempt. `frame` may be QUEUE_NO_FRAME. With ESTIMATOR_MADE, *document is
+ * one JSON object (run/run.h, inspect/inspection.h), to be freed. */
+estimator_verdict estimator_ask(estimator *m, const char *command, const char *spec,
+                                const char *const *inputs, size_t input_count, int frame, int threads,
+                                int64_t memory_mb, char **document, error *e);
 
 #endif

@@ -18,6 +18,7 @@
 #include "base/worker_contract.h"
 #include "dense/exr_reader.h"
 #include "dense/header.h"
+#include "inspect/inspection.h"
 #include "json/json.h"
 #include "mesh/mesh_reader.h"
 #include "packing/energy.h"
@@ -43,6 +44,7 @@ static void request_cancel(int number)
 static const char help_text[] =
     "Usage: hexad-worker run SPEC.json|- --output DIR [option ...]\n"
     "       hexad-worker estimate SPEC.json|- --output DIR [option ...]\n"
+    "       hexad-worker inspect FILE [--json] [--preview FILE.png] [option ...]\n"
     "       hexad-worker make-example FILE.vdb\n"
     "       hexad-worker energies\n"
     "       hexad-worker spec-help\n"
@@ -52,6 +54,8 @@ static const char help_text[] =
     "previews and report.json into DIR. The directory is a result once report.json is there.\n"
     "estimate: prints the number of points, the area, and the memory and time that the job needs, as a JSON\n"
     "object, and writes it into DIR as estimate.json.\n"
+    "inspect: tells what lies in a volume or mesh, and specs that sample it; as a JSON object with --json.\n"
+    "--preview samples the first of them and draws it. No --output is needed; with one, it takes inspection.json.\n"
     "make-example: writes a small level set to try things with.\n"
     "energies: prints the pair potentials and their forces as CSV (the paper's Figure 2).\n"
     "spec-help: lists every member of a job spec with type, range and default.\n"
@@ -134,10 +138,10 @@ static void leave(const error *e)
 }
 
 typedef struct arguments {
-    const char *spec_path, *output, *previous;
+    const char *spec_path, *output, *previous, *preview;
     const char **roots;
     size_t root_count;
-    bool progress;
+    bool progress, json;
     long progress_fd, memory_mb, threads, frame; /* -1: none */
     sandbox_mode sandbox;
 } arguments;
@@ -191,6 +195,8 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
                                             {WORKER_OPTION_THREADS, required_argument, NULL, 't'},
                                             {WORKER_OPTION_FRAME, required_argument, NULL, 'n'},
                                             {WORKER_OPTION_SANDBOX, required_argument, NULL, 's'},
+                                            {"json", no_argument, NULL, 'j'},
+                                            {"preview", required_argument, NULL, 'w'},
                                             {NULL, 0, NULL, 0}};
     *a = (arguments){.progress_fd = -1, .frame = -1, .memory_mb = DEFAULT_MEMORY_MB};
     a->roots = mem_alloc((size_t)argc * sizeof *a->roots);
@@ -201,6 +207,10 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
             a->progress = true;
         else if (c == 'v')
             a->previous = optarg;
+        else if (c == 'j')
+            a->json = true;
+        else if (c == 'w')
+            a->preview = optarg;
         else if (c == 'r')
             a->roots[a->root_count++] = optarg;
         else if (c == 'f') {
@@ -219,9 +229,12 @@ static bool parse_arguments(int argc, char **argv, arguments *a, error *e)
         } else
             return error_set(e, ERROR_SPEC_INVALID, "unknown option: see hexad-worker --help");
     }
-    if (argc - optind != 1 || !a->output)
-        return error_set(e, ERROR_SPEC_INVALID,
-                         "%s takes one SPEC.json (or -) and --output DIR: see hexad-worker --help", argv[0]);
+    bool inspects = strcmp(argv[0], WORKER_COMMAND_INSPECT) == 0;
+    if (argc - optind != 1 || (!a->output && !inspects))
+        return error_set(e, ERROR_SPEC_INVALID, "%s takes one %s: see hexad-worker --help", argv[0],
+                         inspects ? "FILE" : "SPEC.json (or -) and --output DIR");
+    if (!inspects && (a->json || a->preview))
+        return error_set(e, ERROR_SPEC_INVALID, "--json and --preview belong to inspect");
     a->spec_path = argv[optind];
     return true;
 }
@@ -289,12 +302,13 @@ static bool prepare(const arguments *a, store_roots **roots, FILE **spec_file, s
                     error *e)
 {
     const sandbox_places places = {a->roots, a->root_count, a->output};
-    if (!(*spec_file = open_spec(a->spec_path, e))) return false;
+    if (spec_file && !(*spec_file = open_spec(a->spec_path, e))) return false;
     if (a->previous && !sequence_open(a->previous, previous, e)) return false;
     if ((a->root_count > 0 || a->sandbox != SANDBOX_OFF) &&
         !(*roots = store_roots_open(NULL, a->roots, a->root_count, e)))
         return false;
     if (a->sandbox == SANDBOX_OFF) return true;
+    if (!a->output) return error_set(e, ERROR_SPEC_INVALID, "--sandbox needs an --output DIR");
     char text[SANDBOX_TEXT_SIZE];
     sandbox_describe(a->sandbox, text); /* inside nobody can ask */
     if (!store_directory_create(a->output, e) || !sandbox_enter(a->sandbox, &places, e)) return false;
@@ -374,6 +388,101 @@ done:
     return code;
 }
 
+/* Samples the inspection's first suggestion, with the given options, and puts its picture there. */
+static bool draw_preview(const json *inspection, const run_options *options, const char *to, error *e)
+{
+    const json *suggested = inspection_spec(inspection);
+    verdict_outcome outcome;
+    json *report = NULL;
+    if (!suggested)
+        return error_set(e, ERROR_NO_SURFACE, "there is no picture: no surface was found in the file");
+    spec *s = spec_parse(suggested, NULL, e);
+    run_options own = *options;
+    char *directory = mem_printf("%s.XXXXXX", to), *picture = NULL;
+    bool ok =
+        s && (mkdtemp(directory) || error_set(e, error_code_of_errno(errno), "cannot write %s: %m", to));
+    if (ok) {
+        own.output = directory;
+        picture = mem_printf("%s/preview.png", directory);
+        ok =
+            run_job(s, &own, &outcome, &report, e) &&
+            (rename(picture, to) == 0 || error_set(e, error_code_of_errno(errno), "cannot write %s: %m", to));
+        store_remove(directory, NULL);
+    }
+    json_free(report);
+    spec_free(s);
+    free(picture);
+    free(directory);
+    return ok;
+}
+
+/* The file to look at: the argument, or a member of the object on standard input. To be freed. */
+static char *read_path(const char *argument, error *e)
+{
+    size_t length;
+    if (strcmp(argument, WORKER_SPEC_ON_STDIN) != 0) return mem_strdup(argument);
+    char *text = read_spec(stdin, argument, &length, e), *path = NULL;
+    json *document = text ? json_parse(text, length, e) : NULL;
+    json_at root = json_root(document);
+    const char *named = json_string(json_member(&root, "path"), NULL);
+    if (named)
+        path = mem_strdup(named);
+    else if (document)
+        error_set(e, ERROR_SPEC_INVALID, "standard input names no path");
+    json_free(document);
+    free(text);
+    return path;
+}
+
+/* With a directory the document also has the text, so that a client need not make it. */
+static bool show_inspection(const arguments *a, json *inspection, error *e)
+{
+    char *page = NULL;
+    size_t length;
+    FILE *out = open_memstream(&page, &length);
+    inspection_print(inspection, out);
+    fclose(out);
+    if (a->output) json_put_string(inspection, "text", page);
+    char *text = json_print(inspection),
+         *name = mem_printf("%s/" WORKER_INSPECTION_NAME, a->output ? a->output : "");
+    bool ok =
+        !a->output || (store_directory_create(a->output, e) && store_file_write(name, text, strlen(text), e));
+    if (ok && a->json)
+        puts(text);
+    else if (ok)
+        fputs(page, stdout);
+    free(page);
+    free(name);
+    free(text);
+    return ok;
+}
+
+static int inspect(int argc, char **argv)
+{
+    error e = {0};
+    arguments a;
+    store_roots *roots = NULL;
+    char *path = NULL;
+    json *inspection = NULL;
+    handle_signals();
+    bool ok = parse_arguments(argc, argv, &a, &e) && prepare(&a, &roots, NULL, NULL, &e) &&
+              (path = read_path(a.spec_path, &e));
+    const run_options options = {.output = a.output,
+                                 .roots = roots,
+                                 .memory_mb = a.memory_mb,
+                                 .threads = (int)a.threads,
+                                 .progress_fd = (int)a.progress_fd,
+                                 .cancel = &cancel_requested,
+                                 .leave = leave};
+    ok = ok && (inspection = inspection_make(path, &options, &e)) && show_inspection(&a, inspection, &e) &&
+         (!a.preview || draw_preview(inspection, &options, a.preview, &e));
+    json_free(inspection);
+    free(path);
+    store_roots_close(roots);
+    free(a.roots);
+    return ok ? WORKER_EXIT_CONVERGED : fail(&e, NULL);
+}
+
 static int make_example(const char *path)
 {
     error e = {0};
@@ -418,6 +527,7 @@ int main(int argc, char **argv)
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";
     if (strcmp(name, WORKER_COMMAND_RUN) == 0) return obey(argc - 1, argv + 1, run);
     if (strcmp(name, WORKER_COMMAND_ESTIMATE) == 0) return obey(argc - 1, argv + 1, estimate);
+    if (strcmp(name, WORKER_COMMAND_INSPECT) == 0) return inspect(argc - 1, argv + 1);
     if (strcmp(name, "--version") == 0) return printf("hexad-worker %s\n", VERSION) < 0;
     if (strcmp(name, "make-example") == 0 && argc == 3) return make_example(argv[2]);
     if (strcmp(name, "energies") == 0) return print_energies();

@@ -30,6 +30,8 @@ static const char usage[] =
     "  validate SPEC|-   check a spec as submit would, without submitting it\n"
     "  estimate SPEC|-   tell the points, memory and time that a job needs; of an array, its first frame\n"
     "  upload FILE       send a file that jobs may read, and print the path by which a spec names it\n"
+    "  inspect PATH      tell what lies in a file that jobs may read, and print specs that sample it; PATH is\n"
+    "                    what a spec would name\n"
     "  list [--state STATES] [--owner USER] [--label LABEL] [--name NAME] [--since TIME] [--until TIME]\n"
     "       [--limit N]\n"
     "                    list the newest jobs; STATES are words with commas between them, TIME is one as\n"
@@ -99,6 +101,7 @@ static const struct entry {
     {"validate", command_validate, ONE, ""},
     {"estimate", command_estimate, ONE, ""},
     {"upload", command_upload, ONE, ""},
+    {"inspect", command_inspect, ONE, ""},
     {"list", command_list, NONE, "--state --owner --label --name --since --until --limit"},
     {"show", command_show, ONE, ""},
     {"attempts", command_attempts, ONE, ""},

@@ -18,7 +18,7 @@ static size_t equals(const vdb_listing *l, size_t index, size_t *place)
     return count;
 }
 
-static void unique_name(const vdb_listing *l, size_t index, char out[VDB_NAME_SIZE])
+void grid_selection_name(const vdb_listing *l, size_t index, char out[VDB_NAME_SIZE])
 {
     size_t place = 0;
     /* The digits must stay whole: a name that leaves no room for them is cut. */
@@ -36,7 +36,7 @@ static void describe(const vdb_listing *l, bool scalars_only, char out[LIST_SIZE
     for (size_t i = 0; i < l->count; i++) {
         if (scalars_only && !l->entries[i].scalar) continue;
         char name[VDB_NAME_SIZE], item[VDB_NAME_SIZE + VDB_TYPE_SIZE + 16];
-        unique_name(l, i, name);
+        grid_selection_name(l, i, name);
         int n = snprintf(item, sizeof item, "%s\"%s\" (%s)", used ? ", " : "", name, l->entries[i].type);
         if (used + (size_t)n >= LIST_SIZE - 32) {
             left_out++;
@@ -84,7 +84,7 @@ static bool by_name(const vdb_listing *l, const char *request, size_t *index, er
             count, request, request, request, count - 1, list);
     }
     for (size_t i = 0; i < l->count; i++) {
-        unique_name(l, i, name);
+        grid_selection_name(l, i, name);
         if (strcmp(name, request) != 0) continue;
         *index = i;
         return true;
@@ -107,7 +107,7 @@ bool grid_selection_find(const vdb_listing *listing, const char *request, size_t
             e, ERROR_INPUT_UNSUPPORTED,
             "grid \"%s\" holds values of type %s; a surface is taken from a float or double grid", request,
             entry->type);
-    unique_name(listing, found, unique);
+    grid_selection_name(listing, found, unique);
     *index = found;
     return true;
 }

@@ -13,6 +13,9 @@
 #include "base/error.h"
 #include "vdb/vdb.h"
 
+/* The name of a grid that tells it from the others: "name[1]" among equals. */
+void grid_selection_name(const vdb_listing *listing, size_t index, char out[VDB_NAME_SIZE]);
+
 /* The grid's number in the listing and the name that tells it from the others ("name[1]" among
  * equals). Errors, each listing what the file holds: grid_missing, grid_ambiguous,
  * input_unsupported for a grid that is not float or double. */

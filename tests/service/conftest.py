@@ -35,6 +35,14 @@ def data_service(build, shared_data, tmp_path_factory):
     made.clean_up()
 
 
+@pytest.fixture(scope="module")
+def example(build, tmp_path_factory):
+    """A small level set."""
+    path = tmp_path_factory.mktemp("example") / "example.vdb"
+    subprocess.run([build / "hexad-worker", "make-example", path], check=True, timeout=PATIENCE_S)
+    return path
+
+
 @pytest.fixture
 def worker(build, tmp_path):
     """Runs hexad-worker; a document instead of a path is written down first."""

@@ -42,13 +42,6 @@ def start_worker(build, tmp_path):
         process.progress.close()
 
 
-@pytest.fixture(scope="module")
-def example(build, tmp_path_factory):
-    path = tmp_path_factory.mktemp("example") / "example.vdb"
-    subprocess.run([build / "hexad-worker", "make-example", path], check=True, timeout=PATIENCE_S)
-    return path
-
-
 def volume(path, count=100, **surface):
     spec = sphere(count, surface={"vdb": {"path": str(path), **surface}})
     spec["output"] = {"preview": False}

@@ -1,0 +1,21 @@
+/* contents: what the files of one format hold, and a suggestion for each surface in them. */
+#ifndef HEXAD_INSPECT_CONTENTS_H
+#define HEXAD_INSPECT_CONTENTS_H
+
+#include "base/error.h"
+#include "json/json.h"
+#include "run/run_options.h"
+
+typedef struct contents_input {
+    int fd;           /* open for reading */
+    const char *path; /* as specs are to name it */
+    const run_options *options;
+} contents_input;
+
+/* Adds the format's members to the inspection, and to its array `suggestions`. Errors: those of a job that reads the
+ * file. */
+typedef bool contents_reader(const contents_input *in, json *inspection, error *e);
+
+contents_reader contents_read_vdb, contents_read_dense, contents_read_exr, contents_read_mesh;
+
+#endif

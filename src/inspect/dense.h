@@ -1,0 +1,15 @@
+/* dense: what the inspection of all dense volumes has in common. */
+#ifndef HEXAD_INSPECT_DENSE_H
+#define HEXAD_INSPECT_DENSE_H
+
+#include "dense/slices.h"
+#include "inspect/contents.h"
+
+/* Opens a file beside an input; `context` is its contents_input. */
+int dense_open_beside(void *context, const char *path, error *e);
+
+/* Adds size, space, frame and values of a volume to `o`, and suggestions: `surface` with isovalues at this pointer. */
+bool dense_describe(const contents_input *in, slices *s, const json *surface, const char *isovalue, json *o,
+                    json *suggestions, error *e);
+
+#endif

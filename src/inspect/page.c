@@ -1,0 +1,204 @@
+/* An inspection as text for people. */
+#include <stdlib.h>
+
+#include "inspect/inspection.h"
+
+static double number_of(json_at object, const char *key)
+{
+    return json_number(json_member(&object, key), 0);
+}
+
+static const char *text_of(json_at object, const char *key)
+{
+    return json_string(json_member(&object, key), "?");
+}
+
+/* Names come from the file. */
+static void print_name(FILE *out, const char *text)
+{
+    for (const char *c = text; *c; c++) putc((unsigned char)*c < ' ' || *c == 127 ? '?' : *c, out);
+}
+
+static void print_numbers(FILE *out, json_at list, const char *between)
+{
+    for (size_t k = 0; k < json_size(list); k++)
+        fprintf(out, "%s%.6g", k ? between : "", json_number(json_element(&list, k), 0));
+}
+
+static void print_box(FILE *out, json_at object)
+{
+    json_at box = json_member(&object, "bounding_box"), low = json_member(&box, "min"),
+            high = json_member(&box, "max");
+    if (!box.node) return;
+    fputs("  box        (", out);
+    print_numbers(out, low, ", ");
+    fputs(") to (", out);
+    print_numbers(out, high, ", ");
+    fputs(")\n", out);
+}
+
+/* A bar of one character for each bin: its share on a logarithmic scale. */
+static void print_histogram(FILE *out, json_at object)
+{
+    static const char bars[] = " .:-=+*#@";
+    static const double from[] = {0, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3};
+    json_at bins = json_member(&object, "histogram");
+    if (json_size(bins) == 0) return;
+    fputs("  histogram  |", out);
+    for (size_t k = 0; k < json_size(bins); k++) {
+        double share = json_number(json_element(&bins, k), 0);
+        int level = 0;
+        while (level < 8 && share > 0 && share >= from[level + 1]) level++;
+        putc(share > 0 && level == 0 ? bars[1] : bars[level], out);
+    }
+    fputs("|\n", out);
+}
+
+static void print_values(FILE *out, json_at object)
+{
+    json_at range = json_member(&object, "range"), voxel = json_member(&object, "voxel_size"),
+            fault = json_member(&object, "error");
+    if (fault.node) {
+        fputs("  error      ", out);
+        print_name(out,
+                   json_type_of(fault) == JSON_OBJECT ? text_of(fault, "message") : json_string(fault, "?"));
+        putc('\n', out);
+    }
+    if (voxel.node) {
+        fputs("  voxel      ", out);
+        print_numbers(out, voxel, " x ");
+        putc('\n', out);
+    }
+    print_box(out, object);
+    if (!range.node) return;
+    fputs("  values     ", out);
+    print_numbers(out, range, " to ");
+    fprintf(out, "%s", json_bool(json_member(&object, "integral"), false) ? ", whole numbers" : "");
+    if (number_of(object, "not_finite") > 0)
+        fprintf(out, ", %.0f not finite", number_of(object, "not_finite"));
+    putc('\n', out);
+    print_histogram(out, object);
+}
+
+static void print_grids(FILE *out, json_at grids)
+{
+    for (size_t k = 0; k < json_size(grids); k++) {
+        json_at g = json_element(&grids, k), voxels = json_member(&g, "active_voxels");
+        fputs("grid \"", out);
+        print_name(out, text_of(g, "name"));
+        fprintf(out, "\": %s, %s", text_of(g, "type"), text_of(g, "class"));
+        if (voxels.node)
+            fprintf(out, ", %.0f active voxels, background %.6g", json_number(voxels, 0),
+                    number_of(g, "background"));
+        else if (!json_bool(json_member(&g, "scalar"), false))
+            fputs("; a surface is taken from float or double", out);
+        putc('\n', out);
+        print_values(out, g);
+    }
+}
+
+static void print_images(FILE *out, json_at root)
+{
+    json_at channels = json_member(&root, "channels"), stacks = json_member(&root, "stacks");
+    for (size_t k = 0; k < json_size(channels); k++) {
+        json_at c = json_element(&channels, k), window = json_member(&c, "data_window");
+        fputs("channel \"", out);
+        print_name(out, text_of(c, "channel"));
+        if (*text_of(c, "part")) {
+            fputs("\" of part \"", out);
+            print_name(out, text_of(c, "part"));
+        }
+        fprintf(out, "\": %s, %s, pixels ", text_of(c, "type"), text_of(c, "storage"));
+        print_numbers(out, window, " ");
+        putc('\n', out);
+    }
+    double images = number_of(root, "images");
+    if (channels.node && images == 1)
+        fputs("one image: a volume is a stack of them, with numbers in their names\n", out);
+    else if (channels.node)
+        fprintf(out, "one of %.0f images with numbers in their names\n", images);
+    for (size_t k = 0; k < json_size(stacks); k++) {
+        json_at s = json_element(&stacks, k);
+        fputs("stack of channel \"", out);
+        print_name(out, text_of(s, "channel"));
+        fputs("\"\n", out);
+        print_values(out, s);
+    }
+}
+
+static void print_volume(FILE *out, json_at volume)
+{
+    if (!volume.node) return;
+    fprintf(out, "volume: %s, ", text_of(volume, "type"));
+    print_numbers(out, json_member(&volume, "size"), " x ");
+    if (json_type_of(json_member(&volume, "space")) == JSON_STRING)
+        fprintf(out, ", %s", text_of(volume, "space"));
+    putc('\n', out);
+    print_values(out, volume);
+}
+
+static void print_mesh(FILE *out, json_at mesh)
+{
+    if (!mesh.node) return;
+    double open = number_of(mesh, "open_edges");
+    json_at notes = json_member(&mesh, "notes");
+    fprintf(out, "mesh: %.0f vertices, %.0f triangles, %.0f component%s, area %.6g, ",
+            number_of(mesh, "vertices"), number_of(mesh, "triangles"), number_of(mesh, "components"),
+            number_of(mesh, "components") == 1 ? "" : "s", number_of(mesh, "area"));
+    if (open > 0)
+        fprintf(out, "open at %.0f edges\n", open);
+    else
+        fputs("closed\n", out);
+    print_box(out, mesh);
+    if (open > 0) {
+        fputs("open edges:\n", out);
+        print_box(out, json_member(&mesh, "open_at"));
+    }
+    for (size_t k = 0; k < json_size(notes); k++)
+        fprintf(out, "  note       %s\n", json_string(json_element(&notes, k), "?"));
+}
+
+static void print_suggestion(FILE *out, json_at s)
+{
+    json_at spec = json_member(&s, "spec"), fault = json_member(&s, "error"),
+            count = json_member(&s, "count"), shape = json_member(fault.node ? &s : &spec, "surface"),
+            warnings = json_member(&s, "warnings");
+    char *text = json_print(fault.node ? shape.node : spec.node);
+    if (fault.node) {
+        fputs("cannot be sampled: ", out);
+        print_name(out, text_of(fault, "message"));
+        fprintf(out, "\n  surface    %s\n", text);
+    } else {
+        bool measured = json_bool(json_member(&s, "measured"), false);
+        if (json_type_of(json_member(&s, "area")) == JSON_NUMBER)
+            fprintf(out, "area %s%.6g, ", measured ? "" : "about ", number_of(s, "area"));
+        if (!measured)
+            fputs("not measured: it takes longer than an inspection may\n", out);
+        else if (json_type_of(count) == JSON_NUMBER)
+            fprintf(out, "resolved by %.0f points (spacing %.3g)\n", json_number(count, 0),
+                    number_of(s, "spacing"));
+        else
+            fprintf(out, "resolved by a spacing of %.3g, which is too many points\n",
+                    number_of(s, "spacing"));
+        fprintf(out, "  spec       %s\n", text);
+    }
+    for (size_t k = 0; k < json_size(warnings); k++)
+        fprintf(out, "  warning    %s\n", json_string(json_element(&warnings, k), "?"));
+    free(text);
+}
+
+void inspection_print(const json *inspection, FILE *out)
+{
+    json_at root = json_root(inspection), suggestions = json_member(&root, "suggestions");
+    print_name(out, text_of(root, "path"));
+    fprintf(out, ": %s, %.0f bytes\n", text_of(root, "format"), number_of(root, "bytes"));
+    print_grids(out, json_member(&root, "grids"));
+    print_volume(out, json_member(&root, "volume"));
+    print_images(out, root);
+    print_mesh(out, json_member(&root, "mesh"));
+    if (json_size(suggestions) > 0) fputs("surfaces to try:\n", out);
+    for (size_t k = 0; k < json_size(suggestions); k++) {
+        fprintf(out, "%zu. ", k + 1);
+        print_suggestion(out, json_element(&suggestions, k));
+    }
+}

@@ -1,0 +1,123 @@
+#include "inspect/suggestion.h"
+
+#include <math.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "packing/packing.h"
+#include "run/advice.h"
+#include "run/job.h"
+#include "run/plan.h"
+#include "run/report.h"
+#include "surface/clearance.h"
+
+/* The fewest points that a suggestion asks for, and the most, which take seconds. */
+static const double FEWEST = 2000, MOST = 100000;
+/* A surface of more cells takes longer to scan than an inspection may. */
+static const size_t SCANNED_CELLS = 300000;
+/* Processor time of the process after which no surface is scanned, and none opened, any more. */
+static const double SCAN_UNTIL_S = 3, OPEN_UNTIL_S = 5;
+/* Cells that a plane passes, for each square of their side: the mean over its directions. */
+static const double CELLS_OF_A_PLANE = 1.5;
+/* Cells at which the gradient is measured. */
+static const size_t SLOPES = 256;
+
+/* NAN when nothing is known of the field there. */
+static double mean_slope(const surface *scan)
+{
+    double sum = 0, count = 0;
+    size_t step = scan->cells / SLOPES + 1;
+    for (size_t k = 0; k < scan->cells; k += step) {
+        field_cell cell;
+        field_sample s;
+        surface_cell(scan, k, &cell);
+        vec3 middle = vec3_scale(vec3_add(cell.corner[0], cell.corner[7]), 0.5);
+        if (!field_sample_at(scan->field, middle, FIELD_GRADIENT, &s)) continue;
+        sum += vec3_norm(s.gradient);
+        count++;
+    }
+    return count > 0 ? sum / count : NAN;
+}
+
+static json *spec_of(const json *shape, double count)
+{
+    json *document = json_new_object();
+    json_put_integer(document, "version", 1);
+    json_put(document, "surface", json_copy(shape));
+    json_put_integer(json_put_object(document, "sampling"), "count", (int64_t)count);
+    return document;
+}
+
+/* What is known of a surface without a scan, which would take too long. `f` is NULL where it was not even opened. */
+static void describe_unseen(const field *f, const json *shape, json *item)
+{
+    double cells = f ? (double)f->ops->cell_count(f) : NAN;
+    json_put_number(item, "cells", cells);
+    json_put_bool(item, "measured", false);
+    json_put_number(item, "area", f ? cells * f->cell_size * f->cell_size / CELLS_OF_A_PLANE : NAN);
+    json_put_null(item, "count");
+    json_put_null(item, "spacing");
+    json_put_null(item, "slope");
+    json_put(item, "spec", spec_of(shape, MOST));
+}
+
+static bool describe(job *j, const json *shape, json *item, error *e)
+{
+    clearance room;
+    if (!job_survey(j, e)) return false;
+    double area = j->scan->area;
+    if (!clearance_measure(j->scan, NULL, packing_spacing(area, FEWEST), j->pool, &room, e)) return false;
+    advice_resolution to = {packing_spacing(area, FEWEST), FEWEST};
+    if (room.factor < 1) to = advice_resolve(area, (size_t)FEWEST, &room);
+    json_put_integer(item, "cells", (int64_t)j->scan->cells);
+    json_put_bool(item, "measured", true);
+    json_put_number(item, "area", area);
+    report_put_box(item, j->scan->box);
+    json_put_number(item, "count", to.count <= PLAN_COUNT_MAX ? to.count : NAN);
+    json_put_number(item, "spacing", to.spacing);
+    json_put_number(item, "slope", mean_slope(j->scan));
+    json_put(item, "spec", spec_of(shape, fmin(to.count, MOST)));
+    return true;
+}
+
+static bool look(job *j, const json *shape, json *item, error *e)
+{
+    static job_phase *const phases[] = {job_load};
+    if (!job_run_phases(j, phases, 1, e)) return false;
+    const field *f = j->source.field;
+    bool seen = f->ops->cell_count(f) <= SCANNED_CELLS && clock_processor_s() < SCAN_UNTIL_S;
+    if (!seen) describe_unseen(f, shape, item);
+    if (seen && !describe(j, shape, item, e)) return false;
+    json *unused = json_new_object();
+    source_describe(&j->source, unused, unused, json_put_array(item, "warnings"));
+    json_free(unused);
+    return true;
+}
+
+bool suggestion_append(json *list, json *shape, const run_options *options, error *e)
+{
+    error fault = {0};
+    json *document = spec_of(shape, FEWEST), *item = json_new_object();
+    spec *s = spec_parse(document, NULL, &fault);
+    job j = {.spec = s, .options = options};
+    progress_begin(&j.progress, options->progress_fd, false);
+    bool late = clock_processor_s() >= OPEN_UNTIL_S;
+    if (late) describe_unseen(NULL, shape, item);
+    bool ok = late || (s && look(&j, shape, item, &fault));
+    progress_end(&j.progress);
+    job_free(&j);
+    spec_free(s);
+    json_free(document);
+    if (!ok) {
+        json *told = json_put_object(item, "error");
+        json_put_string(told, "code", error_code_name(fault.code));
+        json_put_string(told, "message", fault.message);
+        json_put(item, "surface", shape);
+    } else {
+        json_free(shape);
+    }
+    json_append(list, item);
+    if (fault.code != ERROR_CANCELLED && fault.code != ERROR_LIMIT_TIME) return true;
+    if (e) *e = fault;
+    return false;
+}

@@ -1,0 +1,107 @@
+/* The contents of mesh files. */
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "inspect/contents.h"
+#include "inspect/suggestion.h"
+#include "mesh/mesh.h"
+#include "mesh/mesh_file.h"
+#include "run/report.h"
+
+static int compare_edges(const void *a, const void *b)
+{
+    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* Edges at which an odd number of triangles meets; their box. */
+static bool find_open_edges(const mesh *m, size_t *count, bbox *box, error *e)
+{
+    size_t edges = 3 * m->triangle_count;
+    uint64_t *edge = mem_array(edges, sizeof *edge, "the edges of the mesh", e);
+    if (!edge) return false;
+    for (size_t k = 0; k < edges; k++) {
+        uint64_t a = m->triangle[k / 3][k % 3], b = m->triangle[k / 3][(k + 1) % 3];
+        edge[k] = a < b ? a << 32 | b : b << 32 | a;
+    }
+    qsort(edge, edges, sizeof *edge, compare_edges);
+    *count = 0;
+    *box = bbox_empty();
+    for (size_t k = 0, next; k < edges; k = next) {
+        for (next = k + 1; next < edges && edge[next] == edge[k];) next++;
+        if ((next - k) % 2 == 0) continue;
+        ++*count;
+        *box = bbox_include(bbox_include(*box, m->vertex[edge[k] >> 32]), m->vertex[edge[k] & UINT32_MAX]);
+    }
+    free(edge);
+    return true;
+}
+
+static uint32_t root_of(uint32_t *parent, uint32_t k)
+{
+    while (parent[k] != k) k = parent[k] = parent[parent[k]];
+    return k;
+}
+
+/* Sets of triangles that share vertices; every vertex belongs to a triangle. */
+static bool count_components(const mesh *m, size_t *count, error *e)
+{
+    uint32_t *parent = mem_array(m->vertex_count, sizeof *parent, "the parts of the mesh", e);
+    if (!parent) return false;
+    for (size_t k = 0; k < m->vertex_count; k++) parent[k] = (uint32_t)k;
+    *count = m->vertex_count;
+    for (size_t k = 0; k < m->triangle_count; k++)
+        for (int i = 1; i < 3; i++) {
+            uint32_t a = root_of(parent, m->triangle[k][0]), b = root_of(parent, m->triangle[k][i]);
+            if (a == b) continue;
+            parent[b] = a;
+            --*count;
+        }
+    free(parent);
+    return true;
+}
+
+static bool describe(const mesh *m, json *o, error *e)
+{
+    size_t open = 0, parts = 0;
+    bbox box = bbox_empty(), open_box;
+    double area = 0;
+    if (!find_open_edges(m, &open, &open_box, e) || !count_components(m, &parts, e)) return false;
+    for (size_t k = 0; k < m->vertex_count; k++) box = bbox_include(box, m->vertex[k]);
+    for (size_t k = 0; k < m->triangle_count; k++) {
+        const uint32_t *t = m->triangle[k];
+        vec3 a = m->vertex[t[0]];
+        area += 0.5 * vec3_norm(vec3_cross(vec3_sub(m->vertex[t[1]], a), vec3_sub(m->vertex[t[2]], a)));
+    }
+    json_put_integer(o, "vertices", (int64_t)m->vertex_count);
+    json_put_integer(o, "triangles", (int64_t)m->triangle_count);
+    json_put_integer(o, "components", (int64_t)parts);
+    json_put_bool(o, "closed", open == 0);
+    json_put_integer(o, "open_edges", (int64_t)open);
+    if (open > 0) report_put_box(json_put_object(o, "open_at"), open_box);
+    json_put_number(o, "area", area);
+    report_put_box(o, box);
+    return true;
+}
+
+/* The read mesh takes no part in what follows: a job reads its own. */
+static bool describe_file(const contents_input *in, json *o, error *e)
+{
+    const mesh_file file = {in->fd, in->path, NULL, (size_t)in->options->memory_mb << 20};
+    mesh m;
+    mesh_notes notes = {0};
+    if (!mesh_file_read(&file, &m, &notes, e)) return error_prefix(e, "%s", in->path);
+    bool ok = mesh_weld(&m, &notes, e) && describe(&m, o, e);
+    json *told = json_put_array(o, "notes");
+    for (size_t k = 0; k < notes.count; k++) json_append_string(told, notes.text[k]);
+    mesh_free(&m);
+    return ok;
+}
+
+bool contents_read_mesh(const contents_input *in, json *inspection, error *e)
+{
+    if (!describe_file(in, json_put_object(inspection, "mesh"), e)) return false;
+    json *shape = json_new_object();
+    json_put_string(json_put_object(shape, "mesh"), "path", in->path);
+    return suggestion_append(json_find(inspection, "/suggestions"), shape, in->options, e);
+}
