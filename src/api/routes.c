@@ -224,7 +224,6 @@ static const route routes[] = {
      .name = "inspectInput",
      .summary = "Look into a file that jobs may read: what lies in it, and specs that sample it",
      .body = "InspectionRequest",
-     .example = "{'path':'bunny.vdb'}",
      .answers = "200:Inspection",
      .problems =
          "json_invalid body_too_large media_type_unsupported path_forbidden input_missing input_damaged"
