@@ -204,3 +204,44 @@ bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, err
         crossings_free(&found);
     return ok;
 }
+
+#define AROUND (GRID_VIEW_SIDE + 3) /* voxels along an axis of a block's cells, with one more on each side */
+
+/* F from one voxel below the block to two above it: +1, 0 or -1 for its sign. */
+static void read_signs(const grid_view *l, const int32_t block[3], int8_t signs[AROUND][AROUND][AROUND])
+{
+    for (int n = 0; n < 27; n++) {
+        const int step[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
+        float f[GRID_VIEW_VOXELS];
+        uint64_t known[GRID_VIEW_SIDE];
+        grid_view_read(l, grid_view_find(l, block[0] + step[0], block[1] + step[1], block[2] + step[2]), f,
+                       known);
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
+            const int x = GRID_VIEW_SIDE * step[0] + (k >> 6) + 1,
+                      y = GRID_VIEW_SIDE * step[1] + (k >> 3 & 7) + 1,
+                      z = GRID_VIEW_SIDE * step[2] + (k & 7) + 1;
+            if (x < 0 || y < 0 || z < 0 || x >= AROUND || y >= AROUND || z >= AROUND) continue;
+            signs[x][y][z] = (int8_t)((f[k] > 0) - (f[k] < 0));
+        }
+    }
+}
+
+static bool is_plateau(int8_t signs[AROUND][AROUND][AROUND], int x, int y, int z)
+{
+    for (int k = 0; k < 64; k++)
+        if (signs[x + (k >> 4)][y + (k >> 2 & 3)][z + (k & 3)] > 0) return false;
+    return true;
+}
+
+uint64_t crossings_count_plateau(const grid_view *l, const crossings *c)
+{
+    uint64_t count = 0;
+    for (size_t n = 0; n < c->count; n++) {
+        const crossing_block *b = &c->blocks[n];
+        int8_t signs[AROUND][AROUND][AROUND];
+        read_signs(l, b->block, signs);
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++)
+            if (b->rows[k >> 3] >> (k & 7) & 1) count += is_plateau(signs, k >> 6, k >> 3 & 7, k & 7);
+    }
+    return count;
+}

@@ -38,6 +38,10 @@ bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, err
 bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
                    error *e);
 
+/* How many crossed cells have nothing but zeros outside, and around them nothing but zeros beyond: the samples come to
+ * the isovalue there and do not pass it. */
+uint64_t crossings_count_plateau(const grid_view *l, const crossings *c);
+
 void crossings_free(crossings *c);
 
 #endif

@@ -11,8 +11,10 @@ static const float half_step = 1.0f / 1024;
 
 static const int tile_shift[GRID_VIEW_TILE_LEVELS] = {0, 4, 9}; /* block coordinates to the tile's */
 
+/* A value that the isovalue means, as far as floats tell, is on it. */
 static float to_f(const grid_view *l, float value)
 {
+    if (value == (float)l->isovalue) return 0;
     return (float)(l->kind == GRID_VIEW_LEVEL_SET ? (double)value - l->isovalue
                                                   : l->isovalue - (double)value);
 }

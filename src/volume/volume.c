@@ -17,6 +17,7 @@
 #include "volume/grid_selection.h"
 #include "volume/grid_view.h"
 #include "volume/samples.h"
+#include "volume/slope.h"
 
 /* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
  * that goes farther than this has left its surface anyway. */
@@ -184,6 +185,20 @@ static void warn(volume_info *info, const char *format, ...)
     va_end(arguments);
 }
 
+/* The isovalue of the surface at an offset. */
+static bool move_isovalue(const loading *l, volume *v, double offset, error *e)
+{
+    double to_world[3][4], to_index[3][4], unit;
+    for (int k = 0; k < 12; k++) to_world[k / 4][k % 4] = l->grid->index_to_world[k];
+    affine_invert(to_world, to_index);
+    if (!slope_find_offset(l->grid, v->info.isovalue, offset, to_index, &v->info.isovalue, &unit, e))
+        return error_prefix(e, "%s", l->name);
+    if (unit != 1)
+        warn(&v->info, "grid \"%s\" counts distances in units of %.4g: the offset of %g is %.4g of them",
+             v->info.grid, 1 / unit, offset, offset * unit);
+    return true;
+}
+
 /* Chooses the grid and decides what it is; on return l->grid is loaded. */
 static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
 {
@@ -205,7 +220,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
                          "grid \"%s\" is not a level set: an offset needs distances, and its values are "
                          "no distances",
                          v->info.grid);
-    v->info.isovalue = (r->has_isovalue ? r->isovalue : 0) + r->offset;
+    v->info.isovalue = r->has_isovalue ? r->isovalue : 0;
     if (!isfinite(v->info.isovalue))
         return error_set(e, ERROR_SPEC_INVALID, "the isovalue is not a finite number");
     if (class == VDB_UNKNOWN || class == VDB_STAGGERED)
@@ -217,7 +232,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     v->info.active_voxels = l->grid->active_voxels;
     if (v->info.active_voxels == 0)
         return error_set(e, ERROR_NO_SURFACE, "grid \"%s\" is empty: it has no active voxel", v->info.grid);
-    return true;
+    return r->offset == 0 || move_isovalue(l, v, r->offset, e);
 }
 
 static void set_transform(volume *v, const double m[16])
@@ -250,6 +265,21 @@ static bool no_crossing(const loading *l, const volume *v, error *e)
                      v->info.isovalue, (double)a->lowest, (double)a->highest, more);
 }
 
+/* Of the crossed cells: from this share on the surface is the edge of a plateau at the isovalue. */
+static const double plateau_from = 0.1;
+
+static bool check_plateau(const loading *l, const volume *v, error *e)
+{
+    const grid_view *a = &l->grid_view;
+    const uint64_t cells = l->crossings.cells, flat = crossings_count_plateau(a, &l->crossings);
+    if ((double)flat < plateau_from * (double)cells) return true;
+    return error_set(
+        e, ERROR_NO_SURFACE,
+        "%s has no surface at isovalue %g: in %.2g %% of the cells there its values come to that and do "
+        "not pass it, as at a background of that value; they range from %g to %g: give an isovalue between",
+        l->name, v->info.isovalue, 100 * (double)flat / (double)cells, (double)a->lowest, (double)a->highest);
+}
+
 static bool find_crossings(loading *l, volume *v, error *e)
 {
     if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, e) ||
@@ -261,6 +291,7 @@ static bool find_crossings(loading *l, volume *v, error *e)
         l->grid_view.highest = l->facts.highest;
     }
     if (c->cells == 0) return no_crossing(l, v, e);
+    if (!v->info.triangles && !check_plateau(l, v, e)) return false;
     if (c->open_cells == 0) return true;
     double band = fabs((double)l->grid->background);
     return error_set(

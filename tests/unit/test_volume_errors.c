@@ -151,6 +151,92 @@ static void volumes_without_a_surface(void **state)
     fixture_free(&fog);
 }
 
+/* Fogs of one value around and within, which is the isovalue: rings of the spline are no surface. */
+static void plateaus_are_no_surface(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        fixture fog = fixture_make(fixture_uniform, 11, fog_ball, 0);
+        if (k == 2) fixture_set(&fog, 11, 11, 11, -1, true); /* one voxel below says nothing of the others */
+        for (size_t n = 0; k == 1 && n < fog.draft.voxel_count; n++) fog.values[n] += 0.1f;
+        if (k == 1) fog.draft.background += 0.1f;
+        vdb_draft d = draft_of(&fog);
+        int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+        expect(fd, NULL, k == 1 ? 0.1 : 0, ERROR_NO_SURFACE,
+               WORDS("do not pass it", k == 0   ? "from 0 to 1"
+                                       : k == 1 ? "from 0.1 to 1.1"
+                                                : "from -1 to 1"));
+        close(fd);
+        fixture_free(&fog);
+    }
+}
+
+/* Distances of a ball in voxels, some of them bent, or clamped though the band goes on. */
+static double distances[2]; /* units in a world unit, and the clamp */
+static double ball_in_units(vec3 p)
+{
+    return fmin(distances[1], fmax(-distances[1], distances[0] * ball(p)));
+}
+
+static double bent_ball(vec3 p)
+{
+    return ball(p) * (1.5 + p.x);
+}
+
+static void offsets_are_world_distances(void **state)
+{
+    (void)state;
+    static const double units[] = {1, 10, 0.25};
+    for (int k = 0; k < 3; k++) {
+        error e = {0};
+        distances[0] = units[k];
+        distances[1] = 0.35 * units[k];
+        fixture g = fixture_make(fixture_uniform, 14, ball_in_units, 0.5 * units[k]);
+        vdb_draft d = draft_of(&g);
+        int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+        volume_request r = {
+            .fd = fd, .path = "a.vdb", .offset = 0.1, .memory_limit = FIXTURE_MEMORY, .isa = isa_best()};
+        volume *v = volume_open(&r, &e);
+        if (!v) fail_msg("%s", e.message);
+        vec3 at;
+        assert_true(fixture_project(volume_field(v), (vec3){0.4, 0.3, 0.5}, &at));
+        assert_true(fabs(ball(at) - 0.1) < 2e-3);
+        assert_int_equal(volume_describe(v)->warning_count, units[k] != 1);
+        volume_close(v);
+        r.offset = 0.345;
+        assert_null(volume_open(&r, &e)); /* at the clamp */
+        if (!strstr(e.message, "an offset needs distances")) fail_msg("%s", e.message);
+        close(fd);
+        fixture_free(&g);
+    }
+    error e = {0};
+    fixture g = fixture_make(fixture_uniform, 14, bent_ball, 0.5);
+    vdb_draft d = draft_of(&g);
+    int fd = fixture_write(&d, 1, VDB_SEEKABLE, true);
+    const volume_request r = {
+        .fd = fd, .path = "a.vdb", .offset = 0.1, .memory_limit = FIXTURE_MEMORY, .isa = isa_best()};
+    assert_null(volume_open(&r, &e));
+    if (!strstr(e.message, "in one place of the surface and")) fail_msg("%s", e.message);
+    close(fd);
+    fixture_free(&g);
+}
+
+static double box_on_voxels(vec3 p)
+{
+    return fmax(fabs(p.x), fmax(fabs(p.y), fabs(p.z))) - 0.8;
+}
+
+/* A box whose faces lie on voxels, and those on the faces of blocks: samples that are 0 with others beyond them. */
+static void zeros_on_the_surface_are_no_plateau(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 14, box_on_voxels, 0.4);
+    volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
+    assert_true(volume_describe(v)->crossing_cells >= 16 * 16 * 16 - 14 * 14 * 14);
+    volume_close(v);
+    fixture_free(&g);
+}
+
 static void bands_that_do_not_hold_the_surface(void **state)
 {
     (void)state;
@@ -524,6 +610,9 @@ int main(void)
         cmocka_unit_test(the_choice_of_the_grid),
         cmocka_unit_test(what_is_not_a_volume),
         cmocka_unit_test(volumes_without_a_surface),
+        cmocka_unit_test(plateaus_are_no_surface),
+        cmocka_unit_test(offsets_are_world_distances),
+        cmocka_unit_test(zeros_on_the_surface_are_no_plateau),
         cmocka_unit_test(bands_that_do_not_hold_the_surface),
         cmocka_unit_test(values_that_are_not_finite),
         cmocka_unit_test(coordinates_at_the_limits_of_int32),
