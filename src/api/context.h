@@ -29,7 +29,7 @@ struct http_context {
     const store_outputs *outputs;
     const path_map *mappings;      /* of paths; NULL: none */
     const webhook_hosts *webhooks; /* NULL: none */
-    const char *state_dir;
+    const char *work_dir;
     int max_attempts;               /* of a job that names none */
     int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */
     const user_numbers *priorities; /* the highest that a user may give; NULL: any */

@@ -89,7 +89,7 @@ static bool find_result(const http_context *c, const http_request *request, plac
         queue_job_clear(&job);
         return false;
     }
-    char *path = result_directory(c->state_dir, job.id, frame);
+    char *path = result_directory(c->work_dir, job.id, frame);
     if (!queue_state_is_final(state))
         reply_set_problem(r, "conflict", NULL, "the job %s has not ended: %s", job.id,
                           queue_state_name(state));

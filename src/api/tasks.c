@@ -68,8 +68,8 @@ void tasks_list_attempts(const http_context *c, const http_request *request, rep
 /* The log of an attempt lies in its directory, or in that of the result that this became. */
 static int open_log(const http_context *c, const queue_job *job, int frame, int attempt, int64_t *bytes)
 {
-    char *own = result_attempt_directory(c->state_dir, job->id, frame, attempt);
-    char *kept = result_directory(c->state_dir, job->id, frame);
+    char *own = result_attempt_directory(c->work_dir, job->id, frame, attempt);
+    char *kept = result_directory(c->work_dir, job->id, frame);
     int fd = result_open_file(own, "worker.log", bytes, NULL);
     if (fd < 0) fd = result_open_file(kept, "worker.log", bytes, NULL);
     free(own);

@@ -323,24 +323,34 @@ void config_clear(config *c)
     *c = (config){0};
 }
 
-bool config_find_worker(config *c, error *e)
+static bool find_program(char **path, const char *name, const char *setting, error *e)
 {
-    if (!*c->worker) {
+    if (!**path) {
         char own[4096];
         ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
         own[length > 0 ? length : 0] = '\0';
         char *slash = strrchr(own, '/');
         if (slash) *slash = '\0';
-        free(c->worker);
-        c->worker = mem_printf("%s/hexad-worker", own);
-        if (access(c->worker, X_OK) != 0) {
-            free(c->worker);
-            c->worker = mem_strdup(HEXAD_BINDIR "/hexad-worker");
+        free(*path);
+        *path = mem_printf("%s/%s", own, name);
+        if (access(*path, X_OK) != 0) {
+            free(*path);
+            *path = mem_printf(HEXAD_BINDIR "/%s", name);
         }
     }
-    if (access(c->worker, X_OK) == 0) return true;
-    return error_set(e, ERROR_INPUT_MISSING, "the worker program %s cannot be run: %s (setting worker)",
-                     c->worker, strerror(errno));
+    if (access(*path, X_OK) == 0) return true;
+    return error_set(e, ERROR_INPUT_MISSING, "the program %s cannot be run: %s (setting %s)", *path,
+                     strerror(errno), setting);
+}
+
+bool config_find_worker(config *c, error *e)
+{
+    return find_program(&c->worker, "hexad-worker", "worker", e);
+}
+
+bool config_find_node(config *c, error *e)
+{
+    return find_program(&c->slurm_node, "hexad-node", "slurm_node", e);
 }
 
 /* Prints a text in lines of at most 78 characters after a prefix. */

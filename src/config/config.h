@@ -28,7 +28,13 @@ typedef struct config {
     char *listen;    /* HOST:PORT or unix:/path; "": a socket in the runtime or state directory */
     char *port_file; /* "": none */
     char *state_dir; /* never "" after config_parse */
-    char *worker;    /* "": config_find_worker looks for it */
+    char *work_dir;  /* "": state_dir */
+    char *engine;    /* local or slurm */
+    int64_t slurm_most_jobs, slurm_small, slurm_together;
+    config_list slurm_options, slurm_accounts;
+    char *slurm_node; /* "": beside the worker */
+    double slurm_interval_s, slurm_command_s, slurm_lost_s;
+    char *worker; /* "": config_find_worker looks for it */
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */
     char *tcp_without_tokens;
@@ -93,6 +99,8 @@ void config_clear(config *c); /* accepts an empty one */
 /* Fills c->worker when it is empty: hexad-worker beside the running program, otherwise in the bindir of the
  * build. An error (input_missing) when the worker is not an executable file. */
 bool config_find_worker(config *c, error *e);
+/* The same of c->slurm_node and hexad-node. */
+bool config_find_node(config *c, error *e);
 
 void config_print_help(FILE *file);
 void config_print_sample(FILE *file); /* what etc/hexad.conf holds */

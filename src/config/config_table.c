@@ -52,6 +52,45 @@ const config_row config_table[] = {
      .help = "The directory of the queue, the attempts and the results. It is created if missing. It must be "
              "on a local file system, and only one daemon may use it. Empty: $STATE_DIRECTORY (set by "
              "systemd), otherwise lib/hexad below the localstatedir of the build."},
+    {SETTING(work_dir), .type = CONFIG_TEXT,
+     .help =
+         "The directory of attempts, results and uploaded inputs, on storage that all nodes of a farm see at the "
+         "same path. It belongs to one service, as state_dir does. Empty: state_dir."},
+    {SETTING(engine), .type = CONFIG_TEXT, .default_text = "local",
+     .help =
+         "What runs the attempts. local: processes of this machine. slurm: jobs of Slurm, by its commands; "
+         "needs work_dir. workers is then without effect, and threads and host_memory_mb bound what one "
+         "attempt may ask for."},
+    {SETTING(slurm_most_jobs), .type = CONFIG_INTEGER, .default_text = "2000", .low = 1, .high = 100000,
+     .unit = "attempts",
+     .help = "How many attempts may be in Slurm's queue at once. Others wait in hexad's."},
+    {SETTING(slurm_options), .type = CONFIG_WORDS,
+     .help =
+         "Further options of sbatch for all attempts, as --partition=farm, --qos=normal, --constraint=avx512; "
+         "separated by commas, and the key may be repeated."},
+    {SETTING(slurm_accounts), .type = CONFIG_WORDS,
+     .help =
+         "The Slurm accounts of users, as user=account; `*` stands for all users who are not named. Separated by "
+         "commas, and the key may be repeated. Empty: Slurm's default."},
+    {SETTING(slurm_node), .type = CONFIG_TEXT,
+     .help =
+         "The program hexad-node on the nodes. Empty: as on this host, beside hexad or in the bindir of the "
+         "build. worker is a path on the nodes, too."},
+    {SETTING(slurm_small), .type = CONFIG_INTEGER, .default_text = "20000", .low = 0, .high = 1 << 30,
+     .unit = "points",
+     .help = "Attempts of at most so many points share a Slurm job when many wait. 0: none do."},
+    {SETTING(slurm_together), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
+     .unit = "attempts",
+     .help = "How many of these share a Slurm job at most; they run one after the other."},
+    {SETTING(slurm_interval_s), .type = CONFIG_REAL, .default_text = "1", .low = 0.1, .high = 3600,
+     .unit = "s",
+     .help = "How often squeue is called, for all attempts at once; less often when it takes long."},
+    {SETTING(slurm_command_s), .type = CONFIG_REAL, .default_text = "30", .low = 0.1, .high = 3600,
+     .unit = "s", .help = "The time limit of a command of Slurm."},
+    {SETTING(slurm_lost_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 86400, .unit = "s",
+     .help =
+         "How long a Slurm that answers must not know a job before the attempt is given up and tried again. "
+         "While it does not answer, nothing is given up."},
     {SETTING(input_roots), .type = CONFIG_LIST,
      .help =
          "Input files that jobs may read: directories, with all below them, or single files; separated by "

@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "base/worker_contract.h"
 #include "executor/input_permissions.h"
+#include "executor/local.h"
 #include "executor/settlement.h"
 #include "json/json.h"
 #include "store/file.h"
@@ -32,6 +33,7 @@ estimator *estimator_open(const executor_settings *settings, int at_once, double
 {
     estimator *m = mem_alloc(sizeof *m);
     m->settings = *settings;
+    m->settings.engine = &engine_local; /* an estimate is asked for while a client waits */
     m->directory = mem_printf("%s/estimates", settings->state_dir);
     m->at_once = at_once;
     m->timeout_s = timeout_s;
@@ -109,7 +111,7 @@ static estimator_verdict ask(estimator *m, engine_request *request, char **docum
 {
     engine_ending ending = {0};
     engine_attempt *attempt =
-        store_directory_create(request->directory, e) ? m->settings.engine->start(request, e) : NULL;
+        store_directory_create(request->directory, e) ? m->settings.engine->start(NULL, request, e) : NULL;
     bool ended = attempt && await(m, attempt);
     if (attempt) m->settings.engine->settle(attempt, &ending);
     estimator_verdict verdict = ESTIMATOR_NONE;

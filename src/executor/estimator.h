@@ -1,7 +1,8 @@
 /* estimator: has a worker look at a job (`hexad-worker estimate`) or a file (`hexad-worker inspect`), and waits for it.
  *
- * These workers have the same input roots, sandbox and limits as those that run jobs. Their number and their time are
- * limited, apart from the attempts. Any thread may call these functions.
+ * They run on this machine, whatever engine runs the attempts. These workers have the same input roots, sandbox and
+ * limits as those that run jobs. Their number and their time are limited, apart from the attempts. Any thread may call
+ * these functions.
  */
 #ifndef HEXAD_EXECUTOR_ESTIMATOR_H
 #define HEXAD_EXECUTOR_ESTIMATOR_H

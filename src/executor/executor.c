@@ -27,6 +27,7 @@
 #include "results/inventory.h"
 #include "results/kept_result.h"
 #include "results/output_cleanup.h"
+#include "results/result.h"
 #include "results/retention.h"
 #include "store/file.h"
 
@@ -40,19 +41,25 @@
 /* The share of the machine's memory for attempts when host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
+/* What an attempt on another host may ask for when no setting says it; the engine knows what its hosts have. */
+#define NODE_THREADS 256
+#define NODE_MEMORY_MB (4 << 20)
+
 /* Jobs that wait to be given the results of equal ones, which takes milliseconds each; further ones take their turn. */
 #define REPEATS_MOST 256
 
 struct executor {
     executor_settings settings;
-    char *state_dir, *worker, **input_roots;
+    char *state_dir, *work_dir, *worker, **input_roots;
+    char instance[ULID_SIZE];
     char host[HOST_NAME_MAX + 1];
     settlement_place place;
     meter meter;
     slot_context context;
     store_roots *roots; /* the input roots, open */
-    int threads;        /* of all attempts */
-    int64_t memory_mb;
+    int threads;       /* that an attempt may have; with processes of this host, that all may have together */
+    int64_t memory_mb; /* likewise */
+    int64_t times;     /* how often there are these threads and this memory: 1 with processes of this host */
     queue *q;
     progress_ring *progress;
     retention *retention;
@@ -71,6 +78,7 @@ struct executor {
     char repeat[REPEATS_MOST][ULID_SIZE]; /* jobs of executor_offer; guarded by the mutex */
     size_t repeat_count;
     size_t workers;    /* slots that may start workers */
+    size_t resumed;    /* so many of the first have begun with attempts of an earlier daemon */
     size_t slot_count; /* one more, the last, for jobs that get the result of an equal one */
     slot **slots;
 
@@ -132,9 +140,9 @@ static void serve(executor *x, slot *s)
 static queue_room find_room(const executor *x)
 {
     queue_room room = {
-        .threads = x->threads,
+        .threads = (int)(x->threads * x->times),
         .all_threads = x->threads,
-        .memory_mb = x->memory_mb,
+        .memory_mb = x->memory_mb * x->times,
         .all_memory_mb = x->memory_mb,
         .most_of_owner = x->settings.most_of_owner,
         .weights = x->settings.weights,
@@ -149,20 +157,21 @@ static queue_room find_room(const executor *x)
 
 /* Claims a task for a free slot. `order` is held over the claim and slot_take, so that a cancellation finds either a
  * queued task or its slot. */
-static bool claim(executor *x, slot *s)
+static bool claim(executor *x, slot *s, queue_room *room)
 {
     error e = {0};
     bool found = false;
-    queue_room room = find_room(x);
     queue_claimed claimed = {0};
     pthread_mutex_lock(&x->order);
-    if (queue_claim(x->q, &room, &claimed, &found, &e)) {
+    if (queue_claim(x->q, room, &claimed, &found, &e)) {
         if (found) {
             int width = claimed.job.threads;
             int64_t memory_mb = claimed.job.memory_mb;
             executor_size(x, &width, &memory_mb, NULL); /* the slot fails a task that can never fit */
             meter_note_claim(&x->meter, &claimed);
             slot_take(s, &claimed, width, memory_mb);
+            room->threads -= width;
+            room->memory_mb -= memory_mb;
         }
     } else {
         log_write(LOG_LEVEL_DEBUG, "no job can be claimed: %s", e.message); /* the queue has logged it */
@@ -182,6 +191,8 @@ static void note_due(executor *x)
 static void fill_slots(executor *x)
 {
     if (x->due_ms <= clock_wall_ms()) x->look = true;
+    if (!x->look) return;
+    queue_room room = find_room(x);
     for (size_t i = 0; x->look && i < x->workers; i++) {
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
@@ -190,8 +201,9 @@ static void fill_slots(executor *x)
             x->claim_ms = clock_monotonic_ms() + ROOM_WAIT_MS;
             return;
         }
-        if (claim(x, s)) {
+        if (claim(x, s, &room)) {
             serve(x, s);
+            if (slot_is_free(s)) room = find_room(x);
         } else {
             if (!x->claim_ms) note_due(x); /* otherwise the claim failed and is tried again at claim_ms */
             return;
@@ -312,8 +324,8 @@ static void *supervise(void *argument)
 
 static bool make_places(const executor *x, error *e)
 {
-    char *attempts = mem_printf("%s/attempts", x->state_dir);
-    char *results = mem_printf("%s/results", x->state_dir);
+    char *attempts = mem_printf("%s/attempts", x->work_dir);
+    char *results = mem_printf("%s/results", x->work_dir);
     bool ok = store_directory_create(attempts, e) && store_directory_create(results, e);
     free(attempts);
     free(results);
@@ -327,6 +339,7 @@ static void executor_free(executor *x)
     for (size_t i = 0; i < x->settings.input_root_count; i++) free(x->input_roots[i]);
     free(x->input_roots);
     free(x->state_dir);
+    free(x->work_dir);
     free(x->worker);
     for (size_t i = 0; i < x->slot_count; i++) slot_free(x->slots[i]);
     free(x->slots);
@@ -339,10 +352,19 @@ static void executor_free(executor *x)
     free(x);
 }
 
+/* Of an engine whose attempts run elsewhere: their number is the only limit here. */
+static void set_room_of_nodes(executor *x, const executor_settings *settings)
+{
+    x->threads = settings->threads > 0 ? settings->threads : NODE_THREADS;
+    x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb : NODE_MEMORY_MB;
+    x->times = settings->workers;
+}
+
 static void copy_settings(executor *x, const executor_settings *settings)
 {
     x->settings = *settings;
     x->state_dir = mem_strdup(settings->state_dir);
+    x->work_dir = mem_strdup(settings->work_dir);
     x->worker = mem_strdup(settings->worker);
     x->input_roots = mem_alloc(settings->input_root_count * sizeof *x->input_roots);
     for (size_t i = 0; i < settings->input_root_count; i++)
@@ -351,14 +373,17 @@ static void copy_settings(executor *x, const executor_settings *settings)
     x->memory_mb = settings->host_memory_mb > 0 ? settings->host_memory_mb
                                                 : (int64_t)((double)host_memory_mb() * HOST_MEMORY_SHARE);
     x->workers = (size_t)(settings->workers > 0 ? settings->workers : x->threads);
+    x->times = 1;
+    if (settings->engine->resume) set_room_of_nodes(x, settings);
     x->slot_count = x->workers + 1;
     x->slots = mem_alloc(x->slot_count * sizeof *x->slots);
     for (size_t i = 0; i < x->slot_count; i++) x->slots[i] = slot_new(&x->context);
     host_name(x->host, sizeof x->host);
-    x->storage = (storage){.state_dir = x->state_dir, .floor_bytes = settings->free_space_mb << 20};
+    x->storage = (storage){
+        .state_dir = x->state_dir, .work_dir = x->work_dir, .floor_bytes = settings->free_space_mb << 20};
     x->place = (settlement_place){
         .q = x->q,
-        .state_dir = x->state_dir,
+        .work_dir = x->work_dir,
         .host = x->host,
         .meter = &x->meter,
         .backoff = {settings->retry_s, settings->retry_most_s},
@@ -374,6 +399,8 @@ static void set_context(executor *x)
     x->context = (slot_context){
         .place = &x->place,
         .engine = settings->engine,
+        .engine_place = settings->engine_place,
+        .instance = x->instance,
         .worker = x->worker,
         .input_roots = (const char *const *)x->input_roots,
         .input_root_count = settings->input_root_count,
@@ -390,8 +417,28 @@ static void set_context(executor *x)
     set_limits(&x->context, settings);
 }
 
-/* Makes the queue and the state directory consistent, before anything runs. */
-static bool recover(const executor *x, error *e)
+/* A settlement_keep: a slot takes the attempt over if the engine says that it runs on. */
+static bool keep_running(void *keeper, const queue_claimed *c)
+{
+    executor *x = keeper;
+    const engine *runs = x->settings.engine;
+    slot *s = x->resumed < x->workers ? x->slots[x->resumed] : NULL;
+    if (!s) return false;
+    char *directory = result_attempt_directory(x->work_dir, c->job.id, c->task.frame, c->task.attempt);
+    char *results = result_directory(x->work_dir, c->job.id, c->task.frame);
+    bool on = access(results, F_OK) != 0 && runs->runs_on(x->settings.engine_place, directory);
+    free(directory);
+    free(results);
+    int width = c->job.threads;
+    int64_t memory_mb = c->job.memory_mb;
+    executor_size(x, &width, &memory_mb, NULL);
+    if (on) slot_take_resumed(s, c, width, memory_mb);
+    x->resumed += on;
+    return on;
+}
+
+/* Makes the queue and the directories consistent, before anything runs. */
+static bool recover(executor *x, error *e)
 {
     char boot_id[HOST_BOOT_ID_SIZE];
     queue_instance last = {0};
@@ -399,9 +446,12 @@ static bool recover(const executor *x, error *e)
     host_boot_id(boot_id);
     if (!queue_get_instance(x->q, &last, &found, e)) return false;
     bool restarted = *last.boot_id && *boot_id && strcmp(last.boot_id, boot_id) != 0;
-    return settlement_recover(&x->place, restarted, e) &&
-           inventory_take(x->q, x->state_dir, x->settings.adopt, e) &&
-           instance_join(x->q, x->state_dir, boot_id, e);
+    if (!settlement_recover(&x->place, restarted, x->settings.engine->resume ? keep_running : NULL, x, e) ||
+        !inventory_take(x->q, x->work_dir, x->settings.adopt, e) ||
+        !instance_join(x->q, x->work_dir, boot_id, e) || !queue_get_instance(x->q, &last, &found, e))
+        return false;
+    snprintf(x->instance, sizeof x->instance, "%s", last.id);
+    return true;
 }
 
 executor *executor_start(const executor_settings *settings, queue *q, error *e)
@@ -426,7 +476,7 @@ executor *executor_start(const executor_settings *settings, queue *q, error *e)
     ok = x->roots && make_places(x, e) && recover(x, e) &&
          output_cleanup_start(q, &x->settings.outputs, &x->cleanup, e) &&
          (x->retention =
-              retention_start(q, x->state_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
+              retention_start(q, x->work_dir, settings->inputs, settings->inputs_keep_s, x->wake_fd, e));
     if (ok && background_start(&x->thread, supervise, x, "the supervisor", e)) return x;
     executor_free(x);
     return NULL;
@@ -491,7 +541,7 @@ int executor_drained_fd(const executor *x)
 
 bool executor_size(const executor *x, int *width, int64_t *memory_mb, error *e)
 {
-    int share = x->threads / (int)x->workers;
+    int share = x->settings.engine->resume ? 1 : x->threads / (int)x->workers;
     if (*width <= 0) *width = share > 0 ? share : 1;
     if (*width > x->threads) *width = x->threads;
     if (*memory_mb <= 0) *memory_mb = least(x->settings.memory_mb, x->memory_mb);
@@ -510,7 +560,7 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
     if (ok && *found && *now == QUEUE_CANCELLING)
         for (size_t i = 0; i < x->slot_count; i++) slot_cancel(x->slots[i], id);
     pthread_mutex_unlock(&x->order);
-    if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->state_dir, id);
+    if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->work_dir, id);
     executor_wake(x);
     return ok;
 }
@@ -550,8 +600,9 @@ executor_space executor_get_space(const executor *x)
 
 executor_load executor_get_load(executor *x)
 {
-    executor_load load = {
-        .workers = (int)x->workers, .all_threads = x->threads, .all_memory_mb = x->memory_mb};
+    executor_load load = {.workers = (int)x->workers,
+                          .all_threads = (int)(x->threads * x->times),
+                          .all_memory_mb = x->memory_mb * x->times};
     for (size_t i = 0; i < x->slot_count; i++) {
         slot_usage usage = slot_get_usage(x->slots[i]);
         load.attempts += usage.attempts;

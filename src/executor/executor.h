@@ -27,8 +27,10 @@
 typedef struct executor executor;
 
 typedef struct executor_settings {
-    const char *state_dir; /* absolute; attempts/ and results/ are created in it */
-    const engine *engine;  /* runs attempts and estimates */
+    const char *state_dir; /* absolute; of the queue and of estimates */
+    const char *work_dir;  /* absolute; attempts/ and results/ are created in it */
+    const engine *engine;  /* runs attempts */
+    void *engine_place;    /* the engine's own; NULL for local; must outlive the executor */
     const char *worker;    /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;

@@ -14,6 +14,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/sandbox.h"
@@ -28,6 +29,7 @@
 
 struct engine_attempt {
     pid_t pid;
+    int64_t began_ms;
     char name[24];                  /* pid as text */
     int pidfd, log_fd, progress_fd; /* -1: closed */
     char *directory;
@@ -275,8 +277,9 @@ static void launch_clear(launch *l)
     close_fd(&l->failure_fd);
 }
 
-static engine_attempt *start(const engine_request *request, error *e)
+static engine_attempt *start(void *place, const engine_request *request, error *e)
 {
+    (void)place;
     engine_attempt *a = mem_alloc(sizeof *a);
     a->pidfd = a->log_fd = a->progress_fd = -1;
     a->directory = mem_strdup(request->directory);
@@ -310,12 +313,18 @@ static engine_attempt *start(const engine_request *request, error *e)
     close_fd(&failure);
     if (!why) {
         snprintf(a->name, sizeof a->name, "%d", (int)a->pid);
+        a->began_ms = clock_monotonic_ms();
         return a;
     }
     error_set(e, ERROR_INTERNAL, "the worker %s cannot be started: %s", request->worker, strerror(why));
     control_group_end(a->group);
     attempt_free(a);
     return NULL;
+}
+
+static int64_t began_ms(const engine_attempt *a)
+{
+    return a->began_ms;
 }
 
 static const char *identify(const engine_attempt *a)
@@ -446,4 +455,5 @@ static void settle(engine_attempt *a, engine_ending *ending)
     attempt_free(a);
 }
 
-const engine engine_local = {"local", start, identify, watch, poll_attempt, cancel, settle};
+const engine engine_local = {"local",  start, NULL,         NULL,   began_ms,
+                             identify, watch, poll_attempt, cancel, settle};

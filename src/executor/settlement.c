@@ -131,7 +131,9 @@ static bool is_success(const engine_ending *ending)
 
 static void describe(const engine_ending *ending, const char *prefix, settlement *s)
 {
-    if (ending->signal >= 0)
+    if (ending->loss)
+        snprintf(s->reason, sizeof s->reason, "%s%.140s", prefix, ending->why);
+    else if (ending->signal >= 0)
         snprintf(s->reason, sizeof s->reason, "%ssignal %d", prefix, ending->signal);
     else
         snprintf(s->reason, sizeof s->reason, "%sexit status %d", prefix, ending->exit_status);
@@ -143,6 +145,39 @@ static void set_timed_out(settlement *s, double limit_s)
     error_set(&e, ERROR_LIMIT_TIME, "the job ran longer than its timeout_s of %g s, all attempts together",
               limit_s);
     set_end(s, QUEUE_TIMED_OUT, &e);
+}
+
+static void set_interrupted(settlement *s)
+{
+    s->verdict = SETTLEMENT_RETRY_INTERRUPTED;
+    s->code = ERROR_INTERRUPTED;
+}
+
+static void decide_loss(const queue_claimed *c, const engine_ending *ending, settlement *s)
+{
+    error e = {0};
+    switch (ending->loss) {
+    case ENGINE_NOT_LOST:
+        break;
+    case ENGINE_GIVEN_BACK:
+        s->verdict = SETTLEMENT_RETRY;
+        return;
+    case ENGINE_INTERRUPTED:
+        set_interrupted(s);
+        return;
+    case ENGINE_CRASHED:
+        error_set(&e, ERROR_INTERNAL, "%s", ending->why);
+        set_crashed(s, c, &e);
+        return;
+    case ENGINE_OUT_OF_TIME:
+        error_set(&e, ERROR_LIMIT_TIME, "%s", ending->why);
+        set_end(s, QUEUE_TIMED_OUT, &e);
+        return;
+    case ENGINE_REFUSED:
+        error_set(&e, ERROR_NOT_SUPPORTED, "%s", ending->why);
+        set_end(s, QUEUE_FAILED, &e);
+        return;
+    }
 }
 
 void settlement_decide(const queue_claimed *c, settlement_stop stop, double limit_s,
@@ -174,7 +209,9 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         describe(ending, "", s);
         break;
     }
-    if (is_success(ending))
+    if (ending->loss)
+        decide_loss(c, ending, s);
+    else if (is_success(ending))
         decide_success(directory, s);
     else if (ending->signal >= 0)
         decide_signal(c, ending, s);
@@ -250,6 +287,23 @@ static void bound_storage(const settlement_place *place, const queue_claimed *c,
     set_end(s, QUEUE_FAILED, &e);
 }
 
+/* An attempt that ended with the daemon, its host or its node does not count against max_attempts. max_interruptions
+ * stops a job that ends them each time. */
+static void bound_interruptions(const settlement_place *place, const queue_claimed *c, settlement *s)
+{
+    error e = {0};
+    int times = c->task.interrupted + 1;
+    if (s->verdict != SETTLEMENT_RETRY_INTERRUPTED || place->max_interruptions <= 0 ||
+        times <= place->max_interruptions)
+        return;
+    error_set(
+        &e, ERROR_INTERRUPTED,
+        "the daemon or the host of the worker ended %d times while the job ran, and max_interruptions allows"
+        " %d: find out why, then retry the job",
+        times, place->max_interruptions);
+    set_end(s, QUEUE_FAILED, &e);
+}
+
 /* When the task may be tried again, wall clock; 0: at once. */
 static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c, settlement_verdict verdict)
 {
@@ -262,10 +316,10 @@ static int64_t next_try_ms(const settlement_place *place, const queue_claimed *c
 
 /* Moves the result into place and makes that durable. It may be in place already: when the flush of an earlier try
  * failed, and at a start. */
-static bool move_result(const char *state_dir, const char *from, const char *to, bool in_place, error *e)
+static bool move_result(const char *work_dir, const char *from, const char *to, bool in_place, error *e)
 {
     if (!in_place && (access(from, F_OK) == 0 || access(to, F_OK) != 0)) return store_rename(from, to, e);
-    char *attempts = mem_printf("%s/attempts", state_dir), *results = mem_printf("%s/results", state_dir);
+    char *attempts = mem_printf("%s/attempts", work_dir), *results = mem_printf("%s/results", work_dir);
     bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
     free(attempts);
     free(results);
@@ -300,7 +354,7 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
         .ran_ms = s->ran_ms,
         .interrupted = s->verdict == SETTLEMENT_RETRY_INTERRUPTED,
         .storage_fault = s->verdict == SETTLEMENT_RETRY_STORAGE,
-        .host = place->host,
+        .host = ending && *ending->host ? ending->host : place->host,
         .reason = s->reason,
         .cached_from = success ? s->cached_from : NULL,
         .copied = s->copied,
@@ -319,8 +373,8 @@ static bool settle_directory(const settlement_place *place, const queue_claimed 
     bool current = true, deliver = s->verdict == SETTLEMENT_SUCCEED;
     if (deliver && !check_fence(place->q, c, &current, e)) return false;
     if (deliver && current) {
-        char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
-        bool ok = move_result(place->state_dir, directory, results, s->in_place, e);
+        char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
+        bool ok = move_result(place->work_dir, directory, results, s->in_place, e);
         free(results);
         return ok;
     }
@@ -334,7 +388,7 @@ static int64_t measure_left(const settlement_place *place, const queue_claimed *
 {
     if (s->keep) return 0;
     if (s->verdict != SETTLEMENT_SUCCEED) return result_disk_bytes(directory);
-    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
+    char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
     int64_t bytes = result_disk_bytes(results);
     free(results);
     return bytes;
@@ -377,32 +431,18 @@ bool settlement_apply(const settlement_place *place, const queue_claimed *c, con
     settlement s = *decided;
     assert(s.verdict != SETTLEMENT_UNDECIDED);
     bound_storage(place, c, &s);
-    char *directory = result_attempt_directory(place->state_dir, c->job.id, c->task.frame, c->task.attempt);
+    bound_interruptions(place, c, &s);
+    char *directory = result_attempt_directory(place->work_dir, c->job.id, c->task.frame, c->task.attempt);
     bool ok = settle_directory(place, c, &s, directory, e) && settle_task(place, c, &s, ending, directory, e);
     free(directory);
     return ok;
 }
 
-/* An attempt that ended with the daemon or the host does not count against max_attempts. max_interruptions stops a job
- * that ends the daemon or the host each time. */
-static void decide_interrupted(const settlement_place *place, const queue_claimed *c, bool restarted,
-                               settlement *s)
+static void decide_interrupted(bool restarted, settlement *s)
 {
-    error e = {0};
-    int times = c->task.interrupted + 1;
     snprintf(s->reason, sizeof s->reason, "the %s during the attempt",
              restarted ? "host restarted" : "daemon ended");
-    if (place->max_interruptions <= 0 || times <= place->max_interruptions) {
-        s->verdict = SETTLEMENT_RETRY_INTERRUPTED;
-        s->code = ERROR_INTERRUPTED;
-        return;
-    }
-    error_set(
-        &e, ERROR_INTERRUPTED,
-        "the daemon or its host ended %d times while the job ran, and max_interruptions allows %d: find out why,"
-        " then retry the job",
-        times, place->max_interruptions);
-    set_end(s, QUEUE_FAILED, &e);
+    set_interrupted(s);
 }
 
 /* Moves something that is no result out of the place of the result. The attempt did not make it, because attempts only
@@ -410,8 +450,8 @@ static void decide_interrupted(const settlement_place *place, const queue_claime
 static bool put_aside(const settlement_place *place, const queue_claimed *c, const char *results, error *e)
 {
     const char *name = strrchr(results, '/') + 1;
-    if (!lost_found_move(place->state_dir, "results", name, e) ||
-        !lost_found_flush(place->state_dir, "results", e))
+    if (!lost_found_move(place->work_dir, "results", name, e) ||
+        !lost_found_flush(place->work_dir, "results", e))
         return error_prefix(
             e, "the place of the result of job %s contains something else, which cannot be moved", c->job.id);
     log_write(LOG_LEVEL_WARNING,
@@ -426,7 +466,7 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     result r = {0};
     error why = {0};
     struct stat info;
-    char *results = result_directory(place->state_dir, c->job.id, c->task.frame);
+    char *results = result_directory(place->work_dir, c->job.id, c->task.frame);
     bool found = lstat(results, &info) == 0;
     bool good = found && S_ISDIR(info.st_mode) && result_read(results, &r, &why);
     if (found && !good && why.code == ERROR_INTERNAL) { /* never discard what could not be examined */
@@ -441,10 +481,10 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
         snprintf(s.reason, sizeof s.reason, "the result was found at the start");
     } else if (c->job.state == QUEUE_CANCELLING) {
         error_set(&why, ERROR_CANCELLED, "cancelled while it ran");
-        decide_interrupted(place, c, restarted, &s); /* for the reason */
+        decide_interrupted(restarted, &s); /* for the reason */
         set_end(&s, QUEUE_CANCELLED, &why);
     } else {
-        decide_interrupted(place, c, restarted, &s);
+        decide_interrupted(restarted, &s);
     }
     bool ok = !found || good || put_aside(place, c, results, e);
     ok = ok && settlement_apply(place, c, &s, NULL, e);
@@ -452,13 +492,19 @@ static bool recover_task(const settlement_place *place, const queue_claimed *c, 
     return ok;
 }
 
-bool settlement_recover(const settlement_place *place, bool restarted, error *e)
+bool settlement_recover(const settlement_place *place, bool restarted, settlement_keep *keep, void *keeper,
+                        error *e)
 {
     queue_claimed *left = NULL;
     size_t count = 0;
     if (!queue_list_unsettled(place->q, &left, &count, e)) return false;
     bool ok = true;
-    for (size_t i = 0; ok && i < count; i++) ok = recover_task(place, &left[i], restarted, e);
+    for (size_t i = 0; ok && i < count; i++) {
+        if (keep && keep(keeper, &left[i]))
+            left[i] = (queue_claimed){0};
+        else
+            ok = recover_task(place, &left[i], restarted, e);
+    }
     queue_claimed_free(left, count);
     return ok;
 }

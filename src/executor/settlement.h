@@ -85,7 +85,7 @@ typedef struct settlement_backoff {
 /* The queue, its directory, and the rules for further attempts. */
 typedef struct settlement_place {
     queue *q;
-    const char *state_dir;
+    const char *work_dir;
     const char *host; /* for the attempts' records */
     meter *meter;
     settlement_backoff backoff;
@@ -98,8 +98,12 @@ typedef struct settlement_place {
 bool settlement_apply(const settlement_place *place, const queue_claimed *claimed, const settlement *s,
                       const engine_ending *ending, error *e);
 
-/* Settles the tasks that a crash left running in the queue. Such an attempt does not count, but too many of them end
+/* Takes over a claim whose attempt runs on without this daemon; false: it does not. */
+typedef bool settlement_keep(void *keeper, const queue_claimed *claimed);
+
+/* Settles the tasks that a crash left running in the queue, but for those that keep(keeper, ...) takes over (NULL: none). Such an attempt does not count, but too many of them end
  * the task (error interrupted). `restarted`: the host was restarted, too. */
-bool settlement_recover(const settlement_place *place, bool restarted, error *e);
+bool settlement_recover(const settlement_place *place, bool restarted, settlement_keep *keep, void *keeper,
+                        error *e);
 
 #endif

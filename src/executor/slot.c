@@ -36,18 +36,19 @@ typedef struct work {
 
     /* the supervisor's own */
     bool repeat;     /* no worker is to be started */
+    bool resumed;    /* an earlier daemon has started the worker */
     char *directory; /* of the attempt */
     limits limit;
     engine_attempt *attempt; /* in RUNNING and STOPPING */
     int64_t started_wall_ms;
-    int64_t started_ms, moved_ms; /* monotonic: of the start, of the last progress */
-    settlement_stop stop;         /* why the worker was stopped */
-    int64_t force_ms;             /* when it is killed, monotonic */
-    bool forced;                  /* it was killed */
-    engine_ending ending;         /* with `has_ended` */
-    bool has_ended;               /* a worker ran, and has ended */
-    int64_t ran_ms;               /* once it has ended */
-    publication *publication;     /* in PUBLISHING */
+    int64_t moved_ms;         /* monotonic: of the start, of the last progress */
+    settlement_stop stop;     /* why the worker was stopped */
+    int64_t force_ms;         /* when it is killed, monotonic */
+    bool forced;              /* it was killed */
+    engine_ending ending;     /* with `has_ended` */
+    bool has_ended;           /* a worker ran, and has ended */
+    int64_t ran_ms;           /* once it has ended */
+    publication *publication; /* in PUBLISHING */
     settlement verdict;
     int64_t retry_ms; /* DECIDING, SETTLING: when to try again, monotonic; 0: it was not tried yet */
     /* what the verdict points to */
@@ -65,6 +66,11 @@ struct slot {
 static int64_t least(int64_t a, int64_t b)
 {
     return a < b ? a : b;
+}
+
+static int64_t most(int64_t a, int64_t b)
+{
+    return a > b ? a : b;
 }
 
 static int64_t after(int64_t from_ms, double seconds)
@@ -115,6 +121,13 @@ void slot_take_repeat(slot *s, const queue_claimed *claimed)
 {
     s->w.repeat = true;
     slot_take(s, claimed, 0, 0);
+}
+
+void slot_take_resumed(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb)
+{
+    s->w.resumed = true;
+    s->w.cancel_wanted = claimed->job.state == QUEUE_CANCELLING;
+    slot_take(s, claimed, width, memory_mb);
 }
 
 /* Empties the slot. */
@@ -191,7 +204,7 @@ static bool use_cached(slot *s)
     bool found = false;
     if (!queue_recall(x->place->q, w->claimed.cache_key, w->cached_from, &inputs, &found, NULL) || !found)
         return false;
-    char *from = result_directory(x->place->state_dir, w->cached_from, QUEUE_NO_FRAME);
+    char *from = result_directory(x->place->work_dir, w->cached_from, QUEUE_NO_FRAME);
     found = cache_is_fresh(x->roots, inputs);
     if (found && (!cache_link_result(from, w->directory, &e) ||
                   !settlement_decide_cached(w->directory, w->cached_from, &w->verdict, &e))) {
@@ -218,7 +231,7 @@ static bool take_cached(slot *s)
 static bool take_kept(slot *s)
 {
     work *w = &s->w;
-    return kept_result_take(s->context->place->state_dir, &w->claimed, w->directory) &&
+    return kept_result_take(s->context->place->work_dir, &w->claimed, w->directory) &&
            settlement_decide_kept(w->directory, &w->verdict, NULL);
 }
 
@@ -231,7 +244,7 @@ static bool start_worker(slot *s, error *e)
     char **roots = input_permissions_list((const char *const *)c->inputs, c->input_count, x->inputs,
                                           x->input_roots, x->input_root_count, &root_count);
     char *previous =
-        c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->state_dir, c->job.id, c->previous);
+        c->previous == QUEUE_NO_FRAME ? NULL : result_directory(x->place->work_dir, c->job.id, c->previous);
     engine_request request = {
         .worker = x->worker,
         .command = WORKER_COMMAND_RUN,
@@ -247,13 +260,44 @@ static bool start_worker(slot *s, error *e)
         .trace = c->job.trace,
         .file_mb = x->file_mb,
         .sandbox = x->sandbox,
+        .instance = x->instance,
+        .owner = c->job.owner,
+        .priority = c->job.priority,
+        .timeout_s = w->limit.timeout_s > 0 ? w->limit.timeout_s - clock_seconds(c->task.ran_ms) : 0,
+        .wake_fd = x->wake_fd,
     };
-    w->started_ms = w->moved_ms = clock_monotonic_ms();
-    w->started_wall_ms = clock_wall_ms();
-    if (store_directory_create(w->directory, e)) w->attempt = x->engine->start(&request, e);
+    w->moved_ms = clock_monotonic_ms();
+    w->started_wall_ms = w->resumed ? 0 : clock_wall_ms(); /* 0: long ago, so that nothing of it is cached */
+    if (w->resumed)
+        w->attempt = x->engine->resume(x->engine_place, &request, e);
+    else if (store_directory_create(w->directory, e))
+        w->attempt = x->engine->start(x->engine_place, &request, e);
     free(previous);
     input_permissions_free(roots, root_count);
     return w->attempt != NULL;
+}
+
+/* True when no worker is needed: the next phase is then SETTLING with a verdict, or PUBLISHING. */
+static bool decide_at_once(slot *s)
+{
+    const slot_context *x = s->context;
+    work *w = &s->w;
+    error e = {0};
+    if (w->memory_mb > x->memory_mb) {
+        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->verdict);
+    } else if (w->limit.timeout_s > 0 && (double)w->claimed.task.ran_ms >= 1000 * w->limit.timeout_s) {
+        settlement_decide_late(w->limit.timeout_s, &w->verdict);
+    } else if (take_kept(s) || take_cached(s)) {
+        publish_or_settle(s);
+        return true;
+    } else if (w->repeat) {
+        error_set(&e, ERROR_INTERNAL, "the result of an equal job is gone");
+        settlement_decide_unstarted(&e, &w->verdict);
+    } else {
+        return false;
+    }
+    enter(s, SLOT_SETTLING);
+    return true;
 }
 
 /* The next phase is SETTLING with a verdict already, RUNNING, or PUBLISHING. */
@@ -264,28 +308,9 @@ static unsigned step_starting(slot *s)
     const queue_job *job = &w->claimed.job;
     const queue_task *task = &w->claimed.task;
     error e = {0};
-    w->directory = result_attempt_directory(x->place->state_dir, job->id, task->frame, task->attempt);
+    w->directory = result_attempt_directory(x->place->work_dir, job->id, task->frame, task->attempt);
     w->limit = read_limits(x, &w->claimed);
-    if (w->memory_mb > x->memory_mb) {
-        settlement_decide_too_large(&w->claimed, x->memory_mb, &w->verdict);
-        enter(s, SLOT_SETTLING);
-        return SLOT_NO_NEWS;
-    }
-    if (w->limit.timeout_s > 0 && (double)task->ran_ms >= 1000 * w->limit.timeout_s) {
-        settlement_decide_late(w->limit.timeout_s, &w->verdict);
-        enter(s, SLOT_SETTLING);
-        return SLOT_NO_NEWS;
-    }
-    if (take_kept(s) || take_cached(s)) {
-        publish_or_settle(s);
-        return SLOT_NO_NEWS;
-    }
-    if (w->repeat) {
-        error_set(&e, ERROR_INTERNAL, "the result of an equal job is gone");
-        settlement_decide_unstarted(&e, &w->verdict);
-        enter(s, SLOT_SETTLING);
-        return SLOT_NO_NEWS;
-    }
+    if (!w->resumed && decide_at_once(s)) return SLOT_NO_NEWS;
     if (!start_worker(s, &e)) {
         log_write(LOG_LEVEL_ERROR, "attempt not started job=%s task=%d attempt=%d: %s", job->id, task->number,
                   task->attempt, e.message);
@@ -293,8 +318,9 @@ static unsigned step_starting(slot *s)
         enter(s, SLOT_SETTLING);
         return SLOT_NOT_STARTED;
     }
-    log_write(LOG_LEVEL_INFO, "attempt started job=%s task=%d attempt=%d worker=%s trace=%s", job->id,
-              task->number, task->attempt, x->engine->identify(w->attempt), job->trace ? job->trace : "-");
+    log_write(LOG_LEVEL_INFO, "attempt %s job=%s task=%d attempt=%d worker=%s trace=%s",
+              w->resumed ? "resumed" : "started", job->id, task->number, task->attempt,
+              x->engine->identify(w->attempt), job->trace ? job->trace : "-");
     enter(s, SLOT_RUNNING);
     return SLOT_STARTED;
 }
@@ -320,15 +346,22 @@ static void keep_progress(slot *s, const char *line)
     queue_signal(s->context->place->q);
 }
 
-/* When the task has used up its time, that of earlier attempts included. */
-static int64_t timeout_ms(const work *w)
+static int64_t began_ms(const slot *s)
 {
-    return after(w->started_ms - w->claimed.task.ran_ms, w->limit.timeout_s);
+    return s->context->engine->began_ms(s->w.attempt);
 }
 
-static int64_t stall_ms(const work *w)
+/* When the task has used up its time, that of earlier attempts included. */
+static int64_t timeout_ms(const slot *s)
 {
-    return after(w->moved_ms, w->limit.stall_s);
+    int64_t began = began_ms(s);
+    return began == INT64_MAX ? INT64_MAX : after(began - s->w.claimed.task.ran_ms, s->w.limit.timeout_s);
+}
+
+static int64_t stall_ms(const slot *s)
+{
+    int64_t began = began_ms(s);
+    return began == INT64_MAX ? INT64_MAX : after(most(s->w.moved_ms, began), s->w.limit.stall_s);
 }
 
 static bool is_cancelled(slot *s)
@@ -344,8 +377,8 @@ static settlement_stop find_reason(slot *s, int64_t now)
 {
     const slot_context *x = s->context;
     if (is_cancelled(s)) return SETTLEMENT_CANCELLED;
-    if (now >= timeout_ms(&s->w)) return SETTLEMENT_TIMED_OUT;
-    if (now >= stall_ms(&s->w)) return SETTLEMENT_STALLED;
+    if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
+    if (now >= stall_ms(s)) return SETTLEMENT_STALLED;
     if (x->draining && now >= x->drain_ms) return SETTLEMENT_DRAINED;
     return SETTLEMENT_NOT_STOPPED;
 }
@@ -381,8 +414,9 @@ static void step_running(slot *s)
         stop_if_due(s);
         return;
     }
-    w->ran_ms = clock_monotonic_ms() - w->started_ms;
+    int64_t began = began_ms(s);
     s->context->engine->settle(w->attempt, &w->ending);
+    w->ran_ms = w->ending.ran_ms ? w->ending.ran_ms : began == INT64_MAX ? 0 : clock_monotonic_ms() - began;
     w->attempt = NULL;
     w->has_ended = true;
     enter(s, SLOT_DECIDING);
@@ -480,7 +514,7 @@ int64_t slot_due(const slot *s)
     case SLOT_STARTING:
         return 0;
     case SLOT_RUNNING:
-        due = least(timeout_ms(w), stall_ms(w));
+        due = least(timeout_ms(s), stall_ms(s));
         return x->draining ? least(due, x->drain_ms) : due;
     case SLOT_STOPPING:
         return w->forced ? INT64_MAX : w->force_ms;

@@ -43,7 +43,9 @@ typedef enum slot_phase {
 typedef struct slot_context {
     const settlement_place *place; /* the queue and the state directory, too */
     const engine *engine;
-    const char *worker; /* path of hexad-worker */
+    void *engine_place;   /* as executor_settings' */
+    const char *instance; /* id of this service */
+    const char *worker;   /* path of hexad-worker */
     const char *const *input_roots;
     size_t input_root_count;
     const store_roots *roots;     /* the input roots and the directory of uploads, open */
@@ -84,6 +86,9 @@ void slot_take(slot *s, const queue_claimed *claimed, int width, int64_t memory_
 /* The same for a job whose equal has a result: it takes nothing of the host, and goes back to the queue when the result
  * turns out to be gone. */
 void slot_take_repeat(slot *s, const queue_claimed *claimed);
+
+/* The same for a task whose attempt an earlier daemon started, and which runs on (engine.h, resume). */
+void slot_take_resumed(slot *s, const queue_claimed *claimed, int width, int64_t memory_mb);
 
 /* Does what can be done now, through as many phases as need no wait. Returns a set of slot_news. */
 unsigned slot_step(slot *s);

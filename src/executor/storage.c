@@ -6,16 +6,19 @@
 
 #include "base/log.h"
 
-static const char *const parts[] = {"", "/attempts", "/results", "/inputs"};
+static const char *const parts[] = {"", "/attempts", "/results",
+                                    "/inputs"}; /* the first, of state_dir, too */
 
 int64_t storage_free_bytes(const storage *s, int64_t *size_bytes)
 {
     int64_t least = INT64_MAX;
     *size_bytes = 0;
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+    size_t count = sizeof parts / sizeof *parts;
+    for (size_t i = 0; i <= count; i++) {
         char path[4096];
         struct statvfs disk;
-        int length = snprintf(path, sizeof path, "%s%s", s->state_dir, parts[i]);
+        int length = i < count ? snprintf(path, sizeof path, "%s%s", s->work_dir, parts[i])
+                               : snprintf(path, sizeof path, "%s", s->state_dir);
         if (length >= (int)sizeof path || statvfs(path, &disk) != 0 || !disk.f_blocks) continue;
         int64_t bytes = (int64_t)(disk.f_bavail * disk.f_frsize);
         if (bytes >= least) continue;
@@ -33,8 +36,8 @@ bool storage_has_room(storage *s)
     if (low && !s->low)
         log_write(LOG_LEVEL_WARNING,
                   "the disk is full: no job is started until there is room: free_mb=%" PRId64
-                  " free_space_mb=%" PRId64 " state_dir=%s",
-                  bytes >> 20, s->floor_bytes >> 20, s->state_dir);
+                  " free_space_mb=%" PRId64 " state_dir=%s work_dir=%s",
+                  bytes >> 20, s->floor_bytes >> 20, s->state_dir, s->work_dir);
     if (!low && s->low) log_write(LOG_LEVEL_INFO, "the disk has room again: free_mb=%" PRId64, bytes >> 20);
     s->low = low;
     return !low;

@@ -10,9 +10,9 @@
 #include <stdint.h>
 
 typedef struct storage {
-    const char *state_dir; /* outlives it */
-    int64_t floor_bytes;   /* 0: none */
-    bool low;              /* the last answer of storage_has_room was false */
+    const char *state_dir, *work_dir; /* outlive it; one directory may be both */
+    int64_t floor_bytes;              /* 0: none */
+    bool low;                         /* the last answer of storage_has_room was false */
 } storage;
 
 /* The bytes that the service may use (f_bavail), INT64_MAX when they cannot be determined, and the size of the disk

@@ -34,9 +34,11 @@
 #include "executor/host.h"
 #include "executor/local.h"
 #include "http/server.h"
+#include "programs/farm.h"
 #include "programs/maintenance.h"
 #include "queue/queue.h"
 #include "results/instance.h"
+#include "slurm/slurm.h"
 #include "store/file.h"
 #include "store/inputs.h"
 #include "store/output.h"
@@ -62,9 +64,9 @@ typedef struct service {
     int argc;
     char **argv; /* for reading the settings again */
     config settings;
-    bool adopt;      /* --adopt: the database of another instance is taken over */
-    int signals;     /* signalfd */
-    char *state_dir; /* absolute */
+    bool adopt;                 /* --adopt: the database of another instance is taken over */
+    int signals;                /* signalfd */
+    char *state_dir, *work_dir; /* absolute */
     queue *q;
     checker *checker;
     store_inputs *inputs;
@@ -78,6 +80,7 @@ typedef struct service {
     delivery *delivery; /* NULL: no webhooks */
     delivery_counters calls;
     control_groups *groups; /* NULL: none */
+    slurm *farm;            /* NULL: attempts are processes of this host */
     executor *x;
     listen_socket socket;
     access_control *access;
@@ -117,13 +120,17 @@ static bool init_state(service *s, error *e)
 {
     if (!store_directory_create(s->settings.state_dir, e)) return false;
     s->state_dir = realpath(s->settings.state_dir, NULL);
-    if (s->state_dir) return true;
-    return error_set(e, ERROR_INTERNAL, "state_dir %s: %s", s->settings.state_dir, strerror(errno));
+    if (!s->state_dir)
+        return error_set(e, ERROR_INTERNAL, "state_dir %s: %s", s->settings.state_dir, strerror(errno));
+    s->work_dir = farm_work_directory(&s->settings, s->state_dir, e);
+    if (!s->work_dir) free(s->state_dir);
+    return s->work_dir != NULL;
 }
 
 static void fini_state(service *s)
 {
     free(s->state_dir);
+    free(s->work_dir);
 }
 
 static int64_t bound_of(int64_t setting, int64_t unit)
@@ -140,14 +147,14 @@ static void bound_results(service *s)
         .user = {bound_of(c->user_results_mb, 1 << 20), bound_of(c->user_results_count, 1)},
         .undelivered = c->delete_undelivered != 0,
     };
-    if (!c->results_mb && statvfs(s->state_dir, &disk) == 0 && disk.f_blocks)
+    if (!c->results_mb && statvfs(s->work_dir, &disk) == 0 && disk.f_blocks)
         bounds.all.bytes = (int64_t)(RESULTS_SHARE * (double)disk.f_blocks * (double)disk.f_frsize);
     queue_bound(s->q, &bounds);
 }
 
 static bool init_queue(service *s, error *e)
 {
-    s->q = instance_open_queue(s->state_dir, s->adopt, e);
+    s->q = instance_open_queue(s->state_dir, s->work_dir, s->adopt, e);
     if (!s->q) return false;
     queue_reserve(s->q, s->settings.reserve_mb << 20);
     bound_results(s);
@@ -173,7 +180,7 @@ static void fini_checker(service *s)
 
 static bool init_inputs(service *s, error *e)
 {
-    s->inputs_dir = mem_printf("%s/inputs", s->state_dir);
+    s->inputs_dir = mem_printf("%s/inputs", s->work_dir);
     s->inputs =
         store_inputs_open(s->inputs_dir, s->settings.upload_limit_bytes, s->settings.upload_total_bytes, e);
     if (!s->inputs) free(s->inputs_dir);
@@ -361,14 +368,16 @@ static executor_settings executor_settings_of(const service *s)
     const config *c = &s->settings;
     return (executor_settings){
         .state_dir = s->state_dir,
-        .engine = &engine_local,
+        .work_dir = s->work_dir,
+        .engine = s->farm ? &engine_slurm : &engine_local,
+        .engine_place = s->farm,
         .worker = c->worker,
         .input_roots = (const char *const *)c->input_roots.item,
         .input_root_count = c->input_roots.count,
         .inputs = s->inputs,
         .inputs_keep_s = c->inputs_keep_s,
         .outputs = s->outputs,
-        .workers = (int)c->workers,
+        .workers = (int)(s->farm ? c->slurm_most_jobs : c->workers),
         .threads = (int)c->threads,
         .host_memory_mb = c->host_memory_mb,
         .memory_mb = c->memory_mb,
@@ -395,16 +404,19 @@ static bool init_executor(service *s, error *e)
     char text[SANDBOX_TEXT_SIZE];
     sandbox_mode mode = s->settings.sandbox;
     if (!config_find_worker(&s->settings, e) || !sandbox_check(mode, e)) return false;
+    if (!farm_open(&s->settings, s->work_dir, &s->farm, e)) return false;
     log_write(mode == SANDBOX_OFF ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO, "workers have %s",
               sandbox_describe(mode, text));
     executor_settings settings = executor_settings_of(s);
     s->x = executor_start(&settings, s->q, e);
+    if (!s->x) slurm_close(s->farm);
     return s->x != NULL;
 }
 
 static void fini_executor(service *s)
 {
     executor_stop(s->x);
+    slurm_close(s->farm);
 }
 
 static bool init_groups(service *s, error *e)
@@ -550,7 +562,7 @@ static bool init_http(service *s, error *e)
         .outputs = &s->outputs,
         .mappings = s->mappings,
         .webhooks = s->webhook_hosts,
-        .state_dir = s->state_dir,
+        .work_dir = s->work_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,
         .priorities = s->priorities,

@@ -168,7 +168,8 @@ static bool check_copy(const config *c, const char *path, bool alone, tally *t, 
     free(findings);
     if (!alone) return true;
     queue *q = queue_open_copy(path, e);
-    bool ok = q && audit_results(q, c->state_dir, stdout, &t->results, &t->findings, e);
+    bool ok = q && audit_results(q, *c->work_dir ? c->work_dir : c->state_dir, stdout, &t->results,
+                                 &t->findings, e);
     t->results_seen = ok;
     queue_close(q);
     return ok;

@@ -81,13 +81,13 @@ static bool read_report(const char *directory, restored *j, int64_t *finished_ms
 }
 
 /* Adds the result to the job if it is complete and a real directory, no symbolic link. */
-static bool add_task(const char *state_dir, const queue_directory *found, restored *j)
+static bool add_task(const char *work_dir, const queue_directory *found, restored *j)
 {
     struct stat info;
     result r = {0};
     error why = {0};
     queue_adopted_task task = {.frame = found->frame};
-    char *directory = result_directory(state_dir, found->id, found->frame);
+    char *directory = result_directory(work_dir, found->id, found->frame);
     bool ok = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why) &&
               read_report(directory, j, &task.finished_ms);
     if (ok) {
@@ -127,7 +127,7 @@ static bool belongs(const queue_directory *first, const queue_directory *d)
     return strcmp(first->id, d->id) == 0 && (first == d || first->frame != QUEUE_NO_FRAME);
 }
 
-bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
+bool adoption_run(queue *q, const char *work_dir, const queue_directory *results, size_t count,
                   size_t *adopted, error *e)
 {
     restored jobs[AT_ONCE] = {0};
@@ -141,7 +141,7 @@ bool adoption_run(queue *q, const char *state_dir, const queue_directory *result
             unknown &= !results[next].known && !results[next].to_be_removed;
         /* when the queue knows the job, unknown frames do not belong to it */
         for (size_t k = i; unknown && k < next; k++)
-            if (belongs(&results[i], &results[k])) add_task(state_dir, &results[k], j);
+            if (belongs(&results[i], &results[k])) add_task(work_dir, &results[k], j);
         if (!j->is.task_count) {
             restored_clear(j);
             continue;

@@ -14,7 +14,7 @@
 
 /* Adds the jobs of these results to the queue. The list is sorted by id, then by frame. Results that the queue knows,
  * that are noted for removal, or that cannot be read are skipped. *adopted is the number of added jobs. */
-bool adoption_run(queue *q, const char *state_dir, const queue_directory *results, size_t count,
+bool adoption_run(queue *q, const char *work_dir, const queue_directory *results, size_t count,
                   size_t *adopted, error *e);
 
 #endif

@@ -14,7 +14,7 @@
 
 typedef struct audit {
     queue *q;
-    const char *state_dir;
+    const char *work_dir;
     FILE *out;
     size_t results, findings;
 } audit;
@@ -24,7 +24,7 @@ static bool look_at_task(audit *a, const char *id, const queue_task *task, error
     if (task->state != QUEUE_SUCCEEDED) return true;
     error why = {0};
     result r = {0};
-    char *directory = result_directory(a->state_dir, id, task->frame);
+    char *directory = result_directory(a->work_dir, id, task->frame);
     bool whole = result_read(directory, &r, &why), seen = whole || why.code != ERROR_INTERNAL;
     a->results++;
     if (!whole && seen) {
@@ -83,7 +83,7 @@ static bool look_at_directory(audit *a, const char *name, error *e)
 
 static bool look_for_strangers(audit *a, error *e)
 {
-    char *path = mem_printf("%s/results", a->state_dir);
+    char *path = mem_printf("%s/results", a->work_dir);
     DIR *listing = opendir(path);
     bool ok = listing || errno == ENOENT || error_set(e, ERROR_INTERNAL, "%s: %s", path, strerror(errno));
     for (struct dirent *entry; ok && listing && (entry = readdir(listing));)
@@ -93,9 +93,9 @@ static bool look_for_strangers(audit *a, error *e)
     return ok;
 }
 
-bool audit_results(queue *q, const char *state_dir, FILE *out, size_t *results, size_t *findings, error *e)
+bool audit_results(queue *q, const char *work_dir, FILE *out, size_t *results, size_t *findings, error *e)
 {
-    audit a = {.q = q, .state_dir = state_dir, .out = out};
+    audit a = {.q = q, .work_dir = work_dir, .out = out};
     bool ok = look_at_jobs(&a, e) && look_for_strangers(&a, e);
     *results += a.results;
     *findings += a.findings;

@@ -10,6 +10,6 @@
 
 /* Finds succeeded tasks whose result is missing or incomplete, and results of jobs that the queue does not know.
  * Prints a line for each and adds their number to *findings. *results is the number of results that were checked. */
-bool audit_results(queue *q, const char *state_dir, FILE *out, size_t *results, size_t *findings, error *e);
+bool audit_results(queue *q, const char *work_dir, FILE *out, size_t *results, size_t *findings, error *e);
 
 #endif

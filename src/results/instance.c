@@ -15,11 +15,11 @@
 #define WAYS_OUT "restore a backup of " DATABASE_FILE_NAME ", or start once with --adopt"
 
 /* Reads the id of the directory; "": it has none. A file that contains no id is an error (spec_invalid). */
-static bool read_file(const char *state_dir, char id[ULID_SIZE], error *e)
+static bool read_file(const char *work_dir, char id[ULID_SIZE], error *e)
 {
     error why = {0};
     size_t length = 0;
-    char *path = mem_printf("%s/" INSTANCE_FILE_NAME, state_dir);
+    char *path = mem_printf("%s/" INSTANCE_FILE_NAME, work_dir);
     char *text = store_file_read(path, 64, &length, &why);
     bool absent = !text && errno == ENOENT, strange = text || errno == EFBIG, ok = absent;
     id[0] = '\0';
@@ -40,9 +40,9 @@ static bool read_file(const char *state_dir, char id[ULID_SIZE], error *e)
     return ok;
 }
 
-static bool write_file(const char *state_dir, const char *id, error *e)
+static bool write_file(const char *work_dir, const char *id, error *e)
 {
-    char *path = mem_printf("%s/" INSTANCE_FILE_NAME, state_dir), *line = mem_printf("%s\n", id);
+    char *path = mem_printf("%s/" INSTANCE_FILE_NAME, work_dir), *line = mem_printf("%s\n", id);
     bool ok = store_file_write(path, line, strlen(line), e);
     free(path);
     free(line);
@@ -50,9 +50,9 @@ static bool write_file(const char *state_dir, const char *id, error *e)
 }
 
 /* Whether results/ contains anything. A directory that cannot be read counts as if it did. */
-static bool holds_results(const char *state_dir)
+static bool holds_results(const char *work_dir)
 {
-    char *path = mem_printf("%s/results", state_dir);
+    char *path = mem_printf("%s/results", work_dir);
     DIR *listing = opendir(path);
     bool any = !listing && errno != ENOENT;
     for (struct dirent *entry; !any && listing && (entry = readdir(listing));)
@@ -62,26 +62,26 @@ static bool holds_results(const char *state_dir)
     return any;
 }
 
-static bool refuse_new(const char *state_dir, error *e)
+static bool refuse_new(const char *state_dir, const char *work_dir, error *e)
 {
     return error_set(e, ERROR_INTERNAL,
                      "%s/" DATABASE_FILE_NAME " is lost or empty, but %s/results holds results: " WAYS_OUT
                      ", which reads them back into a new queue",
-                     state_dir, state_dir);
+                     state_dir, work_dir);
 }
 
-static bool check(queue *q, const char *state_dir, const char *own, error *e)
+static bool check(queue *q, const char *state_dir, const char *work_dir, const char *own, error *e)
 {
     queue_instance its = {0};
     bool found = false;
     if (!queue_get_instance(q, &its, &found, e)) return false;
     if (!found)
-        return !holds_results(state_dir) ||
+        return !holds_results(work_dir) ||
                error_set(e, ERROR_INTERNAL,
                          "%s/" DATABASE_FILE_NAME
                          " belongs to no instance yet, but %s/results holds results; perhaps"
                          " --adopt was cut short: " WAYS_OUT,
-                         state_dir, state_dir);
+                         state_dir, work_dir);
     if (!*own || strcmp(own, its.id) == 0) return true;
     if (!*its.id)
         return error_set(
@@ -98,11 +98,11 @@ static bool check(queue *q, const char *state_dir, const char *own, error *e)
                      state_dir, its.id, own);
 }
 
-queue *instance_open_queue(const char *state_dir, bool adopt, error *e)
+queue *instance_open_queue(const char *state_dir, const char *work_dir, bool adopt, error *e)
 {
     char own[ULID_SIZE] = "";
     error why = {0};
-    if (!read_file(state_dir, own, &why) && !(adopt && why.code == ERROR_SPEC_INVALID)) {
+    if (!read_file(work_dir, own, &why) && !(adopt && why.code == ERROR_SPEC_INVALID)) {
         if (why.code == ERROR_SPEC_INVALID)
             why.code = ERROR_INTERNAL; /* spec_invalid would blame a setting */
         if (e) *e = why;
@@ -110,12 +110,12 @@ queue *instance_open_queue(const char *state_dir, bool adopt, error *e)
     }
     /* check this before opening, which would create a new database and delete files left beside the lost one */
     bool lost = !header_exists(state_dir);
-    if (lost && !adopt && holds_results(state_dir)) {
-        refuse_new(state_dir, e);
+    if (lost && !adopt && holds_results(work_dir)) {
+        refuse_new(state_dir, work_dir, e);
         return NULL;
     }
     queue *q = queue_open(state_dir, e);
-    if (q && !adopt && !check(q, state_dir, own, e)) {
+    if (q && !adopt && !check(q, state_dir, work_dir, own, e)) {
         queue_close(q);
         return NULL;
     }
@@ -128,14 +128,14 @@ queue *instance_open_queue(const char *state_dir, bool adopt, error *e)
     return q;
 }
 
-bool instance_join(queue *q, const char *state_dir, const char *boot_id, error *e)
+bool instance_join(queue *q, const char *work_dir, const char *boot_id, error *e)
 {
     queue_instance now = {0}, joined = {0};
     char own[ULID_SIZE] = "";
     bool found = false;
     error why = {0};
     if (!queue_get_instance(q, &now, &found, e)) return false;
-    read_file(state_dir, own, NULL);
+    read_file(work_dir, own, NULL);
     if (*own)
         memcpy(joined.id, own, sizeof own);
     else if (*now.id)
@@ -150,7 +150,7 @@ bool instance_join(queue *q, const char *state_dir, const char *boot_id, error *
             return false;
         }
     }
-    if (!*own && !write_file(state_dir, joined.id, &why)) /* the next start tries again */
+    if (!*own && !write_file(work_dir, joined.id, &why)) /* the next start tries again */
         log_write(LOG_LEVEL_WARNING, "the id of this instance is in the database only: %s", why.message);
     return true;
 }

@@ -15,15 +15,15 @@
 
 #define INSTANCE_FILE_NAME "instance"
 
-/* Like queue_open, and checks that the database belongs to the directory. Without `adopt` it refuses
+/* Like queue_open, and checks that the database in state_dir belongs to work_dir, where the results are. Without `adopt` it refuses
  *     no database, or an empty one, when there are results,
  *     a database whose id differs from that of the directory, or is missing while the directory has one.
  * After a refusal nothing has changed. */
-queue *instance_open_queue(const char *state_dir, bool adopt, error *e);
+queue *instance_open_queue(const char *state_dir, const char *work_dir, bool adopt, error *e);
 
 /* Gives the database and the directory the same id, if they do not have it yet, and stores the present boot id of the
  * host. Call it after the inventory: an adoption that is interrupted before is refused or repeated at the next start.
  * When the file cannot be written, a warning is logged. */
-bool instance_join(queue *q, const char *state_dir, const char *boot_id, error *e);
+bool instance_join(queue *q, const char *work_dir, const char *boot_id, error *e);
 
 #endif

@@ -114,9 +114,9 @@ static void append(listing *l, const char *name, int part, size_t *room)
     l->count++;
 }
 
-static bool list(const char *state_dir, int part, listing *l, error *e)
+static bool list(const char *work_dir, int part, listing *l, error *e)
 {
-    char *path = mem_printf("%s/%s", state_dir, parts[part]);
+    char *path = mem_printf("%s/%s", work_dir, parts[part]);
     size_t room = 0;
     struct stat info;
     l->linked = lstat(path, &info) == 0 && S_ISLNK(info.st_mode);
@@ -140,14 +140,14 @@ typedef enum verdict {
 } verdict;
 
 /* The result of a waiting task: a complete one ends the task, any other is in its way. */
-static bool end_from_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v,
+static bool end_from_result(queue *q, const char *work_dir, const queue_directory *d, verdict *v,
                             size_t *ended, error *e)
 {
     struct stat info;
     result r = {0};
     error why = {0};
     bool accepted = false;
-    char *directory = result_directory(state_dir, d->id, d->frame);
+    char *directory = result_directory(work_dir, d->id, d->frame);
     bool whole = lstat(directory, &info) == 0 && S_ISDIR(info.st_mode) && result_read(directory, &r, &why);
     bool ok = whole || why.code != ERROR_INTERNAL ||
               error_set(e, ERROR_INTERNAL, "the result %s: %s", directory, why.message);
@@ -161,14 +161,14 @@ static bool end_from_result(queue *q, const char *state_dir, const queue_directo
 
 /* Decides on a result. A result of a failed task comes from a retry that the (older) database does not know. The job
  * keeps its state, and the result would be in the way of the next retry. */
-static bool judge_result(queue *q, const char *state_dir, const queue_directory *d, verdict *v, size_t *ended,
+static bool judge_result(queue *q, const char *work_dir, const queue_directory *d, verdict *v, size_t *ended,
                          error *e)
 {
     *v = d->to_be_removed || (d->known && (d->state == QUEUE_SUCCEEDED || d->state == QUEUE_RUNNING))
              ? STAYS
              : BELONGS_TO_NOBODY;
     if (d->known && !queue_state_is_final(d->state) && d->state != QUEUE_RUNNING)
-        return end_from_result(q, state_dir, d, v, ended, e);
+        return end_from_result(q, work_dir, d, v, ended, e);
     return true;
 }
 
@@ -185,40 +185,39 @@ typedef struct tally {
     error why; /* the first that could not be moved */
 } tally;
 
-static void move(const char *state_dir, int part, const listing *l, size_t i, tally *t)
+static void move(const char *work_dir, int part, const listing *l, size_t i, tally *t)
 {
     error why = {0};
     if (l->linked)
         error_set(&why, ERROR_INTERNAL,
-                  "%s/%s is a symbolic link, and nothing is taken out of other directories", state_dir,
+                  "%s/%s is a symbolic link, and nothing is taken out of other directories", work_dir,
                   parts[part]);
-    else if (lost_found_move(state_dir, parts[part], l->name[i], &why))
+    else if (lost_found_move(work_dir, parts[part], l->name[i], &why))
         t->moved++;
     if (why.code == ERROR_NONE) return;
     if (!t->left++) t->why = why;
 }
 
-static bool settle_part(queue *q, const char *state_dir, int part, const listing *l, tally *t, error *e)
+static bool settle_part(queue *q, const char *work_dir, int part, const listing *l, tally *t, error *e)
 {
     size_t before = t->moved;
     for (size_t i = 0; i < l->count; i++) {
         verdict v = BELONGS_TO_NOBODY;
         if (i < l->named && part == ATTEMPTS) v = judge_attempt(&l->directory[i]);
-        if (i < l->named && part == RESULTS &&
-            !judge_result(q, state_dir, &l->directory[i], &v, &t->ended, e))
+        if (i < l->named && part == RESULTS && !judge_result(q, work_dir, &l->directory[i], &v, &t->ended, e))
             return false;
         if (v == STAYS) continue;
         size_t left = t->left;
-        move(state_dir, part, l, i, t);
+        move(work_dir, part, l, i, t);
         if (v == IS_IN_THE_WAY && t->left > left)
             return error_set(e, ERROR_INTERNAL,
                              "%s/%s/%s is in the way of a job that is to run, and cannot be moved: %s",
-                             state_dir, parts[part], l->name[i], t->why.message);
+                             work_dir, parts[part], l->name[i], t->why.message);
     }
-    return t->moved == before || lost_found_flush(state_dir, parts[part], e);
+    return t->moved == before || lost_found_flush(work_dir, parts[part], e);
 }
 
-static void tell(const char *state_dir, const tally *t, size_t adopted)
+static void tell(const char *work_dir, const tally *t, size_t adopted)
 {
     if (adopted) log_write(LOG_LEVEL_WARNING, "jobs adopted from their results count=%zu", adopted);
     if (t->ended)
@@ -229,29 +228,29 @@ static void tell(const char *state_dir, const tally *t, size_t adopted)
             LOG_LEVEL_WARNING,
             "results and attempts that belong to no job in the queue were moved to %s/" LOST_FOUND_DIRECTORY
             " count=%zu: look at them, then remove them",
-            state_dir, t->moved);
+            work_dir, t->moved);
     if (t->left)
         log_write(
             LOG_LEVEL_WARNING,
             "results and attempts that belong to no job in the queue stay where they are in %s count=%zu: %s",
-            state_dir, t->left, t->why.message);
+            work_dir, t->left, t->why.message);
 }
 
-bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e)
+bool inventory_take(queue *q, const char *work_dir, bool adopt, error *e)
 {
     listing found[2] = {0};
     tally t = {0};
     size_t adopted = 0;
     listing *results = &found[RESULTS], *attempts = &found[ATTEMPTS];
-    bool ok = list(state_dir, RESULTS, results, e) && list(state_dir, ATTEMPTS, attempts, e) &&
+    bool ok = list(work_dir, RESULTS, results, e) && list(work_dir, ATTEMPTS, attempts, e) &&
               queue_find_directories(q, results->directory, results->named, e);
     if (ok && adopt)
-        ok = adoption_run(q, state_dir, results->directory, results->named, &adopted, e) &&
+        ok = adoption_run(q, work_dir, results->directory, results->named, &adopted, e) &&
              queue_find_directories(q, results->directory, results->named, e);
     ok = ok && queue_find_directories(q, attempts->directory, attempts->named, e) &&
-         settle_part(q, state_dir, RESULTS, results, &t, e) &&
-         settle_part(q, state_dir, ATTEMPTS, attempts, &t, e);
-    tell(state_dir, &t, adopted);
+         settle_part(q, work_dir, RESULTS, results, &t, e) &&
+         settle_part(q, work_dir, ATTEMPTS, attempts, &t, e);
+    tell(work_dir, &t, adopted);
     listing_clear(results);
     listing_clear(attempts);
     return ok;

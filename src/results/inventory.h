@@ -16,7 +16,7 @@
 /* With `adopt`, results of jobs that are not in the queue are added to it, from their reports, as succeeded jobs. A
  * warning tells how many entries were moved or could not be moved. When an entry that is in the way of a job cannot be
  * moved, that is an error. */
-bool inventory_take(queue *q, const char *state_dir, bool adopt, error *e);
+bool inventory_take(queue *q, const char *work_dir, bool adopt, error *e);
 
 /* Parses the name of a result's directory. False when it is not such a name. */
 bool inventory_read_name(const char *name, queue_directory *directory);

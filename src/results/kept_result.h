@@ -8,9 +8,9 @@
 #include "queue/queue.h"
 
 /* Renames the result that an earlier attempt left to `directory`. False when there is none. */
-bool kept_result_take(const char *state_dir, const queue_claimed *claimed, const char *directory);
+bool kept_result_take(const char *work_dir, const queue_claimed *claimed, const char *directory);
 
 /* Removes the kept results of those tasks of the job that were cancelled. */
-void kept_result_remove(queue *q, const char *state_dir, const char *id);
+void kept_result_remove(queue *q, const char *work_dir, const char *id);
 
 #endif

@@ -22,10 +22,10 @@ static char *free_place(const char *directory, const char *name)
     return place;
 }
 
-bool lost_found_move(const char *state_dir, const char *part, const char *name, error *e)
+bool lost_found_move(const char *work_dir, const char *part, const char *name, error *e)
 {
-    char *directory = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", state_dir, part);
-    char *from = mem_printf("%s/%s/%s", state_dir, part, name), *to = NULL;
+    char *directory = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", work_dir, part);
+    char *from = mem_printf("%s/%s/%s", work_dir, part, name), *to = NULL;
     bool ok = store_directory_create(directory, e);
     if (ok) {
         to = free_place(directory, name);
@@ -38,10 +38,10 @@ bool lost_found_move(const char *state_dir, const char *part, const char *name, 
     return ok;
 }
 
-bool lost_found_flush(const char *state_dir, const char *part, error *e)
+bool lost_found_flush(const char *work_dir, const char *part, error *e)
 {
-    char *from = mem_printf("%s/%s", state_dir, part),
-         *to = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", state_dir, part);
+    char *from = mem_printf("%s/%s", work_dir, part),
+         *to = mem_printf("%s/" LOST_FOUND_DIRECTORY "/%s", work_dir, part);
     bool ok = store_directory_sync(to, e) && store_directory_sync(from, e);
     free(from);
     free(to);

@@ -12,11 +12,11 @@
 
 #define LOST_FOUND_DIRECTORY "lost+found"
 
-/* Moves "STATE_DIR/PART/NAME" to "STATE_DIR/lost+found/PART/NAME", or to NAME~1, NAME~2, ... where that is taken. A
+/* Moves "WORK_DIR/PART/NAME" to "WORK_DIR/lost+found/PART/NAME", or to NAME~1, NAME~2, ... where that is taken. A
  * symbolic link is moved itself. lost_found_flush makes the move durable. */
-bool lost_found_move(const char *state_dir, const char *part, const char *name, error *e);
+bool lost_found_move(const char *work_dir, const char *part, const char *name, error *e);
 
 /* Flushes the directory entries of PART in both places to disk. */
-bool lost_found_flush(const char *state_dir, const char *part, error *e);
+bool lost_found_flush(const char *work_dir, const char *part, error *e);
 
 #endif

@@ -24,16 +24,16 @@
 /* No output has this name, because no output name begins with a point. */
 #define LISTING_NAME ".listing.json"
 
-char *result_directory(const char *state_dir, const char *id, int frame)
+char *result_directory(const char *work_dir, const char *id, int frame)
 {
-    return frame == QUEUE_NO_FRAME ? mem_printf("%s/results/%s", state_dir, id)
-                                   : mem_printf("%s/results/%s.%d", state_dir, id, frame);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/results/%s", work_dir, id)
+                                   : mem_printf("%s/results/%s.%d", work_dir, id, frame);
 }
 
-char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt)
+char *result_attempt_directory(const char *work_dir, const char *id, int frame, int attempt)
 {
-    return frame == QUEUE_NO_FRAME ? mem_printf("%s/attempts/%s.%d", state_dir, id, attempt)
-                                   : mem_printf("%s/attempts/%s.%d.%d", state_dir, id, frame, attempt);
+    return frame == QUEUE_NO_FRAME ? mem_printf("%s/attempts/%s.%d", work_dir, id, attempt)
+                                   : mem_printf("%s/attempts/%s.%d.%d", work_dir, id, frame, attempt);
 }
 
 void result_clear(result *r)

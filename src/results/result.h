@@ -44,10 +44,10 @@ void result_clear(result *r); /* accepts an empty one */
  * name. */
 int result_open_file(const char *directory, const char *name, int64_t *bytes, error *e);
 
-/* The paths "STATE_DIR/results/ID" and "STATE_DIR/attempts/ID.N"; with a frame "ID.FRAME" replaces ID. To be freed.
+/* The paths "WORK_DIR/results/ID" and "WORK_DIR/attempts/ID.N"; with a frame "ID.FRAME" replaces ID. To be freed.
  * `frame` is QUEUE_NO_FRAME when the job is no array. */
-char *result_directory(const char *state_dir, const char *id, int frame);
-char *result_attempt_directory(const char *state_dir, const char *id, int frame, int attempt);
+char *result_directory(const char *work_dir, const char *id, int frame);
+char *result_attempt_directory(const char *work_dir, const char *id, int frame, int attempt);
 
 /* The space that a directory of a result or an attempt takes on the disk: its blocks and those of its files, also of
  * files that other directories share by hard links. 0: there is no such directory. */

@@ -27,7 +27,7 @@
 
 struct retention {
     queue *q;
-    char *state_dir;
+    char *work_dir;
     store_inputs *inputs; /* NULL: uploaded files are not collected */
     int64_t keep_ms;
     pthread_t thread;
@@ -49,11 +49,11 @@ struct retention {
  * that an earlier removal left, or none at all, are fine. */
 static bool remove_task(retention *r, const queue_removal *task, error *e)
 {
-    char *path = result_directory(r->state_dir, task->id, task->frame);
+    char *path = result_directory(r->work_dir, task->id, task->frame);
     bool ok = store_remove(path, e);
     free(path);
     for (int number = 1; ok && number <= task->attempts; number++) {
-        path = result_attempt_directory(r->state_dir, task->id, task->frame, number);
+        path = result_attempt_directory(r->work_dir, task->id, task->frame, number);
         ok = store_remove(path, e);
         free(path);
     }
@@ -63,8 +63,7 @@ static bool remove_task(retention *r, const queue_removal *task, error *e)
 /* A removal just before a crash may not be flushed, although the directory is not found any more. */
 static bool flush_places(retention *r, error *e)
 {
-    char *results = mem_printf("%s/results", r->state_dir),
-         *attempts = mem_printf("%s/attempts", r->state_dir);
+    char *results = mem_printf("%s/results", r->work_dir), *attempts = mem_printf("%s/attempts", r->work_dir);
     bool ok = store_directory_sync(results, e) && store_directory_sync(attempts, e);
     free(results);
     free(attempts);
@@ -203,8 +202,8 @@ static bool measure(retention *r, const char *id, int64_t *bytes, error *e)
     if (!queue_list_tasks(r->q, id, -1, INT32_MAX, &tasks, &count, e)) return false;
     for (size_t i = 0; i < count; i++)
         for (int attempt = 0; attempt <= tasks[i].attempt; attempt++) {
-            char *path = attempt ? result_attempt_directory(r->state_dir, id, tasks[i].frame, attempt)
-                                 : result_directory(r->state_dir, id, tasks[i].frame);
+            char *path = attempt ? result_attempt_directory(r->work_dir, id, tasks[i].frame, attempt)
+                                 : result_directory(r->work_dir, id, tasks[i].frame);
             *bytes += result_disk_bytes(path);
             free(path);
         }
@@ -320,11 +319,11 @@ static void release(retention *r)
     pthread_mutex_destroy(&r->mutex);
     fetches_free(r->fetches);
     free(r->delivered);
-    free(r->state_dir);
+    free(r->work_dir);
     free(r);
 }
 
-retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, int room_fd,
+retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int room_fd,
                            error *e)
 {
     retention *r = mem_alloc(sizeof *r);
@@ -334,7 +333,7 @@ retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs
     r->left = true; /* a crash may have left some */
     r->inputs = keep_s > 0 ? inputs : NULL;
     r->keep_ms = (int64_t)(keep_s * 1000);
-    r->state_dir = mem_strdup(state_dir);
+    r->work_dir = mem_strdup(work_dir);
     pthread_mutex_init(&r->mutex, NULL);
     pthread_mutex_init(&r->removing, NULL);
     pthread_cond_init(&r->woken, NULL);

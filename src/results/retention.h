@@ -22,7 +22,7 @@ typedef struct retention retention;
  * `room_fd`, an eventfd, is written when a job was deleted: there may be room for the results of others.
  * Uploaded files are removed `keep_s` after their last use, unless an unfinished job reads them. They are kept for ever
  * when keep_s is 0 or inputs is NULL. */
-retention *retention_start(queue *q, const char *state_dir, store_inputs *inputs, double keep_s, int room_fd,
+retention *retention_start(queue *q, const char *work_dir, store_inputs *inputs, double keep_s, int room_fd,
                            error *e);
 void retention_stop(retention *r); /* accepts NULL */
 

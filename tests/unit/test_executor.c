@@ -80,7 +80,7 @@ static void start_with(place *p, const char *script, executor_settings settings)
 {
     assert_true(store_file_write(p->worker, script, strlen(script), NULL));
     assert_int_equal(chmod(p->worker, 0700), 0);
-    settings.state_dir = p->base;
+    settings.state_dir = settings.work_dir = p->base;
     settings.worker = p->worker;
     error e = {0};
     p->x = executor_start(&settings, p->q, &e);
@@ -594,7 +594,7 @@ static void test_waits_double(void **state)
     static const int64_t expected_s[] = {1000, 2000, 4000, 5000, 5000};
     meter counts = {.cache_hits = 0};
     const settlement_place where = {
-        .q = p->q, .state_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
+        .q = p->q, .work_dir = p->base, .backoff = {1000, 5000}, .meter = &counts};
     const queue_room room = {.threads = 1, .all_threads = 1, .memory_mb = 9, .all_memory_mb = 9};
     put(p, "{}", 99, id);
     for (int i = 0; i < 5; i++) {
@@ -683,7 +683,7 @@ static settlement_place make_place(place *p, int max_interruptions)
     free(attempts);
     static meter counts;
     return (settlement_place){.q = p->q,
-                              .state_dir = p->base,
+                              .work_dir = p->base,
                               .host = "here",
                               .meter = &counts,
                               .max_interruptions = max_interruptions};
@@ -692,7 +692,7 @@ static settlement_place make_place(place *p, int max_interruptions)
 static void recover(const settlement_place *where, bool restarted)
 {
     error e = {0};
-    if (!settlement_recover(where, restarted, &e)) fail_msg("%s", e.message);
+    if (!settlement_recover(where, restarted, NULL, NULL, &e)) fail_msg("%s", e.message);
 }
 
 static queue_task only_task(place *p, const char *id)

@@ -44,12 +44,13 @@ static int set_up(void **state)
     if (!p->q) fail_msg("%s", e.message);
     executor_settings settings = {.engine = &engine_local,
                                   .state_dir = p->base,
+                                  .work_dir = p->base,
                                   .worker = "/nonexistent",
                                   .workers = 1,
                                   .memory_mb = 1024};
     p->x = executor_start(&settings, p->q, &e);
     if (!p->x) fail_msg("%s", e.message);
-    p->context = (http_context){.q = p->q, .x = p->x, .state_dir = p->base, .max_attempts = 3};
+    p->context = (http_context){.q = p->q, .x = p->x, .work_dir = p->base, .max_attempts = 3};
     get_fails = false;
     *state = p;
     return 0;

@@ -1,0 +1,208 @@
+/* Inspection: from the files of the attempts, and from what Slurm says, to how each attempt has ended. */
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "base/worker_contract.h"
+#include "slurm/place.h"
+
+/* A network file system may show an ending so much later than Slurm says that the job is over. */
+#define LATE_MS 3000
+/* How long Slurm is waited for to say why it has stopped a worker. */
+#define WORD_MS 30000
+/* How long a listing is believed that an attempt waits; then its files are looked at. */
+#define FRESH_MS 2000
+
+/* What is decided from, taken at once. */
+typedef struct view {
+    engine_attempt *a;
+    char *directory;
+    bool waits; /* it is not submitted */
+    bool refused, cancelled, forced, told;
+    slurm_task task; /* as Slurm says */
+    bool gone;       /* Slurm answers, and has not known it for long enough */
+    bool began;
+    int64_t over_ms, stopped_ms, offset;
+} view;
+
+static view take_view(slurm *s, engine_attempt *a)
+{
+    view v = {.a = a,
+              .directory = a->directory,
+              .waits = !a->batch,
+              .refused = a->refused,
+              .cancelled = a->cancelled,
+              .forced = a->forced,
+              .told = a->told,
+              .began = a->began_ms != INT64_MAX,
+              .over_ms = a->over_ms,
+              .stopped_ms = a->stopped_ms,
+              .offset = a->offset};
+    if (a->batch) v.task = a->batch->tasks[a->task];
+    v.gone = a->batch && s->listing >= v.task.listing + 2 &&
+             clock_monotonic_ms() - v.task.seen_ms >= (int64_t)(s->settings.lost_s * 1000);
+    if (v.gone) v.task.state = &slurm_state_gone;
+    return v;
+}
+
+static void end(view *v, const engine_ending *ending)
+{
+    slurm *s = v->a->place;
+    pthread_mutex_lock(&s->mutex);
+    free(v->a->ending.last_words);
+    v->a->ending = *ending;
+    slurm_leave(v->a);
+    v->a->ended = true;
+    pthread_mutex_unlock(&s->mutex);
+    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written; /* a full counter is readable, which is enough */
+}
+
+static void end_lost(view *v, engine_loss loss, const char *why)
+{
+    engine_ending ending = {.exit_status = -1, .signal = -1, .loss = loss};
+    snprintf(ending.why, sizeof ending.why, "%s%s%s", why, *v->task.host ? ", node " : "", v->task.host);
+    snprintf(ending.host, sizeof ending.host, "%s", v->task.host);
+    end(v, &ending);
+}
+
+static void keep_progress(view *v)
+{
+    slurm *s = v->a->place;
+    char *line = attempt_files_read_progress(v->directory, &v->offset);
+    if (!line && (v->began || !attempt_files_is_taken(v->directory))) return;
+    bool news = line != NULL;
+    pthread_mutex_lock(&s->mutex);
+    if (!v->began) v->a->began_ms = clock_monotonic_ms();
+    v->began = true;
+    v->a->offset = v->offset;
+    if (line) {
+        free(v->a->fresh);
+        v->a->fresh = line;
+    }
+    pthread_mutex_unlock(&s->mutex);
+    if (!news) return;
+    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written;
+}
+
+/* A worker that was stopped does not know why; Slurm may. False: it has not said so yet. */
+static bool explain(view *v, engine_ending *ending)
+{
+    const slurm_state *state = v->task.state;
+    bool killed = ending->signal == SIGKILL || ending->signal == SIGTERM ||
+                  ending->exit_status == WORKER_EXIT_CANCELLED;
+    if (v->cancelled || !killed) return true;
+    int64_t now = clock_monotonic_ms();
+    if (!v->stopped_ms) {
+        pthread_mutex_lock(&v->a->place->mutex);
+        v->a->stopped_ms = now;
+        pthread_mutex_unlock(&v->a->place->mutex);
+        return false;
+    }
+    if (state && state->speaks) {
+        ending->loss = state->begun;
+        ending->out_of_memory = strcmp(state->name, "OUT_OF_MEMORY") == 0;
+        snprintf(ending->why, sizeof ending->why, "%s, node %s", state->words, ending->host);
+        if (!ending->out_of_memory) return true;
+        ending->loss = ENGINE_NOT_LOST;
+        ending->exit_status = -1;
+        ending->signal = SIGKILL;
+        return true;
+    }
+    return (state && state->over) || now - v->stopped_ms >= WORD_MS;
+}
+
+/* True when there is an ending, which is complete. */
+static bool read_ending(view *v)
+{
+    engine_ending ending = {0};
+    bool found = false;
+    error e = {0};
+    if (!attempt_files_read_ending(v->directory, &ending, &found, &e)) {
+        log_write(LOG_LEVEL_DEBUG, "an ending cannot be read, and is read again: %s", e.message);
+        return true;
+    }
+    if (found && explain(v, &ending))
+        end(v, &ending);
+    else
+        free(ending.last_words);
+    return found;
+}
+
+/* Whoever creates the claim decides: if it is this side, no node will ever run the attempt. */
+static void follow_cancel(view *v)
+{
+    error e = {0};
+    attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory);
+    if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
+        end_lost(v, ENGINE_GIVEN_BACK, "its worker had not begun");
+    } else if (!v->told && attempt_files_cancel(v->directory, &e)) {
+        pthread_mutex_lock(&v->a->place->mutex);
+        v->a->told = true;
+        pthread_mutex_unlock(&v->a->place->mutex);
+    } else if (v->forced) {
+        end_lost(v, ENGINE_INTERRUPTED, "it was given up while its worker may have run on");
+    }
+}
+
+static void follow_over(view *v)
+{
+    const slurm_state *state = v->task.state;
+    int64_t now = clock_monotonic_ms();
+    error e = {0};
+    if (!v->over_ms) {
+        pthread_mutex_lock(&v->a->place->mutex);
+        v->a->over_ms = now;
+        pthread_mutex_unlock(&v->a->place->mutex);
+        return;
+    }
+    if (now - v->over_ms < LATE_MS) return;
+    attempt_files_claim claim = attempt_files_take(v->directory);
+    if (claim == ATTEMPT_FILES_UNCLEAR) return;
+    if (claim == ATTEMPT_FILES_TAKEN) attempt_files_cancel(v->directory, &e); /* its worker may run on */
+    if (claim == ATTEMPT_FILES_TAKEN && strcmp(state->name, "OUT_OF_MEMORY") == 0) {
+        engine_ending ending = {.exit_status = -1, .signal = SIGKILL, .out_of_memory = true};
+        end(v, &ending);
+        return;
+    }
+    end_lost(v, claim == ATTEMPT_FILES_TAKEN ? state->begun : state->not_begun, state->words);
+}
+
+static void inspect(view *v)
+{
+    const slurm_state *state = v->task.state;
+    if (v->refused) {
+        end_lost(v, ENGINE_REFUSED, v->a->ending.why);
+        return;
+    }
+    if (v->waits) {
+        if (v->cancelled) end_lost(v, ENGINE_GIVEN_BACK, "it was not submitted");
+        return;
+    }
+    bool fresh = clock_monotonic_ms() - v->task.seen_ms < FRESH_MS;
+    if (state && state->waits && fresh && !v->cancelled) return; /* spares the storage */
+    keep_progress(v);
+    if (read_ending(v)) return;
+    if (v->cancelled)
+        follow_cancel(v);
+    else if (state && state->over)
+        follow_over(v);
+}
+
+void slurm_inspect(slurm *s)
+{
+    pthread_mutex_lock(&s->mutex);
+    size_t count = 0;
+    view *views = mem_alloc((s->attempt_count + 1) * sizeof *views);
+    for (engine_attempt *a = s->first; a; a = a->next)
+        if (!a->ended) views[count++] = take_view(s, a);
+    pthread_mutex_unlock(&s->mutex);
+    for (size_t i = 0; i < count; i++) inspect(&views[i]);
+    free(views);
+}

@@ -1,0 +1,181 @@
+/* Listings: what Slurm says about all jobs of this service, in one answer. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "slurm/command.h"
+#include "slurm/place.h"
+
+/* So that asking takes a quarter of the time at most, however many jobs there are. */
+#define PAUSE_TIMES 3
+/* Jobs that one scancel names. */
+#define CANCEL_MOST 500
+
+typedef struct row {
+    char *number, *element, *name, *state, *host, *reason;
+} row;
+
+/* Splits the next line of `*text`, which moves on. */
+static bool next_row(char **text, row *r)
+{
+    char *fields[6], *line = *text;
+    if (!*line) return false;
+    size_t length = strcspn(line, "\n");
+    *text = line + length + (line[length] == '\n');
+    line[length] = '\0';
+    for (size_t i = 0; i < 6; i++) {
+        fields[i] = line;
+        size_t part = i < 5 ? strcspn(line, "|") : strlen(line);
+        line += part;
+        if (*line) *line++ = '\0';
+    }
+    *r = (row){fields[0], fields[1], fields[2], fields[3], fields[4], fields[5]};
+    return true;
+}
+
+typedef struct names {
+    char **name;
+    size_t count;
+} names;
+
+static void add_name(names *n, char *name)
+{
+    n->name = mem_resize(n->name, (n->count + 1) * sizeof *n->name);
+    n->name[n->count++] = name;
+}
+
+static void names_clear(names *n)
+{
+    for (size_t i = 0; i < n->count; i++) free(n->name[i]);
+    free(n->name);
+    *n = (names){0};
+}
+
+static bool has_name(char *const *list, size_t count, const char *name)
+{
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(list[i], name) == 0) return true;
+    return false;
+}
+
+/* All attempts of a task were cancelled, or none is left. */
+static bool is_unwanted(const slurm *s, const slurm_batch *b, size_t task)
+{
+    if (b->tasks[task].members == 0) return true;
+    for (const engine_attempt *a = s->first; a; a = a->next)
+        if (a->batch == b && a->task == task && !a->ended && !a->cancelled) return false;
+    return true;
+}
+
+typedef struct listing {
+    slurm_batch *last; /* of the row before: arrays come in a piece */
+    names strays; /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again */
+    names doomed; /* to be cancelled now */
+} listing;
+
+/* With the mutex. */
+static void take_row(slurm *s, listing *l, const row *r, bool any_cancelled)
+{
+    if (strncmp(r->name, s->prefix, strlen(s->prefix)) != 0) return;
+    const slurm_state *state = slurm_state_of(r->state);
+    if (!l->last || strcmp(l->last->name, r->name) != 0) l->last = slurm_batch_find(s, r->name);
+    size_t number = strtoul(r->element, NULL, 10);
+    if (!l->last) {
+        if (state->over || strcmp(r->state, "COMPLETING") == 0) return;
+        char *id = mem_printf("%s %s", r->name, r->number);
+        if (!has_name(s->stray, s->stray_count, id))
+            add_name(&l->strays, id);
+        else if (!has_name(l->doomed.name, l->doomed.count, id))
+            add_name(&l->doomed, id);
+        else
+            free(id);
+        return;
+    }
+    if (number >= l->last->task_count) return;
+    slurm_task *task = &l->last->tasks[number];
+    task->state = state;
+    task->listing = s->listing;
+    task->seen_ms = clock_monotonic_ms();
+    snprintf(task->host, sizeof task->host, "%s", r->host);
+    snprintf(task->reason, sizeof task->reason, "%s", r->reason);
+    if (any_cancelled && !state->over && is_unwanted(s, l->last, number))
+        add_name(&l->doomed, mem_printf("%s %s_%s", r->name, r->number, r->element));
+}
+
+/* Cancels those from the first on that are of one job, and returns how many. The name goes along: a number alone may
+ * be another job's by now. */
+static size_t cancel_some(const slurm *s, char *const *doomed, size_t count)
+{
+    const char *arguments[CANCEL_MOST + 4] = {"scancel", "--quiet"};
+    size_t length = strcspn(doomed[0], " ") + 1, i = 0;
+    char *name = mem_printf("--name=%.*s", (int)length - 1, doomed[0]);
+    command_result said = {0};
+    error e = {0};
+    arguments[2] = name;
+    for (; i < count && i < CANCEL_MOST && strncmp(doomed[i], doomed[0], length) == 0; i++)
+        arguments[i + 3] = doomed[i] + length;
+    bool ok = command_run(arguments, NULL, s->settings.command_s, &said, &e);
+    log_write(LOG_LEVEL_DEBUG, "slurm: scancel %s tasks=%zu%s%s", name, i, ok ? "" : ": ", e.message);
+    if (ok) command_clear(&said);
+    free(name);
+    return i;
+}
+
+static bool ask(const slurm *s, command_result *said)
+{
+    error e = {0};
+    char *user = mem_printf("--user=%ld", (long)geteuid());
+    const char *arguments[] = {
+        "squeue", "--noheader", "--array", "--all", "--states=all", user, "--format=%F|%K|%j|%T|%N|%r", NULL};
+    bool ok = command_run(arguments, NULL, s->settings.command_s, said, &e);
+    free(user);
+    if (ok && said->status == 0) return true;
+    log_write(s->away ? LOG_LEVEL_DEBUG : LOG_LEVEL_WARNING,
+              "slurm: squeue does not answer, and nothing is decided until it does: %.*s",
+              ok ? (int)strcspn(said->complaint, "\n") : (int)strlen(e.message),
+              ok ? said->complaint : e.message);
+    if (ok) command_clear(said);
+    return false;
+}
+
+/* With the mutex. */
+static void take_listing(slurm *s, char *text, listing *l)
+{
+    row r;
+    bool any_cancelled = false;
+    s->listing++;
+    for (const engine_attempt *a = s->first; a && !any_cancelled; a = a->next) any_cancelled = a->cancelled;
+    for (const slurm_batch *b = s->batches; b && !any_cancelled; b = b->next)
+        for (size_t i = 0; i < b->task_count && !any_cancelled; i++) any_cancelled = !b->tasks[i].members;
+    while (next_row(&text, &r)) take_row(s, l, &r, any_cancelled);
+    names old = {s->stray, s->stray_count};
+    names_clear(&old);
+    s->stray = l->strays.name;
+    s->stray_count = l->strays.count;
+    s->quiet = s->attempt_count || s->stray_count || l->doomed.count ? 0 : s->quiet + 1;
+}
+
+void slurm_list(slurm *s)
+{
+    command_result said = {0};
+    listing l = {0};
+    int64_t began_ms = clock_monotonic_ms();
+    bool answered = ask(s, &said);
+    pthread_mutex_lock(&s->mutex);
+    if (answered) take_listing(s, said.output, &l);
+    s->away = !answered;
+    pthread_mutex_unlock(&s->mutex);
+    command_clear(&said);
+    for (size_t i = 0; i < l.doomed.count;) i += cancel_some(s, l.doomed.name + i, l.doomed.count - i);
+    names_clear(&l.doomed);
+    int64_t pause_ms = (int64_t)(s->settings.interval_s * 1000), took_ms = clock_monotonic_ms() - began_ms;
+    if (pause_ms < PAUSE_TIMES * took_ms) pause_ms = PAUSE_TIMES * took_ms;
+    pthread_mutex_lock(&s->mutex);
+    s->list_due_ms = clock_monotonic_ms() + pause_ms;
+    pthread_cond_signal(&s->files_due);
+    pthread_mutex_unlock(&s->mutex);
+}

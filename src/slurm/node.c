@@ -1,0 +1,146 @@
+#include "slurm/node.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/memory.h"
+#include "executor/host.h"
+#include "executor/local.h"
+#include "slurm/attempt_files.h"
+#include "store/file.h"
+
+/* Between two looks for a cancellation, and between two writes of progress, which others read over the network. */
+#define LOOK_MS 500
+/* An ending is worth some patience: without it the whole attempt is lost. */
+#define ENDING_TRIES 30
+
+typedef struct run {
+    const char *directory;
+    engine_attempt *attempt;
+    int signals;
+    bool stopped, cancelled; /* by a signal; by that or by the service */
+    int64_t force_ms;        /* when the worker is killed */
+    char *progress;          /* lines to be written */
+    size_t progress_length;
+} run;
+
+static void add_line(run *r, const char *line)
+{
+    size_t length = strlen(line);
+    r->progress = mem_resize(r->progress, r->progress_length + length + 2);
+    memcpy(r->progress + r->progress_length, line, length);
+    r->progress_length += length;
+    r->progress[r->progress_length++] = '\n';
+    r->progress[r->progress_length] = '\0';
+}
+
+/* What cannot be written is not missed: an ending tells all. */
+static void write_lines(run *r)
+{
+    if (r->progress_length) attempt_files_add_progress(r->directory, r->progress);
+    r->progress_length = 0;
+}
+
+static void take_signals(run *r)
+{
+    struct signalfd_siginfo info;
+    while (read(r->signals, &info, sizeof info) == sizeof info) r->stopped = true;
+}
+
+static void stop_if_asked(run *r)
+{
+    int64_t now = clock_monotonic_ms();
+    take_signals(r);
+    bool asked = r->stopped || attempt_files_is_cancelled(r->directory);
+    if (asked && !r->cancelled) {
+        engine_local.cancel(r->attempt, false);
+        r->cancelled = true;
+        r->force_ms = now + NODE_GRACE_S * 1000;
+    }
+    if (r->cancelled && now >= r->force_ms) engine_local.cancel(r->attempt, true);
+}
+
+static void wait_for_end(run *r)
+{
+    const char *line;
+    int64_t look_ms = 0;
+    while (!engine_local.poll(r->attempt, &line)) {
+        if (line) add_line(r, line);
+        int64_t now = clock_monotonic_ms();
+        if (now >= look_ms) {
+            write_lines(r);
+            stop_if_asked(r);
+            look_ms = now + LOOK_MS;
+        }
+        struct pollfd fds[1 + ENGINE_MAX_FDS] = {{.fd = r->signals, .events = POLLIN}};
+        size_t count = 1 + engine_local.watch(r->attempt, fds + 1);
+        poll(fds, count, (int)(look_ms - now));
+        if (fds[0].revents) look_ms = 0;
+    }
+    if (line) add_line(r, line);
+    write_lines(r);
+    take_signals(r); /* Slurm signals the worker, too */
+}
+
+static bool tell_ending(const run *r, const engine_ending *ending, error *e)
+{
+    for (int i = 0; i < ENDING_TRIES; i++) {
+        if (attempt_files_write_ending(r->directory, ending, e)) return true;
+        if (!attempt_files_exist(r->directory)) return true; /* given up by the service */
+        poll(NULL, 0, 1000);
+    }
+    return false;
+}
+
+static bool run_attempt(const char *directory, int signals, bool *stopped, error *e)
+{
+    engine_request request = {0};
+    engine_ending ending = {0};
+    run r = {.directory = directory, .signals = signals};
+    if (!attempt_files_read_request(directory, &request, e)) return false;
+    int64_t began_ms = clock_monotonic_ms();
+    r.attempt = engine_local.start(NULL, &request, e);
+    attempt_files_clear_request(&request);
+    if (!r.attempt) return false;
+    add_line(&r, "{\"phase\":\"load\",\"fraction\":0}"); /* shows that it has begun */
+    wait_for_end(&r);
+    engine_local.settle(r.attempt, &ending);
+    ending.ran_ms = clock_monotonic_ms() - began_ms + 1;
+    host_name(ending.host, sizeof ending.host);
+    bool ok = tell_ending(&r, &ending, e);
+    free(ending.last_words);
+    free(r.progress);
+    *stopped = r.stopped;
+    return ok;
+}
+
+bool node_run(const char *farm, char *const *names, size_t count, error *e)
+{
+    sigset_t wanted;
+    sigemptyset(&wanted);
+    sigaddset(&wanted, SIGTERM);
+    sigaddset(&wanted, SIGINT);
+    sigprocmask(SIG_BLOCK, &wanted, NULL);
+    signal(SIGXFSZ, SIG_IGN);
+    int signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
+    bool ok = signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno)), stopped = false;
+    for (size_t i = 0; ok && !stopped && i < count; i++) {
+        char *directory = mem_printf("%s/%s", farm, names[i]);
+        attempt_files_claim claim = attempt_files_take(directory);
+        if (claim == ATTEMPT_FILES_UNCLEAR || access(farm, F_OK) != 0)
+            ok = error_set(e, ERROR_INTERNAL, "%s cannot be written by this node: is work_dir mounted?",
+                           directory);
+        else if (claim == ATTEMPT_FILES_WON)
+            ok = run_attempt(directory, signals, &stopped, e);
+        free(directory);
+    }
+    if (signals >= 0) close(signals);
+    return ok;
+}

@@ -1,0 +1,105 @@
+/* place: what the threads of the Slurm engine share; of no use to others.
+ *
+ * The commands thread (slurm/submission, slurm/listing) fills in what Slurm says. The files thread (slurm/inspection)
+ * decides when an attempt has ended. The supervisor starts, polls, cancels and settles attempts. `mutex` guards all
+ * members; nobody holds it while a file or a command is waited for. The supervisor frees an attempt only after the
+ * files thread has ended it, and no thread but the files thread keeps a pointer to one without the mutex.
+ */
+#ifndef HEXAD_SLURM_PLACE_H
+#define HEXAD_SLURM_PLACE_H
+
+#include <pthread.h>
+
+#include "slurm/attempt_files.h"
+#include "slurm/slurm.h"
+#include "slurm/state.h"
+
+/* One task of a job array, which runs one attempt, or several small ones. */
+typedef struct slurm_task {
+    const slurm_state *state; /* NULL: not seen yet */
+    uint64_t listing;         /* when it was seen last, or submitted */
+    int64_t seen_ms;          /* the same, monotonic */
+    char host[65];
+    char reason[64]; /* why it waits */
+    size_t members;  /* attempts that have not ended */
+} slurm_task;
+
+typedef struct slurm_batch {
+    char *name;
+    size_t task_count;
+    slurm_task *tasks;
+    size_t users; /* attempts, and a submission under way */
+    struct slurm_batch *next;
+} slurm_batch;
+
+struct engine_attempt {
+    slurm *place;
+    char *name, *directory, *out; /* of the attempt; its directory in farm/; where its results go */
+    char *needs;                  /* options of sbatch, one a line: equal ones may be submitted together */
+    double timeout_s;             /* 0: none */
+    bool small, alone;            /* may share a task; is not submitted with others any more */
+    int64_t since_ms;             /* monotonic: when it came */
+    int64_t not_before_ms;        /* monotonic: when to submit again; 0: at once */
+    slurm_batch *batch;           /* NULL: it waits here */
+    size_t task;
+    bool refused;                 /* by sbatch, as ending.why says */
+    bool cancelled, forced, told; /* asked to end; to be killed; its node was told so */
+    int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
+    int64_t over_ms, stopped_ms;  /* when it was first seen so; 0: not yet */
+    int64_t offset;               /* of what was read of its progress */
+    char *fresh, *newest;         /* progress lines: to be polled, the last that was */
+    bool ended;
+    engine_ending ending;
+    struct engine_attempt *next;
+};
+
+struct slurm {
+    slurm_settings settings;
+    char *farm;   /* work_dir/farm */
+    char *prefix; /* of the names of jobs; NULL until the first attempt tells the instance */
+    int wake_fd;  /* the executor's; -1: not known yet */
+    engine_attempt *first, **last;
+    slurm_batch *batches;
+    size_t attempt_count;
+    uint64_t listing;    /* number of the last one */
+    uint64_t serial;     /* of names */
+    int64_t newest_ms;   /* monotonic: when the last attempt came */
+    bool news;           /* for the commands thread, since it last looked */
+    int64_t list_due_ms; /* monotonic */
+    int quiet;           /* listings since there was something to look for */
+    bool away;           /* Slurm did not answer the last command */
+    char **stray;        /* jobs of ours that nobody wants, as of the last listing */
+    size_t stray_count;
+    char **trash; /* directories to be removed */
+    size_t trash_count;
+    bool closing;
+    pthread_mutex_t mutex;
+    pthread_cond_t commands_due, files_due;
+    pthread_t commands, files;
+};
+
+/* ---- all with the mutex held */
+
+/* The attempt leaves its batch, which is freed with its last user. */
+void slurm_leave(engine_attempt *a);
+void slurm_batch_release(slurm *s, slurm_batch *b);
+slurm_batch *slurm_batch_find(slurm *s, const char *name);
+slurm_batch *slurm_batch_new(slurm *s, const char *name);
+/* Makes room for a task with this number. */
+slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number);
+
+/* ---- without it */
+
+/* Submits what waits. Returns when to look again, monotonic. */
+int64_t slurm_submit(slurm *s);
+
+/* Asks Slurm for all jobs, and cancels those that nobody wants. */
+void slurm_list(slurm *s);
+
+/* Looks at the files of all attempts, and ends those that have ended. */
+void slurm_inspect(slurm *s);
+
+/* Whether Slurm's complaint says that it could not be reached or is busy, so that the same may work later. */
+bool slurm_is_away(const char *complaint);
+
+#endif

@@ -1,0 +1,267 @@
+/* Submission of the attempts that wait: which go together, and what sbatch says. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/clock.h"
+#include "base/log.h"
+#include "base/memory.h"
+#include "slurm/command.h"
+#include "slurm/place.h"
+
+/* Tasks of an array: one less than Slurm's default of MaxArraySize. */
+#define MOST_TASKS 1000
+/* Attempts of an array, whose names are in its script; Slurm takes scripts of 4 MB. */
+#define MOST_MEMBERS 8000
+/* Small attempts share a task only when more wait than would fill so many tasks. */
+#define SPREAD 16
+/* The wait before Slurm is asked again after it could not be reached. */
+#define AWAY_MS 2000
+#define MOST_OPTIONS 64
+/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. */
+#define PAUSE_MS 100
+#define GATHER_MS 2000
+
+/* Of Slurm's client commands: complaints after which nothing was submitted, and the same may work later ... */
+static const char *const away[] = {
+    "Unable to contact slurm controller",           "Connection refused",
+    "Slurm temporarily unable to accept job",       "Resource temporarily unavailable",
+    "Slurm backup controller in standby mode",      "Could not establish a configuration source",
+    "job allocation cannot be granted at this time"};
+/* ... and those after which the job may have been accepted. */
+static const char *const unclear[] = {"Socket timed out",
+                                      "Zero Bytes were transmitted",
+                                      "Communication connection failure",
+                                      "Unexpected message received",
+                                      "Message receive failure",
+                                      "Transport endpoint is not connected",
+                                      "Header lengths are longer than"};
+
+static bool says_any(const char *complaint, const char *const *list, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (strstr(complaint, list[i])) return true;
+    return false;
+}
+
+bool slurm_is_away(const char *complaint)
+{
+    return says_any(complaint, away, sizeof away / sizeof *away) ||
+           says_any(complaint, unclear, sizeof unclear / sizeof *unclear);
+}
+
+/* What is submitted at once. All texts are its own: the attempts may end meanwhile. */
+typedef struct load {
+    slurm_batch *batch;
+    char *needs;
+    char **names;
+    size_t *tasks; /* of each name */
+    size_t count, task_count;
+    double timeout_s; /* of a task; 0: none */
+} load;
+
+static void load_clear(load *l)
+{
+    for (size_t i = 0; i < l->count; i++) free(l->names[i]);
+    free(l->names);
+    free(l->tasks);
+    free(l->needs);
+}
+
+static bool waits(const engine_attempt *a, int64_t now)
+{
+    return !a->batch && !a->ended && !a->refused && !a->cancelled && a->not_before_ms <= now;
+}
+
+static bool goes_with(const engine_attempt *head, const engine_attempt *a)
+{
+    return a == head || (!head->alone && !a->alone && a->small == head->small &&
+                         strcmp(a->needs, head->needs) == 0 && (a->timeout_s > 0) == (head->timeout_s > 0));
+}
+
+/* With the mutex: takes the first attempt that waits and those that go with it. False: none waits. *due_ms: when the
+ * next one may. */
+static bool gather(slurm *s, load *l, int64_t *due_ms)
+{
+    int64_t now = clock_monotonic_ms();
+    engine_attempt *head = NULL;
+    size_t waiting = 0;
+    for (engine_attempt *a = s->first; a; a = a->next) {
+        if (!a->batch && !a->ended && a->not_before_ms > now && a->not_before_ms < *due_ms)
+            *due_ms = a->not_before_ms;
+        if (!waits(a, now)) continue;
+        if (!head) head = a;
+        waiting += goes_with(head, a);
+    }
+    if (!head) return false;
+    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < GATHER_MS) { /* more are coming */
+        if (s->newest_ms + PAUSE_MS < *due_ms) *due_ms = s->newest_ms + PAUSE_MS;
+        return false;
+    }
+    size_t together = head->small ? 1 + waiting / SPREAD : 1, most = (size_t)s->settings.together;
+    if (together > most) together = most;
+    if (waiting > MOST_MEMBERS) waiting = MOST_MEMBERS;
+    if (waiting > MOST_TASKS * together) waiting = MOST_TASKS * together;
+    char *name = mem_printf("%s%s-%" PRIx64, s->prefix, head->name, s->serial++);
+    *l = (load){.batch = slurm_batch_new(s, name), .needs = mem_strdup(head->needs)};
+    free(name);
+    l->batch->users++;
+    l->names = mem_alloc(waiting * sizeof *l->names);
+    l->tasks = mem_alloc(waiting * sizeof *l->tasks);
+    for (engine_attempt *a = head; a && l->count < waiting; a = a->next) {
+        if (!waits(a, now) || !goes_with(head, a)) continue;
+        l->tasks[l->count] = l->count / together;
+        l->names[l->count++] = mem_strdup(a->name);
+        if (a->timeout_s > l->timeout_s) l->timeout_s = a->timeout_s;
+        a->batch = l->batch;
+        a->task = (l->count - 1) / together;
+        slurm_batch_task(s, l->batch, a->task)->members++;
+        l->batch->users++;
+    }
+    l->task_count = l->batch->task_count;
+    l->timeout_s *= (double)together;
+    return true;
+}
+
+static bool note_batch(slurm *s, const load *l, error *e)
+{
+    attempt_files_batch note = {0};
+    snprintf(note.name, sizeof note.name, "%s", l->batch->name);
+    for (size_t i = 0; i < l->count; i++) {
+        char *directory = mem_printf("%s/%s", s->farm, l->names[i]);
+        note.task = (int)l->tasks[i];
+        bool ok = attempt_files_write_batch(directory, &note, e);
+        free(directory);
+        if (!ok) return false;
+    }
+    return true;
+}
+
+static char *write_script(const slurm *s, const load *l)
+{
+    size_t room = strlen(s->settings.node) + strlen(s->farm) + 256, used = 0;
+    for (size_t i = 0; i < l->count; i++) room += strlen(l->names[i]) + 32;
+    char *script = mem_alloc(room);
+    used += (size_t)sprintf(
+        script, "#!/bin/sh\n# attempts of hexad, by task of the array\ncase $SLURM_ARRAY_TASK_ID in\n");
+    for (size_t i = 0; i < l->count; i++) {
+        bool first = i == 0 || l->tasks[i] != l->tasks[i - 1];
+        bool last = i + 1 == l->count || l->tasks[i] != l->tasks[i + 1];
+        if (first) used += (size_t)sprintf(script + used, "%zu) set --", l->tasks[i]);
+        used += (size_t)sprintf(script + used, " %s%s", l->names[i], last ? ";;\n" : "");
+    }
+    sprintf(script + used, "esac\nexec '%s' '%s' \"$@\"\n", s->settings.node, s->farm);
+    return script;
+}
+
+static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
+{
+    const char *arguments[MOST_OPTIONS] = {"sbatch",     "--parsable",         "--no-requeue",
+                                           "--ntasks=1", "--output=/dev/null", "--chdir=/"};
+    size_t count = 6;
+    char *name = mem_printf("--job-name=%s", l->batch->name),
+         *array = mem_printf("--array=0-%zu", l->task_count - 1);
+    char *time = l->timeout_s > 0 ? mem_printf("--time=%.0f", l->timeout_s / 60 + 1) : NULL;
+    char *script = write_script(s, l), *needs = mem_strdup(l->needs), *rest = NULL;
+    arguments[count++] = name;
+    arguments[count++] = array;
+    if (time) arguments[count++] = time;
+    for (char *need = strtok_r(needs, "\n", &rest); need && count < MOST_OPTIONS - 1;
+         need = strtok_r(NULL, "\n", &rest))
+        arguments[count++] = need;
+    bool ok = command_run(arguments, script, s->settings.command_s, said, e);
+    free(name);
+    free(array);
+    free(time);
+    free(script);
+    free(needs);
+    return ok;
+}
+
+typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED } answer;
+
+static answer understand(const command_result *said)
+{
+    if (said->status == 0 && !said->timed_out) return ACCEPTED;
+    if (said->timed_out || says_any(said->complaint, unclear, sizeof unclear / sizeof *unclear))
+        return UNCLEAR;
+    return says_any(said->complaint, away, sizeof away / sizeof *away) ? AWAY : REFUSED;
+}
+
+/* The last line of what sbatch complained about, without its own name. */
+static void find_reason(const char *complaint, char *why, size_t size)
+{
+    size_t length = strlen(complaint);
+    while (length && complaint[length - 1] == '\n') length--;
+    size_t first = length;
+    while (first && complaint[first - 1] != '\n') first--;
+    const char *words = complaint + first;
+    if (length - first > 15 && strncmp(words, "sbatch: error: ", 15) == 0) {
+        words += 15;
+        first += 15;
+    }
+    snprintf(why, size, "Slurm refuses the job: %.*s", (int)(length - first), words);
+}
+
+/* With the mutex: the attempts of a batch that Slurm has not taken. Those that were refused with others are tried one by
+ * one. */
+static void take_back(slurm *s, const load *l, answer a, const char *why)
+{
+    for (engine_attempt *m = s->first; m; m = m->next) {
+        if (m->batch != l->batch) continue;
+        slurm_leave(m);
+        m->not_before_ms = a == AWAY ? clock_monotonic_ms() + AWAY_MS : 0;
+        if (a != REFUSED) continue;
+        if (l->count > 1) {
+            m->alone = true;
+        } else {
+            m->refused = true;
+            snprintf(m->ending.why, sizeof m->ending.why, "%s", why);
+        }
+    }
+}
+
+static void tell(slurm *s, const load *l, answer a, const char *why)
+{
+    static const char *const words[] = {"accepted", "not reached", "not clear: it is looked for by its name",
+                                        "refused"};
+    log_write(a == ACCEPTED                  ? LOG_LEVEL_DEBUG
+              : a == REFUSED || a == UNCLEAR ? LOG_LEVEL_WARNING
+              : s->away                      ? LOG_LEVEL_DEBUG
+                                             : LOG_LEVEL_WARNING,
+              "slurm: submission %s name=%s attempts=%zu tasks=%zu%s%s", words[a], l->batch->name, l->count,
+              l->task_count, *why ? ": " : "", why);
+}
+
+int64_t slurm_submit(slurm *s)
+{
+    int64_t due_ms = INT64_MAX;
+    for (;;) {
+        load l = {0};
+        error e = {0};
+        command_result said = {0};
+        char why[256] = "";
+        pthread_mutex_lock(&s->mutex);
+        bool any = !s->closing && gather(s, &l, &due_ms);
+        pthread_mutex_unlock(&s->mutex);
+        if (!any) return due_ms;
+        bool called = note_batch(s, &l, &e) && call_sbatch(s, &l, &said, &e);
+        answer a = called ? understand(&said) : AWAY; /* without a program or a disk: later */
+        if (a != ACCEPTED) find_reason(called ? said.complaint : e.message, why, sizeof why);
+        tell(s, &l, a, why);
+        pthread_mutex_lock(&s->mutex);
+        if (a == AWAY || a == REFUSED) take_back(s, &l, a, why);
+        s->away = a == AWAY;
+        s->quiet = 0;
+        for (size_t i = 0; i < l.batch->task_count; i++) {
+            l.batch->tasks[i].listing = s->listing;
+            l.batch->tasks[i].seen_ms = clock_monotonic_ms();
+        }
+        slurm_batch_release(s, l.batch);
+        pthread_mutex_unlock(&s->mutex);
+        command_clear(&said);
+        load_clear(&l);
+        if (a == AWAY) return clock_monotonic_ms() + AWAY_MS;
+    }
+}

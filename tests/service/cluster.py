@@ -1,0 +1,149 @@
+"""A Slurm of its own: munge, a controller and node daemons, as ordinary processes of this machine, in their own
+directories and on their own ports. Each is ended by its process number."""
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+
+from service import PATIENCE_S, wait_until
+
+PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "scontrol", "sinfo")
+PATH = os.environ.get("PATH", "") + ":/usr/sbin:/sbin"
+
+CONF = """ClusterName=hexad
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={controller}
+SlurmUser=root
+AuthType=auth/munge
+AuthInfo=socket={base}/munge/socket,cred_expire=5
+CryptoType=crypto/munge
+StateSaveLocation={base}/state
+SlurmdSpoolDir={base}/spool.%n
+SlurmctldPidFile={base}/slurmctld.pid
+SlurmdPidFile={base}/slurmd.%n.pid
+SlurmctldLogFile={base}/slurmctld.log
+SlurmdLogFile={base}/slurmd.%n.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/linux
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+SlurmdParameters=config_overrides
+ReturnToService=2
+SwitchType=switch/none
+MpiDefault=none
+SchedulerType=sched/backfill
+SchedulerParameters=sched_min_interval=100000,bf_interval=1
+SlurmdTimeout={node_timeout}
+InactiveLimit=0
+KillWait=2
+MinJobAge=300
+MessageTimeout=5
+TCPTimeout=2
+AccountingStorageType=accounting_storage/none
+JobCompType=jobcomp/none
+{nodes}
+PartitionName=farm Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+"""
+
+
+def missing():
+    """The first program of Slurm that this machine lacks; None: it has all, and root may run them."""
+    lacks = [p for p in PROGRAMS if not shutil.which(p, path=PATH)]
+    if lacks:
+        return f"no {lacks[0]} (slurmctld, slurmd, slurm-client, munge)"
+    return None if os.geteuid() == 0 else "node daemons need root"
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class Cluster:
+    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300):
+        self.base = pathlib.Path(tempfile.mkdtemp(prefix="slurm."))  # short: sockets are made below it
+        self.base.chmod(0o755)
+        self.nodes = [f"n{i}" for i in range(nodes)]
+        self.environment = {**os.environ, "PATH": PATH, "SLURM_CONF": str(self.base / "slurm.conf")}
+        self.running = {}
+        lines = [f"NodeName={n} NodeHostname={socket.gethostname().split('.')[0]} NodeAddr=127.0.0.1 Port={free_port()}"
+                 f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
+        (self.base / "slurm.conf").write_text(CONF.format(
+            host=socket.gethostname().split(".")[0], controller=free_port(), base=self.base,
+            node_timeout=node_timeout, nodes="\n".join(lines)))
+
+    def begin(self, name, *words):
+        """A process in a session of its own."""
+        with open(self.base / f"{name}.out", "ab") as log:
+            self.running[name] = subprocess.Popen(words, env=self.environment, stdout=log, stderr=log,
+                                                  stdin=subprocess.DEVNULL, start_new_session=True)
+
+    def start(self):
+        munge = self.base / "munge"
+        munge.mkdir(mode=0o755)
+        key = munge / "key"
+        key.write_bytes(os.urandom(128))
+        key.chmod(0o600)
+        self.begin("munged", "munged", "--foreground", "--force", f"--key-file={key}", f"--socket={munge}/socket",
+                   f"--pid-file={munge}/pid", f"--log-file={munge}/log", f"--seed-file={munge}/seed")
+        wait_until(lambda: (munge / "socket").exists(), "munged")
+        (self.base / "state").mkdir()
+        self.start_controller()
+        for node in self.nodes:
+            self.start_node(node)
+        wait_until(lambda: set(self.call("sinfo", "-h", "-N", "-t", "idle", "-o", "%N").split()) == set(self.nodes),
+                   "idle nodes")
+        return self
+
+    def start_controller(self):
+        self.begin("slurmctld", "slurmctld", "-D")
+        wait_until(lambda: subprocess.run(["squeue", "-h"], env=self.environment, capture_output=True).returncode == 0,
+                   "the controller")
+
+    def start_node(self, node):
+        self.begin(node, "slurmd", "-D", "-N", node)
+
+    def end(self, name, number=signal.SIGKILL):
+        process = self.running.pop(name)
+        process.send_signal(number)
+        process.wait(PATIENCE_S)
+
+    def call(self, *words):
+        done = subprocess.run(words, env=self.environment, text=True, capture_output=True, timeout=PATIENCE_S)
+        return done.stdout
+
+    def jobs(self, form="%j %T"):
+        return self.call("squeue", "-h", "-r", "--states=all", "-o", form).splitlines()
+
+    def steps(self):
+        """Processes of Slurm that hold jobs (they outlive their daemon), and what they run: pid -> command line."""
+        found = {}
+        for entry in pathlib.Path("/proc").iterdir():
+            if not entry.name.isdigit():
+                continue
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                environ = (entry / "environ").read_bytes()
+            except OSError:
+                continue
+            if f"SLURM_CONF={self.environment['SLURM_CONF']}".encode() in environ.split(b"\0"):
+                found[int(entry.name)] = words
+        return found
+
+    def clean_up(self):
+        for name in list(self.running):
+            if name != "munged":
+                self.end(name)
+        for pid in self.steps():
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        if "munged" in self.running:
+            self.end("munged", signal.SIGTERM)
+        shutil.rmtree(self.base)
