@@ -54,10 +54,10 @@ void job_json_print_tag(const queue_job *job, const char *progress, char tag[JOB
         snprintf(tag, JOB_JSON_TAG_SIZE, "\"%lld\"", (long long)job->revision);
 }
 
-void job_json_put_notes(json *object, const char *state_dir, const char *id, int frame, bool succeeded)
+void job_json_put_notes(json *object, const char *work_dir, const char *id, int frame, bool succeeded)
 {
     result r = {0};
-    char *directory = result_directory(state_dir, id, frame);
+    char *directory = result_directory(work_dir, id, frame);
     if (succeeded)
         result_list(directory, &r, NULL); /* a result that was damaged or lost meanwhile has no notes */
     job_json_put_stored(object, "notes", r.notes);

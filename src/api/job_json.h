@@ -19,7 +19,7 @@ void job_json_put_spec(json *object, const char *stored_spec, const char *stored
 
 /* Adds `notes`, what people should know of the result of a job or a frame of it: null where there is none. Only for who may
  * see the result. */
-void job_json_put_notes(json *object, const char *state_dir, const char *id, int frame, bool succeeded);
+void job_json_put_notes(json *object, const char *work_dir, const char *id, int frame, bool succeeded);
 
 /* Returns the task's object. */
 json *job_json_append_task(json *list, const queue_task *task);

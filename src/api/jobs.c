@@ -50,7 +50,7 @@ static void answer_job(const http_context *c, const http_request *request, const
     json *document = job_json_new(job, progress);
     bool own = access_is_owner(request->caller, job->owner);
     job_json_put_spec(document, own ? job->spec : NULL, own ? job->paths : NULL);
-    job_json_put_notes(document, c->state_dir, job->id, QUEUE_NO_FRAME,
+    job_json_put_notes(document, c->work_dir, job->id, QUEUE_NO_FRAME,
                        own && !job->array && job->state == QUEUE_SUCCEEDED);
     json *list = json_put_array(document, "attempts");
     for (size_t i = 0; i < count; i++) job_json_append_attempt(list, job, &attempts[i]);

@@ -1,6 +1,5 @@
 /* hexad: the daemon. A table of steps, each with a start and a stop function; they stop in reverse order. */
 #include <errno.h>
-#include <fcntl.h>
 #include <grp.h>
 #include <limits.h>
 #include <poll.h>
@@ -8,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
@@ -34,6 +32,7 @@
 #include "executor/host.h"
 #include "executor/local.h"
 #include "http/server.h"
+#include "programs/descriptors.h"
 #include "programs/farm.h"
 #include "programs/maintenance.h"
 #include "queue/queue.h"
@@ -749,30 +748,9 @@ static int run(service *s)
     return ok ? EXIT_DRAINED : e.code == ERROR_SPEC_INVALID ? EXIT_SETTINGS : EXIT_TROUBLE;
 }
 
-/* If a standard descriptor were closed, the next opened file would get its number, and log lines would go
- * into the queue. */
-static void open_standard_descriptors(void)
-{
-    int fd;
-    do {
-        fd = open("/dev/null", O_RDWR);
-    } while (fd >= 0 && fd <= STDERR_FILENO);
-    if (fd >= 0) close(fd);
-}
-
-/* Each connection is a descriptor, and the usual soft limit is too low for them. */
-static void raise_descriptor_limit(void)
-{
-    struct rlimit limit;
-    if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-    limit.rlim_cur = limit.rlim_max;
-    setrlimit(RLIMIT_NOFILE, &limit);
-}
-
 int main(int argc, char **argv)
 {
-    open_standard_descriptors();
-    raise_descriptor_limit();
+    descriptors_prepare();
     service s = {.argc = argc, .argv = argv, .signals = -1, .socket.fd = -1, .turns = UINT64_MAX};
     config_action action;
     error e = {0};

@@ -1,0 +1,31 @@
+#include "programs/descriptors.h"
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+/* If a standard descriptor were closed, the next opened file would get its number, and log lines would go
+ * into the queue. */
+static void open_standard_descriptors(void)
+{
+    int fd;
+    do {
+        fd = open("/dev/null", O_RDWR);
+    } while (fd >= 0 && fd <= STDERR_FILENO);
+    if (fd >= 0) close(fd);
+}
+
+/* Each connection is a descriptor, and the usual soft limit is too low for them. */
+static void raise_descriptor_limit(void)
+{
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+void descriptors_prepare(void)
+{
+    open_standard_descriptors();
+    raise_descriptor_limit();
+}
