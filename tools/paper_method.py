@@ -1,0 +1,161 @@
+#!/usr/bin/env python3
+"""Runs the paper's method with amplitudes by curvature on many surfaces, and writes what became of each as a page.
+
+    tools/paper_method.py --worker build/hexad-worker --output doc/measured/paper_method.md [--reference WORKER]
+                          [--seeds 5] [--jobs N] [--only WORD ...]
+
+The surfaces are those of paper_method.json; files are below HEXAD_SHARED. Each is sampled at the least count of LADDER that
+resolves it, as one run of the default method says. With --reference the same jobs run through another worker as well, and
+the page compares processor times. Ends with 1 when less came to rest than BOUNDS ask for.
+"""
+import argparse
+import concurrent.futures
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+LADDER = (1000, 2000, 4000, 8000, 16000, 32000, 64000, 100000)
+# How many points a surface gets that none of them resolves.
+OTHERWISE = 8000
+# The share of the points that may be unresolved at a count that resolves a surface.
+RESOLVED = 0.02
+RESULTS = {0: "converged", 11: "unresolved", 10: "not_converged"}
+# Of each group: surfaces of which all seeds must be at rest, or single runs.
+BOUNDS = {"meshes": ("surfaces", 22), "others": ("runs", 58)}
+
+
+def spec_of(surface, count, seed, paper):
+    sampling, solver = {"count": count}, {"seed": seed, "threads": 1}
+    if paper:
+        sampling["alpha"], solver["method"] = {"d": 2}, "paper"
+    return {"version": 1, "surface": surface, "sampling": sampling, "solver": solver, "output": {"preview": False}}
+
+
+def run(worker, spec):
+    """(report or None, processor seconds, outcome or the error's words) of one job."""
+    with tempfile.TemporaryDirectory() as where:
+        child = subprocess.Popen([worker, "run", "-", "--output", where], stdin=subprocess.PIPE,
+                                 stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        child.stdin.write(json.dumps(spec))
+        child.stdin.close()
+        said = child.stderr.read()
+        _, status, usage = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        seconds = usage.ru_utime + usage.ru_stime
+        if child.returncode not in RESULTS:
+            return None, seconds, (said.strip().splitlines() or [f"exit {child.returncode}"])[-1][:120]
+        report = json.loads((pathlib.Path(where) / "report.json").read_text())
+        return report, seconds, RESULTS[child.returncode]
+
+
+def count_for(worker, surface):
+    """(count, share unresolved): the least of LADDER that resolves the surface, or OTHERWISE."""
+    for count in (*LADDER, OTHERWISE):
+        report, _, said = run(worker, spec_of(surface, count, 1, False))
+        if not report:
+            raise RuntimeError(said)
+        share = report["quality"]["unresolved_count"] / report["count"]
+        if share <= RESOLVED:
+            break
+    return count, share
+
+
+def located(surface, data):
+    """The surface with its paths below the data."""
+    if isinstance(surface, list):
+        return [located(item, data) for item in surface]
+    if not isinstance(surface, dict):
+        return surface
+    return {key: str(data / value) if key == "path" else located(value, data) for key, value in surface.items()}
+
+
+def rested(outcome, resolvable):
+    """At rest: in order, or without order where no count resolves the surface."""
+    return outcome == "converged" or (outcome == "unresolved" and not resolvable)
+
+
+def row_of(case, count, share, here, there):
+    resolvable = share <= RESOLVED
+    at_rest = sum(rested(outcome, resolvable) for _, _, outcome in here)
+    reports = [report for report, _, _ in here if report]
+    seconds = statistics.median(s for _, s, _ in here)
+    reasons = sorted({f"{outcome}: " + ", ".join(f"{r['criterion']} {r['value']:.3g} (bound {r['bound']:.3g})"
+                                                for r in report["outcome_reasons"])
+                      for report, _, outcome in here if report and not rested(outcome, resolvable)} |
+                     {outcome for report, _, outcome in here if not report})
+    hexagons = [r["quality"]["hex_fraction"] for r in reports if r["quality"]["hex_fraction"] is not None]
+    cells = [case["name"], str(count), f"{100 * share:.2g}", f"{at_rest} of {len(here)}",
+             f"{statistics.median(hexagons):.3f}" if hexagons else "-", f"{seconds:.2f}"]
+    if there:
+        before = statistics.median(s for _, s, _ in there)
+        cells += [f"{sum(o == 'converged' for _, _, o in there)} of {len(there)}", f"{before:.2f}", f"{seconds / before:.2f}"]
+    return at_rest, "| " + " | ".join([*cells, "; ".join(reasons)]) + " |"
+
+
+def page(cases, options, pool):
+    counts = [pool.submit(count_for, options.worker, case["surface"]) for case in cases]
+    jobs = []
+    for case, found in zip(cases, counts):
+        specs = [spec_of(case["surface"], found.result()[0], seed + 1, True) for seed in range(options.seeds)]
+        jobs.append([[pool.submit(run, worker, spec) for spec in specs]
+                     for worker in (options.worker, options.reference) if worker])
+    lines, faults, spent = [], [], [0.0, 0.0]
+    for group, (unit, least) in BOUNDS.items():
+        if not any(case["group"] == group for case in cases):
+            continue
+        head = ["surface", "points", "unresolved %", "at rest", "hex_fraction", "CPU s"]
+        head += ["reference at rest", "reference CPU s", "ratio"] if options.reference else []
+        lines += ["", f"## {group}", "", "| " + " | ".join([*head, "reasons"]) + " |", "|---" * (len(head) + 1) + "|"]
+        whole, runs, ended = 0, 0, 0
+        for case, found, workers in zip(cases, counts, jobs):
+            if case["group"] != group:
+                continue
+            here, *rest = ([future.result() for future in futures] for futures in workers)
+            at_rest, line = row_of(case, *found.result(), here, rest[0] if rest else None)
+            whole, runs, ended = whole + (at_rest == options.seeds), runs + at_rest, ended + 1
+            for k, results in enumerate([here, *rest]):
+                spent[k] += sum(seconds for _, seconds, _ in results)
+            lines.append(line)
+            print(line, file=sys.stderr, flush=True)
+        lines += ["", f"All seeds at rest: {whole} of {ended} surfaces; {runs} of {ended * options.seeds} runs."]
+        if not options.only and (whole if unit == "surfaces" else runs) < least:
+            faults.append(f"{group}: fewer {unit} at rest than {least}")
+    if options.reference:
+        lines += ["", f"Processor time of all runs: {spent[0]:.0f} s, of the reference {spent[1]:.0f} s."]
+    return lines, faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--worker", required=True, type=os.path.abspath)
+    parser.add_argument("--reference", type=os.path.abspath, help="another worker, for its processor time")
+    parser.add_argument("--output", required=True, type=pathlib.Path)
+    parser.add_argument("--seeds", default=5, type=int)
+    parser.add_argument("--jobs", default=1, type=int, help="how many run at a time")
+    parser.add_argument("--only", nargs="*", default=[])
+    options = parser.parse_args()
+    data = pathlib.Path(os.environ.get("HEXAD_SHARED", HERE.parent.parent / "shared" / "data"))
+    cases = [{**case, "group": group, "surface": located(case["surface"], data)}
+             for group, listed in json.loads((HERE / "paper_method.json").read_text()).items() for case in listed
+             if not options.only or any(word in case["name"] for word in options.only)]
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        lines, faults = page(cases, options, pool)
+    head = ["# The paper's method on many surfaces", "",
+            "Made by `make paper-method` ([tools/paper_method.py](../../tools/paper_method.py)): method `paper` with `alpha`, d = 2, "
+            f"{options.seeds} seeds, each surface at the least count", f"of {', '.join(map(str, LADDER))} at which at most 2 % of the "
+            "points are unresolved. Where none does, it gets "
+            f"{OTHERWISE}, `unresolved` is its true outcome",
+            "and counts as at rest. Times are medians of processor seconds, one thread."]
+    options.output.write_text("\n".join(head + lines) + "\n")
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
