@@ -179,9 +179,10 @@ bool sampler_control(sampler *s, error *e)
     note_round(s, energy);
     bool last_stage = s->state.stage == SCHEDULE_STAGES - 1, bounded = s->setup.params.max_sigma > 0;
     bool changed = false, again = false;
-    if (s->state.level == 0 && s->state.levels > 1 && !sampler_replan(s, &again, e)) return false;
+    if (s->state.level == 0 && s->state.plan.count > 1 && !sampler_replan(s, &again, e)) return false;
     if (again) return true;
-    if (last_stage && s->state.level < s->state.levels - 1) { /* the next level starts nearer to its ideal */
+    if (last_stage &&
+        s->state.level < s->state.plan.count - 1) { /* the next level starts nearer to its ideal */
         if (energy > 0) s->state.sigma = nearer_support(s, s->state.sigma, energy);
         return sampler_refine(s, e);
     }

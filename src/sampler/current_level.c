@@ -122,12 +122,14 @@ bool sampler_build_lists(sampler *s, error *e)
 }
 
 /* The scales of the level at hand. */
-static void enter_level(sampler *s, double support)
+static void enter_level(sampler *s, size_t count, double support)
 {
-    s->state.spacing = packing_spacing(s->setup.scan->area, (double)s->state.p->count);
+    double share = levels_share(&s->state.plan, s->state.level);
+    s->state.spacing = packing_spacing(s->setup.scan->area, (double)count / share);
     s->state.sigma = support * s->state.spacing;
     s->state.skin = s->setup.schedule->skin_wide * s->state.spacing;
     s->state.gain = s->setup.schedule->gain[s->state.stage];
+    s->state.rough = false;
 }
 
 /* Into an order in which neighbours are near each other in memory too. */
@@ -155,8 +157,8 @@ static bool place(sampler *s, error *e)
                s->state.p->count * sizeof *s->state.p->normal);
         return true;
     }
-    if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, s->state.spacing, s->setup.pool,
-                     s->state.p, &removed, e))
+    if (!start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
+                     s->state.spacing, s->setup.pool, s->state.p, &removed, e))
         return false;
     s->record.removed += removed;
     return arrange(s, e);
@@ -165,8 +167,8 @@ static bool place(sampler *s, error *e)
 /* Particles on the coarsest level, where they start. */
 bool sampler_begin(sampler *s, double support, error *e)
 {
-    s->state.p->count = s->state.level_count[0];
-    enter_level(s, support);
+    s->state.p->count = s->state.plan.particles[0];
+    enter_level(s, s->state.p->count, support);
     if (s->setup.params.max_sigma > 0) s->state.sigma = fmin(s->state.sigma, s->setup.params.max_sigma);
     if (!place(s, e)) return false;
     for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
@@ -186,9 +188,7 @@ static bool drop_coarsest(sampler *s, bool *again, error *e)
 {
     *again = relax_creased_share(s->scratch.relax, s->state.p) > s->setup.schedule->creased_share;
     if (!*again) return true;
-    s->state.levels--;
-    memmove(s->state.level_count, s->state.level_count + 1,
-            (size_t)s->state.levels * sizeof *s->state.level_count);
+    levels_drop_coarsest(&s->state.plan);
     return sampler_begin(s, s->state.sigma / s->state.spacing, e);
 }
 
@@ -199,25 +199,81 @@ bool sampler_replan(sampler *s, bool *again, error *e)
     size_t count = s->state.p->count, edges;
     if (s->state.stage == 0) return drop_coarsest(s, again, e);
     if (!refine_count_edges(s->state.p, s->state.spacing, s->setup.pool, &edges, e)) return false;
-    levels_correct(s->state.level_count, s->state.levels, edges, count_on_boundary(s));
-    *again = !s->state.planned && s->state.level_count[0] != count;
+    levels_correct(&s->state.plan, edges, count_on_boundary(s));
+    *again = !s->state.planned && s->state.plan.particles[0] != count;
     s->state.planned = true;
     if (*again) return sampler_begin(s, s->state.sigma / s->state.spacing, e);
-    s->state.level_count[0] = count;
+    s->state.plan.particles[0] = count;
     return true;
+}
+
+/* Particles in the parts of the surface that had none. Alone, in lists of their own, they take the sweeps with which the
+ * coarsest level begins: the level's own are too few for a random start. */
+static bool settle_newcomers(sampler *s, error *e)
+{
+    bool ok = true;
+    for (int sweep = 0; ok && sweep < s->setup.schedule->newcomer_sweeps; sweep++) {
+        const schedule_position at = {
+            .levels = s->state.plan.count, .sweeps = sweep, .count = s->state.p->count};
+        const relax_params params = {.field = s->setup.field,
+                                     .sigma = s->state.sigma,
+                                     .spacing = s->state.spacing,
+                                     .omega = schedule_omega(s->setup.schedule, &at),
+                                     .fast_step = schedule_longest_step(s->setup.schedule, &at),
+                                     .gain = s->setup.schedule->gain[0]};
+        relax_sums sums;
+        ok = !s->state.lists_stale || sampler_build_lists(s, e);
+        if (!ok) break;
+        relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
+        s->state.lists_stale =
+            schedule_wants_lists(s->setup.schedule, &at, sums.cramped, ++s->state.list_age);
+        s->state.skin = schedule_skin(s->setup.schedule, sums.rms_step) * s->state.spacing;
+        if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    }
+    return ok;
+}
+
+static bool add_newcomers(sampler *s, error *e)
+{
+    size_t count = s->state.plan.newcomers[s->state.level], removed = 0;
+    if (count == 0) return true;
+    particles *others = s->state.p;
+    relax *lists = s->scratch.relax;
+    s->state.p = particles_new(count, e);
+    s->scratch.relax =
+        relax_new(count, s->setup.params.energy, s->setup.fast, s->setup.params.list_limit, s->setup.pool, e);
+    s->state.lists_stale = true;
+    bool ok = s->state.p && s->scratch.relax &&
+              start_place(s->setup.field, s->setup.scan, &s->setup.params, &s->state.plan, s->state.level,
+                          s->state.spacing, s->setup.pool, s->state.p, &removed, e) &&
+              arrange(s, e) && settle_newcomers(s, e);
+    if (ok) {
+        memcpy(others->position + others->count, s->state.p->position, count * sizeof *others->position);
+        memcpy(others->normal + others->count, s->state.p->normal, count * sizeof *others->normal);
+        others->count += count;
+        s->record.removed += removed;
+    }
+    particles_free(s->state.p);
+    relax_free(s->scratch.relax);
+    s->state.p = others;
+    s->scratch.relax = lists;
+    return ok;
 }
 
 /* A level has come to rest: four times as many particles, with the support that it needed. */
 bool sampler_refine(sampler *s, error *e)
 {
-    assert(s->state.level + 1 < s->state.levels);
-    double support = s->state.sigma / s->state.spacing;
+    const levels *plan = &s->state.plan;
+    assert(s->state.level + 1 < plan->count);
+    double support = s->state.sigma / s->state.spacing, spacing = s->state.spacing;
+    size_t count = plan->particles[++s->state.level];
     if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing, s->state.p,
-                          s->state.level_count[++s->state.level], s->state.spacing, s->setup.params.seed,
-                          s->setup.pool, e) ||
-        !arrange(s, e))
+                          count - plan->newcomers[s->state.level], spacing, s->setup.params.seed,
+                          s->setup.pool, e))
         return false;
-    enter_level(s, support);
+    enter_level(s, count, support);
+    if (!add_newcomers(s, e) || !arrange(s, e)) return false;
+    enter_level(s, count, support);
     for (size_t i = 0; i < s->state.p->count; i++) s->state.p->lambda[i] = 0;
     return sampler_build_lists(s, e);
 }

@@ -192,7 +192,7 @@ static bool settle_particles(sampler *s, error *e)
 
 bool sampler_finalize(sampler *s, error *e)
 {
-    while (s->state.level < s->state.levels - 1) /* stopped early: the count is exact all the same */
+    while (s->state.level < s->state.plan.count - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
     if (!settle_particles(s, e)) return false;
     sampler_resize(s);

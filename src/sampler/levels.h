@@ -1,4 +1,5 @@
-/* levels: how many particles to solve for, from the coarsest packing to the count that was asked for. */
+/* levels: how many particles to solve for, from the coarsest packing to the count that was asked for, and on which level
+ * each connected part of the surface gets its first particles. */
 #ifndef HEXAD_SAMPLER_LEVELS_H
 #define HEXAD_SAMPLER_LEVELS_H
 
@@ -6,21 +7,45 @@
 #include <stdint.h>
 
 #include "field/field.h"
-#include "surface/sizing_field.h"
+#include "sampler/sampler_params.h"
 #include "surface/surface.h"
 
 #define LEVELS_MAX 12
 
-/* Counts of the levels, coarsest first; the last is `count`. Returns how many, 1 to LEVELS_MAX: the coarsest
- * is still fine enough for the surface's curvature, for its smallest part, and for the grading (NULL: even).
- * Deterministic in the seed. */
-int levels_plan(const field *f, const surface *scan, const sizing_field *sizing, size_t count, uint64_t seed,
-                size_t out[LEVELS_MAX]);
+typedef struct levels {
+    int count;                    /* 1 to LEVELS_MAX */
+    size_t particles[LEVELS_MAX]; /* of each level, coarsest first; the last is what was asked for */
+    size_t
+        newcomers[LEVELS_MAX]; /* of these, in parts that have none on the coarser level; 0 on the coarsest */
+    /* the parts in the order in which they get particles: those of level k from first[k] to first[k + 1] */
+    size_t first[LEVELS_MAX + 1];
+    uint32_t *part; /* NULL: all of the surface from the coarsest level on */
+    double *
+        before; /* share in all points of the parts before each in this order; one more than there are parts */
+    double *place; /* share of the parts before each in the order of the surface */
+} levels;
 
-/* Corrects a plan by the edges that the coarsest packing turned out to have, `on_boundary` of whose particles lie on
+/* Plans the solve of params->count particles on the scanned surface. The coarsest level is still fine enough for the
+ * surface's curvature and for the grading. A part whose share of a level is too small for a packing of its own waits for a
+ * finer one, unless the start is random or the surface open. Free *out after failure, too. Error: limit_memory.
+ * Deterministic in the seed. */
+bool levels_plan(const field *f, const surface *scan, const sampler_params *params, levels *out, error *e);
+void levels_free(levels *l);
+
+/* Corrects the plan by the edges that the coarsest packing turned out to have, `on_boundary` of whose particles lie on
  * a boundary. A closed surface of Euler characteristic x has 3 (n - x) edges for n particles, an open one fewer by
  * its boundary particles, which double from level to level. Off by what refining would have to invent, a level
  * begins with as many defects. */
-void levels_correct(size_t plan[LEVELS_MAX], int levels, size_t edges, size_t on_boundary);
+void levels_correct(levels *l, size_t edges, size_t on_boundary);
+
+/* Leaves the coarsest level out. */
+void levels_drop_coarsest(levels *l);
+
+/* The share in all points of the parts that have some on a level. */
+double levels_share(const levels *l, int level);
+
+/* A place among the parts that get their first particles on a level, 0 to 1, as a place among all: in proportion to the
+ * points that they are to have, as sizing_field_draw counts them. */
+double levels_place(const levels *l, int level, double where);
 
 #endif

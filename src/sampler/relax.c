@@ -36,6 +36,8 @@ static const double STRAIGHT_ACCEPT = 1e-7;
 static const double STEP_FLOOR = 1e-3;
 /* A step that used this share of what the lists allow leaves too little for the next. */
 static const double CRAMPED_STEP = 0.8;
+/* In the middle between a packing's first and second shell of neighbours, over its spacing. */
+static const double BETWEEN_SHELLS = 1.366;
 /* So many points before its turn a particle's data are asked for: all of it fits into a core's nearest
  * cache. */
 static const uint32_t NEAR_AHEAD = 24, FAR_AHEAD = 88;
@@ -751,31 +753,44 @@ double relax_creased_share(const relax *r, const particles *p)
     return (double)creased / (double)p->count;
 }
 
+/* Counts pairs within `reach` times the sizes, and particles that have not six of them. */
 typedef struct pairs_job {
     const relax *r;
     const particles *p;
-    double sigma;
-    atomic_size_t pairs;
+    double reach;
+    atomic_size_t pairs, disordered;
 } pairs_job;
 
 static void pairs_chunk(void *context, int worker, size_t begin, size_t end)
 {
     pairs_job *job = context;
     const particles *p = job->p;
-    size_t pairs = 0;
+    size_t pairs = 0, disordered = 0;
     (void)worker;
-    for (size_t i = begin; i < end; i++)
+    for (size_t i = begin; i < end; i++) {
+        size_t own = 0;
         for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
             uint32_t j = neighbours_list(job->r->near, i)[k];
-            double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
-            pairs += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support;
+            double reach = 0.5 * job->reach * (p->size[i] + p->size[j]);
+            own += vec3_norm2(vec3_sub(p->position[i], p->position[j])) < reach * reach;
         }
+        pairs += own;
+        disordered += own != 6 && !p->near_boundary[i];
+    }
     atomic_fetch_add(&job->pairs, pairs);
+    atomic_fetch_add(&job->disordered, disordered);
 }
 
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma)
 {
-    pairs_job job = {r, p, sigma, 0};
+    pairs_job job = {.r = r, .p = p, .reach = sigma};
     threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
     return (double)atomic_load(&job.pairs) / (double)p->count;
+}
+
+double relax_disordered_share(const relax *r, const particles *p, double spacing)
+{
+    pairs_job job = {.r = r, .p = p, .reach = BETWEEN_SHELLS * spacing};
+    threads_run(r->pool, p->count, 4096, pairs_chunk, &job);
+    return (double)atomic_load(&job.disordered) / (double)p->count;
 }

@@ -86,6 +86,10 @@ double relax_max_support(const relax *r);
  * built: round an edge, or through a sheet. */
 double relax_creased_share(const relax *r, const particles *p);
 
+/* Share of the particles, boundaries left out, that have other than six neighbours between the first and the second shell
+ * of the packing of `spacing`, times their sizes. The lists cover that. */
+double relax_disordered_share(const relax *r, const particles *p, double spacing);
+
 /* Mean number of neighbours within `sigma` times the pair's size (m of Table 1). */
 double relax_mean_neighbours(const relax *r, const particles *p, double sigma);
 

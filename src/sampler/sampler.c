@@ -13,8 +13,10 @@ static const double FINE_BEGINS = 0.4;
 
 static schedule_position position(const sampler *s)
 {
-    return (schedule_position){s->state.level,           s->state.levels,   s->state.stage,
-                               s->state.sweeps_in_round, s->state.p->count, s->setup.params.sizing != NULL};
+    return (schedule_position){s->state.level,    s->state.plan.count,
+                               s->state.stage,    s->state.sweeps_in_round,
+                               s->state.p->count, s->setup.params.sizing != NULL,
+                               s->state.rough};
 }
 
 sampler *sampler_new(const field *f, const surface *scan, const sampler_params *params, threads *pool,
@@ -38,14 +40,11 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     s->state.p = particles_new(params->count, e);
     s->scratch.relax =
         relax_new(params->count, s->setup.params.energy, s->setup.fast, params->list_limit, pool, e);
-    if (!s->record.sweep || !s->state.p || !s->scratch.relax) goto fail;
+    if (!s->record.sweep || !s->state.p || !s->scratch.relax ||
+        !levels_plan(f, scan, params, &s->state.plan, e))
+        goto fail;
     s->scratch.capacity = params->count;
-    s->state.level_count[0] = params->count;
     s->state.stage = sampler_is_given(s) ? SCHEDULE_STAGES - 1 : 0;
-    s->state.levels =
-        params->coarse_to_fine && !sampler_is_given(s)
-            ? levels_plan(f, scan, params->sizing, params->count, params->seed, s->state.level_count)
-            : 1;
     /* a support that is given is meant for the whole count */
     double even = packing_spacing(scan->area, (double)params->count);
     if (!sampler_begin(s, params->sigma > 0 ? params->sigma / even : packing_support(1), e)) goto fail;
@@ -59,6 +58,7 @@ void sampler_free(sampler *s)
 {
     if (!s) return;
     s->setup.method->release(s);
+    levels_free(&s->state.plan);
     particles_free(s->state.p);
     relax_free(s->scratch.relax);
     free(s->record.sweep);
@@ -77,9 +77,9 @@ static double share_of(const sampler *s, size_t count)
 static void estimate_fraction(sampler *s, const schedule_evidence *seen)
 {
     double low = 0, high = 1;
-    if (s->state.levels > 1) {
-        low = s->state.level == 0 ? 0 : share_of(s, s->state.level_count[s->state.level - 1]);
-        high = s->state.level == 0 ? FINE_BEGINS : share_of(s, s->state.level_count[s->state.level]);
+    if (s->state.plan.count > 1) {
+        low = s->state.level == 0 ? 0 : share_of(s, s->state.plan.particles[s->state.level - 1]);
+        high = s->state.level == 0 ? FINE_BEGINS : share_of(s, s->state.plan.particles[s->state.level]);
     }
     const schedule_position at = position(s);
     s->state.fraction =
@@ -90,7 +90,7 @@ static void estimate_fraction(sampler *s, const schedule_evidence *seen)
  * unless the next level does it. */
 static bool sizes_are_settled(sampler *s)
 {
-    if (s->state.level > 0 && s->state.level < s->state.levels - 1) return true;
+    if (s->state.level > 0 && s->state.level < s->state.plan.count - 1) return true;
     double change = fmax(sampler_resize(s), sampler_renew_amplitudes(s));
     if (change < s->setup.schedule->size_settled || s->state.resizes == s->setup.schedule->resizes_most)
         return true;
@@ -131,6 +131,9 @@ static bool relax_step(sampler *s, error *e)
     relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
     at.sweeps = ++s->state.sweeps_in_round;
     note_sweep(s, &sums);
+    if (schedule_may_be_rough(s->setup.schedule, &at))
+        at.is_rough = s->state.rough = schedule_is_rough(
+            s->setup.schedule, relax_disordered_share(s->scratch.relax, s->state.p, s->state.spacing));
     const schedule_evidence seen = {sums.rms_step, sums.mean_log10_lambda, !s->setup.params.gradient,
                                     s->setup.params.step_tolerance};
     estimate_fraction(s, &seen);

@@ -39,9 +39,10 @@ typedef struct sampler_state {
     double spacing; /* h */
     double sigma;
     double skin;
-    size_t level_count[LEVELS_MAX]; /* particles of each level; the last is params.count */
-    int level, levels;
-    bool planned; /* the counts were corrected by what the coarsest packing showed */
+    levels plan;
+    int level;
+    bool rough;   /* the level, see schedule_is_rough */
+    bool planned; /* its counts were corrected by what the coarsest packing showed */
     int stage;    /* of the schedule */
     double gain;  /* in force: that of the stage, or more when it does not come to rest */
     bool lists_stale;

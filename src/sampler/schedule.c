@@ -12,9 +12,9 @@ static const double LAMBDA_BEGINS = -3;
 #define COMMON                                                                                              \
     .gain = {1e-4, 1e-6, 1e-8}, .patience = {80, 150, 400}, .patience_more = 50, .coarsest_gain = 1e-5,     \
     .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4, \
-    .sweeps_most = 120, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01,                    \
-    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                    \
-    .creased_share = 0.5
+    .sweeps_most = 120, .rough_share = {0.05, 0.25}, .rough_sweeps = 3, .rough_count = 5e3,                 \
+    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,          \
+    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 const schedule schedule_paper = {
@@ -68,7 +68,18 @@ int schedule_level_sweeps(const schedule *s, const schedule_position *at)
     bool between = at->level > 0 && !schedule_is_last_level(at);
     double many = between ? s->sweeps_count_between : s->sweeps_count;
     double sweeps = s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
-    return (int)fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most);
+    return (int)((at->is_rough ? s->rough_sweeps : 1) * fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most));
+}
+
+bool schedule_may_be_rough(const schedule *s, const schedule_position *at)
+{
+    return s->is_paced && schedule_is_last_stage(at) && !at->is_rough &&
+           (double)at->count >= s->rough_count && at->sweeps == schedule_level_sweeps(s, at);
+}
+
+bool schedule_is_rough(const schedule *s, double disordered_share)
+{
+    return disordered_share > s->rough_share[0] && disordered_share < s->rough_share[1];
 }
 
 double schedule_omega(const schedule *s, const schedule_position *at)

@@ -36,6 +36,9 @@ typedef struct schedule {
     /* Sweeps of a level of n particles, at least: sweeps (sweeps_count / n)^sweeps_fall, within the two bounds; on
      * levels between the coarsest and the finest sweeps_count_between. */
     double sweeps, sweeps_count, sweeps_count_between, sweeps_fall, sweeps_least, sweeps_most;
+    /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes so
+     * many times the sweeps. What is out of order beyond the upper bound is not resolved, and more sweeps do not help. */
+    double rough_share[2], rough_count, rough_sweeps;
 
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
@@ -58,6 +61,9 @@ typedef struct schedule {
 
     /* A coarsest level is dropped when more than this share of its particles see round edges or through sheets. */
     double creased_share;
+
+    /* Particles that start on a finer level take so many sweeps by themselves first. */
+    int newcomer_sweeps;
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
@@ -70,6 +76,7 @@ typedef struct schedule_position {
     int sweeps;    /* in this round */
     size_t count;  /* particles of the level */
     bool is_sized; /* there is a sizing field */
+    bool is_rough; /* the level is, see rough_share */
 } schedule_position;
 
 static inline bool schedule_is_last_stage(const schedule_position *at)
@@ -84,6 +91,12 @@ static inline bool schedule_is_last_level(const schedule_position *at)
 
 /* Sweeps that the level has at least. */
 int schedule_level_sweeps(const schedule *s, const schedule_position *at);
+
+/* Whether the level has just ended its sweeps, and would take more if it were rough. */
+bool schedule_may_be_rough(const schedule *s, const schedule_position *at);
+
+/* Whether a level with this share of particles out of order is rough. */
+bool schedule_is_rough(const schedule *s, double disordered_share);
 
 double schedule_omega(const schedule *s, const schedule_position *at);
 

@@ -52,16 +52,26 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     return p;
 }
 
+/* Where particles are drawn from. */
+typedef struct draw_job {
+    const field *field;
+    const surface *scan;
+    const sampler_params *params;
+    const levels *plan;
+    int level;
+} draw_job;
+
 /* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area. */
-static vec3 draw_point(const field *f, const surface *scan, const sampler_params *params, size_t i,
-                       size_t count, size_t draw, rng *r)
+static vec3 draw_point(const draw_job *job, size_t i, size_t count, size_t draw, rng *r)
 {
+    const sampler_params *params = job->params;
     if (params->start == SAMPLER_START_SURFACE) {
         double where = ((double)i + rng_uniform(r)) / (double)count;
         if (draw > 0) where = rng_uniform(r);
-        return sizing_field_draw(params->sizing, scan, where, r);
+        return sizing_field_draw(params->sizing, job->scan, levels_place(job->plan, job->level, where), r);
     }
-    return params->random_in_cells ? random_in_cells(f, scan->cells, r) : random_in_domain(f, r);
+    return params->random_in_cells ? random_in_cells(job->field, job->scan->cells, r)
+                                   : random_in_domain(job->field, r);
 }
 
 static bool is_degenerate(const field *f, vec3 x)
@@ -112,9 +122,10 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
     return false;
 }
 
-bool start_place(const field *f, const surface *scan, const sampler_params *params, double spacing,
-                 threads *pool, particles *p, size_t *removed, error *e)
+bool start_place(const field *f, const surface *scan, const sampler_params *params, const levels *plan,
+                 int level, double spacing, threads *pool, particles *p, size_t *removed, error *e)
 {
+    const draw_job job = {f, scan, params, plan, level};
     rng r = rng_seed(params->seed, RANDOM_STREAM_START);
     bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
     size_t drawn_again = 0, first = 0;
@@ -125,7 +136,7 @@ bool start_place(const field *f, const surface *scan, const sampler_params *para
     for (size_t i = first; i < p->count; i++)
         for (size_t draw = 0;; draw++) {
             if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-            vec3 x = draw_point(f, scan, params, i - first, p->count - first, draw, &r);
+            vec3 x = draw_point(&job, i - first, p->count - first, draw, &r);
             bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
             if (settled &&
                 !(first > 0 && draw < BOUNDARY_DRAWS && crowds_boundary(f, &request, x, p->normal[i]))) {

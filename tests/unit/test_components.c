@@ -115,7 +115,7 @@ static void shares_are_those_of_the_areas(void **state)
     threads_free(pool);
 }
 
-/* In proportion to the area, to 5 % or one particle, from a coarse start or where none would do. */
+/* In proportion to the area, to 5 % or one particle, and without costing the large part its coarse start. */
 static void a_small_part_gets_its_share(void **state)
 {
     (void)state;
@@ -141,6 +141,7 @@ static void a_small_part_gets_its_share(void **state)
         size_t rounds;
         print_message("# radius %.3f: %.0f of %.1f, from %zu\n", small, on_small, wanted,
                       sampler_rounds(s, &rounds)[0].count);
+        assert_true(sampler_rounds(s, &rounds)[0].count < 6000 / 3);
         assert_int_equal(p->count, 6000);
         assert_close(on_small, wanted, fmax(0.05 * wanted, 1));
         sampler_free(s);

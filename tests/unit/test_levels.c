@@ -16,19 +16,19 @@ static void corrected_plans_need_no_inventions(void **state)
     (void)state;
     for (int euler = -40; euler <= 2; euler++)
         for (int rim = 0; rim <= 200; rim += 50) {
-            size_t plan[LEVELS_MAX] = {0, 0, 0, 100000};
-            for (int k = 2; k >= 0; k--) plan[k] = refine_coarser(plan[k + 1]);
-            double before = (double)plan[0], n = before, b = rim;
-            levels_correct(plan, 4, (size_t)(3 * (n - euler) - b), (size_t)rim);
-            n = (double)plan[0];
+            levels plan = {.count = 4, .particles = {0, 0, 0, 100000}};
+            for (int k = 2; k >= 0; k--) plan.particles[k] = refine_coarser(plan.particles[k + 1]);
+            double before = (double)plan.particles[0], n = before, b = rim;
+            levels_correct(&plan, (size_t)(3 * (n - euler) - b), (size_t)rim);
+            n = (double)plan.particles[0];
             b = rim * sqrt(n / before); /* the rim has the same length */
             for (int k = 1; k < 4; k++) {
                 n += 3 * (n - euler) - b;
                 b *= 2;
                 /* what was rounded up is refined with the rest, and the rim's share was rounded */
-                if (fabs(n - (double)plan[k]) > 5 + 0.1 * rim)
-                    fail_msg("euler %d rim %d: level %d gets %g of %zu", euler, rim, k, n, plan[k]);
-                n = (double)plan[k];
+                if (fabs(n - (double)plan.particles[k]) > 5 + 0.1 * rim)
+                    fail_msg("euler %d rim %d: level %d gets %g of %zu", euler, rim, k, n, plan.particles[k]);
+                n = (double)plan.particles[k];
             }
         }
 }
@@ -37,11 +37,11 @@ static void corrected_plans_need_no_inventions(void **state)
 static void nonsense_is_bounded(void **state)
 {
     (void)state;
-    size_t none[LEVELS_MAX] = {250, 1000}, many[LEVELS_MAX] = {250, 1000};
-    levels_correct(none, 2, 0, 0);
-    levels_correct(many, 2, 100000, 0);
-    assert_true(none[0] > 250 && none[0] <= 333);
-    assert_true(many[0] < 250 && many[0] >= 200);
+    levels none = {.count = 2, .particles = {250, 1000}}, many = none;
+    levels_correct(&none, 0, 0);
+    levels_correct(&many, 100000, 0);
+    assert_true(none.particles[0] > 250 && none.particles[0] <= 333);
+    assert_true(many.particles[0] < 250 && many.particles[0] >= 200);
 }
 
 int main(void)
