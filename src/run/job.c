@@ -93,7 +93,7 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
 /* The distances over which curvature is taken unless the job says otherwise: for amplitudes in even spacings, for a sizing
  * field in those of the place. Amplitudes that vary within less ask for what no packing gives: on creased meshes
  * energy_excess is 0.08 with one spacing and 0.04 with two. */
-static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 1.5;
+static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 
 /* The spacing by place that sampling.curvature or sampling.grid asks for. */
 static bool start_sizing(const job *j, sizing_field **out, error *e)

@@ -698,7 +698,7 @@ const spec_row spec_rows[] = {
      .has = offsetof(spec, curvature.has_scale),
      .prose =
          "The distance over which the surface's curvature is taken: the bend of the shape instead of the facets of "
-         "a mesh or the noise of a scan. Give one of its members. Default: 1.5 spacings of the place."},
+         "a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place."},
     {.pointer = "/sampling/curvature/scale/spacings",
      .type = SPEC_TYPE_NUMBER,
      .choice = SPEC_CHOICE_SCALE,

@@ -24,9 +24,12 @@ static const int SCALE_STEPS = 60;
 static const double GRADIENT_DAMPING = 0.02;
 /* A node's model reaches to its neighbours, down to this fraction of the spacing and as far above it. */
 static const double MODEL_LIMIT = 0.5;
-/* The most that a spacing may bend, see smoothing; how far the average over the nodes around rises above a
- * node where the Laplacian is 1 per squared cube; and when to leave it. */
-static const double BEND = 0.08, AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
+/* The most that a spacing may bend, see smoothing: what a packing follows at all, for a request that is meant at each
+ * point; and what it follows with few defects, for one over a distance. */
+static const double BEND_AT_POINTS = 0.08, BEND_OVER_DISTANCE = 0.02;
+/* How far the average over the nodes around rises above a node where the Laplacian is 1 per squared cube; and when to
+ * leave it. */
+static const double AVERAGE_RISE = 1.0 / 3, SMOOTH_TOLERANCE = 1e-3;
 static const int SMOOTH_PASSES = 400;
 static const size_t GRAIN = 256;
 
@@ -298,11 +301,12 @@ static bool find_scale(making *m, double want, double first, double widest)
 
 /* A spacing that bends within itself asks for what no packing gives. With growth the first derivative is
  * bounded; this bounds the second: averages over the nodes around, as far as they are needed, until nowhere
- * the Laplacian of the spacing's logarithm exceeds BEND / spacing^2. What bends less stays as it is. */
+ * the Laplacian of the spacing's logarithm exceeds `bend` / spacing^2. What bends less stays as it is. */
 static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
 {
     const making *m = context;
     const node *nodes = m->g->node;
+    const double bend = spacing_request_is_at_points(&m->g->params) ? BEND_AT_POINTS : BEND_OVER_DISTANCE;
     (void)worker;
     for (size_t k = begin; k < end; k++) {
         double sum = 0, weights = 0, spacing = exp(m->from[k]) / m->g->edge;
@@ -312,7 +316,7 @@ static void smooth_chunk(void *context, int worker, size_t begin, size_t end)
             sum += nodes[other].area * m->from[other];
             weights += nodes[other].area;
         }
-        double rise = sum / weights - m->from[k], most = BEND * AVERAGE_RISE / (spacing * spacing);
+        double rise = sum / weights - m->from[k], most = bend * AVERAGE_RISE / (spacing * spacing);
         m->change[k] = fabs(rise) - most;
         m->to[k] = m->from[k] + (m->change[k] > 0 ? copysign(m->change[k], rise) : 0);
     }
@@ -510,8 +514,17 @@ static void smooth_spacing(making *m)
     limit_growth(m);
 }
 
-/* What the nodes are asked for is corrected until the cells ask for `count`. A rough field, of which only the spacings are
- * used, is neither corrected nor smoothed. */
+/* Multiplies all spacings, within their bounds. */
+static void rescale(sizing_field *g, double factor)
+{
+    double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : INFINITY;
+    g->facts.scale *= factor;
+    for (size_t k = 0; k < g->count; k++)
+        g->node[k].spacing = fmin(fmax(factor * g->node[k].spacing, low), high);
+}
+
+/* Spacings that ask for `count` points by the nodes, then corrected, by a few percent at most, until they do by the cells. A
+ * rough field, of which only the spacings are used, is neither corrected nor smoothed. */
 static bool meet_count(sizing_field *g, const surface *scan, const vec3 *position, size_t count,
                        bool is_rough, threads *pool, error *e)
 {
@@ -528,13 +541,12 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
         ok = count_impossible(g, scan, count, e);
+    if (ok && !is_rough) smooth_spacing(&m);
     for (int k = 0; ok && k < (is_rough ? 1 : CELLS_STEPS); k++) {
-        if (k > 0) find_scale(&m, want, g->facts.scale, widest); /* as possible as before, but for a little */
-        if (!is_rough) smooth_spacing(&m);
         threads_run(pool, g->count, GRAIN, model_chunk, &m);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
-        want /= ratio;
+        rescale(g, sqrt(ratio));
     }
     making_free(&m);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");

@@ -26,6 +26,11 @@ bool spacing_request_is_implicit(const sizing_field_params *params)
     return !spacing_request_is_map(params) && params->scale_spacings > 0 && !(params->scale_world > 0);
 }
 
+bool spacing_request_is_at_points(const sizing_field_params *params)
+{
+    return spacing_request_is_map(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
+}
+
 static double curvature_of(const sizing_field_params *p, double kappa, double kappa1, double kappa2)
 {
     return p->kind == SIZING_FIELD_CHORD ? fmax(fabs(kappa1), fabs(kappa2)) : kappa;
@@ -199,9 +204,7 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
     r->value = mem_array(scan->cells, sizeof *r->value, "the grading", e);
     if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
     threads_run(pool, scan->cells, GRAIN, request_chunk, r);
-    bool at_points =
-        spacing_request_is_map(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
-    if (!at_points && !measure_octaves(r, pool, e)) return false;
+    if (!spacing_request_is_at_points(params) && !measure_octaves(r, pool, e)) return false;
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
 }
 

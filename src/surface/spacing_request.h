@@ -30,6 +30,9 @@ typedef struct spacing_request {
 
 bool spacing_request_is_map(const sizing_field_params *params);
 
+/* Whether the request at a place follows from that place alone, and not from what is around it. */
+bool spacing_request_is_at_points(const sizing_field_params *params);
+
 /* Whether the request depends on the spacing itself, so that both have to be found together. */
 bool spacing_request_is_implicit(const sizing_field_params *params);
 
