@@ -99,7 +99,4 @@ void slurm_list(slurm *s);
 /* Looks at the files of all attempts, and ends those that have ended. */
 void slurm_inspect(slurm *s);
 
-/* Whether Slurm's complaint says that it could not be reached or is busy, so that the same may work later. */
-bool slurm_is_away(const char *complaint);
-
 #endif

@@ -45,12 +45,6 @@ static bool says_any(const char *complaint, const char *const *list, size_t coun
     return false;
 }
 
-bool slurm_is_away(const char *complaint)
-{
-    return says_any(complaint, away, sizeof away / sizeof *away) ||
-           says_any(complaint, unclear, sizeof unclear / sizeof *unclear);
-}
-
 /* What is submitted at once. All texts are its own: the attempts may end meanwhile. */
 typedef struct load {
     slurm_batch *batch;

@@ -1,9 +1,11 @@
 """The engine slurm, with a real Slurm of several nodes on this machine: jobs through it, and what goes wrong on clusters."""
 import collections
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
+import sys
 
 import pytest
 
@@ -343,3 +345,13 @@ def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(new_cluster, n
         error = farm.wait_state(job, "failed")["error"]
         assert error["code"] == "not_supported" and "invalid partition" in error["message"].lower()
         assert len(attempts(farm, job)) == 1 and not slurm.jobs()
+
+
+# ---- all of it
+
+def test_a_short_campaign_of_kills(build):
+    """`make farmtest` is the whole."""
+    campaign = pathlib.Path(__file__).parents[1] / "crash/farmtest.py"
+    done = subprocess.run([sys.executable, "-B", campaign, build, "--jobs", "40", "--kills", "8", "--seed", "1"], text=True,
+                          capture_output=True)
+    assert done.returncode == 0, done.stdout + done.stderr

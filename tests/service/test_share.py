@@ -1,0 +1,112 @@
+"""Templates for other farm managers (share/): frames without hexad's queue. Slurm and GNU parallel run theirs. What the
+schema of OpenJD and the script engine of Flamenco would say is not known here: their forms are looked at, and what they
+would run is run."""
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+
+import pytest
+
+import cluster
+from service import PATIENCE_S, long_sphere, sphere
+
+SHARE = pathlib.Path(os.environ.get("HEXAD_SOURCE", pathlib.Path(__file__).parents[2])).resolve() / "share"
+FRAMES = {"frames": "1-3", "by_frame": {"/surface/analytic/radius": [1, 2, 3]}}
+
+
+@pytest.fixture
+def place(build, tmp_path, monkeypatch):
+    """A directory with a spec of three frames, in which templates find their programs."""
+    monkeypatch.setenv("PATH", f"{SHARE}:{build.resolve()}:{cluster.PATH}")
+    (tmp_path / "spec.json").write_text(json.dumps(sphere(output={"preview": False}, queue=FRAMES)))
+    return tmp_path
+
+
+def run(place, *words, **more):
+    return subprocess.run(list(map(str, words)), cwd=place, text=True, capture_output=True, timeout=PATIENCE_S, **more)
+
+
+def assert_done(place, frames=(1, 2, 3)):
+    for frame in frames:
+        assert json.loads((place / f"out/{frame}/report.json").read_text())["count"] == 200
+
+
+def test_a_frame_tells_its_progress_and_its_end(place):
+    for frame, style, form in ((1, "openjd", r"openjd_progress: \d+\.\d"), (2, "opencue", r"\d+%"), (3, "plain", r"progress \d+")):
+        done = run(place, "hexad-frame", "spec.json", "out", frame, style)
+        assert done.returncode == 0 and re.fullmatch(form, done.stdout.splitlines()[-1]), done
+    assert_done(place)
+    again = run(place, "hexad-frame", "spec.json", "out", 1)
+    assert again.returncode == 0 and not again.stdout
+    assert run(place, "hexad-frame", "spec.json", "out", 9).returncode == 2
+
+
+def test_a_frame_ends_when_it_is_told_to(place):
+    (place / "spec.json").write_text(json.dumps(long_sphere(queue=FRAMES)))
+    frame = subprocess.Popen(["hexad-frame", "spec.json", "out", "1"], cwd=place, text=True, stdout=subprocess.PIPE)
+    assert frame.stdout.readline().startswith("progress")
+    frame.send_signal(signal.SIGTERM)
+    frame.communicate(timeout=PATIENCE_S)
+    assert frame.returncode == 6
+
+
+@pytest.mark.skipif(cluster.missing() is not None, reason=str(cluster.missing()))
+def test_an_array_of_slurm(place, monkeypatch):
+    slurm = cluster.Cluster()
+    try:
+        slurm.start()
+        monkeypatch.setenv("SLURM_CONF", slurm.environment["SLURM_CONF"])
+        done = run(place, "sbatch", "--wait", "--array=1-3", "--mem=500", SHARE / "slurm-array.sh", "spec.json", "out")
+        assert done.returncode == 0, done
+        assert_done(place)
+    finally:
+        slurm.clean_up()
+
+
+@pytest.mark.skipif(not shutil.which("parallel"), reason="no parallel")
+def test_gnu_parallel(place):
+    assert run(place, SHARE / "gnu-parallel.sh", "spec.json", "out", 1, 3).returncode == 0
+    assert_done(place)
+    assert run(place, SHARE / "gnu-parallel.sh", "spec.json", "out", 3, 4).returncode == 1  # the number of failed ones
+
+
+def test_openjd(place):
+    yaml = pytest.importorskip("yaml")
+    template = yaml.safe_load((SHARE / "openjd.yaml").read_text())
+    assert template["specificationVersion"] == "jobtemplate-2023-09"
+    values = {"Param.Spec": "spec.json", "Param.Output": "out", "Param.Frames": "1-3", "Task.Param.Frame": "2"}
+    (step,) = template["steps"]
+    action = step["script"]["actions"]["onRun"]
+    words = [action["command"], *action["args"]]
+    for name, value in values.items():
+        words = [word.replace("{{%s}}" % name, value) for word in words]
+    assert run(place, *words).returncode == 0
+    assert_done(place, [2])
+    assert {p["name"] for p in template["parameterDefinitions"]} == {"Spec", "Output", "Frames"}
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_flamenco(place):
+    manager = """
+const tasks = [], author = {Task: (name, type) => ({name, type, commands: [], addCommand(c) { this.commands.push(c); }}),
+                            Command: (name, parameters) => ({name, parameters})};
+const frameChunker = frames => frames.split(",");
+const settings = Object.fromEntries(JOB_TYPE.settings.map(s => [s.key, {spec: "spec.json", output: "out", frames: "2,3"}[s.key]]));
+compileJob({settings, addTask(task) { tasks.push(task); }});
+console.log(JSON.stringify(tasks));
+"""
+    (place / "all.js").write_text((SHARE / "flamenco.js").read_text() + manager)
+    tasks = json.loads(run(place, "node", "all.js").stdout)
+    for task in tasks:
+        (command,) = task["commands"]
+        assert command["name"] == "exec"
+        assert run(place, command["parameters"]["exe"], *command["parameters"]["args"]).returncode == 0
+    assert_done(place, [2, 3])
+
+
+def test_opencue_compiles():
+    compile((SHARE / "opencue.py").read_text(), "opencue.py", "exec")
