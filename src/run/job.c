@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <sys/resource.h>
 
 #include "base/clock.h"
 #include "base/memory.h"
@@ -58,6 +59,13 @@ static bool choose_isa(const spec *s, isa *out, error *e)
                      isa_name(*out));
 }
 
+static int64_t peak_of(int who)
+{
+    struct rusage usage;
+    getrusage(who, &usage);
+    return (int64_t)usage.ru_maxrss * 1024;
+}
+
 bool job_load(job *j, error *e)
 {
     const spec *s = j->spec;
@@ -69,9 +77,17 @@ bool job_load(job *j, error *e)
     if (most > 0 && workers > most) workers = most;
     if (workers > THREADS_MAX) workers = THREADS_MAX;
     j->pool = threads_new(workers, j->options->cancel, e);
-    return j->pool && choose_isa(s, &j->isa, e) &&
-           (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
-           source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
+    bool ok = j->pool && choose_isa(s, &j->isa, e) &&
+              (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
+              source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
+    j->load_peak = peak_of(RUSAGE_SELF) + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
+    return ok;
+}
+
+int64_t job_peak_memory(const job *j)
+{
+    int64_t own = peak_of(RUSAGE_SELF);
+    return own > j->load_peak ? own : j->load_peak;
 }
 
 bool job_survey(job *j, error *e)

@@ -32,6 +32,8 @@ typedef struct job {
     threads *pool;
     isa isa;
     source source;
+    int64_t
+        load_peak; /* bytes of memory while inputs were loaded: of this process and of the largest of its readers */
     surface *scan;
     size_t count; /* points that the target asks for; with a time as target: points of the next run */
     solution solution;
@@ -74,6 +76,9 @@ double job_seconds_left(const job *j);
 
 double job_particle_memory(const job *j);
 double job_bytes_per_particle(const job *j);
+
+/* Bytes of memory at the peak: the worker's, or while it loaded the worker's and its reader's together, if that is more. */
+int64_t job_peak_memory(const job *j);
 
 void job_free_solution(solution *s);
 void job_free(job *j);

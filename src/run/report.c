@@ -1,11 +1,13 @@
 #include "run/report.h"
 
 #include <stdlib.h>
-#include <sys/resource.h>
 
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/advice.h"
+
+/* A ratio of spacings that is this much of the one asked for is not worth a word. */
+static const double RATIO_REACHED = 0.8;
 
 static void put_vec3(json *object, const char *key, vec3 v)
 {
@@ -151,13 +153,6 @@ static void put_timing(json *report, const progress *p)
     json_put_number(timing, "total", clock_seconds(total));
 }
 
-static int64_t peak_memory(void)
-{
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
-    return (int64_t)usage.ru_maxrss * 1024;
-}
-
 /* What the request of a grading came to, so that the count is met. */
 static void put_grading(json *report, const report_facts *facts)
 {
@@ -169,6 +164,18 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(object, "largest_spacing", g.largest);
     if (facts->spec->curvature.chord_error > 0)
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
+    double asked = facts->spec->curvature.ratio, reached = g.largest / g.least;
+    if (!(asked > 0)) return;
+    json_put_number(json_find(report, "/requested"), "ratio", asked);
+    json_put_number(json_find(report, "/reached"), "ratio", reached);
+    if (reached >= RATIO_REACHED * asked) return;
+    char *warning =
+        mem_printf("sampling.curvature.ratio asks for %.3g:1, and the spacing varies by %.3g:1: the "
+                   "surface's curvature varies no more, or gradation and the bounds of the spacing leave "
+                   "no room between bends",
+                   asked, reached);
+    json_append_string(json_find(report, "/surface/warnings"), warning);
+    free(warning);
 }
 
 /* What (14) takes curvatures times, and the distance over which it takes them. */
@@ -234,7 +241,7 @@ void report_fill(json *report, const report_facts *facts)
     put_rounds(report, facts->sampler);
     put_sweeps(report, facts->sampler);
     put_timing(report, facts->progress);
-    json_put_integer(report, "peak_memory_bytes", peak_memory());
+    json_put_integer(report, "peak_memory_bytes", facts->peak_memory);
     json_put_integer(report, "threads", facts->threads);
     json_put_string(report, "isa", isa_name(facts->isa));
     json_put(report, "spec", json_copy(facts->spec->normalised));

@@ -22,6 +22,7 @@ typedef struct report_facts {
     const sampler *sampler;
     const quality *quality;
     const clearance *clearance; /* where many points are unresolved, else NULL */
+    int64_t peak_memory;        /* bytes */
     double memory_limit;        /* bytes that the job may take */
     double particle_memory;     /* those of them that particles may take, and what one takes */
     double bytes_per_particle;

@@ -64,6 +64,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
         .sampler = s->sampler,
         .quality = &s->quality,
         .clearance = told,
+        .peak_memory = job_peak_memory(j),
         .memory_limit = (double)j->memory,
         .particle_memory = job_particle_memory(j),
         .bytes_per_particle = job_bytes_per_particle(j),

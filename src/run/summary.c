@@ -43,6 +43,8 @@ void summary_print(const json *report, FILE *out, FILE *err)
     fprintf(out, "%.0f points, %s, ", number_of(root, "count"),
             json_string(json_member(&root, "outcome"), "?"));
     print_hexagons(quality, out);
+    json_at reached = json_member(&root, "reached"), ratio = json_member(&reached, "ratio");
+    if (ratio.node) fprintf(out, ", spacing %.3g:1", json_number(ratio, 0));
     fprintf(out, ", max_residual %.1e h, %.2f s\n", number_of(quality, "max_residual"),
             number_of(timing, "total"));
     print_reasons(root, err);

@@ -550,6 +550,37 @@ def test_the_advice_is_of_the_target_that_the_spec_has(worker, tmp_path, target,
     assert 0.5 * 0.05 / 1.2 < spacing <= 0.05 / 1.2
 
 
+def test_a_ratio_that_is_not_reached_is_told(worker, tmp_path):
+    """The curvature of a thin torus hardly varies."""
+    torus = {"analytic": {"shape": "torus", "center": [0, 0, 0], "major_radius": 1, "minor_radius": 0.25}}
+    done = worker(sphere(1000, surface=torus, sampling={"count": 1000, "curvature": {"ratio": 10}}))
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    reached = report["reached"]["ratio"]
+    assert report["requested"]["ratio"] == 10 and 1 < reached < 2
+    assert reached == report["grading"]["largest_spacing"] / report["grading"]["least_spacing"]
+    assert f"warning: sampling.curvature.ratio asks for 10:1, and the spacing varies by {reached:.3g}:1" in done.stderr
+    assert f"spacing {reached:.3g}:1" in done.stdout
+
+
+def test_the_peak_of_memory_counts_the_reader(worker, tmp_path):
+    """A mesh of many triangles and few voxels: assimp takes most of the memory, in a process of its own."""
+    n = 300
+    u, v = numpy.meshgrid(numpy.arange(n) * 2 * numpy.pi / n, numpy.arange(n) * 2 * numpy.pi / n)
+    wide = 1 + 0.4 * numpy.cos(v)
+    x = numpy.stack([wide * numpy.cos(u), wide * numpy.sin(u), 0.4 * numpy.sin(v)], axis=-1).reshape(-1, 3)
+    at = numpy.arange(n * n).reshape(n, n)
+    right, up = numpy.roll(at, -1, 1), numpy.roll(at, -1, 0)
+    faces = numpy.stack([at, right, numpy.roll(right, -1, 0), up], axis=-1).reshape(-1, 4) + 1
+    with open(tmp_path / "torus.obj", "w") as file:
+        file.writelines("v %.6f %.6f %.6f\n" % tuple(p) for p in x)
+        file.writelines("f %d %d %d %d\n" % tuple(f) for f in faces)
+    spec = sphere(100, surface={"mesh": {"path": "torus.obj", "resolution": 24}})
+    assert worker(spec).returncode in (0, 10, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    vertices_and_faces = 12 * n * n + 24 * n * n
+    assert report["peak_memory_bytes"] > 20 * vertices_and_faces
+
+
 def test_the_normalised_spec_gives_the_same_points(ball, worker, tmp_path):
     where, report, _ = ball
     assert worker(report["spec"]).returncode == 0
