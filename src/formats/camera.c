@@ -15,11 +15,20 @@ static vec3 rotate(const camera *c, vec3 v)
     return (vec3){vec3_dot(c->right, v), vec3_dot(c->up, v), vec3_dot(c->forward, v)};
 }
 
-/* A pinhole in the middle of a frame that looks away from `towards_it`, with z up; without a place yet. */
-static camera aim(vec3 towards_it, camera_frame frame)
+static vec3 turn_about(vec3 v, vec3 axis, double angle)
 {
-    camera c = {.forward = vec3_unit(vec3_scale(towards_it, -1))};
-    c.right = vec3_unit(vec3_cross(c.forward, vec3_make(0, 0, 1)));
+    vec3 along = vec3_scale(axis, vec3_dot(v, axis)), across = vec3_sub(v, along);
+    return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
+}
+
+/* A pinhole in the middle of a frame that looks away from `towards_eye`, turned about the axis that is up by an angle;
+ * without a place yet. */
+static camera aim(double angle, camera_frame frame)
+{
+    vec3 up = frame.y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1), e = towards_eye;
+    if (frame.y_up) e = vec3_make(e.x, e.z, -e.y);
+    camera c = {.forward = vec3_unit(vec3_scale(turn_about(e, up, angle), -1))};
+    c.right = vec3_unit(vec3_cross(c.forward, up));
     c.up = vec3_cross(c.right, c.forward);
     c.focal = 0.5 * fmax(frame.width, frame.height) / half_slope;
     c.center_x = frame.left + 0.5 * frame.width;
@@ -52,7 +61,7 @@ static touch touch_set(const camera *c, const vec3 *position, size_t count, came
 /* The nearest eye between both pairs of planes is where they meet. Exact, in one pass. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame)
 {
-    camera c = aim(towards_eye, frame);
+    camera c = aim(0, frame);
     c.origin = position[0];
     touch t = touch_set(&c, position, count, frame);
     double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);
@@ -63,12 +72,6 @@ camera camera_fit(const vec3 *position, size_t count, double radius, camera_fram
     return c;
 }
 
-static vec3 turn_about(vec3 v, vec3 axis, double angle)
-{
-    vec3 along = vec3_scale(axis, vec3_dot(v, axis)), across = vec3_sub(v, along);
-    return vec3_axpy(sin(angle), vec3_cross(axis, across), vec3_axpy(cos(angle), across, along));
-}
-
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out)
 {
@@ -76,7 +79,7 @@ void camera_orbit(const vec3 *position, size_t count, double radius, camera_fram
     double z = 0;
     for (size_t i = 0; i < count; i++) box = bbox_include(box, position[i]);
     for (int k = 0; k < frames; k++) {
-        camera c = aim(turn_about(towards_eye, vec3_make(0, 0, 1), 2 * M_PI * k / frames), frame);
+        camera c = aim(2 * M_PI * k / frames, frame);
         c.origin = vec3_scale(vec3_add(box.min, box.max), 0.5);
         touch t = touch_set(&c, position, count, frame);
         double rx = radius * sqrt(1 + t.sx * t.sx), ry = radius * sqrt(1 + t.sy * t.sy);

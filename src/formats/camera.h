@@ -30,13 +30,14 @@ typedef struct camera_place {
 /* The part of the picture that the set must fit into, pixels. */
 typedef struct camera_frame {
     double left, top, width, height;
+    bool y_up; /* the set stands along y, not z */
 } camera_frame;
 
-/* Three-quarter view from above with z up: the nearest eye from which every ball (position[i],
+/* Three-quarter view from above with z (or y) up: the nearest eye from which every ball (position[i],
  * radius) lies within the frame. count > 0, radius > 0; everything finite. */
 camera camera_fit(const vec3 *position, size_t count, double radius, camera_frame frame);
 
-/* The same from `frames` eyes around the axis z through the middle of the set, all as far away as the
+/* The same from `frames` eyes around the axis that is up through the middle of the set, all as far away as the
  * farthest has to be, one turn counterclockwise seen from above; `out` has room for them. */
 void camera_orbit(const vec3 *position, size_t count, double radius, camera_frame frame, int frames,
                   camera *out);

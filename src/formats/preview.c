@@ -28,6 +28,8 @@ enum { POINTS_GRAIN = 4096 };
  * 1/sqrt(3) closes the last gap between three: the body is more than that, for packings that are
  * not ideal. */
 static const double disc_share = 0.47, body_share = 0.70;
+/* All of them times this where points do not resolve the surface: other sheets are nearer than neighbours. */
+static const double unresolved_scale = 0.5;
 
 /* Radii in pixels between which a disc passes from covering everything to standing alone, and
  * between which its outline appears: smaller ones would only make noise of it. */
@@ -108,7 +110,8 @@ static disc body_of(const image *m, size_t i)
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    d.radius = trim_edge(m, i, &d, fmin(body_share * size_of(&m->points, i), m->radius_max));
+    d.radius =
+        trim_edge(m, i, &d, fmin(m->scale_of_discs * body_share * size_of(&m->points, i), m->radius_max));
     double bend = 0.5 * m->points.kappa[i] * d.radius * d.radius;
     double sink = fmin(bend + sink_share * d.radius, sink_max_share * d.radius);
     d.center = vec3_axpy(-sink, d.normal, d.center);
@@ -123,10 +126,11 @@ static disc face_of(const image *m, size_t i)
     disc d;
     d.center = camera_point(&m->camera, m->points.position[i]);
     d.normal = camera_direction(&m->camera, m->points.normal[i]);
-    double pixels = disc_share * size_of(&m->points, i) * camera_scale(&m->camera, d.center.z);
+    double size = m->scale_of_discs * size_of(&m->points, i);
+    double pixels = disc_share * size * camera_scale(&m->camera, d.center.z);
     double t = fmin(fmax((pixels - merge_pixels) / (single_pixels - merge_pixels), 0), 1);
     double share = body_share + t * (disc_share - body_share);
-    d.radius = trim_edge(m, i, &d, fmin(share * size_of(&m->points, i), m->radius_max));
+    d.radius = trim_edge(m, i, &d, fmin(share * size, m->radius_max));
     d.cone = cone_share * d.radius;
     d.code = (uint32_t)(i + 1);
     d.ring = pixels > ring_from_pixels;
@@ -463,10 +467,9 @@ static color *shade_points(const image *m, quantity which, error *e)
     if (!colors) return NULL;
     color *scale = mem_alloc(SCALE_COLORS * sizeof *scale);
     fill_scale(scale);
-    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
     const double *values = quantity_values(&m->points, which);
     for (size_t i = 0; i < m->points.count; i++) {
-        float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), up);
+        float light = (float)shade(camera_direction(&m->camera, m->points.normal[i]), m->up);
         int place = (int)(colormap_scale_place(&m->scale, values[i]) * SCALE_COLORS);
         color c = scale[place < SCALE_COLORS ? place : SCALE_COLORS - 1];
         colors[i] = (color){light * c.r, light * c.g, light * c.b};
@@ -587,13 +590,12 @@ static void band_chunk(void *context, int worker, size_t begin, size_t end)
     const drawing *job = context;
     image *m = job->image;
     band *b = &job->band[worker];
-    vec3 up = camera_direction(&m->camera, vec3_make(0, 0, 1));
     for (size_t k = begin; k < end; k++) {
         int rows = job->bins.rows, all = m->height * SAMPLES;
         b->top = (int)k * rows;
         b->rows = all - b->top < rows ? all - b->top : rows;
         draw_band(m, &job->bins, k, b);
-        resolver r = {m, b, job->colors, job->table, up, 0, {0, 0, 0}};
+        resolver r = {m, b, job->colors, job->table, m->up, 0, {0, 0, 0}};
         for (int y = b->top / SAMPLES; y < (b->top + b->rows) / SAMPLES; y++) resolve_row(&r, y);
     }
 }
@@ -679,7 +681,7 @@ static bounds bound_set(const points *set)
 static camera_frame frame_of(const preview_options *o)
 {
     double legend = legend_height(o->width, o->height), margin = margin_share * fmin(o->width, o->height);
-    return (camera_frame){margin, margin, o->width - 2 * margin, o->height - legend - 2 * margin};
+    return (camera_frame){margin, margin, o->width - 2 * margin, o->height - legend - 2 * margin, o->y_up};
 }
 
 void preview_orbit(const points *set, const preview_options *o, int frames, camera *out)
@@ -722,6 +724,8 @@ bool preview_render_from(const points *set, const preview_options *options, cons
     const bounds b = bound_set(set);
     char note[48];
     m->camera = *from;
+    m->up = camera_direction(from, options->y_up ? vec3_make(0, 1, 0) : vec3_make(0, 0, 1));
+    m->scale_of_discs = options->unresolved ? unresolved_scale : 1;
     m->radius_max = b.radius_max;
     m->extent = b.extent;
     m->far = from->parallel ? depth_beyond(set, from, b.radius_max) : 0;
@@ -729,7 +733,7 @@ bool preview_render_from(const points *set, const preview_options *options, cons
         preview_free(m);
         return false;
     }
-    snprintf(note, sizeof note, "%zu points", set->count);
+    snprintf(note, sizeof note, "%zu%s", set->count, options->unresolved ? ", not resolved" : " points");
     legend_draw(m->rgb, m->width, m->height, &m->scale, quantity_title(options->color), note);
     *out = m;
     return true;

@@ -32,6 +32,8 @@ typedef struct preview_options {
     int width, height; /* pixels, PREVIEW_SIZE_MIN .. PREVIEW_SIZE_MAX */
     quantity color;
     const camera_place *camera; /* NULL: one that sees all of the set */
+    bool y_up;                  /* y is up, not z */
+    bool unresolved; /* discs would cover each other: they are drawn smaller, and the legend says why */
 } preview_options;
 
 typedef struct image {
@@ -41,6 +43,8 @@ typedef struct image {
     uint32_t *hit;      /* private: what the centre sample shows */
     points points;      /* borrowed: its arrays must outlive the image */
     camera camera;
+    vec3 up; /* in camera space */
+    double scale_of_discs;
     double radius_max;    /* no disc is larger, world units */
     double extent;        /* half diagonal of the set's box, > 0 */
     double far;           /* parallel cameras: no disc is as deep */

@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/plan.h"
+#include "run/verdict.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
 #include "packing/packing.h"
@@ -298,6 +299,7 @@ bool job_write_points(job *j, error *e)
                         .velocity = j->sequence.velocity};
     results_input in = {
         .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
+    in.unresolved = 1 - s->quality.resolved_share > VERDICT_UNRESOLVED_SHARE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
 #include "formats/chart.h"
@@ -189,16 +190,31 @@ static bool write_turntable(const char *directory, int frames, const points *set
     return ok;
 }
 
-static bool write_preview(const char *directory, const spec *s, const points *set, threads *pool,
-                          json *outputs, error *e)
+/* Assets of films and games stand along y, models of CAD and medical volumes along z. Of a combination the first part
+ * tells. */
+static bool is_y_up(const spec *s)
 {
+    const spec_surface *first = &s->surface;
+    if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
+    while (first->part_count > 0) first = first->parts[0];
+    const char *ending = first->kind == SPEC_SURFACE_MESH ? strrchr(first->mesh.path, '.') : NULL;
+    return first->kind == SPEC_SURFACE_VDB ||
+           (first->kind == SPEC_SURFACE_MESH && !(ending && strcasecmp(ending, ".stl") == 0));
+}
+
+static bool write_preview(const char *directory, const results_input *in, threads *pool, json *outputs,
+                          error *e)
+{
+    const spec *s = in->spec;
+    const points *set = in->set;
 #define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
     static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
 #undef SHOWN
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
-    const preview_options options = {s->preview_width, s->preview_height, shown[s->preview_color],
-                                     s->has_camera ? &place : NULL};
+    const preview_options options = {
+        s->preview_width, s->preview_height, shown[s->preview_color], s->has_camera ? &place : NULL,
+        is_y_up(s),       in->unresolved};
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
@@ -250,7 +266,7 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     if (!write_ply(directory, "points.ply", s, in->set, as_float, pool, outputs, e)) return false;
     if (s->has_points_vdb && !write_points_vdb(directory, in, outputs, e)) return false;
     if (s->has_mesh && !write_mesh(directory, in, as_float, pool, outputs, &facts.mesh, e)) return false;
-    if (s->has_preview && !write_preview(directory, s, in->set, pool, outputs, e)) return false;
+    if (s->has_preview && !write_preview(directory, in, pool, outputs, e)) return false;
     if (s->has_convergence && !write_convergence(directory, in, outputs, e)) return false;
     *out = facts;
     return true;

@@ -26,6 +26,7 @@ typedef struct results_input {
     const spec *spec;
     const field *field;
     const points *set;
+    bool unresolved;             /* more of the points than the verdict allows */
     double h;                    /* of the ideal packing */
     const sampler_sweep *sweeps; /* at least one */
     size_t sweep_count;

@@ -184,6 +184,7 @@ typedef struct spec {
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
     bool has_camera;                   /* otherwise the camera sees the whole surface */
     spec_camera camera;
+    spec_up preview_up;
     spec_compression preview_compression; /* of preview.exr */
     int turntable;                        /* frames; 0: none */
     bool has_convergence, has_points_vdb, has_mesh;

@@ -1017,13 +1017,20 @@ const spec_row spec_rows[] = {
      AT(preview_compression),
      .prose = "The compression of preview.exr. At 512 x 512 pixels, none gives 12.6 MB; rle about 6 MB for "
               "20 ms of processor time, zips about 3 MB for 130 ms."},
+    {.pointer = "/output/preview/up",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_UP),
+     .otherwise = "\"auto\"",
+     AT(preview_up),
+     .prose = "The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL files, z "
+              "of all others."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
      .offset = SPEC_NOWHERE,
      .has = offsetof(spec, has_camera),
-     .prose = "The camera. Without it, the surface is seen from the right, the front and above, with z up, "
-              "and fills the image."},
+     .prose = "The camera. Without it, the surface is seen from the right, the front and above, and fills "
+              "the image."},
     {.pointer = "/output/preview/camera/position",
      .type = SPEC_TYPE_VECTOR,
      .flags = SPEC_REQUIRED,
@@ -1076,7 +1083,7 @@ const spec_row spec_rows[] = {
      .unit = "frames",
      .prose = "The number of images of one full rotation around the surface: preview.0001.png and so on; "
               "0: none. The axis is the camera's up direction through its target. Without a camera it is "
-              "the z axis through the centre of the points."},
+              "the axis that is up, through the centre of the points."},
     {.pointer = "/output/convergence",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",

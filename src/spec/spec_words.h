@@ -115,6 +115,13 @@ typedef enum spec_precision {
 
 typedef enum spec_color { SPEC_COLOR_LIST(WORDS_ENUMERATOR, SPEC_COLOR) SPEC_COLOR_COUNT } spec_color;
 
+/* /output/preview/up */
+#define SPEC_UP_LIST(ENTRY, prefix) \
+    ENTRY(prefix, AUTO, "auto")     \
+    ENTRY(prefix, Y, "y")           \
+    ENTRY(prefix, Z, "z")
+typedef enum spec_up { SPEC_UP_LIST(WORDS_ENUMERATOR, SPEC_UP) SPEC_UP_COUNT } spec_up;
+
 /* /output/preview/compression */
 #define SPEC_COMPRESSION_LIST(ENTRY, prefix) \
     ENTRY(prefix, NONE, "none")              \

@@ -30,7 +30,7 @@ static image *render_options(const points *set, const preview_options *options, 
 
 static image *render_with(const points *set, int width, int height, quantity which, int workers)
 {
-    const preview_options options = {width, height, which, NULL};
+    const preview_options options = {.width = width, .height = height, .color = which};
     return render_options(set, &options, workers);
 }
 
@@ -43,7 +43,7 @@ static void refuse(const points *set, int width, int height, const char *words)
 {
     error e = {0};
     image *m = NULL;
-    preview_options options = {width, height, QUANTITY_CURVATURE, NULL};
+    preview_options options = {.width = width, .height = height, .color = QUANTITY_CURVATURE};
     threads *pool = threads_new(1, NULL, &e);
     assert_false(preview_render(set, &options, pool, &m, &e));
     threads_free(pool);
@@ -105,7 +105,8 @@ static void test_pixels_are_the_discs(void **state)
     for (int k = -1; k < 4; k++) {
         if (k == 2) /* the inside of the sphere is its outside */
             for (size_t i = 0; i < s.points.count; i++) s.normal[i] = vec3_scale(s.normal[i], -1);
-        const preview_options options = {640, 480, QUANTITY_CURVATURE, k < 0 ? NULL : &places[k]};
+        const preview_options options = {
+            .width = 640, .height = 480, .color = QUANTITY_CURVATURE, .camera = k < 0 ? NULL : &places[k]};
         image *m = render_options(&s.points, &options, 1);
         int checked = check_discs(&s, m);
         if (checked < (k < 2 ? 100 : 4)) fail_msg("camera %d sees %d discs", k, checked);
@@ -127,11 +128,53 @@ static void test_what_is_behind_is_not_seen(void **state)
     point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
     for (int k = 0; k < 2; k++) {
         const camera_place away = {{0, -3, 0}, {0, -4, 0}, {0, 0, 1}, 0, k};
-        const preview_options options = {100, 100, QUANTITY_ENERGY, &away};
+        const preview_options options = {
+            .width = 100, .height = 100, .color = QUANTITY_ENERGY, .camera = &away};
         image *m = render_options(&s.points, &options, 1);
         assert_int_equal(count_covered(m), 0);
         preview_free(m);
     }
+    point_set_free(&s);
+}
+
+/* A set that lies on its back, seen with y up, is the set that stands, seen with z up. */
+static void test_what_stands_along_y(void **state)
+{
+    (void)state;
+    point_set stands = point_set_sphere(800, vec3_make(0, 0, 0), 1),
+              lies = point_set_sphere(800, vec3_make(0, 0, 0), 1);
+    for (size_t i = 0; i < stands.points.count; i++) {
+        vec3 x = stands.position[i], n = stands.normal[i];
+        x.z *= 3;
+        stands.position[i] = x;
+        lies.position[i] = vec3_make(x.x, x.z, -x.y);
+        lies.normal[i] = vec3_make(n.x, n.z, -n.y);
+    }
+    preview_options options = {.width = 200, .height = 200, .color = QUANTITY_CURVATURE};
+    image *one = render_options(&stands.points, &options, 1);
+    options.y_up = true;
+    image *other = render_options(&lies.points, &options, 1);
+    int differ = 0;
+    for (size_t k = 0; k < 3 * 200 * 200; k++) differ += abs(one->rgb[k] - other->rgb[k]) > 2;
+    assert_in_range(differ, 0, 200); /* rounding at rims */
+    preview_free(one);
+    preview_free(other);
+    point_set_free(&stands);
+    point_set_free(&lies);
+}
+
+/* Points that do not resolve the surface have discs of half the size. */
+static void test_unresolved_discs_are_smaller(void **state)
+{
+    (void)state;
+    point_set s = point_set_sphere(400, vec3_make(0, 0, 0), 1);
+    preview_options options = {.width = 300, .height = 300, .color = QUANTITY_CURVATURE};
+    image *whole = render_options(&s.points, &options, 1);
+    options.unresolved = true;
+    image *loose = render_options(&s.points, &options, 1);
+    assert_true(count_covered(loose) < count_covered(whole) * 3 / 4);
+    preview_free(whole);
+    preview_free(loose);
     point_set_free(&s);
 }
 
@@ -145,8 +188,9 @@ static void test_turntables(void **state)
     static const camera_place place = {{5, 1, 2}, {1, 1, 1}, {0, 1, 0}, 0.8, 0};
     point_set s = point_set_sphere(500, vec3_make(100, 5, -7), 1);
     for (size_t i = 0; i < s.points.count; i++) s.position[i].x = 100 + 4 * (s.position[i].x - 100);
-    preview_options options = {300, 200, QUANTITY_SPACING, NULL};
-    camera still = camera_fit(s.position, s.points.count, 0.1, (camera_frame){0, 0, 300, 200}), from[FRAMES];
+    preview_options options = {.width = 300, .height = 200, .color = QUANTITY_SPACING};
+    camera still = camera_fit(s.position, s.points.count, 0.1, (camera_frame){0, 0, 300, 200, false}),
+           from[FRAMES];
     preview_orbit(&s.points, &options, FRAMES, from);
     assert_true(vec3_norm(vec3_sub(from[0].forward, still.forward)) < 1e-12);
     for (int k = 0; k < FRAMES; k++) {
@@ -230,7 +274,8 @@ static void test_far_side_does_not_show_through(void **state)
 static void test_camera_fits_tightly(void **state)
 {
     (void)state;
-    static const camera_frame frames[] = {{10, 20, 300, 200}, {5, 5, 100, 400}, {0, 0, 64, 64}};
+    static const camera_frame frames[] = {
+        {10, 20, 300, 200, false}, {5, 5, 100, 400, false}, {0, 0, 64, 64, true}};
     point_set s = point_set_sphere(2000, vec3_make(1e6, 5, -7), 3);
     for (size_t i = 0; i < s.points.count; i++) s.position[i].x = 1e6 + 4 * (s.position[i].x - 1e6);
     for (int k = 0; k < 3; k++) {
@@ -621,6 +666,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_pixels_are_the_discs),
         cmocka_unit_test(test_what_is_behind_is_not_seen),
+        cmocka_unit_test(test_what_stands_along_y),
+        cmocka_unit_test(test_unresolved_discs_are_smaller),
         cmocka_unit_test(test_turntables),
         cmocka_unit_test(test_every_quantity_is_shown),
         cmocka_unit_test(test_exr_compressed),

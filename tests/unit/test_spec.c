@@ -559,7 +559,7 @@ static void test_normalised_is_idempotent(void **state)
               "\"auto\",\"max_sweeps\":5000,"
               "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
               "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-              "\"color\":\"curvature\",\"compression\":\"none\",\"turntable\":0},\"convergence\":false,"
+              "\"color\":\"curvature\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
               "\"points_vdb\":false,"
               "\"mesh\":false},"
               "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
