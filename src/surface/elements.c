@@ -1,0 +1,79 @@
+#include "surface/elements.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+/* The axis that a normal follows most: 0 to 2 along it, 3 to 5 against it. */
+static int direction_of(vec3 n)
+{
+    int axis = fabs(n.x) >= fabs(n.y) && fabs(n.x) >= fabs(n.z) ? 0 : fabs(n.y) >= fabs(n.z) ? 1 : 2;
+    return vec3_get(n, axis) >= 0 ? axis : axis + 3;
+}
+
+elements_cube elements_cube_of(const elements *s, vec3 x)
+{
+    vec3 u = vec3_scale(vec3_sub(x, s->origin), 1 / s->edge);
+    return (elements_cube){{(int32_t)floor(u.x), (int32_t)floor(u.y), (int32_t)floor(u.z)}};
+}
+
+uint32_t elements_find(const elements *s, vec3 x, vec3 normal)
+{
+    int direction = direction_of(normal);
+    uint32_t k = elements_first(s, elements_cube_of(s, x), 0, 0, 0);
+    while (k != BLOCK_MAP_NONE && s->element[k].direction != direction) k = s->element[k].next;
+    return k;
+}
+
+/* The element of a cube and a direction, new if there is none. */
+static element *element_of(elements *s, vec3 position, vec3 normal, error *e)
+{
+    elements_cube at = elements_cube_of(s, position);
+    uint32_t before = s->map.count, number;
+    int direction = direction_of(normal);
+    if (!block_map_find_or_add(&s->map, at.at[0], at.at[1], at.at[2], &number, e)) return NULL;
+    if (number == before) s->first[number] = BLOCK_MAP_NONE;
+    for (uint32_t k = s->first[number]; k != BLOCK_MAP_NONE; k = s->element[k].next)
+        if (s->element[k].direction == direction) return &s->element[k];
+    element *n = &s->element[s->count];
+    n->direction = direction;
+    n->next = s->first[number];
+    s->first[number] = s->count++;
+    return n;
+}
+
+/* Adds the samples to the elements, in the order of the cells. */
+bool elements_make(const surface *scan, const cell_samples *sample, double edge, elements *out, error *e)
+{
+    const char *what = "the surface's elements";
+    elements *s = out;
+    *s = (elements){.edge = edge, .origin = scan->box.min};
+    if (!block_map_init(&s->map, scan->cells / 2, e)) return false;
+    s->element = mem_array(scan->cells, sizeof *s->element, what, e);
+    s->first = mem_array(scan->cells, sizeof *s->first, what, e);
+    if (!s->element || !s->first) return false;
+    for (size_t k = 0; k < scan->cells; k++) {
+        double area = surface_cell_area(scan, k);
+        if (!sample->found[k] || !(area > 0)) continue;
+        element *n = element_of(s, sample->position[k], sample->normal[k], e);
+        if (!n) return false;
+        n->area += area;
+        n->position = vec3_axpy(area, sample->position[k], n->position);
+        n->normal = vec3_axpy(area, sample->normal[k], n->normal);
+    }
+    for (uint32_t k = 0; k < s->count; k++) {
+        element *n = &s->element[k];
+        n->position = vec3_scale(n->position, 1 / n->area);
+        n->normal = vec3_unit(n->normal);
+    }
+    return true;
+}
+
+void elements_free(elements *s)
+{
+    block_map_free(&s->map);
+    free(s->element);
+    free(s->first);
+    *s = (elements){0};
+}

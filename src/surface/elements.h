@@ -1,0 +1,51 @@
+/* elements: the surface in coarse pieces: the mean place, normal and area of what of it lies in a cube, one piece for each
+ * of six directions of the normal, so that sheets that face each other are told apart. World units. Immutable once made,
+ * safe in any thread. */
+#ifndef HEXAD_SURFACE_ELEMENTS_H
+#define HEXAD_SURFACE_ELEMENTS_H
+
+#include "base/error.h"
+#include "geometry/block_map.h"
+#include "surface/cell_samples.h"
+#include "surface/surface.h"
+
+/* Edge of a cube, over that of the surface's cells, below which cubes would be passed over. */
+#define ELEMENTS_LEAST_EDGE 1.25
+
+typedef struct element {
+    double area;
+    vec3 position, normal; /* means over the area; the normal is a unit vector */
+    int direction;
+    uint32_t next; /* of the same cube, or BLOCK_MAP_NONE */
+} element;
+
+typedef struct elements {
+    double edge; /* of a cube */
+    vec3 origin;
+    block_map map;   /* of the cubes that the surface passes */
+    uint32_t *first; /* the first element of each */
+    element *element;
+    uint32_t count;
+} elements;
+
+typedef struct elements_cube {
+    int32_t at[3];
+} elements_cube;
+
+/* From the samples of the cells. Free *out after failure, too. Error: limit_memory. */
+bool elements_make(const surface *scan, const cell_samples *sample, double edge, elements *out, error *e);
+void elements_free(elements *s);
+
+elements_cube elements_cube_of(const elements *s, vec3 x);
+
+/* The first element of the cube that lies (i, j, k) cubes away; go on with `next`. BLOCK_MAP_NONE: there is none. */
+static inline uint32_t elements_first(const elements *s, elements_cube from, int i, int j, int k)
+{
+    uint32_t number = block_map_find(&s->map, from.at[0] + i, from.at[1] + j, from.at[2] + k);
+    return number == BLOCK_MAP_NONE ? BLOCK_MAP_NONE : s->first[number];
+}
+
+/* The element that a sample at x with this normal went into, or BLOCK_MAP_NONE. */
+uint32_t elements_find(const elements *s, vec3 x, vec3 normal);
+
+#endif

@@ -1,0 +1,169 @@
+#include "surface/feature_size.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "surface/elements.h"
+
+/* Sheets face each other when the cosine of their normals is below this, as in packing/quality. */
+static const double FACING = -0.4;
+/* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */
+static const double PATCH = 0.9;
+/* Half the diagonal of a cube: how far an element may be from its cube's middle. */
+static const double HALF_DIAGONAL = 0.8660254037844386;
+/* A ball is looked for within so many cubes, and cubes grow by this factor, so that beyond the smallest ones a ball is at
+ * least two cubes wide. */
+enum { REACH = 4, GROWTH = 2 };
+enum { GRAIN = 256, MOST_OFFSETS = (2 * REACH + 3) * (2 * REACH + 3) * (2 * REACH + 3) };
+
+/* A cube as seen from another one. */
+typedef struct offset {
+    int at[3];
+    double distance; /* between the middles, in cubes */
+} offset;
+
+typedef struct measuring {
+    const surface *scan;
+    const cell_samples *sample;
+    offset *offset; /* those within reach, the nearest first */
+    size_t offsets;
+    elements elements;
+    bool *is_asked, *sees; /* of each element: whether a cell of it has no size yet, whether it has a ball */
+    double *size;
+} measuring;
+
+static int compare_offsets(const void *a, const void *b)
+{
+    const offset *x = a, *y = b;
+    if (x->distance != y->distance) return x->distance < y->distance ? -1 : 1;
+    for (int k = 0; k < 3; k++)
+        if (x->at[k] != y->at[k]) return x->at[k] - y->at[k];
+    return 0;
+}
+
+static bool list_offsets(measuring *m, error *e)
+{
+    m->offset = mem_array(MOST_OFFSETS, sizeof *m->offset, "the feature size", e);
+    if (!m->offset) return false;
+    for (int k = -REACH - 1; k <= REACH + 1; k++)
+        for (int j = -REACH - 1; j <= REACH + 1; j++)
+            for (int i = -REACH - 1; i <= REACH + 1; i++) {
+                offset o = {{i, j, k}, sqrt(i * i + j * j + k * k)};
+                if (o.distance <= REACH + 1) m->offset[m->offsets++] = o;
+            }
+    qsort(m->offset, m->offsets, sizeof *m->offset, compare_offsets);
+    return true;
+}
+
+/* The radius of the ball that touches the surface at x and the plane of an element that faces x, INFINITY if there is
+ * none that touches that within the element. */
+static double ball_radius(const elements *s, const element *other, vec3 x, vec3 normal)
+{
+    double cosine = vec3_dot(normal, other->normal);
+    if (cosine >= FACING) return INFINITY;
+    vec3 d = vec3_sub(other->position, x);
+    double radius = vec3_dot(d, other->normal) / (1 - cosine); /* < 0: outside of the solid */
+    if (!(radius * vec3_dot(d, normal) < 0)) return INFINITY;  /* the other sheet is on the ball's side */
+    vec3 touch = vec3_scale(vec3_sub(other->normal, normal), radius); /* from x */
+    double patch = PATCH * s->edge;
+    return vec3_norm2(vec3_sub(touch, d)) <= patch * patch ? fabs(radius) : INFINITY;
+}
+
+/* Whether an element in a cube so far off can be touched: a ball touches within a cone about the normal. */
+static bool is_in_cone(const offset *o, vec3 normal)
+{
+    static const double SLOPE = 0.6546536707079771; /* tangent of half the angle that FACING leaves */
+    double along = fabs(o->at[0] * normal.x + o->at[1] * normal.y + o->at[2] * normal.z);
+    double slack = 2 * HALF_DIAGONAL + PATCH;
+    double across2 = o->distance * o->distance - along * along, most = SLOPE * (along + slack) + slack;
+    return across2 <= most * most;
+}
+
+/* The smallest ball within reach. */
+static double find_ball(const measuring *m, vec3 x, vec3 normal)
+{
+    const elements *s = &m->elements;
+    elements_cube from = elements_cube_of(s, x);
+    double best = 0.5 * REACH * s->edge;
+    bool found = false;
+    for (size_t k = 0; k < m->offsets; k++) {
+        const offset *o = &m->offset[k];
+        if ((o->distance - 2 * HALF_DIAGONAL - PATCH) * s->edge > 2 * best) break;
+        if (!is_in_cone(o, normal)) continue;
+        for (uint32_t n = elements_first(s, from, o->at[0], o->at[1], o->at[2]); n != BLOCK_MAP_NONE;
+             n = s->element[n].next) {
+            double radius = ball_radius(s, &s->element[n], x, normal);
+            if (radius > best) continue;
+            best = radius;
+            found = true;
+        }
+    }
+    return found ? best : INFINITY;
+}
+
+static void look_from_elements(void *context, int worker, size_t begin, size_t end)
+{
+    measuring *m = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        const element *n = &m->elements.element[k];
+        m->sees[k] = m->is_asked[k] && isfinite(find_ball(m, n->position, n->normal));
+    }
+}
+
+static bool is_open(const measuring *m, size_t cell)
+{
+    return m->sample->found[cell] && isinf(m->size[cell]) && surface_cell_area(m->scan, cell) > 0;
+}
+
+static void look_from_cells(void *context, int worker, size_t begin, size_t end)
+{
+    measuring *m = context;
+    const cell_samples *s = m->sample;
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        if (is_open(m, k) && m->sees[elements_find(&m->elements, s->position[k], s->normal[k])])
+            m->size[k] = find_ball(m, s->position[k], s->normal[k]);
+}
+
+/* Balls up to the reach of cubes of this edge; false: memory is out. *open: some cells are left. */
+static bool measure_level(measuring *m, double edge, threads *pool, bool *open, error *e)
+{
+    const char *what = "the feature size";
+    bool ok = elements_make(m->scan, m->sample, edge, &m->elements, e);
+    if (ok) {
+        m->is_asked = mem_array(m->scan->cells, sizeof *m->is_asked, what, e);
+        m->sees = mem_array(m->scan->cells, sizeof *m->sees, what, e);
+        ok = m->is_asked && m->sees;
+    }
+    *open = false;
+    for (size_t k = 0; ok && k < m->scan->cells; k++) {
+        if (!is_open(m, k)) continue;
+        m->is_asked[elements_find(&m->elements, m->sample->position[k], m->sample->normal[k])] = true;
+        *open = true;
+    }
+    if (ok && *open) {
+        threads_run(pool, m->elements.count, GRAIN, look_from_elements, m);
+        threads_run(pool, m->scan->cells, GRAIN, look_from_cells, m);
+    }
+    elements_free(&m->elements);
+    free(m->is_asked);
+    free(m->sees);
+    m->is_asked = m->sees = NULL;
+    return ok;
+}
+
+bool feature_size_measure(const surface *scan, const cell_samples *sample, threads *pool, double *size,
+                          error *e)
+{
+    measuring m = {.scan = scan, .sample = sample, .size = size};
+    double edge = ELEMENTS_LEAST_EDGE * scan->field->cell_size, widest = bbox_longest(scan->box);
+    bool ok = list_offsets(&m, e), open = true;
+    for (size_t k = 0; k < scan->cells; k++) size[k] = INFINITY;
+    for (; ok && open && edge < widest && !threads_stopped(pool); edge *= GROWTH)
+        ok = measure_level(&m, edge, pool, &open, e);
+    if (ok && threads_stopped(pool)) ok = error_set(e, ERROR_CANCELLED, "stopped");
+    free(m.offset);
+    return ok;
+}
