@@ -91,19 +91,10 @@ int64_t job_peak_memory(const job *j)
     return own > j->load_peak ? own : j->load_peak;
 }
 
-bool job_survey(job *j, error *e)
-{
-    progress_enter(&j->progress, PROGRESS_START);
-    j->scan = surface_scan(j->source.field, j->pool, e);
-    if (!j->scan) return false;
-    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
-    return plan_count(j->spec, j->scan->area, &j->count, e) &&
-           fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e);
-}
-
 static sizing_field_kind sizing_field_kind_of(const spec *s)
 {
     if (s->has_grid) return s->grid.kind == SPEC_MAP_DENSITY ? SIZING_FIELD_DENSITY : SIZING_FIELD_SPACING;
+    if (!s->has_curvature) return SIZING_FIELD_EVEN;
     return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
@@ -112,11 +103,17 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
  * energy_excess is 0.08 with one spacing and 0.04 with two. */
 static const double DEFAULT_EVEN_SCALE = 2, DEFAULT_OWN_SCALE = 4;
 
-/* The spacing by place that sampling.curvature or sampling.grid asks for. */
-static bool start_sizing(const job *j, sizing_field **out, error *e)
+/* Features ask for no spacing below so many voxels: where sheets meet at an acute angle they are less than a voxel apart,
+ * and the spline between voxels says how they part. With one, 13 of fertility's 2 524 points stay unresolved; with a
+ * quarter, none of 3 107. */
+static const double DEFAULT_FLOOR = 0.25;
+
+/* The spacing by place that the job asks for, for `count` points or for as many as it takes: 0. */
+static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
-    if (!s->has_curvature && !s->has_grid) return true;
+    double coarser = j->coarsening,
+           floor = s->min_spacing > 0 ? s->min_spacing : DEFAULT_FLOOR * j->source.field->cell_size;
     const sizing_field_params params = {
         .kind = sizing_field_kind_of(s),
         .chord_error = s->curvature.chord_error,
@@ -126,13 +123,40 @@ static bool start_sizing(const job *j, sizing_field **out, error *e)
         .scale_world = s->curvature.scale.world,
         .map = map_value,
         .map_context = j->source.map,
-        .min_spacing = s->min_spacing,
-        .max_spacing = s->max_spacing,
-        .gradation = s->gradation,
+        .feature_ratio = s->has_feature ? coarser * s->feature.ratio : 0,
+        .feature_floor = coarser * floor,
+        .min_spacing = coarser * s->min_spacing,
+        .max_spacing = coarser * s->max_spacing,
+        .gradation = coarser * s->gradation,
         .memory_limit = (size_t)fmax(job_particle_memory(j), 1),
     };
-    *out = sizing_field_new(j->source.field, j->scan, &params, j->count, j->pool, e);
+    *out = sizing_field_new(j->source.field, j->scan, &params, count, j->pool, e);
     return *out != NULL;
+}
+
+bool job_survey(job *j, error *e)
+{
+    progress_enter(&j->progress, PROGRESS_START);
+    j->scan = surface_scan(j->source.field, j->pool, e);
+    if (!j->scan) return false;
+    if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
+    double wanted = 0;
+    if (j->spec->resolve) {
+        if (!make_sizing(j, 0, &j->resolving, e)) return false;
+        wanted = sizing_field_describe(j->resolving).points;
+    }
+    return plan_count(j->spec, j->scan->area, wanted, &j->count, e) &&
+           fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e);
+}
+
+/* That of j->count points, unless they are even. */
+static bool start_sizing(job *j, sizing_field **out, error *e)
+{
+    const spec *s = j->spec;
+    if (!s->has_curvature && !s->has_grid && !s->has_feature) return true;
+    *out = j->resolving;
+    j->resolving = NULL;
+    return *out || make_sizing(j, j->count, out, e);
 }
 
 /* The curvature of sampling.alpha, unless it is that of the field at each point. */
@@ -336,6 +360,7 @@ void job_free(job *j)
     json_free(j->report);
     job_free_solution(&j->solution);
     sequence_free(&j->sequence);
+    sizing_field_free(j->resolving);
     surface_free(j->scan);
     source_close(&j->source);
     threads_free(j->pool);

@@ -42,8 +42,9 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
     return error_set(
         e, ERROR_LIMIT_MEMORY,
         "%.0f points need about %.0f MB, the limit leaves %.0f MB beside surface and preview: raise "
-        "limits.memory_mb",
-        count, particles / (1 << 20), fmax(memory, 0) / (1 << 20));
+        "limits.memory_mb%s",
+        count, particles / (1 << 20), fmax(memory, 0) / (1 << 20),
+        s->resolve ? ", /sampling/min_spacing or /sampling/feature/ratio" : "");
 }
 
 static const char *target_pointer(const spec *s)
@@ -61,15 +62,23 @@ double plan_spacing(const spec *s)
                             : 0;
 }
 
-bool plan_count(const spec *s, double area, size_t *out, error *e)
+bool plan_count(const spec *s, double area, double points, size_t *out, error *e)
 {
     double count = (double)s->count;
     if (s->spacing > 0) count = round(packing_count(area, s->spacing));
     if (s->density > 0) count = round(s->density * area);
+    if (s->resolve) count = round(points);
     /* the packing whose support is max_sigma; "paper" gets there by itself */
     if (s->has_control)
         count =
             fmax((double)s->control.min_count, ceil(packing_count_of_support(area, s->control.max_sigma)));
+    if (s->resolve && !(count <= PLAN_COUNT_MAX))
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "/sampling/resolve takes %.0f points on an area of %g, at most %.0f are possible: raise "
+            "/sampling/min_spacing or /sampling/feature/ratio",
+            count, area, PLAN_COUNT_MAX);
+    if (s->resolve) count = fmax(count, PLAN_COUNT_MIN);
     if (count < PLAN_COUNT_MIN || count > PLAN_COUNT_MAX)
         return error_set(e, ERROR_SPEC_INVALID,
                          "%s asks for %.0f points on an area of %g, it must be %.0f to %.0f: give another %s",

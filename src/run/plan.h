@@ -24,8 +24,8 @@ bool plan_check_memory(const spec *s, bool is_continued, double count, double me
 /* The spacing that the target asks for whatever the area; 0: the count decides, or time. */
 double plan_spacing(const spec *s);
 
-/* Computes the count from the target and the surface's area; the target is no time. Error: spec_invalid (the count is
- * out of range). */
-bool plan_count(const spec *s, double area, size_t *out, error *e);
+/* Computes the count from the target and the surface's area; the target is no time. `points`: what the sizing field asks
+ * for when the target is resolve. Error: spec_invalid (the count is out of range). */
+bool plan_count(const spec *s, double area, double points, size_t *out, error *e);
 
 #endif

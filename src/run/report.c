@@ -153,6 +153,15 @@ static void put_timing(json *report, const progress *p)
     json_put_number(timing, "total", clock_seconds(total));
 }
 
+static void put_feature_size(json *grading, const spacing_request_features *f)
+{
+    json *feature = json_put_object(grading, "feature_size");
+    json_put_number(feature, "least", f->least);
+    json_put_number(feature, "median", f->median);
+    json_put_number(feature, "floor", f->floor);
+    json_put_number(feature, "below_floor", f->floored_share);
+}
+
 /* What the request of a grading came to, so that the count is met. */
 static void put_grading(json *report, const report_facts *facts)
 {
@@ -164,6 +173,7 @@ static void put_grading(json *report, const report_facts *facts)
     json_put_number(object, "largest_spacing", g.largest);
     if (facts->spec->curvature.chord_error > 0)
         json_put_number(object, "chord_error", facts->spec->curvature.chord_error * g.scale * g.scale);
+    if (facts->spec->has_feature) put_feature_size(object, &g.features);
     double asked = facts->spec->curvature.ratio, reached = g.largest / g.least;
     if (!(asked > 0)) return;
     json_put_number(json_find(report, "/requested"), "ratio", asked);
@@ -204,6 +214,10 @@ static void put_target(json *report, const report_facts *facts)
     if (s->density > 0) {
         json_put_number(requested, "density", s->density);
         json_put_number(reached, "density", (double)solved->count / facts->scan->area);
+    }
+    if (s->resolve) {
+        json_put_bool(requested, "resolve", true);
+        json_put_integer(reached, "count", (int64_t)solved->count);
     }
     if (s->time_s > 0) {
         json_put_number(requested, "time_s", s->time_s);

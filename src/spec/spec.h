@@ -123,6 +123,10 @@ typedef struct spec_grid { /* the grading by a map */
     spec_map_kind kind;
 } spec_grid;
 
+typedef struct spec_feature { /* the bound of the spacing by the feature size */
+    double ratio;
+} spec_feature;
+
 typedef struct spec_control { /* 6.1 */
     int64_t min_count;
     int64_t start_count; /* 0: min_count */
@@ -155,6 +159,9 @@ typedef struct spec {
     bool has_control;
     spec_control control;
     double time_s; /* of the whole job */
+    bool resolve;  /* as many points as the features take */
+    bool has_feature;
+    spec_feature feature; /* beside none of the rules for the spacing, curvature or grid */
     bool has_alpha;
     spec_alpha alpha;
     bool has_curvature;
@@ -162,7 +169,7 @@ typedef struct spec {
     bool has_grid;
     spec_grid grid;
     double min_spacing, max_spacing,
-        gradation; /* of curvature and grid; 0: none, gradation: given or its default */
+        gradation; /* of curvature, grid and feature; 0: none, gradation: given or its default */
 
     spec_method method; /* default: paper with alpha, else sized */
     spec_energy energy;

@@ -504,9 +504,11 @@ const spec_row spec_rows[] = {
      .unit = "world",
      .prose = "The highest corner. It must be above the lowest corner on every axis."},
 
-    GROUP("/sampling", SPEC_REQUIRED,
-          "The number of points. Give exactly one target (count, spacing, density, control or time_s) "
-          "and at most one rule for the spacing (alpha, curvature or grid)."),
+    GROUP(
+        "/sampling", SPEC_REQUIRED,
+        "The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) "
+        "and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on its own, "
+        "feature makes thin parts finer."),
     {.pointer = "/sampling/count",
      .type = SPEC_TYPE_LARGE,
      .choice = SPEC_CHOICE_TARGET,
@@ -589,6 +591,32 @@ const spec_row spec_rows[] = {
               "that runs it. Trial runs with increasing counts determine the number. The result is not "
               "reproducible and is never cached. The job fails with limit_time if fewer than 200 points "
               "fit."},
+    {.pointer = "/sampling/resolve",
+     .type = SPEC_TYPE_BOOL,
+     .choice = SPEC_CHOICE_TARGET,
+     AT(resolve),
+     .prose =
+         "As many points as it takes to resolve the surface: the spacing is what feature and grid ask for, at "
+         "most max_spacing. Give true. The report and the estimate state the count."},
+    {.pointer = "/sampling/feature",
+     .type = SPEC_TYPE_GROUP,
+     .flags = SPEC_OPTIONAL,
+     .offset = SPEC_NOWHERE,
+     .has = offsetof(spec, has_feature),
+     .prose =
+         "Finer spacing where the surface is thin or sheets are close: at most ratio times the feature size, "
+         "which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin. "
+         "The job fails if the count is too small, and names the count that it needs."},
+    {.pointer = "/sampling/feature/ratio",
+     .type = SPEC_TYPE_NUMBER,
+     .flags = SPEC_LOW_OPEN,
+     .low = 0,
+     .high = 1.5,
+     .otherwise = "0.75",
+     AT(feature.ratio),
+     .prose =
+         "The largest spacing, over the feature size. With 0.75, sheets are 2.7 spacings apart; above 1, they "
+         "may remain unresolved."},
     {.pointer = "/sampling/alpha",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,
@@ -747,7 +775,9 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(min_spacing),
      .unit = "world",
-     .prose = "The smallest spacing. Belongs to curvature and grid."},
+     .prose =
+         "The smallest spacing. Belongs to curvature, grid and feature. Features ask for no spacing below it, or "
+         "by default below a quarter of a voxel (of a formula: of a cell)."},
     {.pointer = "/sampling/max_spacing",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -755,7 +785,7 @@ const spec_row spec_rows[] = {
      .high = WORLD_MAX,
      AT(max_spacing),
      .unit = "world",
-     .prose = "The largest spacing. Belongs to curvature and grid."},
+     .prose = "The largest spacing. Belongs to curvature, grid and feature."},
     {.pointer = "/sampling/gradation",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_LOW_OPEN,
@@ -764,7 +794,7 @@ const spec_row spec_rows[] = {
      .otherwise = "0.2",
      AT(gradation),
      .prose = "The largest increase of the spacing per unit of distance along the surface. Belongs to "
-              "curvature and grid."},
+              "curvature, grid and feature."},
 
     GROUP("/solver", 0, "How the points are computed."),
     {.pointer = "/solver/method",

@@ -45,6 +45,7 @@ typedef struct node {
     vec3 position; /* mean of the surface within the cube */
     double
         request; /* the spacing before the scale: the logarithms' mean, which belongs to the mean position */
+    double cap;  /* the most that features allow anywhere in the cube, or INFINITY */
     double spacing; /* after scale, bounds and growth */
     vec3 gradient;  /* of it */
 } node;
@@ -102,9 +103,10 @@ static uint32_t node_beside(const sizing_field *g, const node *n, int k)
     return node_at(g, key_beside(n->key, k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1));
 }
 
-static bool make_nodes(sizing_field *g, const surface *scan, const vec3 *position, const double *spacing,
-                       error *e)
+static bool make_nodes(sizing_field *g, const spacing_request *r, const double *spacing, error *e)
 {
+    const surface *scan = r->scan;
+    const vec3 *position = r->samples.position;
     g->table_size = 64;
     while (g->table_size < 2 * scan->cells) g->table_size *= 2;
     g->node = mem_array(scan->cells, sizeof *g->node, "the grading", e);
@@ -116,13 +118,14 @@ static bool make_nodes(sizing_field *g, const surface *scan, const vec3 *positio
         uint64_t key = key_of(g, position[k]);
         size_t slot = slot_of(g, key);
         if (!g->table[slot]) {
-            g->node[g->count].key = key;
+            g->node[g->count] = (node){.key = key, .cap = INFINITY};
             g->table[slot] = (uint32_t)++g->count;
         }
         node *n = &g->node[g->table[slot] - 1];
         n->area += area;
         n->position = vec3_axpy(area, position[k], n->position);
         n->request += area * log(spacing[k]);
+        if (r->feature) n->cap = fmin(n->cap, spacing_request_cap(&g->params, r->feature[k]));
     }
     for (size_t k = 0; k < g->count; k++) {
         node *n = &g->node[k];
@@ -245,16 +248,16 @@ static double points_under(making *m, double scale, double widest)
     sizing_field *g = m->g;
     double low = g->params.min_spacing, high = g->params.max_spacing > 0 ? g->params.max_spacing : widest;
     for (size_t k = 0; k < g->count; k++)
-        g->node[k].spacing = fmin(fmax(scale * g->node[k].request, low), high);
+        g->node[k].spacing = fmin(fmin(fmax(scale * g->node[k].request, low), high), g->node[k].cap);
     limit_growth(m);
     double points = 0;
     for (size_t k = 0; k < g->count; k++) points += g->node[k].area / packing_cell_area(g->node[k].spacing);
     return points;
 }
 
-static bool count_impossible(const sizing_field *g, const surface *scan, size_t count, error *e)
+static bool count_impossible(making *m, const surface *scan, size_t count, double widest, error *e)
 {
-    const sizing_field_params *p = &g->params;
+    const sizing_field_params *p = &m->g->params;
     double most = packing_count(scan->area, p->min_spacing);
     if (p->min_spacing > 0 && (double)count > 0.99 * most)
         return error_set(
@@ -262,6 +265,12 @@ static bool count_impossible(const sizing_field *g, const surface *scan, size_t 
             "%zu points do not fit: with /sampling/min_spacing %g there are at most %.0f on an area of "
             "%g: ask for fewer, or lower it",
             count, p->min_spacing, most, scan->area);
+    if (p->feature_ratio > 0)
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "%zu points are too few: thin parts, narrow gaps and /sampling/gradation need about %.0f. Ask for as "
+            "many or for /sampling/resolve, or raise /sampling/feature/ratio or /sampling/min_spacing",
+            count, ceil(1.01 * points_under(m, INFINITY, widest)));
     if (p->max_spacing > 0)
         return error_set(
             e, ERROR_SPEC_INVALID,
@@ -510,7 +519,7 @@ static void smooth_spacing(making *m)
     if (spacing_request_is_map(&g->params)) return;
     for (size_t k = 0; k < g->count; k++) m->from[k] = log(g->node[k].spacing);
     smooth(m);
-    for (size_t k = 0; k < g->count; k++) g->node[k].spacing = exp(m->from[k]);
+    for (size_t k = 0; k < g->count; k++) g->node[k].spacing = fmin(exp(m->from[k]), g->node[k].cap);
     limit_growth(m);
 }
 
@@ -540,13 +549,32 @@ static bool meet_count(sizing_field *g, const surface *scan, const vec3 *positio
     g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
     bool ok = making_begin(&m, g, pool, e) && g->points_before;
     if (ok && !find_scale(&m, want, even * sqrt(asked / area), widest))
-        ok = count_impossible(g, scan, count, e);
+        ok = count_impossible(&m, scan, count, widest, e);
     if (ok && !is_rough) smooth_spacing(&m);
     for (int k = 0; ok && k < (is_rough ? 1 : CELLS_STEPS); k++) {
         threads_run(pool, g->count, GRAIN, model_chunk, &m);
         double ratio = sum_points(g, scan, position) / (double)count;
         if (fabs(ratio - 1) < CELLS_TOLERANCE) break;
         rescale(g, sqrt(ratio));
+    }
+    making_free(&m);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    return ok;
+}
+
+/* As many points as it takes. */
+static bool take_points(sizing_field *g, const surface *scan, const vec3 *position, threads *pool, error *e)
+{
+    making m;
+    g->points_before = mem_array(scan->cells + 1, sizeof *g->points_before, "the grading", e);
+    bool ok = making_begin(&m, g, pool, e) && g->points_before;
+    if (ok) {
+        double widest = bbox_longest(scan->box);
+        g->facts.scale = g->params.kind == SIZING_FIELD_EVEN ? widest : 1;
+        points_under(&m, g->facts.scale, widest);
+        smooth_spacing(&m);
+        threads_run(pool, g->count, GRAIN, model_chunk, &m);
+        sum_points(g, scan, position);
     }
     making_free(&m);
     if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
@@ -592,22 +620,23 @@ static bool fill_field(sizing_field *g, const spacing_request *r, size_t count, 
         for (size_t k = 0; pass > 0 && k < cells; k++)
             over[k] = sqrt(over[k] * sizing_field_spacing(g, r->samples.position[k], NULL));
         empty_field(g);
-        ok = spacing_request_find(r, over, spacing, e) &&
-             make_nodes(g, r->scan, r->samples.position, spacing, e) &&
-             meet_count(g, r->scan, r->samples.position, count, pass < passes - 1, pool, e);
+        ok = spacing_request_find(r, over, spacing, e) && make_nodes(g, r, spacing, e) &&
+             (count > 0 ? meet_count(g, r->scan, r->samples.position, count, pass < passes - 1, pool, e)
+                        : take_points(g, r->scan, r->samples.position, pool, e));
     }
     free(over);
     free(spacing);
     return ok;
 }
 
-static void describe(sizing_field *g)
+static void describe(sizing_field *g, size_t cells)
 {
     g->facts.least = INFINITY;
     for (size_t k = 0; k < g->count; k++) {
         g->facts.least = fmin(g->facts.least, g->node[k].spacing);
         g->facts.largest = fmax(g->facts.largest, g->node[k].spacing);
     }
+    g->facts.points = g->points_before[cells];
 }
 
 sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
@@ -618,7 +647,10 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
     spacing_request r = {0};
     g->params = *params;
     bool ok = fits_memory(g, scan->cells, e) && spacing_request_begin(&r, scan, &g->params, even, pool, e);
+    if (ok && r.feature) ok = spacing_request_describe_features(&r, &g->facts.features, e);
     if (ok) {
+        if (count == 0)
+            even = fmin(packing_spacing(scan->area, g->facts.features.points), bbox_longest(scan->box));
         g->edge = fmax(EDGE_CELLS * f->cell_size, EDGE_SPACING * even);
         g->edge = fmax(g->edge, bbox_longest(f->domain) / ((1 << AXIS_BITS) - MARGIN_CUBES));
         bbox box = bbox_empty();
@@ -629,7 +661,7 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
     }
     spacing_request_free(&r);
     if (ok) {
-        describe(g);
+        describe(g, scan->cells);
         return g;
     }
     sizing_field_free(g);

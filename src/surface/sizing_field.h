@@ -8,6 +8,9 @@
  * scan, it is averaged. The request is multiplied by the one constant with which the ideal cells (packing_cell_area)
  * fill the surface with exactly the count.
  *
+ * Thin parts and narrow gaps bound the spacing from above (feature_size): by the ratio of their size, whatever the
+ * scale.
+ *
  * The field is stored as nodes, one for each cube of space that the surface passes, with the spacing there and its
  * gradient. It is blended between nodes, so that differences within a cell of the surface are averaged. World space
  * and world units. Immutable once made, safe in any thread. */
@@ -19,11 +22,13 @@
 #include "base/threads.h"
 #include "field/field.h"
 #include "surface/sizing_field_params.h"
+#include "surface/spacing_request.h"
 #include "surface/surface.h"
 
 typedef struct sizing_field sizing_field;
 
-/* For `count` points on the scanned surface. Errors: spec_invalid (the count cannot be had within the
+/* For `count` points on the scanned surface. 0: as many as the request and the features take, with a scale of 1;
+ * where neither asks for anything the spacing is max_spacing. Errors: spec_invalid (the count cannot be had within the
  * bounds), input_unsupported (a map's value is no spacing), limit_memory, cancelled. Deterministic for any
  * number of threads. */
 sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing_field_params *params,
@@ -40,6 +45,8 @@ void sizing_field_spacings(const sizing_field *g, size_t count, const vec3 *x, d
 /* What the request was multiplied by to meet the count, and the ends of the result. */
 typedef struct sizing_field_facts {
     double scale, least, largest;
+    double points;                     /* that the field asks for, not rounded */
+    spacing_request_features features; /* with feature_ratio */
 } sizing_field_facts;
 sizing_field_facts sizing_field_describe(const sizing_field *g);
 

@@ -10,7 +10,8 @@ typedef enum sizing_field_kind {
     SIZING_FIELD_CHORD,   /* sqrt(8 chord_error / max(|kappa1|, |kappa2|)) */
     SIZING_FIELD_RATIO,   /* kappa^-exponent, within ratio : 1 */
     SIZING_FIELD_SPACING, /* the value of a map */
-    SIZING_FIELD_DENSITY  /* points per unit area, the value of a map */
+    SIZING_FIELD_DENSITY, /* points per unit area, the value of a map */
+    SIZING_FIELD_EVEN     /* the same everywhere, but for features */
 } sizing_field_kind;
 
 typedef struct sizing_field_params {
@@ -23,6 +24,8 @@ typedef struct sizing_field_params {
     /* the map's value at x; NaN where it has none, and asks for no points then */
     double (*map)(const void *context, vec3 x);
     const void *map_context;
+    double feature_ratio; /* the spacing is at most this times the feature size (feature_size); 0: no bound */
+    double feature_floor; /* but features never ask for less than this, > 0 */
     double min_spacing, max_spacing; /* 0: no bound */
     double gradation;                /* > 0; INFINITY: no bound */
     size_t memory_limit;             /* bytes that making it may take; 0: no bound */

@@ -5,6 +5,7 @@
 
 #include "base/memory.h"
 #include "packing/packing.h"
+#include "surface/feature_size.h"
 #include "surface/scaled_curvature.h"
 
 /* The curvature that stands for the fine end of a ratio: this share of the area is flatter. A single tip or a
@@ -16,6 +17,11 @@ static const double WIDEST_REQUEST = 1e3;
 static const double FINEST_OCTAVE = 0.125;
 enum { GRAIN = 256, OCTAVES = SPACING_REQUEST_OCTAVES };
 
+static bool is_by_curvature(const sizing_field_params *params)
+{
+    return params->kind == SIZING_FIELD_CHORD || params->kind == SIZING_FIELD_RATIO;
+}
+
 bool spacing_request_is_map(const sizing_field_params *params)
 {
     return params->kind == SIZING_FIELD_SPACING || params->kind == SIZING_FIELD_DENSITY;
@@ -23,12 +29,12 @@ bool spacing_request_is_map(const sizing_field_params *params)
 
 bool spacing_request_is_implicit(const sizing_field_params *params)
 {
-    return !spacing_request_is_map(params) && params->scale_spacings > 0 && !(params->scale_world > 0);
+    return is_by_curvature(params) && params->scale_spacings > 0 && !(params->scale_world > 0);
 }
 
 bool spacing_request_is_at_points(const sizing_field_params *params)
 {
-    return spacing_request_is_map(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
+    return !is_by_curvature(params) || !(params->scale_spacings > 0 || params->scale_world > 0);
 }
 
 static double curvature_of(const sizing_field_params *p, double kappa, double kappa1, double kappa2)
@@ -46,6 +52,10 @@ static void request_cell(const spacing_request *r, size_t k)
     if (spacing_request_is_map(p)) {
         double v = p->map(p->map_context, x);
         r->value[k] = !isnan(v) ? v : p->kind == SIZING_FIELD_SPACING ? INFINITY : 0;
+        return;
+    }
+    if (p->kind == SIZING_FIELD_EVEN) {
+        r->value[k] = 1;
         return;
     }
     if (!field_sample_at(r->scan->field, x, FIELD_HESSIAN, &s)) return;
@@ -205,7 +215,27 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
     if (!r->value || !cell_samples_take(scan, pool, &r->samples, e)) return false;
     threads_run(pool, scan->cells, GRAIN, request_chunk, r);
     if (!spacing_request_is_at_points(params) && !measure_octaves(r, pool, e)) return false;
+    if (params->feature_ratio > 0) {
+        r->feature = mem_array(scan->cells, sizeof *r->feature, "the grading", e);
+        if (!r->feature || !feature_size_measure(scan, &r->samples, pool, r->feature, e)) return false;
+    }
     return !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
+}
+
+bool spacing_request_describe_features(const spacing_request *r, spacing_request_features *out, error *e)
+{
+    spacing_request_features f = {.least = INFINITY, .floor = r->params->feature_floor};
+    double floored = 0;
+    if (!find_quantile(r->scan, r->feature, 0.5, &f.median, e)) return false;
+    for (size_t k = 0; k < r->scan->cells; k++) {
+        double area = surface_cell_area(r->scan, k), size = r->feature[k];
+        f.least = fmin(f.least, size);
+        f.points += area / packing_cell_area(spacing_request_cap(r->params, size));
+        if (r->params->feature_ratio * size < r->params->feature_floor) floored += area;
+    }
+    f.floored_share = floored / r->scan->area;
+    *out = f;
+    return true;
 }
 
 void spacing_request_free(spacing_request *r)
@@ -213,4 +243,5 @@ void spacing_request_free(spacing_request *r)
     cell_samples_free(&r->samples);
     free(r->value);
     free(r->curvature);
+    free(r->feature);
 }

@@ -6,6 +6,7 @@
 #ifndef HEXAD_SURFACE_SPACING_REQUEST_H
 #define HEXAD_SURFACE_SPACING_REQUEST_H
 
+#include <math.h>
 #include <stdbool.h>
 
 #include "base/error.h"
@@ -16,8 +17,8 @@
 
 /* Curvatures over so many distances, an octave apart. */
 #define SPACING_REQUEST_OCTAVES 6
-/* The most that a cell takes: sample, value, curvatures. */
-#define SPACING_REQUEST_CELL_BYTES (24 + 24 + 1 + 8 + 8 * SPACING_REQUEST_OCTAVES)
+/* The most that a cell takes: sample, value, curvatures, cap. */
+#define SPACING_REQUEST_CELL_BYTES (24 + 24 + 1 + 8 + 8 * SPACING_REQUEST_OCTAVES + 8)
 
 typedef struct spacing_request {
     const sizing_field_params *params; /* not owned, nor is the surface */
@@ -26,6 +27,7 @@ typedef struct spacing_request {
     cell_samples samples;
     double *value;     /* curvature at the point, or the map's value; NaN: unknown */
     double *curvature; /* SPACING_REQUEST_OCTAVES a cell; NULL: the curvature at the point is used */
+    double *feature;   /* the feature size of each cell; NULL: it does not matter */
 } spacing_request;
 
 bool spacing_request_is_map(const sizing_field_params *params);
@@ -43,6 +45,23 @@ bool spacing_request_begin(spacing_request *r, const surface *scan, const sizing
 /* The spacing of each cell, NaN where it is unknown, up to a common factor. `over`: the spacing at each cell; it
  * matters where the request is implicit. Errors: input_unsupported (a map's value is no spacing), limit_memory. */
 bool spacing_request_find(const spacing_request *r, const double *over, double *spacing, error *e);
+
+/* The most that a feature of this size allows: the ratio, but not below the floor. */
+static inline double spacing_request_cap(const sizing_field_params *params, double feature_size)
+{
+    return fmax(params->feature_ratio * feature_size, params->feature_floor);
+}
+
+/* What features ask for, taken over the surface's area. */
+typedef struct spacing_request_features {
+    double least, median; /* feature sizes */
+    double floor;         /* features never ask for less */
+    double floored_share; /* of the area: what the features there ask for is below the floor */
+    double points;        /* that the features alone ask for, before growth is limited */
+} spacing_request_features;
+
+/* Of a request with features. Error: limit_memory. */
+bool spacing_request_describe_features(const spacing_request *r, spacing_request_features *out, error *e);
 
 void spacing_request_free(spacing_request *r);
 

@@ -17,7 +17,7 @@ static size_t count_of(const spec *s)
 {
     size_t count = 0;
     error e = {0};
-    assert_true(plan_count(s, AREA, &count, &e));
+    assert_true(plan_count(s, AREA, 0, &count, &e));
     return count;
 }
 
@@ -41,10 +41,10 @@ static void a_count_out_of_range_names_its_target(void **state)
     (void)state;
     size_t count = 7;
     error e = {0};
-    assert_false(plan_count(&(spec){.spacing = 1e-6}, AREA, &count, &e));
+    assert_false(plan_count(&(spec){.spacing = 1e-6}, AREA, 0, &count, &e));
     assert_int_equal(e.code, ERROR_SPEC_INVALID);
     assert_non_null(strstr(e.message, "/sampling/spacing"));
-    assert_false(plan_count(&(spec){.density = 1e-3}, AREA, &count, &e));
+    assert_false(plan_count(&(spec){.density = 1e-3}, AREA, 0, &count, &e));
     assert_non_null(strstr(e.message, "/sampling/density"));
     assert_int_equal(count, 7);
 }
