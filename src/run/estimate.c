@@ -77,7 +77,7 @@ static double memory_for(const job *j, double count)
 static void describe_resolution(const job *j, json *warnings, json *advice)
 {
     clearance c;
-    bool even = !j->spec->has_curvature && !j->spec->has_grid;
+    bool even = !j->spec->has_curvature && !j->spec->has_grid && !j->spec->has_feature;
     double h = packing_spacing(j->scan->area, (double)j->count);
     if (j->count == 0 || !even || !clearance_measure(j->scan, NULL, h, j->pool, &c, NULL) ||
         c.unresolved_share <= VERDICT_UNRESOLVED_SHARE)

@@ -133,6 +133,9 @@ static json *document_for(const spec_row *row)
         {"/sampling/alpha/scale", GRADED("\"alpha\":{\"scale\":{\"spacings\":1}}")},
         {"/sampling/alpha/", GRADED("\"alpha\":{}")},
         {"/sampling/curvature", GRADED("\"curvature\":{\"ratio\":2}")},
+        {"/sampling/feature/", GRADED("\"feature\":{}")},
+        {"/sampling/resolve", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
+                              "\"sampling\":{\"feature\":{}}}"},
         {"/sampling/grid", "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},"
                            "\"sampling\":{\"count\":100,\"grid\":{\"name\":\"size\"}}}"},
         {"/sampling/control", "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"quartic\"}},"
@@ -740,6 +743,14 @@ static void test_faults(void **state)
     expect_fault(SPHERE ",\"output\":{\"preview\":{\"size\":[64,8193]}}}", invalid, "/output/preview/size/1",
                  "8193");
     expect_fault(SPHERE ",\"queue\":{\"labels\":[\"a\",7]}}", invalid, "/queue/labels/1", "(given 7)");
+    expect_fault("{\"sampling\":{\"resolve\":true}}", invalid, "/sampling/resolve", "give \"feature\": {}");
+    expect_fault("{\"sampling\":{\"resolve\":false,\"feature\":{}}}", invalid, "/sampling/resolve",
+                 "must be true");
+    expect_fault("{\"sampling\":{\"resolve\":true,\"feature\":{},\"curvature\":{\"ratio\":2}}}", invalid,
+                 "/sampling/curvature", "excludes resolve");
+    expect_fault("{\"sampling\":{\"count\":9,\"feature\":{},\"alpha\":{}}}", invalid, "/sampling/alpha",
+                 "excludes feature");
+    expect_fault("{\"sampling\":{\"time_s\":9,\"feature\":{}}}", invalid, "/sampling/time_s", "leave out");
     expect_fault("{\"sampling\":{\"time_s\":9,\"curvature\":{\"ratio\":2},\"min_spacing\":0.1}}", invalid,
                  "/sampling/time_s", "leave out min_spacing");
     expect_fault("{\"sampling\":{\"control\":{\"min_count\":9}}}", invalid, "/sampling/control/max_sigma",
