@@ -285,6 +285,24 @@ def test_a_count_that_no_grading_can_meet(worker):
     assert done.returncode == 2 and words["code"] == "spec_invalid" and "at most" in words["message"]
 
 
+def test_features_bound_the_spacing(worker, tmp_path):
+    """An ellipsoid is 0.4 thick along its shortest axis: a count that is too small names one that is enough."""
+    words = last_words(worker(ellipsoid(20, feature={"ratio": 0.5})))
+    assert words["code"] == "spec_invalid" and "/sampling/resolve" in words["message"]
+    least = int(re.search(r"need about (\d+)", words["message"])[1])
+    assert worker(ellipsoid(least, feature={"ratio": 0.5})).returncode in (0, 11)
+    points = Points((tmp_path / "out" / "points.ply").read_bytes())
+    assert points.count == least
+    at_pole = abs(points.position[:, 2]) > 0.39
+    assert at_pole.any() and (points.spacing[at_pole] < 0.5 * 0.4 * 1.02).all()
+    spec = ellipsoid(20, feature={"ratio": 0.5})
+    spec["sampling"] = {"resolve": True, "feature": {"ratio": 0.5}}
+    assert worker(spec).returncode in (0, 11)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["requested"] == {"resolve": True} and 0.9 * least < report["count"] <= least
+    assert 0.3 < report["grading"]["feature_size"]["least"] <= 0.42 and report["quality"]["unresolved_count"] == 0
+
+
 def test_a_map_that_is_no_spacing(worker, example):
     """A level set's own distances, which are below 0 on one side."""
     spec = volume(example)

@@ -1,0 +1,67 @@
+"""tools/features.py: its measures on meshes of known shape, and the worker's resolve on a thin shell with a handle whose
+sheets are close."""
+import pathlib
+import sys
+
+import numpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent.parent / "tools"))
+import features  # noqa: E402
+import meshes  # noqa: E402
+
+
+def tube(radius, steps=48, outwards=True):
+    """A torus of major radius 1."""
+    u, v = (g.ravel() for g in numpy.meshgrid(*[2 * numpy.pi * numpy.arange(steps) / steps] * 2, indexing="ij"))
+    vertices = numpy.stack([(1 + radius * numpy.cos(v)) * numpy.cos(u), (1 + radius * numpy.cos(v)) * numpy.sin(u),
+                            radius * numpy.sin(v)], axis=1)
+    index = numpy.arange(steps * steps).reshape(steps, steps)
+    a, b = index.ravel(), numpy.roll(index, -1, 0).ravel()
+    d, c = numpy.roll(index, -1, 1).ravel(), numpy.roll(index, (-1, -1), (0, 1)).ravel()
+    triangles = numpy.concatenate([numpy.stack([a, b, c], 1), numpy.stack([a, c, d], 1)])
+    return vertices, triangles if outwards else triangles[:, ::-1]
+
+
+def shell(outer, inner):
+    (v, t), (w, s) = tube(outer), tube(inner, outwards=False)
+    return numpy.concatenate([v, w]), numpy.concatenate([t, s + len(v)])
+
+
+def test_topology_is_counted():
+    _, triangles = shell(0.3, 0.2)
+    whole = features.Topology(triangles)
+    assert (whole.closed, whole.manifold, whole.parts, whole.genus) == (True, True, 2, 2)
+    assert not features.Topology(triangles[1:]).closed
+    flipped = numpy.concatenate([triangles[:1, ::-1], triangles[1:]])
+    assert not features.Topology(flipped).closed
+    pinched = numpy.where(triangles == triangles.max(), 0, triangles)
+    joined = features.Topology(pinched)
+    assert joined.closed and not joined.manifold
+
+
+def test_feature_sizes_and_distances():
+    thin = meshes.Mesh(*shell(0.3, 0.2))
+    point, normal = features.places(thin, 4000)
+    axis = features.medial_axis(point, normal)
+    # the middle of the wall and, inside the hollow, the circle of radius 1
+    off = numpy.hypot(numpy.hypot(axis[:, 0], axis[:, 1]) - 1, axis[:, 2])
+    assert len(axis) > 3000 and (numpy.minimum(abs(off - 0.25), off) < 0.04).mean() > 0.98
+    moved = meshes.Mesh(thin.vertices + [0, 0, 0.01], thin.triangles)
+    assert 0.1 < features.farthest(thin, moved, 0) < 0.35
+    assert features.farthest(thin, moved, 0.1) <= 0.11
+    right = numpy.array([[0, 0, 0], [3, 0, 0], [0, 4, 0]])
+    assert abs(features.least_angles(right, numpy.array([[0, 1, 2]]))[0] - 36.87) < 0.01
+
+
+def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose):
+    vertices, triangles = shell(0.3, 0.22)
+    path = tmp_path / "shell.off"
+    path.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0"] + ["%r %r %r" % tuple(v) for v in vertices.tolist()] +
+                              ["3 %d %d %d" % tuple(t) for t in triangles]) + "\n")
+    found = features.resolve(build / "hexad-worker", path, 96, 0.75, 0.25, tmp_path)
+    cells = features.measure(*found)
+    diagnose(" | ".join(text for text, _ in cells))
+    assert all(good for _, good in cells)
+    told = found[1]["grading"]["feature_size"]
+    assert abs(told["median"] / 0.04 - 1) < 0.1 and told["below_floor"] == 0
+    assert found[1]["reached"]["count"] == found[1]["count"]
