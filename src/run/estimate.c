@@ -20,14 +20,10 @@ static const double REHEARSAL_S = 1;
 /* Each has so many times the points of the one before it, as levels have: so their coarsest is that of the job. */
 static const size_t REHEARSAL_STRIDE = 4;
 
-/* Fewer points need as much wider bounds of the spacing, and a little more, so that their count can be had. */
-static const double WIDER = 1.05;
-
 /* One run of j->count points, noted unless the time is up before its end; whether it was noted. */
-static bool rehearse_once(job *j, size_t part, double end_s, cost_model *p)
+static bool rehearse_once(job *j, double end_s, cost_model *p)
 {
     solution s = {0};
-    j->coarsening = WIDER * sqrt((double)part);
     double begin_s = clock_processor_s();
     bool ok = job_place(j, &s, NULL);
     while (ok && !sampler_ended(s.sampler))
@@ -54,10 +50,8 @@ static double rehearse(job *j)
     size_t count = j->count, part = 1;
     double end_s = clock_processor_s() + 2 * REHEARSAL_S;
     cost_model p = cost_model_begin(count);
-    sizing_field_free(j->resolving); /* is for the whole count */
-    j->resolving = NULL;
     while (count / part / REHEARSAL_STRIDE >= COST_MODEL_FIRST) part *= REHEARSAL_STRIDE;
-    for (j->count = count / part; rehearse_once(j, part, end_s, &p) && part > 1; j->count = count / part) {
+    for (j->count = count / part; rehearse_once(j, end_s, &p) && part > 1; j->count = count / part) {
         part /= REHEARSAL_STRIDE;
         if (cost_model_run(&p, count / part) > REHEARSAL_S) break;
     }
@@ -121,7 +115,7 @@ json *run_estimate(const spec *s, const run_options *options, error *e)
 {
     static job_phase *const phases[] = {job_load, job_survey};
     json *estimate = NULL;
-    job j = {.spec = s, .options = options, .coarsening = 1};
+    job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     if (job_run_phases(&j, phases, sizeof phases / sizeof *phases, e)) {
         /* parts of it are done by all threads and parts by one: it took no longer than the clock says, which

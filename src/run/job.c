@@ -112,8 +112,7 @@ static const double DEFAULT_FLOOR = 0.25;
 static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
-    double coarser = j->coarsening,
-           floor = s->min_spacing > 0 ? s->min_spacing : DEFAULT_FLOOR * j->source.field->cell_size;
+    double floor = s->min_spacing > 0 ? s->min_spacing : DEFAULT_FLOOR * j->source.field->cell_size;
     const sizing_field_params params = {
         .kind = sizing_field_kind_of(s),
         .chord_error = s->curvature.chord_error,
@@ -123,11 +122,11 @@ static bool make_sizing(const job *j, size_t count, sizing_field **out, error *e
         .scale_world = s->curvature.scale.world,
         .map = map_value,
         .map_context = j->source.map,
-        .feature_ratio = s->has_feature ? coarser * s->feature.ratio : 0,
-        .feature_floor = coarser * floor,
-        .min_spacing = coarser * s->min_spacing,
-        .max_spacing = coarser * s->max_spacing,
-        .gradation = coarser * s->gradation,
+        .feature_ratio = s->has_feature ? s->feature.ratio : 0,
+        .feature_floor = floor,
+        .min_spacing = s->min_spacing,
+        .max_spacing = s->max_spacing,
+        .gradation = s->gradation,
         .memory_limit = (size_t)fmax(job_particle_memory(j), 1),
     };
     *out = sizing_field_new(j->source.field, j->scan, &params, count, j->pool, e);
@@ -142,21 +141,21 @@ bool job_survey(job *j, error *e)
     if (j->spec->time_s > 0) return true; /* runs of several counts are to come */
     double wanted = 0;
     if (j->spec->resolve) {
-        if (!make_sizing(j, 0, &j->resolving, e)) return false;
-        wanted = sizing_field_describe(j->resolving).points;
+        if (!make_sizing(j, 0, &j->by_features, e)) return false;
+        wanted = sizing_field_describe(j->by_features).points;
     }
     return plan_count(j->spec, j->scan->area, wanted, &j->count, e) &&
-           fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e);
+           fits_memory(j, fmax((double)j->count, (double)j->spec->control.start_count), e) &&
+           (!j->spec->has_feature || j->by_features || make_sizing(j, j->count, &j->by_features, e));
 }
 
 /* That of j->count points, unless they are even. */
-static bool start_sizing(job *j, sizing_field **out, error *e)
+static bool start_sizing(const job *j, sizing_field **out, error *e)
 {
     const spec *s = j->spec;
-    if (!s->has_curvature && !s->has_grid && !s->has_feature) return true;
-    *out = j->resolving;
-    j->resolving = NULL;
-    return *out || make_sizing(j, j->count, out, e);
+    if (!s->has_feature) return (!s->has_curvature && !s->has_grid) || make_sizing(j, j->count, out, e);
+    *out = sizing_field_rescale(j->by_features, j->scan->cells, j->count, e);
+    return *out != NULL;
 }
 
 /* The curvature of sampling.alpha, unless it is that of the field at each point. */
@@ -360,7 +359,7 @@ void job_free(job *j)
     json_free(j->report);
     job_free_solution(&j->solution);
     sequence_free(&j->sequence);
-    sizing_field_free(j->resolving);
+    sizing_field_free(j->by_features);
     surface_free(j->scan);
     source_close(&j->source);
     threads_free(j->pool);

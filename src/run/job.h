@@ -35,8 +35,7 @@ typedef struct job {
     int64_t
         load_peak; /* bytes of memory while inputs were loaded: of this process and of the largest of its readers */
     surface *scan;
-    sizing_field *resolving; /* with sampling.resolve, until the points are placed */
-    double coarsening;       /* of what bounds the spacing: 1, or more in trial runs with fewer points */
+    sizing_field *by_features; /* with sampling.feature, of the whole count */
     size_t count; /* points that the target asks for; with a time as target: points of the next run */
     solution solution;
     sequence sequence; /* with queue.coherent */
@@ -55,8 +54,8 @@ bool job_may_go_on(const job *j, error *e);
 /* Opens the inputs: the pool, the instruction set, the frame before, and the source. */
 bool job_load(job *j, error *e);
 
-/* Scans the surface and computes the count from the target, unless the target is a time; makes the sizing field that the
- * count comes from. */
+/* Scans the surface and computes the count from the target, unless the target is a time; makes the sizing field where
+ * features bound it. */
 bool job_survey(job *j, error *e);
 
 /* Places j->count particles; with a previous frame, that frame's points. Free *out after failure, too. */

@@ -89,7 +89,7 @@ static bool prepare_output(const char *directory, error *e)
 bool run_job(const spec *s, const run_options *options, verdict_outcome *outcome, json **report, error *e)
 {
     static job_phase *const phases[] = {job_load, start, relax, measure_result, write_results};
-    job j = {.spec = s, .options = options, .coarsening = 1};
+    job j = {.spec = s, .options = options};
     progress_begin(&j.progress, options->progress_fd, options->progress_bar);
     j.end_ms = j.progress.start_ms + (int64_t)(1e3 * s->time_s);
     bool ok =

@@ -2,6 +2,7 @@
 
 #include <assert.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/isa.h"
 #include "base/memory.h"
@@ -666,6 +667,39 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
     }
     sizing_field_free(g);
     return NULL;
+}
+
+static void *copy_array(const void *from, size_t count, size_t size, error *e)
+{
+    void *to = mem_array(count, size, "the grading", e);
+    return to ? memcpy(to, from, count * size) : NULL;
+}
+
+sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t count, error *e)
+{
+    sizing_field *copy = mem_alloc(sizeof *copy);
+    double factor = sqrt(g->facts.points / (double)count);
+    *copy = *g;
+    copy->node = copy_array(g->node, g->count, sizeof *g->node, e);
+    copy->table = copy_array(g->table, g->table_size, sizeof *g->table, e);
+    copy->beside = copy_array(g->beside, 27 * g->count, sizeof *g->beside, e);
+    copy->points_before = copy_array(g->points_before, cells + 1, sizeof *g->points_before, e);
+    if (!copy->node || !copy->table || !copy->beside || !copy->points_before) {
+        sizing_field_free(copy);
+        return NULL;
+    }
+    for (size_t k = 0; k < g->count; k++) {
+        copy->node[k].spacing *= factor;
+        copy->node[k].gradient = vec3_scale(copy->node[k].gradient, factor);
+    }
+    for (size_t k = 0; k <= cells; k++) copy->points_before[k] /= factor * factor;
+    copy->params.min_spacing *= factor;
+    copy->params.max_spacing *= factor;
+    copy->facts.scale *= factor;
+    copy->facts.points = copy->points_before[cells];
+    copy->facts.least *= factor;
+    copy->facts.largest *= factor;
+    return copy;
 }
 
 void sizing_field_free(sizing_field *g)

@@ -35,6 +35,9 @@ sizing_field *sizing_field_new(const field *f, const surface *scan, const sizing
                                size_t count, threads *pool, error *e);
 void sizing_field_free(sizing_field *g);
 
+/* A copy for another count: all spacings are multiplied by one factor. Error: limit_memory. */
+sizing_field *sizing_field_rescale(const sizing_field *g, size_t cells, size_t count, error *e);
+
 /* The requested spacing at x, which is on the surface, and (unless NULL) its slope, as the nodes around have
  * it. */
 double sizing_field_spacing(const sizing_field *g, vec3 x, vec3 *gradient);

@@ -300,7 +300,7 @@ def test_features_bound_the_spacing(worker, tmp_path):
     assert worker(spec).returncode in (0, 11)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["requested"] == {"resolve": True} and 0.9 * least < report["count"] <= least
-    assert 0.3 < report["grading"]["feature_size"]["least"] <= 0.42 and report["quality"]["unresolved_count"] == 0
+    assert 0.15 < report["grading"]["feature_size"]["least"] <= 0.42 and report["quality"]["unresolved_count"] == 0
 
 
 def test_a_map_that_is_no_spacing(worker, example):

@@ -255,6 +255,37 @@ static void threads_do_not_show(void **state)
     release(&many);
 }
 
+/* A shape that is thin at one end: the spacing is bounded by the ratio of the feature size, as many points as that
+ * takes are one of the counts that can be had, and a copy for another count asks for that many. */
+static void features_bound_the_spacing(void **state)
+{
+    (void)state;
+    error e = {0};
+    scanned s = scan_shape(&torus, 2);
+    sizing_field_params params = {.kind = SIZING_FIELD_EVEN,
+                                  .feature_ratio = 0.5,
+                                  .feature_floor = 1e-3,
+                                  .max_spacing = 0.25,
+                                  .gradation = 0.2};
+    sizing_field *g = sizing_field_new(&s.a->base, s.scan, &params, 0, s.pool, &e);
+    if (!g) fail_msg("%s", e.message);
+    sizing_field_facts facts = sizing_field_describe(g);
+    /* the tube's radius of 0.4 is the feature size everywhere */
+    assert_close(facts.features.median, 0.4, 0.04);
+    assert_close(facts.points, torus_points(g), 5e-3 * facts.points);
+    assert_true(facts.largest <= 0.5 * 0.4 * 1.001 && facts.least > 0.5 * 0.4 * 0.85);
+    sizing_field *half = sizing_field_rescale(g, s.scan->cells, (size_t)(facts.points / 2), &e);
+    assert_close(torus_points(half), facts.points / 2, 5e-3 * facts.points);
+    size_t enough = (size_t)(1.02 * facts.points);
+    sizing_field_free(grade(&s, params, enough));
+    assert_null(sizing_field_new(&s.a->base, s.scan, &params, enough / 2, s.pool, &e));
+    assert_int_equal(e.code, ERROR_SPEC_INVALID);
+    assert_non_null(strstr(e.message, "/sampling/resolve"));
+    sizing_field_free(half);
+    sizing_field_free(g);
+    release(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -264,6 +295,7 @@ int main(void)
         cmocka_unit_test(bounds_are_kept_and_told),
         cmocka_unit_test(maps_with_holes),
         cmocka_unit_test(stops_when_told),
+        cmocka_unit_test(features_bound_the_spacing),
         cmocka_unit_test(threads_do_not_show),
     };
     return cmocka_run_group_tests_name("grading", tests, NULL, NULL);
