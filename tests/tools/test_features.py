@@ -54,7 +54,8 @@ def test_feature_sizes_and_distances():
     assert abs(features.least_angles(right, numpy.array([[0, 1, 2]]))[0] - 36.87) < 0.01
 
 
-def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose):
+def test_a_thin_shell_with_a_handle_is_resolved(build, tmp_path, diagnose, monkeypatch):
+    monkeypatch.setattr(features, "PLACES", 20000)
     vertices, triangles = shell(0.3, 0.22)
     path = tmp_path / "shell.off"
     path.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0"] + ["%r %r %r" % tuple(v) for v in vertices.tolist()] +
