@@ -13,6 +13,7 @@ import {bytesOf, countOf, nameOf, numberOf} from "./words.js";
 const MOST = 2000000;
 const NEIGHBOURS = "neighbours";
 const NO_COLOURS = ["x", "y", "z", "nx", "ny", "nz"];
+const SHOWN_MS = 250; // how often points that arrive are shown
 const HELD = 60; // milliseconds: a film shows no frame for less
 
 const AXES = {"": "No cut", x: "x", y: "y", z: "z"};
@@ -170,6 +171,7 @@ export function PointCloud({job, frame, onShown}) {
       setProgress({count: points.count, points});
       now.change();
     };
+    let shownAt = 0;
     const alone = now.points === null; // the first file is shown while it comes, frames of a film when they are whole
     loadPoints(`v1/jobs/${job.id}/results/points.ply${query({frame})}`, MOST, {
       signal: stop.signal,
@@ -178,7 +180,11 @@ export function PointCloud({job, frame, onShown}) {
         now.points = points;
         now.discs.allocate(points.kept);
       },
-      onMore: points => alone && more(points),
+      onMore: points => {
+        if (!alone || performance.now() - shownAt < SHOWN_MS) return;
+        more(points);
+        shownAt = performance.now();
+      },
     }).then(points => {
       if (!alone) now.discs.allocate(points.kept);
       now.points = points;

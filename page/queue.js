@@ -186,7 +186,6 @@ export function Queue({session}) {
   const [data, reload] = useQueue(filter, cursors[cursors.length - 1]);
   const now = useClock();
   useTitle("Queue");
-
   const jobs = data.jobs ? sorted(data.jobs, order.by, order.down) : [];
   const chosen = jobs.filter(job => selection.has(job.id));
   const choose = job => setSelection(old => {

@@ -32,6 +32,7 @@ struct access_control {
     char *token_file;
     pthread_mutex_t mutex; /* for what follows */
     token_set tokens;
+    uint64_t generation;
     struct stat seen; /* of the file that the tokens are from; zero: there was none */
 };
 
@@ -93,6 +94,7 @@ static bool refresh(access_control *a, error *e)
     if (stat(a->token_file, &now) != 0) now = (struct stat){0};
     if (is_same(&now, &a->seen)) return true;
     a->seen = now;
+    a->generation++;
     token_set_clear(&a->tokens);
     return token_set_read(a->token_file, &a->tokens, e);
 }
@@ -180,8 +182,9 @@ void access_look(access_control *a, int fd, access_peer *peer)
     if (peer->scopes) name_user(who.uid, peer->user);
 }
 
-static void take_rights(const token *t, access_caller *caller)
+static void take_rights(const access_control *a, const token *t, access_caller *caller)
 {
+    caller->generation = a->generation;
     strcpy(caller->user, t->user);
     caller->scopes = t->scopes;
     caller->max_priority = t->max_priority;
@@ -201,13 +204,21 @@ static void unlock_tokens(access_control *a)
     pthread_mutex_unlock(&a->mutex);
 }
 
+uint64_t access_generation(access_control *a)
+{
+    lock_tokens(a);
+    uint64_t generation = a->generation;
+    unlock_tokens(a);
+    return generation;
+}
+
 static bool identify_token(access_control *a, const char *authorization, access_caller *caller)
 {
     static const char scheme[] = "Bearer ";
     if (strncasecmp(authorization, scheme, sizeof scheme - 1) != 0) return false;
     const char *text = authorization + sizeof scheme - 1 + strspn(authorization + sizeof scheme - 1, " ");
     const token *t = token_set_find(lock_tokens(a), text);
-    if (t) take_rights(t, caller);
+    if (t) take_rights(a, t, caller);
     unlock_tokens(a);
     return t != NULL;
 }
@@ -217,7 +228,7 @@ static bool identify_session(access_control *a, const char *session, access_call
     if (!*a->key.cookie) return false;
     int64_t ends_ms = 0;
     const token *t = session_find(&a->key, lock_tokens(a), session, clock_wall_ms(), &ends_ms);
-    if (t) take_rights(t, caller);
+    if (t) take_rights(a, t, caller);
     unlock_tokens(a);
     caller->session_ends_ms = ends_ms;
     return t != NULL;
@@ -243,7 +254,7 @@ bool access_begin_session(access_control *a, const char *token_text, char sessio
     const token *t = token_set_find(lock_tokens(a), token_text);
     if (t) {
         *caller = (access_caller){.session_ends_ms = ends_ms};
-        take_rights(t, caller);
+        take_rights(a, t, caller);
         session_begin(&a->key, t, ends_ms, session);
     }
     unlock_tokens(a);

@@ -17,6 +17,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <sys/types.h>
 
 #include "auth/scope.h"
@@ -65,12 +66,16 @@ typedef struct access_caller {
     unsigned scopes;
     int max_priority;        /* of the token; TOKEN_ANY_PRIORITY without one */
     int64_t session_ends_ms; /* wall clock; 0: the caller has no session */
+    uint64_t generation;     /* of the tokens, among which the caller's was; 0: the caller has none */
 } access_caller;
 
 /* `authorization` is the value of the header, `session` that of the cookie, or NULL. Returns false for an unknown
  * caller or token. A session that is over, or over a Unix socket, counts as none. */
 bool access_identify(access_control *a, const access_peer *peer, const char *authorization,
                      const char *session, access_caller *caller);
+
+/* Another number after each change of the token file: who was identified by a token of a former one may be unknown now. */
+uint64_t access_generation(access_control *a);
 
 /* Begins a session of the token: false when the token is unknown or there are no sessions. */
 bool access_begin_session(access_control *a, const char *token_text, char session[SESSION_SIZE],

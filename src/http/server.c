@@ -134,6 +134,8 @@ typedef struct stream {
     struct MHD_Connection *connection;
     reply_source *source;
     char topic[REPLY_TOPIC_SIZE];
+    access_control *access;
+    uint64_t generation; /* of the tokens, when the caller showed one; 0: the caller showed none */
 } stream;
 
 static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_t size)
@@ -143,6 +145,9 @@ static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_
     for (;;) {
         uint64_t seen = wait_list_seen(t->waiting);
         if (wait_list_is_dismissed(t->waiting)) return MHD_CONTENT_READER_END_OF_STREAM;
+        /* a token may have been revoked: the client comes back, and shows whether it is still known */
+        if (t->generation && t->generation != access_generation(t->access))
+            return MHD_CONTENT_READER_END_OF_STREAM;
         ssize_t count = t->source->read(t->source, buffer, size);
         if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
         if (wait_list_wait(t->waiting, t->loop, t->connection, seen, t->topic,
@@ -164,7 +169,9 @@ static struct MHD_Response *open_stream(const exchange *x, reply *r)
     *t = (stream){.waiting = x->s->settings.waiting,
                   .loop = x->s->loop,
                   .connection = x->connection,
-                  .source = r->source};
+                  .source = r->source,
+                  .access = x->s->access,
+                  .generation = x->caller.generation};
     memcpy(t->topic, r->topic, sizeof t->topic);
     struct MHD_Response *response =
         MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);
@@ -233,7 +240,7 @@ static void identify(exchange *x, const fields *f)
 }
 
 /* Refuses a connection over a limit, at its first request. */
-static bool refuse_connection(exchange *x, const fields *f, reply *r)
+static bool refuse_connection(exchange *x, reply *r)
 {
     static const char *const why[] = {
         [CONNECTION_TOO_MANY_OF_CLIENT] =
@@ -242,8 +249,7 @@ static bool refuse_connection(exchange *x, const fields *f, reply *r)
         [CONNECTION_TOO_MANY] = "the service has too many connections (setting connection_limit)",
     };
     client_connection *p = connection_of(x->connection);
-    bool is_user =
-        x->known && (f->authorization || x->caller.session_ends_ms || connections_access(p)->local);
+    bool is_user = x->known && (x->caller.generation || connections_access(p)->local);
     connection_verdict verdict =
         connections_begin_request(x->s->connections, p, &x->client, is_user ? &x->caller : NULL);
     if (verdict == CONNECTION_ADMITTED) return false;
@@ -438,7 +444,7 @@ static bool refuse_early(exchange *x, const char *method, const char *path, cons
     bool waits = MHD_lookup_connection_value(x->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_EXPECT) != NULL;
     *early = waits || (f.length && strtoull(f.length, NULL, 10) > x->s->settings.body_limit_bytes);
     x->chunked = f.codings > 0;
-    if (refuse_head(x, &f, method, version, r) || refuse_connection(x, &f, r)) {
+    if (refuse_head(x, &f, method, version, r) || refuse_connection(x, r)) {
         *early = true;
     } else if (answer_preflight(x, method, r)) {
         return true;

@@ -1,5 +1,6 @@
 """Who may do what: Unix peers, tokens, scopes; and how many connections a client may have."""
 import http.client
+import hashlib
 import json
 import os
 import pathlib
@@ -10,7 +11,7 @@ import tempfile
 
 import pytest
 
-from service import OPEN_TCP, PATIENCE_S, long_sphere, sphere, wait_until
+from service import OPEN_TCP, PATIENCE_S, Stream, long_sphere, sphere, wait_until
 from test_rest import expect_problem
 
 # asks a Unix socket as another user: USER GROUP SOCKET METHOD PATH; prints the status and the body
@@ -264,6 +265,20 @@ def test_a_slow_client_takes_no_place_from_others(new_service, public_directory)
     assert done.stdout.strip() == "200", done.stderr
     for s in slow:
         s.close()
+
+
+def test_a_revoked_token_ends_its_streams(closed_service):
+    """Nothing that happens later is told."""
+    service = closed_service
+    token, other = new_token(service, "alice"), new_token(service, "alice")
+    stream = Stream(service, "/v1/events", token=token)
+    events = iter(stream)
+    assert next(events)[1] == "position"
+    kept = [line for line in (service.state / "tokens").read_text().splitlines(True) if hashlib.sha256(token.encode()).hexdigest() not in line]
+    (service.state / "tokens").write_text("".join(kept))
+    assert with_token(service, other, "POST", "/v1/jobs", sphere()).status == 201
+    assert list(events) == []
+    assert with_token(service, token, "GET", "/v1/events").status == 401
 
 
 def test_the_files_of_the_input_roots_are_listed(new_service, tmp_path):

@@ -62,7 +62,7 @@ def free_port():
 class Front:
     """nginx or stunnel in front of an address, with the configuration that the project ships; asked like a service."""
 
-    def __init__(self, kind, source, certificate, where, behind):
+    def __init__(self, kind, source, certificate, where, behind, prefix="/"):
         self.certificate, self.port = certificate, free_port()
         self.address = f"localhost:{self.port}"
         text = (source / "etc" / f"{kind}.conf").read_text()
@@ -70,6 +70,8 @@ class Front:
         for shipped, here in (("listen 443", f"listen {port}"), ("accept = 443", f"accept = {port}"),
                               ("127.0.0.1:8642", behind), ("/etc/ssl/hexad", str(certificate))):
             text = text.replace(shipped, here)
+        if prefix != "/":  # the two lines that doc/tls.md names
+            text = text.replace("location / {", f"location {prefix} {{").replace(f"http://{behind};", f"http://{behind}/;")
         where.mkdir()
         if kind == "nginx":
             (where / "hexad.conf").write_text(text)

@@ -1,76 +1,20 @@
 """The web page in a real browser, headless Chromium, in front of a real daemon with real jobs. One browser for all tests."""
-import shutil
 import signal
 
 import pytest
 
+from browser import Browser, is_there
 from service import gated_worker, long_sphere, sphere, wait_until
 from test_access import closed_service, new_token  # noqa: F401
-
-webdriver = pytest.importorskip("selenium.webdriver", reason="no python3-selenium")
-from selenium.webdriver.chrome.service import Service as Driver  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.common.exceptions import StaleElementReferenceException  # noqa: E402
-
-FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-         " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
-
-
-class Browser:
-    """What the tests do in the browser, in words of the page."""
-
-    def __init__(self, driver):
-        self.driver = driver
-
-    def open(self, service, where="#/", scheme="http"):
-        self.driver.get("about:blank")
-        self.driver.get(f"{scheme}://{service.address}/{where}")
-
-    def all(self, selector):
-        return self.driver.find_elements(By.CSS_SELECTOR, selector)
-
-    def one(self, selector):
-        return wait_until(lambda: next(iter(self.all(selector)), None), selector)
-
-    def text(self, selector="body"):
-        def read():
-            try:
-                return self.one(selector).text
-            except StaleElementReferenceException:
-                return None
-        return wait_until(lambda: read() is not None and (read() or " "), selector)
-
-    def wait_text(self, text, selector="body"):
-        wait_until(lambda: text in self.text(selector), f"{text!r} in {selector}, instead of:\n{self.text()}")
-
-    def press(self, word, within="body"):
-        def found():
-            return [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
-        wait_until(found, f"something to press: {word}")[0].click()
-
-    def run(self, script, *words):
-        return self.driver.execute_script(script, *words)
-
-    def faults(self):
-        """What the browser complains of, without requests that were refused on purpose."""
-        return [entry["message"] for entry in self.driver.get_log("browser")
-                if entry["level"] == "SEVERE" and "Failed to load resource" not in entry["message"]]
-
+from test_tls import Front, certificate  # noqa: F401
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory):
-    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not program or not driver:
-        pytest.skip("no chromium and chromium-driver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for flag in (*FLAGS.split(), f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
-        options.add_argument(flag)
-    options.add_argument("--window-size=700,500")
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    started = webdriver.Chrome(service=Driver(driver), options=options)
-    yield Browser(started)
-    started.quit()
+    if not is_there():
+        pytest.skip("no chromium, chromium-driver and python3-selenium")
+    started = Browser(tmp_path_factory.mktemp("browser"))
+    yield started
+    started.close()
 
 
 @pytest.fixture
@@ -352,12 +296,26 @@ def test_two_jobs_are_compared(service, browser):
     wait_until(lambda: browser.all("figure.chart canvas"), "plots of both")
 
 
-def test_below_a_prefix_of_a_proxy(service, browser, source):
-    """The page asks for nothing by an address that begins at the root."""
-    for name in (source / "page").glob("*.[jh]*"):
-        text = name.read_text()
-        for absolute in ('href="/', 'src="/', '"/v1', "`/v1"):
-            assert absolute not in text, name
+def test_below_a_prefix_of_a_proxy(closed_service, browser, source, certificate, tmp_path):  # noqa: F811
+    """Over TLS, as doc/tls.md says: nothing is asked for at the root, and the cookie is Secure."""
+    front = Front("nginx", source, certificate, tmp_path / "front", closed_service.address, prefix="/hexad/")
+    closed_service.end()
+    closed_service.options[closed_service.options.index("--listen") + 1] = closed_service.address
+    closed_service.start("--page_origins", f"https://{front.address}")
+    browser.driver.get(f"https://{front.address}/hexad/")
+    browser.one("#token").send_keys(new_token(closed_service, "carol"))
+    browser.press("Sign in")
+    browser.wait_text("No jobs yet")
+    cookie, = browser.command("Network.getAllCookies")["cookies"]
+    assert cookie["secure"] and cookie["httpOnly"] and cookie["sameSite"] == "Strict" and cookie["path"] == "/hexad/v1"
+    browser.press("New job", "header")
+    browser.wait_text("Memory", ".estimate")
+    browser.press("Submit", "aside")
+    browser.wait_text("at rest and in order")
+    browser.press("Points in 3-D", "main")
+    browser.wait_text("points,", ".stats")
+    front.process.terminate()
+    front.process.wait()
 
 
 AUDIT = """
@@ -375,12 +333,12 @@ def test_an_audit_finds_no_barrier(service, browser, source, theme):
         pytest.skip("no axe-core: run npm ci in page")
     job = service.submit(sphere(count=1000, name="audited", queue={"labels": ["x"]}))
     service.wait_state(job, "succeeded")
-    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": theme}]})
+    browser.emulate(prefers_color_scheme=theme)
     for where, there in (("#/", "tbody tr"), (f"#/jobs/{job}", ".measures"), (f"#/jobs/{job}/points", ".stats"),
                          ("#/submit", ".estimate dl")):
         browser.open(service, where)
         browser.one(there)
         # the page lets no text become a script: a tool of the browser brings it in
-        browser.driver.execute_cdp_cmd("Runtime.evaluate", {"expression": audit.read_text()})
+        browser.command("Runtime.evaluate", expression=audit.read_text())
         assert browser.driver.execute_async_script(AUDIT) == [], where
-    browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    browser.emulate()

@@ -1,0 +1,187 @@
+#!/usr/bin/env python3
+"""What the web page costs in a real browser: bytes, the time to the first view, frames while 100 000 jobs wait and events
+come, and points in 3-D.
+
+    bench/web_page.py --built BUILD [--page doc/measured/web-page.md] [--jobs 100000] [--points 1000000] [--seconds 20]
+
+Writes the page, and ends with 1 when a bound is missed. There is no graphics card here: of points it says what the card
+would be given, and the time of the script alone.
+"""
+import argparse
+import concurrent.futures
+import datetime
+import json
+import pathlib
+import statistics
+import sys
+import tempfile
+import threading
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "tests" / "service"))
+
+from browser import Browser, is_there  # noqa: E402
+from service import Service, gated_worker, sphere, wait_until  # noqa: E402
+
+MOST_BYTES, MOST_VIEW_MS, MOST_FRAME_MS, MOST_MEMORY = 1_000_000, 300, 100, 200_000_000
+EVENTS = 50  # a second
+HEAD = """# The web page, measured
+
+Written by [bench/web_page.py](../../bench/web_page.py) (`make bench-web-page`); do not edit. Headless Chromium, whose
+pictures the processor draws; {when}.
+
+| what | measured | wanted | |
+|---|---:|---:|---|
+"""
+# the time between frames while something happens
+WATCH = """window.frames = []; let last = performance.now();
+(function next() { const now = performance.now(); frames.push(now - last); last = now; requestAnimationFrame(next); })();"""
+
+
+FIRST_VIEW = """new MutationObserver((_, watcher) => { if (document.querySelector("tbody tr")) requestAnimationFrame(() =>
+  { window.firstView = window.firstView || performance.now(); watcher.disconnect(); }); }).observe(document, {childList: true, subtree: true});"""
+
+
+def number(value):
+    return f"{value:,.0f}".replace(",", " ")
+
+
+class Table:
+    def __init__(self):
+        self.rows, self.missed = [], 0
+
+    def add(self, what, value, unit, most=None):
+        met = most is None or value <= most
+        self.missed += not met
+        bound = f"at most {number(most)} {unit}" if most else ""
+        verdict = "" if most is None else "met" if met else "MISSED"
+        self.rows.append(f"| {what} | {number(value)} {unit} | {bound} | {verdict} |")
+        print(self.rows[-1], flush=True)
+
+
+def ask(service, connection, method, path, body=None):
+    connection.request(method, path, json.dumps(body) if body is not None else None, {"Content-Type": "application/json"})
+    reply = connection.getresponse()
+    answer = reply.read()
+    assert reply.status < 300, answer
+    return json.loads(answer)
+
+
+def fill(service, count):
+    """That many jobs that wait, from 16 clients; their ids."""
+    def submit(number):
+        connection = service.connection()
+        return [ask(service, connection, "POST", "/v1/jobs", sphere(name=f"job {number}.{i}"))["id"] for i in range(count // 16)]
+    with concurrent.futures.ThreadPoolExecutor(16) as pool:
+        return [job for jobs in pool.map(submit, range(16)) for job in jobs]
+
+
+class Events(threading.Thread):
+    """So many events a second, until it is stopped."""
+
+    def __init__(self, service, jobs):
+        super().__init__()
+        self.service, self.jobs, self.stopped, self.sent = service, jobs, threading.Event(), 0
+
+    def run(self):
+        connection, begun = self.service.connection(), time.monotonic()
+        while not self.stopped.wait(max(0, begun + self.sent / EVENTS - time.monotonic())):
+            ask(self.service, connection, "PATCH", f"/v1/jobs/{self.jobs[-1 - self.sent % 50]}", {"priority": self.sent % 100})
+            self.sent += 1
+
+
+def status_reads(service, job, seconds=5):
+    connection, count, end = service.connection(), 0, time.monotonic() + seconds
+    while time.monotonic() < end:
+        ask(service, connection, "GET", f"/v1/jobs/{job}")
+        count += 1
+    return count / seconds
+
+
+def measure_first_view(service, browser, table):
+    times = []
+    browser.command("Page.addScriptToEvaluateOnNewDocument", source=FIRST_VIEW)
+    for _ in range(7):
+        browser.command("Network.clearBrowserCache")
+        browser.open(service)
+        times.append(wait_until(lambda: browser.run("return window.firstView"), "the first view"))
+    table.add("first view of the queue, nothing cached (median of 7)", statistics.median(times), "ms", MOST_VIEW_MS)
+    table.add("bytes of that", browser.run("return [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]"
+                                          ".filter(e => !e.name.includes('/v1/')).reduce((sum, e) => sum + e.transferSize, 0)"), "bytes")
+    whole = sum(len(service.get(f"/page/{f.name}").body) for f in (service.build / "page").iterdir() if f.is_file())
+    table.add("bytes of all files of the page", whole, "bytes", MOST_BYTES)
+
+
+def measure_queue(service, browser, jobs, seconds, table):
+    events = Events(service, jobs)
+    begun = time.monotonic()
+    events.start()
+    before = status_reads(service, jobs[0])
+    browser.open(service)
+    wait_until(lambda: len(browser.all("tbody tr")) == 50, "the rows")
+    browser.run(WATCH)
+    time.sleep(seconds)
+    frames = sorted(browser.run("return window.frames"))
+    memory = browser.run("return performance.memory.usedJSHeapSize")
+    reads = status_reads(service, jobs[0])
+    events.stopped.set()
+    events.join()
+    table.add("waiting jobs", len(jobs), "jobs")
+    table.add("events", events.sent / (time.monotonic() - begun), "events/s")
+    table.add("longest frame meanwhile", frames[-1], "ms", MOST_FRAME_MS)
+    table.add("99th percentile of frames", frames[int(0.99 * len(frames))], "ms")
+    table.add("memory of the page's objects", memory, "bytes", MOST_MEMORY)
+    table.add("status reads of one client, no page open", before, "reads/s")
+    table.add("status reads of one client, the page open", reads, "reads/s")
+
+
+def measure_points(service, browser, count, table):
+    job = service.submit(sphere(count=count, output={"preview": False}))
+    service.wait_state(job, "succeeded", seconds=600)
+    begun = time.monotonic()
+    browser.open(service, f"#/jobs/{job}/points")
+    wait_until(lambda: browser.all(".stats") and not browser.all(".loading-points"), "the points", 600)
+    table.add(f"{count} points: file to the last disc, by the processor", time.monotonic() - begun, "s")
+    stats = browser.text(".stats")
+    print(stats)
+    table.rows.append(f"| {count} points, a frame | {stats.split('.')[0]}.{stats.split('.')[1]} | | |")
+    table.rows.append(f"| script of a frame, without pixels | {stats.split('card, ')[1].split(' of script')[0]} | | |")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--built", type=pathlib.Path, required=True)
+    parser.add_argument("--page", type=pathlib.Path, default=HERE.parent / "doc/measured/web-page.md")
+    parser.add_argument("--jobs", type=int, default=100000)
+    parser.add_argument("--points", type=int, default=1000000)
+    parser.add_argument("--seconds", type=float, default=20)
+    options = parser.parse_args()
+    if not is_there() or not (options.built / "page/uplot.js").exists():
+        sys.exit("needs the page (npm ci in page, make), chromium, chromium-driver and python3-selenium")
+    table = Table()
+    with tempfile.TemporaryDirectory() as where:
+        base = pathlib.Path(where)
+        (base / "one").mkdir()
+        (base / "two").mkdir()
+        browser = Browser(base / "browser", (1440, 900))
+        full = Service(options.built.resolve(), base / "one", "--worker", gated_worker(base), "--workers", 1, "--log_level", "warning")
+        plain = Service(options.built.resolve(), base / "two")
+        try:
+            full.start()
+            jobs = fill(full, options.jobs)
+            measure_first_view(full, browser, table)
+            measure_queue(full, browser, jobs, options.seconds, table)
+            full.end()
+            measure_points(plain.start(), browser, options.points, table)
+        finally:
+            browser.close()
+            full.clean_up()
+            plain.clean_up()
+    now = datetime.datetime.now(datetime.timezone.utc)
+    options.page.write_text(HEAD.format(when=f"{now:%Y-%m-%dT%H:%MZ}") + "\n".join(table.rows) + "\n")
+    sys.exit(1 if table.missed else 0)
+
+
+if __name__ == "__main__":
+    main()

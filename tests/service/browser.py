@@ -1,0 +1,80 @@
+"""Debian's Chromium without a screen, as tests and bench/web_page.py use it. Without chromium-driver or python3-selenium there is
+none."""
+import shutil
+
+from service import wait_until
+
+try:
+    from selenium import webdriver
+    from selenium.common.exceptions import StaleElementReferenceException
+    from selenium.webdriver.chrome.service import Service as Driver
+    from selenium.webdriver.common.by import By
+except ImportError:
+    webdriver = None
+
+# no traffic of its own; WebGL by the processor
+FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+         " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
+WINDOW = (700, 500)  # small: the processor draws all pixels
+
+
+def is_there():
+    return webdriver and shutil.which("chromium") and shutil.which("chromedriver")
+
+
+class Browser:
+    """A browser, and what one does in it in words of the page."""
+
+    def __init__(self, directory, size=WINDOW):
+        options = webdriver.ChromeOptions()
+        options.binary_location = shutil.which("chromium")
+        for flag in (*FLAGS.split(), f"--user-data-dir={directory}", f"--window-size={size[0]},{size[1]}"):
+            options.add_argument(flag)
+        options.accept_insecure_certs = True  # made for a test
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(service=Driver(shutil.which("chromedriver")), options=options)
+
+    def close(self):
+        self.driver.quit()
+
+    def emulate(self, **features):
+        """As prefers_color_scheme="dark"; nothing: as it was."""
+        self.command("Emulation.setEmulatedMedia", features=[
+            {"name": name.replace("_", "-"), "value": value} for name, value in features.items()])
+
+    def command(self, name, **words):
+        return self.driver.execute_cdp_cmd(name, words)
+
+    def open(self, service, where="#/"):
+        self.driver.get("about:blank")
+        self.driver.get(f"http://{service.address}/{where}")
+
+    def all(self, selector):
+        return self.driver.find_elements(By.CSS_SELECTOR, selector)
+
+    def one(self, selector):
+        return wait_until(lambda: next(iter(self.all(selector)), None), selector)
+
+    def text(self, selector="body"):
+        def read():
+            try:
+                return self.one(selector).text
+            except StaleElementReferenceException:
+                return None
+        return wait_until(lambda: read() is not None and (read() or " "), selector)
+
+    def wait_text(self, text, selector="body"):
+        wait_until(lambda: text in self.text(selector), f"{text!r} in {selector}, instead of:\n{self.text()}")
+
+    def press(self, word, within="body"):
+        def found():
+            return [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
+        wait_until(found, f"something to press: {word}")[0].click()
+
+    def run(self, script, *words):
+        return self.driver.execute_script(script, *words)
+
+    def faults(self):
+        """What the browser complains of, without requests that were refused on purpose."""
+        return [entry["message"] for entry in self.driver.get_log("browser")
+                if entry["level"] == "SEVERE" and "Failed to load resource" not in entry["message"]]
