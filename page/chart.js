@@ -32,7 +32,7 @@ function optionsOf(quantity, words, width) {
     width, height: HEIGHT, legend: {show: false}, cursor: {y: false},
     scales: {x: {time: false}, y: quantity.scale},
     axes: [{...axis, values}, {...axis, values, size: 68}],
-    series: [{}, ...words.map((word, i) => ({label: word, stroke: colour(LINES[i]), width: 1.5, spanGaps: true, points: {show: false}}))],
+    series: [{}, ...words.map((word, i) => ({label: word, stroke: colour(LINES[i]), width: 1.5, dash: i ? [6, 4] : [], spanGaps: true, points: {show: false}}))],
   };
 }
 

@@ -23,6 +23,6 @@ export function Compare({ids}) {
       <h2><a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a> <${State} job=${job} /></h2>
       ${job.links.results && html`<${PointCloud} job=${job} frame=${null} />`}</section>`)}</div>
     <h2>Measures</h2><${Measures} reports=${reports} words=${words} />
-    ${first && second && html`<h2>Convergence</h2><p class="hint">The first line is ${words[0]}, the second ${words[1]}.</p>
+    ${first && second && html`<h2>Convergence</h2><p class="hint">${words[0]} is the solid line, ${words[1]} the dashed one.</p>
       <${Charts} runs=${reports.map(rowsOfReport)} words=${words} />`}`;
 }

@@ -13,14 +13,17 @@ uniform int picked;
 out vec2 place;
 out float shade, amount;
 flat out int id;
+flat out float sunk; // how much deeper the rim is drawn, so that neighbours meet half-way
 void main() {
   place = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   vec3 side = normalize(abs(normal.z) < 0.9 ? cross(normal, vec3(0, 0, 1)) : cross(normal, vec3(1, 0, 0)));
   vec3 to = eye - position;
-  float radius = max(0.5 * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels
+  float radius = max(0.57 * spacing, 0.6 * pixel * length(to)); // no disc falls between pixels; neighbours touch
   if (gl_InstanceID == picked) radius *= 1.6;
   vec3 corner = position + radius * (place.x * side + place.y * cross(normal, side));
   gl_Position = dot(plane, vec4(position, 1)) < 0.0 ? vec4(2, 2, 2, 1) : matrix * vec4(corner, 1);
+  vec4 middle = matrix * vec4(position, 1), deeper = matrix * vec4(position - 0.2 * radius * normalize(to), 1);
+  sunk = 0.5 * (deeper.z / deeper.w - middle.z / middle.w);
   shade = dot(normal, normalize(to));
   amount = value;
   id = gl_InstanceID;
@@ -32,13 +35,16 @@ precision highp int;
 in vec2 place;
 in float shade, amount;
 flat in int id;
+flat in float sunk;
 uniform sampler2D map;
 uniform vec2 range;
 uniform int picked;
 uniform bool picking;
 out vec4 colour;
 void main() {
-  if (dot(place, place) > 1.0) discard;
+  float off = dot(place, place);
+  if (off > 1.0) discard;
+  gl_FragDepth = gl_FragCoord.z + sunk * off;
   if (picking) {
     int n = id + 1;
     colour = vec4(n & 255, (n >> 8) & 255, (n >> 16) & 255, (n >> 24) & 255) / 255.0;
@@ -47,7 +53,7 @@ void main() {
   vec3 base = texture(map, vec2(clamp((amount - range.x) / max(range.y - range.x, 1e-30), 0.0, 1.0), 0.5)).rgb;
   if (id == picked) base = vec3(1.0, 0.25, 0.6);
   float light = shade > 0.0 ? 0.35 + 0.65 * shade : 0.18 - 0.2 * shade; // the inside is darker
-  colour = vec4(base * light, 1);
+  colour = vec4(base * light * (1.0 - 0.45 * smoothstep(0.55, 0.9, off)), 1); // a darker rim tells discs apart
 }`;
 
 const WIRE_VERTEX = `#version 300 es

@@ -98,7 +98,7 @@ function Buttons({job, onChange}) {
 function Facts({job, now}) {
   const rows = [
     ["Owner", job.owner], ["Submitted", timeOf(job.created)], ["Started", timeOf(job.started)], ["Ended", timeOf(job.finished)],
-    ["Ran", spentOf(job, now)], ["Attempt", `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
+    ["Ran", spentOf(job, now)], ["Attempt", !job.array && `${job.attempt} of ${job.max_attempts}`], ["Priority", job.priority],
     ["Threads", job.threads], ["Memory", `${job.memory_mb} MiB`], ["Labels", job.labels.join(", ")],
     ["Result of", job.cached_from && html`<a href=${`#/jobs/${job.cached_from}`}>${job.cached_from}</a>`], ["Id", html`<code>${job.id}</code>`],
   ];
@@ -167,9 +167,11 @@ function Attempts({job}) {
 
 function Results({job, frame}) {
   const [results, setResults] = useState([]);
+  const chosen = !job.array || frame !== null;
   useEffect(() => {
-    get(`v1/jobs/${job.id}/results${query({frame})}`).then(found => setResults(found.results), () => setResults([]));
+    if (chosen) get(`v1/jobs/${job.id}/results${query({frame})}`).then(found => setResults(found.results), () => setResults([]));
   }, [job.id, frame, job.revision]);
+  if (!chosen) return html`<p class="hint">Choose a frame to see its results.</p>`;
   if (!results.length) return null;
   const preview = results.find(result => result.name === "preview.png");
   return html`<section aria-label="Results"><h2>Results</h2><div class="results">
@@ -202,7 +204,7 @@ export function Job({ids: [id], search, session}) {
     <${Trouble} error=${error} />
     ${explain(job, report).map(text => html`<p class=${job.error ? "trouble" : "lead"}>${text}</p>`)}
     ${progress && html`<div class="live" aria-live="off"><${Progress} fraction=${progress.fraction} label="Progress" />
-      <span>${PHASES[progress.phase]}${progress.eta_s !== undefined && progress.eta_s !== null ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
+      <span>${PHASES[progress.phase]}${progress.eta_s >= 1 ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
     ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} onChange=${reload} />`}
     <${Facts} job=${job} now=${now} />
     ${job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}

@@ -32,7 +32,7 @@ function Unloaded() {
   return html`<${Trouble} error=${new Error("This view could not be loaded. Reload the page once the service answers.")} />`;
 }
 
-const THEMES = {"": "As the system", light: "Light", dark: "Dark"};
+const THEMES = {"": "System", light: "Light", dark: "Dark"};
 
 function Theme() {
   const [theme, setTheme] = useState(recall("theme") || "");

@@ -100,7 +100,7 @@ function Filter({filter, onChange}) {
       <option value="">All</option>
       ${Object.entries(STATES).map(([key, {word}]) => html`<option value=${key} selected=${key === filter.state}>${word}</option>`)}
     </select></label>
-    ${field("name", "Name")}${field("owner", "Owner")}${field("label", "Label")}
+    ${field("name", "Whole name")}${field("owner", "Owner")}${field("label", "Label")}
   </form>`;
 }
 

@@ -15,7 +15,7 @@ except ImportError:
 # no traffic of its own; WebGL by the processor
 FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
          " --disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader")
-WINDOW = (700, 500)  # small: the processor draws all pixels
+WINDOW = (800, 500)  # small: the processor draws all pixels
 
 
 def is_there():
@@ -64,12 +64,19 @@ class Browser:
         return wait_until(lambda: read() is not None and (read() or " "), selector)
 
     def wait_text(self, text, selector="body"):
-        wait_until(lambda: text in self.text(selector), f"{text!r} in {selector}, instead of:\n{self.text()}")
+        try:
+            wait_until(lambda: text in self.text(selector), f"{text!r} in {selector}")
+        except AssertionError as error:
+            raise AssertionError(f"{error}; the page says:\n{self.text()}") from None
 
     def press(self, word, within="body"):
         def found():
             return [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
         wait_until(found, f"something to press: {word}")[0].click()
+
+    def choose(self, value, select):
+        self.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))",
+                 select, value)
 
     def run(self, script, *words):
         return self.driver.execute_script(script, *words)
