@@ -12,6 +12,7 @@ import concurrent.futures
 import datetime
 import json
 import pathlib
+import re
 import statistics
 import sys
 import tempfile
@@ -152,8 +153,8 @@ def measure_points(service, browser, count, table):
     table.add("the same without pictures", browser.driver.execute_async_script(LOAD, f"v1/jobs/{job}/results/points.ply") / 1000, "s")
     stats = browser.text(".stats")
     print(stats)
-    table.rows.append(f"| {number(count)} points, a frame | {stats.split('.')[0]}.{stats.split('.')[1]} | | |")
-    table.rows.append(f"| script of a frame, without pixels | {stats.split('card, ')[1].split(' of script')[0]} | | |")
+    gpu, script = re.match(r".*? points, (.*), ([\d.]+ ms) of script", stats).groups()
+    table.rows += [f"| a frame of them | {gpu} | | |", f"| script of that frame, without pixels | {script} | | |"]
 
 
 def main():

@@ -54,7 +54,10 @@ export function Chart({quantity, runs, words}) {
     plot.current = new uPlot(optionsOf(quantity, words, place.current.clientWidth), columns, place.current);
     const watcher = new ResizeObserver(() => plot.current.setSize({width: place.current.clientWidth, height: HEIGHT}));
     watcher.observe(place.current);
+    const repaint = () => plot.current.redraw(false);
+    addEventListener("theme", repaint);
     return () => {
+      removeEventListener("theme", repaint);
       watcher.disconnect();
       plot.current.destroy();
     };

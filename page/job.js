@@ -1,13 +1,16 @@
 // A job: its state in words, its tasks and attempts, plots while it runs and afterwards, report and results.
-import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {html, useCallback, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, send, urlOf} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
-import {Progress, State, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {Report} from "./report.js";
 import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
 const FRAMES = 500; // of an array, in one request
-const LOG_MS = 1000;
+const READ_MS = 500; // however fast events come, the job is read no more often; its log and frames:
+const SLOW_MS = 2000;
+const ROWS_MOST = 4000; // of progress; of more, every second one is kept
+const LOG_MOST = 200000; // characters, from the end
 
 /** The job, kept right by its events; the progress lines of its current attempt: [job, rows, error, reload]. */
 function useJob(id, own) {
@@ -18,6 +21,7 @@ function useJob(id, own) {
     setJob(found);
     setError(null);
   }, setError), [id]);
+  const readSoon = useMemo(() => throttled(read, READ_MS), [read]);
   useEffect(() => {
     read();
   }, [id]);
@@ -31,21 +35,25 @@ function useJob(id, own) {
       frame = null;
       const more = fresh;
       fresh = [];
-      setRows(old => [...old, ...more]);
+      setRows(old => {
+        const all = [...old, ...more];
+        return all.length > ROWS_MOST ? all.filter((_, i) => i % 2 || i === all.length - 1) : all;
+      });
       setJob(old => ({...old, progress: more[more.length - 1]}));
     }
     const stop = follow(`v1/jobs/${id}/events`, (type, event) => {
       if (type !== "progress") {
-        if (type !== "position") read();
+        if (type !== "position") readSoon();
         return;
       }
       if (event.attempt > attempt) setRows([]);
       attempt = event.attempt;
       fresh.push(event.progress);
       frame = frame || requestAnimationFrame(show);
-    }, read);
+    }, readSoon);
     return () => {
       stop();
+      readSoon.cancel();
       cancelAnimationFrame(frame);
     };
   }, [id, follows]);
@@ -108,22 +116,23 @@ function Facts({job, now}) {
 /** The frames of an array as cells; a chosen one shows its results. */
 function Tasks({job, frame, onChoose}) {
   const [tasks, setTasks] = useState([]);
-  useEffect(() => {
-    let wanted = true;
-    (async () => {
-      const all = [];
-      for (let after = null; after !== undefined && wanted;) {
+  const [error, setError] = useState(null);
+  const readSoon = useMemo(() => throttled(async () => {
+    const all = [];
+    try {
+      for (let after = null; after !== undefined;) {
         const page = await get(`v1/jobs/${job.id}/tasks${query({after, limit: FRAMES})}`);
         all.push(...page.tasks);
         after = page.next ?? undefined;
       }
-      if (wanted) setTasks(all);
-    })().catch(() => {});
-    return () => {
-      wanted = false;
-    };
-  }, [job.id, job.revision]);
-  return html`<section aria-label="Frames"><h2>Frames</h2><div class="frames">${tasks.map(task => {
+      setTasks(all);
+    } catch (e) {
+      setError(e);
+    }
+  }, SLOW_MS), [job.id]);
+  useEffect(readSoon, [job.id, job.revision, job.tasks.succeeded, job.tasks.running]);
+  useEffect(() => readSoon.cancel, [readSoon]);
+  return html`<section aria-label="Frames"><h2>Frames</h2><${Trouble} error=${error} /><div class="frames">${tasks.map(task => {
     const {word, sign} = STATES[task.state] || {word: task.state, sign: "?"};
     return html`<button key=${task.frame} class=${`frame ${task.state}`} aria-pressed=${task.frame === frame}
       title=${`Frame ${task.frame}: ${word}${task.error ? `: ${task.error.message}` : ""}`} onClick=${() => onChoose(task.frame)}
@@ -134,15 +143,11 @@ function Tasks({job, frame, onChoose}) {
 function Log({job, attempt}) {
   const [text, setText] = useState(null);
   const [error, setError] = useState(null);
-  const place = useRef(null), readAt = useRef(0);
-  const lives = !attempt.finished;
-  useEffect(() => {
-    // while it runs it is read again as progress comes
-    if (text !== null && lives && performance.now() - readAt.current < LOG_MS) return;
-    readAt.current = performance.now();
-    send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
-      .then(response => response.text()).then(setText, setError);
-  }, [job.id, job.revision, attempt.number, attempt.frame, lives && job.progress]);
+  const place = useRef(null);
+  const readSoon = useMemo(() => throttled(() => send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
+    .then(response => response.text()).then(found => setText(found.slice(-LOG_MOST)), setError), SLOW_MS), [job.id, attempt.number, attempt.frame]);
+  useEffect(readSoon, [readSoon, job.revision, attempt.finished || job.progress]); // again as progress comes
+  useEffect(() => readSoon.cancel, [readSoon]);
   useEffect(() => {
     if (place.current) place.current.scrollTop = place.current.scrollHeight;
   }, [text]);

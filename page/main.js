@@ -39,6 +39,7 @@ function Theme() {
   useEffect(() => {
     document.documentElement.dataset.theme = theme;
     remember("theme", theme || null);
+    dispatchEvent(new Event("theme")); // what is painted and not styled is painted anew
   }, [theme]);
   return html`<label class="theme"><span class="hidden">Colours</span>
     <select value=${theme} onChange=${e => setTheme(e.target.value)}>
@@ -68,6 +69,7 @@ function App() {
     show();
     addEventListener("hashchange", show);
     addEventListener("signed-out", ask);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dispatchEvent(new Event("theme")));
   }, []);
 
   if (!session || !view) return html`<p class="loading" role="status">Loading …</p>`;

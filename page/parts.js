@@ -40,6 +40,23 @@ export function useAction(action) {
   return [run, error, busy];
 }
 
+/** A function that has an action done soon, but at most once in so many milliseconds; `cancel` of it calls that off. */
+export function throttled(action, ms) {
+  let timer = null, doneAt = -Infinity;
+  const soon = () => {
+    timer = timer || setTimeout(() => {
+      timer = null;
+      doneAt = performance.now();
+      action();
+    }, Math.max(0, ms - (performance.now() - doneAt)));
+  };
+  soon.cancel = () => {
+    clearTimeout(timer);
+    timer = null;
+  };
+  return soon;
+}
+
 /** Values that outlive the page, as the theme; without storage they do not. */
 export function recall(key) {
   try {

@@ -5,7 +5,7 @@ import {Camera, steer} from "./camera.js";
 import {coloursOf, MAPS, rangeOf} from "./colours.js";
 import {Discs} from "./discs.js";
 import {countNeighbours} from "./neighbours.js";
-import {recall, Trouble, useTitle} from "./parts.js";
+import {Trouble, useTitle} from "./parts.js";
 import {loadEdges, loadPoints} from "./ply.js";
 import {bytesOf, countOf, nameOf, numberOf} from "./words.js";
 
@@ -18,6 +18,9 @@ const HELD = 60; // milliseconds: a film shows no frame for less
 
 const AXES = {"": "No cut", x: "x", y: "y", z: "z"};
 
+/** "rgb(29, 35, 39)" as numbers up to 1. */
+const partsOf = colour => colour.match(/[\d.]+/g).slice(0, 3).map(part => part / 255);
+
 /** Draws into a canvas whenever something has changed, and measures the time. Holds what is not the view's state. */
 class Scene {
   constructor(canvas, onStats) {
@@ -28,6 +31,8 @@ class Scene {
     this.points = null;
     this.watcher = new ResizeObserver(() => this.resize());
     this.watcher.observe(canvas);
+    this.repaint = () => this.change();
+    addEventListener("theme", this.repaint);
   }
 
   resize() {
@@ -45,9 +50,9 @@ class Scene {
   draw() {
     cancelAnimationFrame(this.frame);
     this.frame = null;
-    const dark = getComputedStyle(this.canvas).colorScheme === "dark" || (recall("theme") !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+    const {backgroundColor, color} = getComputedStyle(this.canvas.parentNode);
     const begun = performance.now();
-    const calls = this.discs.draw(this.camera, dark ? [0.08, 0.094, 0.106] : [1, 1, 1], dark ? [0.8, 0.85, 0.88] : [0.1, 0.15, 0.18]);
+    const calls = this.discs.draw(this.camera, partsOf(backgroundColor), partsOf(color));
     this.onStats({calls, ms: performance.now() - begun, bytes: this.discs.bytes || 0});
   }
 
@@ -82,6 +87,7 @@ class Scene {
   free() {
     cancelAnimationFrame(this.frame);
     this.watcher.disconnect();
+    removeEventListener("theme", this.repaint);
     this.discs.free();
   }
 }

@@ -1,7 +1,7 @@
 // The queue: a page of jobs, kept right by the stream of events.
-import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {html, useCallback, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query} from "./api.js";
-import {Progress, State, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
 const ROWS = 50;
@@ -42,24 +42,17 @@ function useQueue(filter, cursor) {
   Object.assign(state.current, {filter, cursor});
 
   const read = useCallback(async () => {
-    const now = state.current;
-    now.due = null;
-    now.readAt = performance.now();
-    const asked = query({...now.filter, limit: ROWS, cursor: now.cursor});
+    const address = () => query({...state.current.filter, limit: ROWS, cursor: state.current.cursor}), asked = address();
     try {
       const [page, workers, ready] = await Promise.all([
         get(`v1/jobs${asked}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
-      if (asked === query({...state.current.filter, limit: ROWS, cursor: state.current.cursor}))
-        setData({...page, load: workers.load, checks: ready.checks || {}, error: null});
+      if (asked === address()) setData({...page, load: workers.load, checks: ready.checks || {}, error: null});
     } catch (error) {
       setData(old => ({...old, error}));
     }
   }, []);
 
-  const readSoon = useCallback(() => {
-    const now = state.current;
-    if (!now.due) now.due = setTimeout(read, Math.max(0, READ_MS - (performance.now() - (now.readAt || -READ_MS))));
-  }, []);
+  const readSoon = useMemo(() => throttled(read, READ_MS), []);
 
   const address = query({...filter, cursor});
   useEffect(() => {
@@ -86,7 +79,7 @@ function useQueue(filter, cursor) {
     return () => {
       stop();
       cancelAnimationFrame(frame);
-      clearTimeout(state.current.due);
+      readSoon.cancel();
     };
   }, []);
   return [data, read];

@@ -136,7 +136,15 @@ typedef struct stream {
     char topic[REPLY_TOPIC_SIZE];
     access_control *access;
     uint64_t generation; /* of the tokens, when the caller showed one; 0: the caller showed none */
+    int64_t until_ms;    /* wall clock: the end of the caller's session; 0: there is none */
 } stream;
+
+/* A token may have been revoked since, or a session is over: the client comes back, and shows whether it is known. */
+static bool is_outdated(const stream *t)
+{
+    return (t->generation && t->generation != access_generation(t->access)) ||
+           (t->until_ms && t->until_ms <= clock_wall_ms());
+}
 
 static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_t size)
 {
@@ -144,10 +152,7 @@ static ssize_t read_stream(void *context, uint64_t position, char *buffer, size_
     stream *t = context;
     for (;;) {
         uint64_t seen = wait_list_seen(t->waiting);
-        if (wait_list_is_dismissed(t->waiting)) return MHD_CONTENT_READER_END_OF_STREAM;
-        /* a token may have been revoked: the client comes back, and shows whether it is still known */
-        if (t->generation && t->generation != access_generation(t->access))
-            return MHD_CONTENT_READER_END_OF_STREAM;
+        if (wait_list_is_dismissed(t->waiting) || is_outdated(t)) return MHD_CONTENT_READER_END_OF_STREAM;
         ssize_t count = t->source->read(t->source, buffer, size);
         if (count != 0) return count > 0 ? count : MHD_CONTENT_READER_END_OF_STREAM;
         if (wait_list_wait(t->waiting, t->loop, t->connection, seen, t->topic,
@@ -171,7 +176,8 @@ static struct MHD_Response *open_stream(const exchange *x, reply *r)
                   .connection = x->connection,
                   .source = r->source,
                   .access = x->s->access,
-                  .generation = x->caller.generation};
+                  .generation = x->caller.generation,
+                  .until_ms = x->caller.session_ends_ms};
     memcpy(t->topic, r->topic, sizeof t->topic);
     struct MHD_Response *response =
         MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, STREAM_BLOCK_BYTES, read_stream, t, free_stream);

@@ -167,7 +167,7 @@ def test_the_page_is_open_and_holds_nothing(with_tokens):
     assert page.status == 200 and page.headers["Content-Type"] == "text/html; charset=utf-8"
     policy = page.headers["Content-Security-Policy"]
     assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy and "unsafe" not in policy
-    for link in re.findall(r'(?:src|href)="([^"]*)"', page.body.decode()):
+    for link in re.findall(r'(?:src|href)="(page/[^"]*)"', page.body.decode()):
         part = with_tokens.get(f"/{link}")
         assert part.status == 200 and part.headers["X-Content-Type-Options"] == "nosniff"
         again = ask(with_tokens, "GET", f"/{link}", If_None_Match=part.headers["ETag"])

@@ -5,7 +5,7 @@ import pytest
 
 from browser import Browser, is_there
 from service import gated_worker, long_sphere, sphere, wait_until
-from test_access import closed_service, new_token  # noqa: F401
+from test_access import closed_service, new_token, with_token  # noqa: F401
 from test_tls import Front, certificate  # noqa: F401
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,18 @@ def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F81
     (closed_service.state / "tokens").write_text("")
     browser.all(".filter input")[0].send_keys("x\n")  # whatever it asks for next
     browser.wait_text("Your token")
+
+
+def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser):  # noqa: F811
+    closed_service.end()
+    closed_service.start("--session_s", 5)
+    secret = new_token(closed_service, "carol")
+    browser.open(closed_service)
+    browser.one("#token").send_keys(secret)
+    browser.press("Sign in")
+    browser.wait_text("Queue", "h1")
+    # nobody touches the page: the first event behind the end tells it
+    wait_until(lambda: with_token(closed_service, secret, "POST", "/v1/jobs", sphere()) and browser.all("#token"), "the form")
 
 
 def test_the_queue_follows_what_happens(gated, browser):
