@@ -125,6 +125,7 @@ static void take_the_slot(service *s)
     put_job(s, id);
     executor_settings settings = {.engine = &engine_local,
                                   .state_dir = s->base,
+                                  .work_dir = s->base,
                                   .worker = worker,
                                   .workers = 1,
                                   .threads = 1,
@@ -170,11 +171,12 @@ static void start(service *s)
     expect((s->roots = store_roots_open(NULL, roots, 1, &e)));
     take_the_slot(s);
     expect((s->waiting = wait_list_open(&e)));
-    s->context = (http_context){.q = s->q,
+    s->context = (http_context){.access = s->access,
+                                .q = s->q,
                                 .x = s->x,
                                 .roots = s->roots,
                                 .inputs = s->inputs,
-                                .state_dir = s->base,
+                                .work_dir = s->base,
                                 .max_attempts = 1,
                                 .started_ms = clock_wall_ms(),
                                 .counters = &s->counters,
