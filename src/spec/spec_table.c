@@ -1052,8 +1052,9 @@ const spec_row spec_rows[] = {
      WORDS(SPEC_UP),
      .otherwise = "\"auto\"",
      AT(preview_up),
-     .prose = "The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL files, z "
-              "of all others."},
+     .prose =
+         "The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL files, z "
+         "of all others."},
     {.pointer = "/output/preview/camera",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_OPTIONAL,

@@ -555,19 +555,20 @@ static void test_normalised_is_idempotent(void **state)
     spec *s = good(SPHERE "}");
     char *text = json_print(s->normalised);
     assert_string_equal(
-        text, "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
-              "\"radius\":0.4}},"
-              "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
-              "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":"
-              "\"auto\",\"max_sweeps\":5000,"
-              "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
-              "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
-              "\"color\":\"curvature\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
-              "\"points_vdb\":false,"
-              "\"mesh\":false},"
-              "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
-              "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"coherent\":false,"
-              "\"retention_s\":0}}");
+        text,
+        "{\"version\":1,\"surface\":{\"analytic\":{\"shape\":\"sphere\",\"center\":[0.5,0.5,0.5],"
+        "\"radius\":0.4}},"
+        "\"sampling\":{\"count\":100},\"solver\":{\"method\":\"sized\",\"energy\":\"cotangent\","
+        "\"minimiser\":\"lm\",\"sigma\":0,\"init\":\"surface\",\"seed\":0,\"threads\":0,\"isa\":"
+        "\"auto\",\"max_sweeps\":5000,"
+        "\"step_tolerance\":0.003,\"energy_tolerance\":0.05},\"output\":{\"ply\":{\"format\":"
+        "\"binary_little_endian\",\"precision\":\"float\"},\"preview\":{\"size\":[512,512],"
+        "\"color\":\"curvature\",\"compression\":\"none\",\"up\":\"auto\",\"turntable\":0},\"convergence\":false,"
+        "\"points_vdb\":false,"
+        "\"mesh\":false},"
+        "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
+        "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"coherent\":false,"
+        "\"retention_s\":0}}");
     free(text);
     spec_free(s);
 }
