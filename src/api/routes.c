@@ -126,6 +126,7 @@ static const route routes[] = {
     {.method = "GET",
      .pattern = "/v1/jobs/{id}/tasks",
      .handler = tasks_list,
+     .waits = true,
      .scope = SCOPE_READ,
      .name = "listTasks",
      .summary = "List the tasks of a job",

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <sys/types.h>
 
 #include "client/client.h"
@@ -63,6 +64,14 @@ char *command_job_path(const char *id, const char *rest);
 /* Sends a request and returns an exit code, after printing why it was refused. On success the document, where there is
  * one, is the caller's. */
 int command_ask(client *c, const char *method, const char *path, const char *body, json **document);
+
+/* The next page of a job's tasks, a document to be freed. *after is TASKS_FROM_THE_FIRST before the first page. NULL after the
+ * last one, or when *code is no longer COMMAND_OK. */
+#define TASKS_FROM_THE_FIRST (-1.0)
+json *command_next_tasks(client *c, const char *id, double *after, int *code);
+
+/* Prints why jobs wait although there is room, where the service says so: the queue is held, the service drains. */
+void command_explain_waiting(client *c, FILE *file);
 
 /* Waits for the end of a job, prints it, and returns its exit code. */
 int command_wait_for(client *c, const char *path, const command_options *options);

@@ -130,8 +130,7 @@ static int print_whole(client *c, const char *method, const char *path)
     return code;
 }
 
-/* Why jobs wait although there is room, where the service says so. */
-static void explain_waiting(client *c)
+void command_explain_waiting(client *c, FILE *file)
 {
     error e = {0};
     client_reply reply = {0};
@@ -139,10 +138,10 @@ static void explain_waiting(client *c)
         json_at root = json_root(reply.document), checks = json_member(&root, "checks");
         const char *detail = json_string(json_member(&root, "detail"), NULL);
         if (strcmp(json_string(json_member(&checks, "queue"), ""), "held") == 0)
-            puts("held: jobs are accepted, and none starts until \"hexadctl release\"");
+            fputs("held: jobs are accepted, and none starts until \"hexadctl release\"\n", file);
         if (detail) {
-            print_text(stdout, detail);
-            putchar('\n');
+            print_text(file, detail);
+            fputc('\n', file);
         }
     }
     client_reply_clear(&reply);
@@ -171,7 +170,7 @@ int command_workers(client *c, const char *argument, const command_options *opti
             print_text(stdout, json_string(json_member(&worker, "owner"), "?"));
             putchar('\n');
         }
-        explain_waiting(c);
+        command_explain_waiting(c, stdout);
     }
     json_free(document);
     return code;
@@ -226,7 +225,7 @@ static int change_service(client *c, const char *path, const command_options *op
     double running = json_number(json_member(&root, "running"), 0);
     if (code == COMMAND_OK) {
         printf("%.0f attempt%s run%s\n", running, running == 1 ? "" : "s", running == 1 ? "s" : "");
-        explain_waiting(c);
+        command_explain_waiting(c, stdout);
     }
     json_free(document);
     return code;

@@ -13,8 +13,6 @@
 #include "client/progress_bar.h"
 #include "store/file.h"
 
-#define TASKS_OF_A_PAGE 500
-
 /* Whether the file is there with these bytes already. */
 static bool is_there(const char *path, const char *sha256)
 {
@@ -178,21 +176,12 @@ static int fetch_task(client *c, fetching *f, json_at task)
 static int fetch_tasks(client *c, fetching *f)
 {
     int code = COMMAND_OK;
-    double after = -1;
-    bool more = true;
-    while (more && code == COMMAND_OK) {
-        json *page = NULL;
-        char *path = after < 0
-                         ? mem_printf("/v1/jobs/%s/tasks?limit=%d", f->id, TASKS_OF_A_PAGE)
-                         : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", f->id, TASKS_OF_A_PAGE, after);
-        code = command_ask(c, "GET", path, NULL, &page);
+    double after = TASKS_FROM_THE_FIRST;
+    for (json *page; code == COMMAND_OK && (page = command_next_tasks(c, f->id, &after, &code));
+         json_free(page)) {
         json_at root = json_root(page), tasks = json_member(&root, "tasks");
         for (size_t i = 0; code == COMMAND_OK && i < json_size(tasks); i++)
             code = fetch_task(c, f, json_element(&tasks, i));
-        after = json_number(json_member(&root, "next"), -1);
-        more = after >= 0;
-        json_free(page);
-        free(path);
     }
     return code;
 }

@@ -1,4 +1,5 @@
 /* Lists of jobs and of attempts, and one job. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -95,8 +96,22 @@ int command_list(client *c, const char *argument, const command_options *options
     }
     if (l.next && !options->json) fputs("hexadctl: there are more jobs; see --limit\n", stderr);
     if (code == COMMAND_OK) print_listing(&l);
+    if (code == COMMAND_OK && !options->json) command_explain_waiting(c, stderr);
     listing_clear(&l);
     return code;
+}
+
+json *command_next_tasks(client *c, const char *id, double *after, int *code)
+{
+    json *page = NULL;
+    if (isnan(*after)) return NULL;
+    char *path = *after < 0 ? mem_printf("/v1/jobs/%s/tasks?limit=%d", id, PAGE_MOST)
+                            : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", id, PAGE_MOST, *after);
+    *code = command_ask(c, "GET", path, NULL, &page);
+    json_at root = json_root(page);
+    *after = json_number(json_member(&root, "next"), NAN);
+    free(path);
+    return page;
 }
 
 static bool is_failure(json_at task)
@@ -105,33 +120,26 @@ static bool is_failure(json_at task)
     return strcmp(state, "failed") == 0 || strcmp(state, "timed_out") == 0;
 }
 
-/* Prints the first of the frames that failed; `left` of them have. */
+/* Prints the first of the `left` frames that failed. */
 static int show_failures(client *c, const char *id, double left)
 {
     table rows = job_table_new_frames();
-    double after = -1, shown = 0, all = left;
+    double after = TASKS_FROM_THE_FIRST, shown = 0;
     int code = COMMAND_OK;
-    while (code == COMMAND_OK && left > 0 && shown < FAILURES_SHOWN) {
-        json *page = NULL;
-        char *path = after < 0 ? mem_printf("/v1/jobs/%s/tasks?limit=%d", id, PAGE_MOST)
-                               : mem_printf("/v1/jobs/%s/tasks?limit=%d&after=%.0f", id, PAGE_MOST, after);
-        code = command_ask(c, "GET", path, NULL, &page);
+    for (json *page;
+         shown < left && shown < FAILURES_SHOWN && (page = command_next_tasks(c, id, &after, &code));
+         json_free(page)) {
         json_at root = json_root(page), tasks = json_member(&root, "tasks");
         for (size_t i = 0; i < json_size(tasks) && shown < FAILURES_SHOWN; i++) {
             json_at task = json_element(&tasks, i);
             if (!is_failure(task)) continue;
             job_table_add_frame(&rows, task);
-            left--;
             shown++;
         }
-        after = json_number(json_member(&root, "next"), -1);
-        if (after < 0) left = 0;
-        json_free(page);
-        free(path);
     }
     if (shown > 0) putchar('\n');
     if (shown > 0) table_print(&rows);
-    if (shown < all) printf("and %.0f more\n", all - shown);
+    if (shown < left) printf("and %.0f more\n", left - shown);
     table_clear(&rows);
     return code;
 }
@@ -150,6 +158,7 @@ int command_show(client *c, const char *argument, const command_options *options
         json_number(json_member(&tasks, "failed"), 0) + json_number(json_member(&tasks, "timed_out"), 0);
     if (code == COMMAND_OK && !options->json && failed > 0 && json_bool(json_member(&job, "array"), false))
         code = show_failures(c, argument, failed);
+    if (code == COMMAND_OK && !options->json && !command_has_ended(job)) command_explain_waiting(c, stderr);
     json_free(document);
     free(path);
     return code;

@@ -99,8 +99,14 @@ def test_unresolved(run, tmp_path):
     assert done.returncode == 11 and "unresolved" in done.stdout
 
 
-def test_notes_reach_who_waits_and_who_asks(run, tmp_path, service):
+def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
     """A thin plate with few points: what is said of it, and what to do, is told before the job, after it, and later."""
+    service = new_service("--estimate_timeout_s", 600).start()
+
+    def run(*words):
+        return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
+                              timeout=PATIENCE_S, env=service.environment())
+
     plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.02], "rounding": 0.01}}
     spec = write(tmp_path, {"version": 1, "surface": plate, "sampling": {"count": 200}, "output": {"preview": False}})
     before = run("estimate", spec)

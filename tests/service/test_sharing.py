@@ -165,7 +165,9 @@ def test_the_client_holds_and_releases(new_service):
     assert code == 0 and out.startswith("0 attempts run\nheld: ") and "hexadctl release" in out
     assert service.get("/readyz").json["checks"]["queue"] == "held"
     job = service.submit(sphere())
-    assert out.splitlines()[1] in control(service, "workers")[1]  # so that its owner learns why it waits
+    for words in (("workers",), ("list",), ("show", job)):  # so that its owner learns why it waits
+        assert out.splitlines()[1] in "".join(control(service, *words)[1:]), words
     assert json.loads(control(service, "--json", "hold")[1]) == {"held": True, "running": 0}
     assert control(service, "release")[1] == "0 attempts run\n" and "held" not in control(service, "workers")[1]
     service.wait_state(job, "succeeded")
+    assert control(service, "list")[2] == control(service, "show", job)[2] == ""
