@@ -177,6 +177,13 @@ class Story:
     def after_monitoring(self, shown):
         assert 'hexad_jobs{state="succeeded"} 3' in shown and "hexad_database_damaged 0" in shown
 
+    def before_the_web_page(self):
+        self.key = (self.host.state / "session.key").read_bytes()
+
+    def after_the_web_page(self, shown):
+        assert (self.host.state / "session.key").read_bytes() != self.key
+        self.expect_kept()
+
     def after_users_and_their_shares(self, shown):
         assert "held: " in shown and self.host.readiness()["queue"] == "ok"
 
