@@ -372,7 +372,8 @@ Written by `make referee` (`tools/referee.py`); do not edit. A second program co
 the surfaces' own formulas what the worker reports. It shares no code with the sampler. A row is a surface and a way to
 sample it, over seeds 1 to {seeds}; the worst of the seeds counts.
 
-- **at rest**: outcomes that are `converged`; the others are `unresolved`: the count is small for some of these surfaces.
+- **at rest**: outcomes that are `converged`. The others are `unresolved` or, with curvature at points, `not_converged`: facets
+  and jumps of the curvature leave no rest. What is told of them has to hold all the same.
 - **normal**, **kappa**, **alpha**, **E_i**: the largest difference between a column of `points.ply` and the same recomputed,
   over the column's largest value. kappa is both principal curvatures; alpha is (14) of `kappa_scale`, or of the
   curvature at the point. Places are left out within reach of a sharp edge or of a jump of the curvature, and within

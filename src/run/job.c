@@ -176,6 +176,40 @@ static bool start_curvature(const job *j, scaled_curvature **out, error *e)
     return *out != NULL;
 }
 
+/* The packing by levels that a solve with `params` may start from: even, or by its sizing field, and at rest. */
+static sampler *pack_by_levels(const job *j, const sampler_params *params, error *e)
+{
+    sampler_params packed = *params;
+    packed.start = SAMPLER_START_SURFACE;
+    packed.witkin_heckbert = NULL;
+    packed.coarse_to_fine = true;
+    packed.energy = NULL;
+    packed.graded = packed.gradient = false;
+    packed.sigma = packed.max_sigma = 0;
+    sampler *s = sampler_new(j->source.field, j->scan, &packed, j->pool, e);
+    bool ok = s != NULL;
+    while (ok && !sampler_ended(s)) ok = job_may_go_on(j, e) && sampler_step(s, e);
+    if (ok && sampler_finalize(s, e)) return s;
+    sampler_free(s);
+    return NULL;
+}
+
+/* A solve from where `params` says, or from a packing by levels. */
+static sampler *start_solve(const job *j, sampler_params params, error *e)
+{
+    sampler *packed = NULL;
+    if (j->spec->init == SPEC_INIT_SIZED && !params.coarse_to_fine) {
+        packed = pack_by_levels(j, &params, e);
+        if (!packed) return NULL;
+        params.start = SAMPLER_START_GIVEN;
+        params.given = sampler_result_points(packed)->position;
+        params.given_normal = sampler_result_points(packed)->normal;
+    }
+    sampler *s = sampler_new(j->source.field, j->scan, &params, j->pool, e);
+    sampler_free(packed);
+    return s;
+}
+
 /* Places j->count particles: those of the frame before, if there are any. */
 bool job_place(job *j, solution *out, error *e)
 {
@@ -231,7 +265,7 @@ bool job_place(job *j, solution *out, error *e)
         .step_tolerance = s->step_tolerance,
         .energy_tolerance = s->energy_tolerance,
     };
-    out->sampler = sampler_new(j->source.field, j->scan, &params, j->pool, e);
+    out->sampler = start_solve(j, params, e);
 done:
     frame_transfer_free(&brought);
     return out->sampler != NULL;

@@ -31,9 +31,10 @@ sampler *sampler_new(const field *f, const surface *scan, const sampler_params *
     bool plain = params->coarse_to_fine && s->setup.params.energy == &energy_cotangent && !params->graded &&
                  !params->gradient;
     s->setup.fast = plain ? fast_kernel_for(params->isa) : NULL;
-    s->setup.schedule = !plain                ? &schedule_paper
-                        : sampler_is_given(s) ? &schedule_continued
-                                              : &schedule_multilevel;
+    if (sampler_is_given(s))
+        s->setup.schedule = plain ? &schedule_continued : &schedule_packed;
+    else
+        s->setup.schedule = plain ? &schedule_multilevel : &schedule_paper;
     s->setup.pool = pool;
     s->record.sweep =
         mem_array((size_t)params->max_sweeps, sizeof *s->record.sweep, "the record of sweeps", e);

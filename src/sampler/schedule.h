@@ -67,6 +67,7 @@ typedef struct schedule {
 } schedule;
 
 extern const schedule schedule_paper;      /* the paper's criterion (section 7); any energy, any minimiser */
+extern const schedule schedule_packed;     /* the same, from places that are a packing already */
 extern const schedule schedule_multilevel; /* the default: fast steps, levels paced by their count */
 extern const schedule schedule_continued;  /* fast steps from places near rest, as of a frame of a sequence */
 

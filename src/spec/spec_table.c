@@ -950,7 +950,9 @@ const spec_row spec_rows[] = {
      .otherwise = "\"surface\"",
      AT(init),
      .prose = "surface: the first points are distributed over the surface by area. random: they are "
-              "uniform in the domain or, for volumes, in the voxels that the surface crosses."},
+              "uniform in the domain or, for volumes, in the voxels that the surface crosses. sized: they "
+              "are an even packing by the method sized, which other methods then relax their way; it "
+              "counts as part of the start: its sweeps are not in the report."},
     {.pointer = "/solver/seed",
      .type = SPEC_TYPE_LARGE,
      .low = 0,

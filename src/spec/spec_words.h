@@ -85,7 +85,8 @@ typedef enum spec_minimiser {
 /* /solver/init */
 #define SPEC_INIT_LIST(ENTRY, prefix) \
     ENTRY(prefix, SURFACE, "surface") \
-    ENTRY(prefix, RANDOM, "random")
+    ENTRY(prefix, RANDOM, "random")   \
+    ENTRY(prefix, SIZED, "sized")
 
 typedef enum spec_init { SPEC_INIT_LIST(WORDS_ENUMERATOR, SPEC_INIT) SPEC_INIT_COUNT } spec_init;
 
