@@ -196,11 +196,7 @@ bool sampler_finalize(sampler *s, error *e)
         if (!sampler_refine(s, e)) return false;
     if (!settle_particles(s, e)) return false;
     sampler_resize(s);
-    if (!describe_energies(s, e) || !describe_points(s, e) || !s->setup.method->describe(s, e)) return false;
-    if (s->state.outcome == SAMPLER_CONVERGED &&
-        (s->record.out.lost > 0 || !sampler_is_on_target(s, s->record.out.mean_energy)))
-        s->state.outcome = SAMPLER_STALLED; /* what was put back or replaced is not at rest */
-    return true;
+    return describe_energies(s, e) && describe_points(s, e) && s->setup.method->describe(s, e);
 }
 
 const sampler_points *sampler_result_points(const sampler *s)

@@ -35,6 +35,12 @@ static int compare_index(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
+/* How crowded it is around a particle: its energy, freed of its amplitude. */
+static double crowding(const particles *p, size_t i)
+{
+    return p->energy[i] / p->alpha[i];
+}
+
 /* Draws without replacement, in proportion to weights: the least of -log(u) / weight win (Efraimidis and
  * Spirakis 2006). */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen, error *e)
@@ -44,13 +50,13 @@ bool population_choose(const particles *p, size_t k, population_bias bias, rng *
     lot *lots = mem_array(n, sizeof *lots, "the choice of particles", e);
     if (!lots) return false;
     double mean = 0, squares = 0;
-    for (size_t i = 0; i < n; i++) mean += p->energy[i] / (double)n;
-    for (size_t i = 0; i < n; i++) squares += (p->energy[i] - mean) * (p->energy[i] - mean) / (double)n;
+    for (size_t i = 0; i < n; i++) mean += crowding(p, i) / (double)n;
+    for (size_t i = 0; i < n; i++) squares += (crowding(p, i) - mean) * (crowding(p, i) - mean) / (double)n;
     double deviation = sqrt(squares), sign = bias == POPULATION_LOW_ENERGY ? -1 : 1;
     for (size_t i = 0; i < n; i++) {
         double z = 0;
         if (bias != POPULATION_RANDOM && deviation > 0)
-            z = fmin(fmax(sign * (p->energy[i] - mean) / deviation, -BIAS_DEVIATIONS), BIAS_DEVIATIONS);
+            z = fmin(fmax(sign * (crowding(p, i) - mean) / deviation, -BIAS_DEVIATIONS), BIAS_DEVIATIONS);
         lots[i] = (lot){-log1p(-rng_uniform(r)) * exp(-BIAS * z), (uint32_t)i};
     }
     qsort(lots, n, sizeof *lots, compare_lot);

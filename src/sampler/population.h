@@ -16,7 +16,7 @@ typedef enum population_bias {
     POPULATION_LOW_ENERGY
 } population_bias;
 
-/* Chooses `k` different particles, k <= p->count, by p->energy or at random: `chosen` receives their indices,
+/* Chooses `k` different particles, k <= p->count, by energy over amplitude or at random: `chosen` receives their indices,
  * ascending. Error: limit_memory. */
 bool population_choose(const particles *p, size_t k, population_bias bias, rng *r, uint32_t *chosen,
                        error *e);

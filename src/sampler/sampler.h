@@ -29,7 +29,7 @@ typedef enum sampler_outcome {
     SAMPLER_RUNNING,
     SAMPLER_CONVERGED,
     SAMPLER_OUT_OF_SWEEPS, /* max_sweeps done */
-    SAMPLER_STALLED        /* at rest, but the energy is off its target */
+    SAMPLER_STALLED /* at rest only with a coarse gain, or without the energy aimed at; lost points do not count */
 } sampler_outcome;
 
 typedef struct sampler_sweep {

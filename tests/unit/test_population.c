@@ -1,4 +1,5 @@
 /* Population: who is chosen, where twins go, and who is left. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -63,6 +64,26 @@ static void test_the_bias_is_towards_the_energy_asked_for(void **state)
     for (int i = 0; i < COUNT; i++) assert_true(random[i] > 0); /* nobody is left out */
 }
 
+/* With amplitudes that vary an energy is large where they are: what counts is what is around a particle. */
+static void test_amplitudes_do_not_count(void **state)
+{
+    (void)state;
+    particles *p = energies();
+    rng r = rng_seed(test_seed(), 3);
+    uint32_t chosen[CHOSEN];
+    int flat = 0;
+    for (int i = 0; i < COUNT; i++) {
+        p->alpha[i] = i % 2 ? 0.1 : 1.4;
+        p->energy[i] = p->alpha[i] * (1 + 0.1 * sin(i));
+    }
+    for (int round = 0; round < ROUNDS; round++) {
+        assert_true(population_choose(p, CHOSEN, POPULATION_HIGH_ENERGY, &r, chosen, NULL));
+        for (int k = 0; k < CHOSEN; k++) flat += chosen[k] % 2 == 0;
+    }
+    assert_close(flat / (double)(CHOSEN * ROUNDS), 0.5, 0.05);
+    particles_free(p);
+}
+
 static void test_all_may_be_chosen(void **state)
 {
     (void)state;
@@ -121,6 +142,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_bias_is_towards_the_energy_asked_for),
+        cmocka_unit_test(test_amplitudes_do_not_count),
         cmocka_unit_test(test_all_may_be_chosen),
         cmocka_unit_test(test_twins_are_on_the_surface_on_either_side),
         cmocka_unit_test(test_those_that_stay_keep_their_order),
