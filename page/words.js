@@ -17,7 +17,7 @@ export const FINAL = ["succeeded", "failed", "cancelled", "timed_out"];
 export const isFinal = state => FINAL.includes(state);
 
 export const PHASES = {
-  load: "Reading the surface", start: "Placing first points", relax: "Relaxing", measure: "Measuring", write: "Writing files"};
+  queue: "Waiting for a node", load: "Reading the surface", start: "Placing first points", relax: "Relaxing", measure: "Measuring", write: "Writing files"};
 
 /** The state of a job, with the outcome where that is not the best one. */
 export function stateOf(job) {

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/memory.h"
 #include "base/worker_contract.h"
+#include "json/json.h"
 #include "slurm/place.h"
 
 /* A network file system may show an ending so much later than Slurm says that the job is over. */
@@ -50,6 +51,12 @@ static view take_view(slurm *s, engine_attempt *a)
     return v;
 }
 
+static void wake(const slurm *s)
+{
+    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
+    (void)written; /* a full counter is readable, which is enough */
+}
+
 static void end(view *v, const engine_ending *ending)
 {
     slurm *s = v->a->place;
@@ -59,8 +66,7 @@ static void end(view *v, const engine_ending *ending)
     slurm_leave(v->a);
     v->a->ended = true;
     pthread_mutex_unlock(&s->mutex);
-    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written; /* a full counter is readable, which is enough */
+    wake(s);
 }
 
 static void end_lost(view *v, engine_loss loss, const char *why)
@@ -71,24 +77,41 @@ static void end_lost(view *v, engine_loss loss, const char *why)
     end(v, &ending);
 }
 
+/* A line of progress, to be freed later. */
+static void put_progress(view *v, char *line)
+{
+    slurm *s = v->a->place;
+    pthread_mutex_lock(&s->mutex);
+    free(v->a->fresh);
+    v->a->fresh = line;
+    pthread_mutex_unlock(&s->mutex);
+    wake(s);
+}
+
+/* Says once why Slurm has it wait, also when that changes. */
+static void tell_waiting(view *v)
+{
+    if (!*v->task.reason || strcmp(v->task.reason, v->a->reason) == 0) return;
+    snprintf(v->a->reason, sizeof v->a->reason, "%s", v->task.reason);
+    json *line = json_new_object();
+    json_put_string(line, "phase", "queue");
+    json_put_number(line, "fraction", 0);
+    json_put_string(line, "reason", v->task.reason);
+    put_progress(v, json_print(line));
+    json_free(line);
+}
+
 static void keep_progress(view *v)
 {
     slurm *s = v->a->place;
     char *line = attempt_files_read_progress(v->directory, &v->offset);
     if (!line && (v->began || !attempt_files_is_taken(v->directory))) return;
-    bool news = line != NULL;
     pthread_mutex_lock(&s->mutex);
     if (!v->began) v->a->began_ms = clock_monotonic_ms();
     v->began = true;
     v->a->offset = v->offset;
-    if (line) {
-        free(v->a->fresh);
-        v->a->fresh = line;
-    }
     pthread_mutex_unlock(&s->mutex);
-    if (!news) return;
-    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
-    (void)written;
+    if (line) put_progress(v, line);
 }
 
 /* A worker that was stopped does not know why; Slurm may. False: it has not said so yet. */
@@ -186,7 +209,10 @@ static void inspect(view *v)
         return;
     }
     bool fresh = clock_monotonic_ms() - v->task.seen_ms < FRESH_MS;
-    if (state && state->waits && fresh && !v->cancelled) return; /* spares the storage */
+    if (state && state->waits && fresh && !v->cancelled) { /* spares the storage */
+        tell_waiting(v);
+        return;
+    }
     keep_progress(v);
     if (read_ending(v)) return;
     if (v->cancelled)

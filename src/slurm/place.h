@@ -47,6 +47,7 @@ struct engine_attempt {
     int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
     int64_t over_ms, stopped_ms;  /* when it was first seen so; 0: not yet */
     int64_t offset;               /* of what was read of its progress */
+    char reason[64];              /* why it waits, as was told last */
     char *fresh, *newest;         /* progress lines: to be polled, the last that was */
     bool ended;
     engine_ending ending;

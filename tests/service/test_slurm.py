@@ -137,6 +137,7 @@ def test_progress_cancel_and_time_limit(new_cluster, new_farm):
     wait_until(lambda: (farm.job(runs)["progress"] or {}).get("phase") == "relax", "progress")
     waits = farm.submit(long_sphere())
     wait_until(lambda: any("PENDING" in line for line in slurm.jobs()), "a job that waits in Slurm")
+    assert wait_until(lambda: farm.job(waits)["progress"], "a reason")["phase"] == "queue"
     for job in (waits, runs):
         farm.post(f"/v1/jobs/{job}/cancel")
         assert farm.wait_state(job, "cancelled")["error"]["code"] == "cancelled"
@@ -144,6 +145,17 @@ def test_progress_cancel_and_time_limit(new_cluster, new_farm):
     wait_until(lambda: not [s for s in slurm.jobs("%T") if s in ("PENDING", "RUNNING")], "an empty queue of Slurm")
     late = farm.submit(long_sphere(limits={"timeout_s": 1}))
     assert farm.wait_state(late, "timed_out")["error"]["code"] == "limit_time"
+
+
+def test_slurm_is_told_what_a_job_needs(new_cluster, new_farm, front):
+    new_cluster()
+    where = front("sbatch", 'echo "$@" >"$where/words"; exec "$real" "$@"')
+    farm = new_farm("--slurm_accounts", "somebody=other,*=film", "--slurm_options", "--comment=hexad")
+    job = farm.submit(sphere(queue={"priority": 10}, limits={"timeout_s": 100, "memory_mb": 400}, solver={"threads": 2}))
+    farm.wait_state(job, "succeeded")
+    words = (where / "words").read_text().split()
+    assert {"--account=film", "--comment=hexad", "--cpus-per-task=2", "--mem=400", "--nice=990", "--no-requeue"} < set(words)
+    assert any(word.startswith("--time=") for word in words)
 
 
 def test_a_drain_gives_attempts_back(new_cluster, new_farm, gate):
