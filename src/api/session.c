@@ -44,7 +44,7 @@ void session_sign_in(const http_context *c, const http_request *request, reply *
     char session[SESSION_SIZE];
     access_caller caller;
     if (!body)
-        reply_set_error(r, &e, NULL);
+        reply_set_problem(r, "json_invalid", NULL, "%s", e.message);
     else if (!*access_session_cookie(c->access))
         reply_set_problem(r, "not_found", NULL, "there are no sessions: the setting page is 0");
     else if (!shown)

@@ -216,6 +216,9 @@ def test_a_session_outlives_the_service_but_not_its_token(with_tokens):
     expect_problem(ask(with_tokens, "GET", "/v1/jobs", Cookie=cookie), 401, "unauthorized")
     expect_problem(sign_in(with_tokens, secret), 401, "unauthorized")
     expect_problem(sign_in(with_tokens, "x" * 5000), 401, "unauthorized")
+    for body, code in (("{", "json_invalid"), ("", "json_invalid"), ("[]", "request_invalid"), ('{"token":1}', "request_invalid")):
+        reply = ask(with_tokens, "POST", "/v1/session", body, Content_Type="application/json")
+        expect_problem(reply, 400, code)
 
 
 def test_a_session_that_was_changed_is_none(with_tokens):
