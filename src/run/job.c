@@ -98,6 +98,8 @@ static sizing_field_kind sizing_field_kind_of(const spec *s)
     return s->curvature.chord_error > 0 ? SIZING_FIELD_CHORD : SIZING_FIELD_RATIO;
 }
 
+/* From this share of unresolved points on a picture's discs are smaller: they would hide that they overlap. */
+static const double UNRESOLVED_PICTURE = 0.25;
 /* The distances over which curvature is taken unless the job says otherwise: for amplitudes in even spacings, for a sizing
  * field in those of the place. Amplitudes that vary within less ask for what no packing gives: on creased meshes
  * energy_excess is 0.08 with one spacing and 0.04 with two. */
@@ -356,7 +358,7 @@ bool job_write_points(job *j, error *e)
                         .velocity = j->sequence.velocity};
     results_input in = {
         .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
-    in.unresolved = 1 - s->quality.resolved_share > VERDICT_UNRESOLVED_SHARE;
+    in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();
