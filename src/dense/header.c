@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/memory.h"
 #include "base/reader.h"
@@ -73,6 +74,7 @@ bool header_read(int fd, const char *path, const char *program, header *out, cha
     char *text = NULL;
     reader r;
     off_t size;
+    lseek(fd, 0, SEEK_SET); /* where the reader begins */
     if (!reader_check_file(fd, "volume", &size, e) || !reader_start(&params, &r, e)) return false;
     bool ok = check_answer(r.stream, &h, &text, e);
     ok = reader_end(&r, h.magic == HEADER_MAGIC, ok, e);

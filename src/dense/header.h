@@ -59,7 +59,7 @@ int header_reader_main(int argc, char **argv);
 /* The module that contains it, unless it is linked in. */
 #define HEADER_MODULE "hexad-header.so"
 
-/* Starts that process (of `program`, NULL: this one) and checks the answer. *files, when there are any, is to
+/* `fd` may be at any offset. Starts that process (of `program`, NULL: this one) and checks the answer. *files, when there are any, is to
  * be freed: one name a line. Errors: input_damaged, input_unsupported, no_surface, internal; without the
  * path. */
 bool header_read(int fd, const char *path, const char *program, header *out, char **files, error *e);

@@ -70,7 +70,7 @@ static void print_values(FILE *out, json_at object)
         putc('\n', out);
     }
     print_box(out, object);
-    if (!range.node) return;
+    if (!range.node || number_of(object, "values") == 0) return;
     fputs("  values     ", out);
     print_numbers(out, range, " to ");
     fprintf(out, "%s", json_bool(json_member(&object, "integral"), false) ? ", whole numbers" : "");

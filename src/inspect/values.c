@@ -98,7 +98,8 @@ static double otsu(const float *sorted, size_t count)
 {
     double low = quantile(sorted, count, TAIL), high = quantile(sorted, count, 1 - TAIL), all = 0, sum = 0;
     double bin[FINE_BINS] = {0}, below = 0, sum_below = 0, best = -1, at = 0.5 * (low + high);
-    if (!(high > low)) return at;
+    if (!(high > low))
+        return 0.5 * ((double)sorted[0] + (double)sorted[count - 1]); /* nearly all are one value */
     for (size_t k = 0; k < count; k++) {
         double place = ((double)sorted[k] - low) / (high - low) * FINE_BINS;
         if (place >= 0 && place <= FINE_BINS) bin[place < FINE_BINS ? (size_t)place : FINE_BINS - 1]++;

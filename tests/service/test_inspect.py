@@ -1,4 +1,5 @@
 """A look into files: the worker alone, and the service with its rules of access."""
+import gzip
 import json
 import os
 import pathlib
@@ -9,7 +10,7 @@ import pytest
 
 from readers import read_png
 from service import PATIENCE_S
-from volumes import Part, write_exr, write_nrrd
+from volumes import Part, write_exr, write_nifti, write_nrrd
 
 SHARED = os.environ.get("HEXAD_SHARED")
 CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
@@ -75,6 +76,18 @@ def test_a_dense_volume_of_whole_numbers(inspect, tmp_path, worker):
     isovalues = [s["spec"]["surface"]["volume"]["isovalue"] for s in found["suggestions"]]
     assert all(v % 1 == 0.5 for v in isovalues) and len(set(isovalues)) == len(isovalues)  # off the plateaus
     assert abs(first["area"] / (4 * numpy.pi * 64) - 1) < 0.1
+    assert run_suggestion(worker, tmp_path, first)["count"] == first["count"]
+
+
+def test_a_packed_volume_of_nearly_one_value(inspect, tmp_path, worker):
+    values = numpy.zeros((40, 40, 40), numpy.float32)
+    values[18:22, 18:22, 18:22] = 1  # a thousandth of all
+    write_nifti(tmp_path / "dot.nii", values)
+    (tmp_path / "dot.nii.gz").write_bytes(gzip.compress((tmp_path / "dot.nii").read_bytes()))
+    found = inspect("dot.nii.gz")
+    assert found["format"] == "NIfTI" and found["volume"]["type"] == "float"
+    first = found["suggestions"][0]
+    assert first["spec"]["surface"]["volume"]["isovalue"] == 0.5
     assert run_suggestion(worker, tmp_path, first)["count"] == first["count"]
 
 
