@@ -71,7 +71,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     int fd = memfd_create("dense", MFD_CLOEXEC);
     expect(fd >= 0 && write(fd, data, size) == (ssize_t)size);
     const slices_files files = {open_again, &fd};
-    slices *s = raw_volume_open(fd, "a.nii.gz", NULL, &files, &e);
+    slices *s = raw_volume_open(fd, "a.nii.gz", NULL, 0, &files, &e);
     expect(s || (e.code != ERROR_NONE && *e.message));
     if (s) {
         for (int k = 0; k < 3; k++) expect(s->size[k] >= 2);

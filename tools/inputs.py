@@ -86,7 +86,7 @@ class Case:
         grids = re.search(r"name one of (.*) as grid", said)
         equals = re.search(r'write "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
         channels = re.search(r"has the channels (.*): give exr.channel", said)
-        parts = re.search(r'among "([^"]*)".*: give exr.part', said)
+        parts = re.search(r'parts of the file have .*?: "([^"]*)".*: give exr.part', said)
         values = re.search(r"values range from (\S+) to ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):

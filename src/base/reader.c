@@ -69,7 +69,8 @@ bool reader_end(reader *r, bool begun, bool ok, error *e)
     if (WIFSIGNALED(status))
         return error_set(
             e, ERROR_INPUT_DAMAGED,
-            "the file made its reader crash (%s): the file is damaged, or another program must save it again",
+            "the library that reads such files broke off on it (%s): the file is damaged, or must be saved again by a "
+            "program that opens it",
             strsignal(WTERMSIG(status)));
     return ok && (WEXITSTATUS(status) == 0 ||
                   error_set(e, ERROR_INPUT_DAMAGED, "the file could not be read to its end"));

@@ -103,14 +103,15 @@ static const exr_attr_chlist_entry_t *find_channel(const image *m, int part, cha
     return found;
 }
 
-static bool no_part(image *m, int wanted, int found, const char *parts, const char *channels)
+static bool no_part(image *m, int wanted, int found, const char *parts, const char *with,
+                    const char *channels)
 {
     if (wanted == 0)
         error_set(&m->fault, ERROR_GRID_MISSING, "the file has no part \"%.200s\": its parts are %s", m->part,
                   parts);
     else if (found > 1)
-        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "the file has %d parts with %s, among %s: give exr.part",
-                  found, m->channel ? "that channel" : "just one channel", parts);
+        error_set(&m->fault, ERROR_GRID_AMBIGUOUS, "%d parts of the file have %s: %s: give exr.part", found,
+                  m->channel ? "that channel" : "just one channel", with);
     else if (m->channel)
         error_set(&m->fault, ERROR_GRID_MISSING, "the file has no channel \"%.200s\": its channels are %s",
                   m->channel, channels);
@@ -122,7 +123,7 @@ static bool no_part(image *m, int wanted, int found, const char *parts, const ch
 
 static bool choose(image *m)
 {
-    char parts[256] = "", channels[256] = "";
+    char parts[256] = "", with[256] = "", channels[256] = ""; /* `with`: names of those that were found */
     int count = 0, wanted = 0, found = 0;
     exr_get_count(m->file, &count);
     for (int part = 0; part < count; part++) {
@@ -133,6 +134,7 @@ static bool choose(image *m)
         wanted++;
         const exr_attr_chlist_entry_t *channel = find_channel(m, part, channels, sizeof channels);
         if (!channel) continue;
+        append(with, sizeof with, quoted);
         if (found++ > 0) continue;
         m->part_index = part;
         if (channel->x_sampling != 1 || channel->y_sampling != 1)
@@ -141,7 +143,7 @@ static bool choose(image *m)
                 "channel \"%s\" has a sample for every %d columns and %d rows only: one for each pixel is needed",
                 channel->name.str, channel->x_sampling, channel->y_sampling);
     }
-    return found == 1 || no_part(m, wanted, found, parts, channels);
+    return found == 1 || no_part(m, wanted, found, parts, with, channels);
 }
 
 static bool open_file(image *m)

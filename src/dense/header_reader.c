@@ -325,12 +325,10 @@ static bool name_of_image(answer *a, const char *name)
 static bool describe_nifti(answer *a, const nifti_image *n, const char *name, bool packed)
 {
     const int64_t size[7] = {n->nx, n->ny, n->nz, n->nt, n->nu, n->nv, n->nw};
+    a->head.volumes = 1;
     for (int k = 3; k < 7; k++)
-        if (size[k] > 1)
-            return refuse(
-                a, ERROR_INPUT_UNSUPPORTED,
-                "the file has %lld volumes along its axis %d (%lld x %lld x %lld each): give one volume a file",
-                (long long)size[k], k + 1, (long long)size[0], (long long)size[1], (long long)size[2]);
+        if (size[k] > 1 && __builtin_mul_overflow(a->head.volumes, size[k], &a->head.volumes))
+            return refuse(a, ERROR_INPUT_DAMAGED, "claims more volumes than can be counted");
     for (int k = 0; k < 3; k++) a->head.size[k] = size[k];
     if (!type_of_nifti(a, n->datatype)) return false;
     place_of_nifti(a, n);
@@ -391,11 +389,16 @@ static size_t read_head(char *to, size_t size)
 /* What the file may be instead. */
 static const char *guess(const char *head)
 {
-    if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file";
-    if (strstr(head, "<VTKFile")) return "a VTK XML file";
-    if (strstr(head, "NDims") || strstr(head, "ObjectType")) return "a MetaImage header";
+    if (strncmp(head, "# vtk DataFile", 14) == 0) return "a VTK file (3D Slicer saves it as NRRD)";
+    if (strstr(head, "<VTKFile")) return "a VTK XML file (3D Slicer saves it as NRRD)";
+    if (strstr(head, "NDims") || strstr(head, "ObjectType"))
+        return "a MetaImage header (3D Slicer saves it as NRRD)";
     if (memcmp(head, "v/1\001", 4) == 0) return "an EXR image (use surface.exr)";
-    return "no volume of a known format";
+    if (strncmp(head, "11111\n", 6) == 0)
+        return "an SLC volume of VolVis (ParaView saves it as VTK, and 3D Slicer that as NRRD)";
+    if (memcmp(head, "VOL\003", 4) == 0)
+        return "a VOL volume of Mitsuba (48 bytes and raw floats: write an NRRD header with `byte skip: 48`)";
+    return "no volume of a known format (raw numbers need an NRRD header: `unu make -h -t TYPE -s X Y Z -i FILE`)";
 }
 
 /* `head` is the file's first `length` bytes, with zeros behind them. */

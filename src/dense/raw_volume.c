@@ -338,11 +338,29 @@ static bool place_files(raw_volume *s, error *e)
     return true;
 }
 
-slices *raw_volume_open(int fd, const char *path, const char *program, const slices_files *files, error *e)
+/* Of several volumes the one with this number; -1: none was named. */
+static bool choose_volume(header *h, int64_t index, error *e)
+{
+    const int64_t count = h->volumes > 1 ? h->volumes : 1, samples = h->size[0] * h->size[1] * h->size[2];
+    if (index < 0 && count > 1)
+        return error_set(e, ERROR_GRID_AMBIGUOUS,
+                         "the file has %lld volumes of %lld x %lld x %lld: give volume.index, 0 to %lld",
+                         (long long)count, (long long)h->size[0], (long long)h->size[1],
+                         (long long)h->size[2], (long long)count - 1);
+    if (index >= count)
+        return error_set(e, ERROR_GRID_MISSING, "the file has no volume %lld: it has %lld, counted from 0",
+                         (long long)index, (long long)count);
+    if (index > 0) h->byte_skip += index * samples * size_of[h->type];
+    return true;
+}
+
+slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
+                        const slices_files *files, error *e)
 {
     raw_volume *s = mem_alloc(sizeof *s);
     *s = (raw_volume){.base = {.ops = &raw_volume_ops}, .path = path, .files = files, .fd = fd, .data = -1};
-    if (!header_read(fd, path, program, &s->head, &s->text, e) || !place_files(s, e) || !open_data(s, 0, e)) {
+    if (!header_read(fd, path, program, &s->head, &s->text, e) || !choose_volume(&s->head, index, e) ||
+        !place_files(s, e) || !open_data(s, 0, e)) {
         raw_volume_close(&s->base);
         return NULL;
     }

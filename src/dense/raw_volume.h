@@ -11,6 +11,7 @@
 
 /* `fd`, `path` and `files` stay the caller's and outlive the slices; `program` as in header_read. Data files
  * that a header names are opened beside `path`. Errors: those of header_read, and of the opener. */
-slices *raw_volume_open(int fd, const char *path, const char *program, const slices_files *files, error *e);
+slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
+                        const slices_files *files, error *e);
 
 #endif

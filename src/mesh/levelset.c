@@ -45,10 +45,11 @@ static bool may_go_on(const making *k, error *e)
 
 static bool over_limit(const making *k, size_t needed, error *e)
 {
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "its level set with voxels of %g needs more than %zu MB and the limit is %zu MB: raise "
-                     "limits.memory_mb or use larger voxels",
-                     k->voxel_size, needed >> 20, k->limit >> 20);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "its level set with voxels of %g needs more than %zu MB and %zu MB are left of the limit: "
+        "raise limits.memory_mb or use larger voxels",
+        k->voxel_size, needed >> 20, k->limit >> 20);
 }
 
 /* ---- into index space */

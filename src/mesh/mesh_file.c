@@ -74,9 +74,10 @@ static bool check_counts(const mesh_reader_header *h, size_t limit, error *e)
                          (unsigned long long)h->vertices, (unsigned long long)h->triangles);
     size_t needed = mesh_bytes(h->vertices, h->triangles);
     if (needed <= limit) return true;
-    return error_set(e, ERROR_LIMIT_MEMORY,
-                     "its %llu triangles need %zu MB and the limit is %zu MB: raise limits.memory_mb",
-                     (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
+    return error_set(
+        e, ERROR_LIMIT_MEMORY,
+        "its %llu triangles need %zu MB and %zu MB are left of the limit: raise limits.memory_mb",
+        (unsigned long long)h->triangles, (needed >> 20) + 1, limit >> 20);
 }
 
 static bool read_vertices(FILE *stream, mesh *m, error *e)

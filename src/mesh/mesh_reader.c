@@ -189,6 +189,13 @@ static int answer_refusal(const bytes *b, size_t memory, const char *why)
                             "the file's name and first bytes)");
     }
     snprintf(text, sizeof text, "the file cannot be read as a mesh: %s", *why ? why : "it is damaged");
+    for (char *own; (own = strstr(text, b->name));) { /* nobody else calls it so */
+        static const char file[] = "the file";
+        const size_t length = strlen(b->name), rest = strlen(own + length) + 1;
+        if ((size_t)(own - text) + sizeof file - 1 + rest > sizeof text) break;
+        memmove(own + sizeof file - 1, own + length, rest);
+        memcpy(own, file, sizeof file - 1);
+    }
     return answer_fault(ERROR_INPUT_DAMAGED, text);
 }
 

@@ -169,8 +169,8 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
 static volume *open_stored(const spec_volume *v, int fd, const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
-    return open_dense(raw_volume_open(fd, v->path, NULL, &files, e), v->path, v->isovalue, v->reconstruction,
-                      o, e);
+    return open_dense(raw_volume_open(fd, v->path, NULL, v->has_index ? v->index : -1, &files, e), v->path,
+                      v->isovalue, v->reconstruction, o, e);
 }
 
 static volume *open_exr(const spec_exr *x, const opening *o, error *e)
@@ -190,12 +190,13 @@ static bool check_ends(const volume *v, bbox box, const char *path, error *e)
 {
     size_t loose = v ? volume_loose_ends(v, box) : 0;
     if (loose == 0) return true;
+    const bbox clear = volume_clear_box(v);
     return error_set(
         e, ERROR_INPUT_UNSUPPORTED,
         "%s: its surface meets the end of the data in %zu cells, and the data lie obliquely in world "
         "space: give a region (a box along the world's axes) that keeps clear of the end of the data, or "
-        "another isovalue",
-        path, loose);
+        "another isovalue; the largest about their middle that is clear of it: [%.6g, %.6g, %.6g] to [%.6g, %.6g, %.6g]",
+        path, loose, clear.min.x, clear.min.y, clear.min.z, clear.max.x, clear.max.y, clear.max.z);
 }
 
 /* A volume of one file, or of the files of a stack. */

@@ -27,6 +27,8 @@ typedef struct spec_vdb {
 
 typedef struct spec_volume {
     char *path;
+    bool has_index;
+    int64_t index; /* of several volumes in the file */
     double isovalue;
     spec_reconstruction reconstruction;
 } spec_volume;

@@ -328,6 +328,13 @@ const spec_row spec_rows[] = {
      AT(surface.volume.path),
      .prose = "The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1 or "
               "NIfTI-2. It and the files that it names must lie below one of the service's input roots."},
+    {.pointer = "/surface/volume/index",
+     .type = SPEC_TYPE_LARGE,
+     .low = 0,
+     .high = 1e9,
+     AT_HAS(surface.volume.index, surface.volume.has_index),
+     .prose =
+         "Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are several."},
     {.pointer = "/surface/volume/isovalue",
      .type = SPEC_TYPE_NUMBER,
      .flags = SPEC_REQUIRED,

@@ -34,6 +34,8 @@ namespace {
 const char *const half_suffix = "_HalfFloat";
 const char name_separator = 0x1e; /* OpenVDB writes equal names as NAME 0x1e NUMBER */
 
+/* Versions differ in what few files use; more than so many ahead is no version but damage. */
+const uint32_t newer_versions = 16;
 /* A grid has a handful of strings (names, types); 64 kB is far beyond any that is meant. */
 const uint32_t longest_string = 1u << 16;
 /* A grid takes more than 40 bytes in a file; the count of grids is checked by that. */
@@ -266,13 +268,19 @@ private:
                         "the file is not an OpenVDB file (its first bytes are not OpenVDB's)");
         if (got < ssize_t(sizeof magic + sizeof version))
             throw fault(ERROR_INPUT_DAMAGED, "the file was cut short after its first bytes");
-        if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING || version > vdb::OPENVDB_FILE_VERSION)
+        /* newer ones are read as far as they are alike, as the library does */
+        if (version < vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING)
             throw fault(
                 ERROR_INPUT_UNSUPPORTED,
-                format(
-                    "the file has format version %llu; versions up to %llu from 216 on are read: save it again "
-                    "with a current OpenVDB",
-                    version, vdb::OPENVDB_FILE_VERSION));
+                format("the file has format version %llu, and versions from %llu on are read: save it again "
+                       "with a current OpenVDB",
+                       version, uint32_t(vdb::OPENVDB_FILE_VERSION_GRID_INSTANCING)));
+        if (version > vdb::OPENVDB_FILE_VERSION + newer_versions)
+            throw fault(
+                ERROR_INPUT_UNSUPPORTED,
+                format("the file has format version %llu, far newer than version %llu of the OpenVDB library "
+                       "here: it is damaged, or needs a hexad built with a newer library",
+                       version, vdb::OPENVDB_FILE_VERSION));
     }
 
     /* A block of metadata. The library would allocate what the lengths say, and read a value in the length of its type

@@ -322,7 +322,7 @@ static bool plan(loading *l, volume *v, error *e)
     if (peak <= limit) return true;
     return error_set(
         e, ERROR_LIMIT_MEMORY,
-        "%s needs %zu MB for the %u blocks around its surface (%llu cells) and the limit is %zu MB: "
+        "%s needs %zu MB for the %u blocks around its surface (%llu cells) and %zu MB are left of the limit: "
         "raise limits.memory_mb",
         l->name, (peak >> 20) + 1, v->map.count, (unsigned long long)l->crossings.cells, limit >> 20);
 }
@@ -687,6 +687,34 @@ size_t volume_loose_ends(const volume *v, bbox box)
         count += bbox_overlap(reach, box);
     }
     return count;
+}
+
+/* What an index coordinate changes by within a box along the world's axes with these half sides. */
+static double index_reach(const volume *v, int axis, vec3 half)
+{
+    const double *m = v->to_index[axis];
+    return fabs(m[0]) * half.x + fabs(m[1]) * half.y + fabs(m[2]) * half.z;
+}
+
+bbox volume_clear_box(const volume *v)
+{
+    const int64_t *size = v->info.size;
+    bbox whole = bbox_empty(), cell = bbox_empty();
+    double share = 1;
+    for (int k = 0; k < 8; k++) {
+        const int far[3] = {k & 1, k >> 1 & 1, k >> 2};
+        cell = bbox_include(cell, affine_apply(v->to_world, far[0], far[1], far[2]));
+        whole = bbox_include(whole, affine_apply(v->to_world, (double)(far[0] * (size[0] - 1)),
+                                                 (double)(far[1] * (size[1] - 1)),
+                                                 (double)(far[2] * (size[2] - 1))));
+    }
+    const vec3 half = vec3_scale(bbox_size(whole), 0.5), middle = vec3_add(whole.min, half);
+    for (int k = 0; k < 3; k++) {
+        const double left = 0.5 * (double)(size[k] - 1) - index_reach(v, k, bbox_size(cell));
+        share = fmin(share, left / index_reach(v, k, half));
+    }
+    if (!(share > 0)) return bbox_empty();
+    return (bbox){vec3_axpy(-share, half, middle), vec3_axpy(share, half, middle)};
 }
 
 static bool load_dense(const volume_dense_request *r, loading *l, volume *v, error *e)

@@ -105,6 +105,10 @@ volume *volume_open_dense(const volume_dense_request *request, error *e);
 /* How many crossed cells within `box` lie at an end of dense data whose faces are not aligned with the
  * world's axes: the sampler cannot follow a boundary there. */
 size_t volume_loose_ends(const volume *v, bbox box);
+
+/* A box along the world's axes about the middle of dense data that is clear of the cells at their end, in the
+ * proportions of the box around them. Empty where the data are too small for one. */
+bbox volume_clear_box(const volume *v);
 void volume_close(volume *v);
 const field *volume_field(const volume *v);
 const volume_info *volume_describe(const volume *v);

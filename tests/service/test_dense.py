@@ -2,6 +2,7 @@
 of storing it, in its place in the world, or an error that says what is wrong and where."""
 import gzip
 import json
+import re
 
 import numpy
 import pytest
@@ -356,6 +357,10 @@ def test_oblique_data_must_not_end_within_the_surface(sample, tmp_path):
     write_nrrd(tmp_path / "v.nrrd", values, MATRICES["turned"])
     e, _ = sample(tmp_path / "v.nrrd")
     assert e["code"] == "input_unsupported" and "give a region" in e["message"]
+    clear = [float(x) for x in re.findall(r"[-+.e0-9]+", e["message"].split("is clear of it:")[1])]
+    report, points = sample(tmp_path / "v.nrrd", region={"min": clear[:3], "max": clear[3:]})
+    assert points is not None, report
+    assert_ellipsoid(points)
     end = (MATRICES["turned"] @ [0, 0, 19, 1])[:3]
     normal = numpy.linalg.inv(MATRICES["turned"][:3, :3])[2]
     low = CENTER - RADII
@@ -401,7 +406,10 @@ def broken(tmp_path):
     yield "far.nhdr", nrrd([*header(), far]), "input_damaged", "FORMAT MIN MAX STEP"
     yield "flat_axes.nrrd", nrrd([x for x in header() if not x.startswith("space directions")] +
                                  ["space directions: (1,0,0) (0,1,0) (1,1,0)"]), "input_damaged", "one plane"
-    yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK"
+    yield "other.nrrd", b"# vtk DataFile Version 3.0\n" + raw, "input_unsupported", "VTK file (3D Slicer saves it as NRRD)"
+    yield "other.slc", b"11111\n66 66 66 8\n" + raw, "input_unsupported", "SLC volume of VolVis (ParaView saves it"
+    yield "other.vol", b"VOL\3" + raw, "input_unsupported", "byte skip: 48"
+    yield "unknown.vol", b"\7\6\5\4" + raw, "input_unsupported", "raw numbers need an NRRD header"
     write_nifti(tmp_path / "two.nii", values, matrix, version=2)
     two = bytearray((tmp_path / "two.nii").read_bytes())
     two[16:24] = b"\xa8" * 8  # the number of axes, which libnifti believes
@@ -418,14 +426,19 @@ def test_broken_files_say_what_is_wrong(sample, tmp_path):
         assert name in e["message"], e
 
 
-def test_four_axes_are_read_only_if_one_has_a_single_sample(sample, tmp_path):
+def test_of_several_volumes_one_is_chosen(sample, tmp_path):
     values, matrix = ellipsoid(MATRICES["plain"]), MATRICES["plain"]
     write_nifti(tmp_path / "v.nii", values, matrix)
     data = bytearray((tmp_path / "v.nii").read_bytes())
     data[40:42], data[48:50] = (4).to_bytes(2, "little"), (2).to_bytes(2, "little")
-    (tmp_path / "four.nii").write_bytes(data + data[352:])
+    other = numpy.full_like(values, values.min()).tobytes(order="F")
+    (tmp_path / "four.nii").write_bytes(data[:352] + other + data[352:])
     e, _ = sample(tmp_path / "four.nii")
-    assert e["code"] == "input_unsupported" and "2 volumes along its axis 4" in e["message"]
+    assert e["code"] == "grid_ambiguous" and "give volume.index, 0 to 1" in e["message"]
+    e, _ = sample({"path": str(tmp_path / "four.nii"), "index": 2})
+    assert e["code"] == "grid_missing" and "no volume 2: it has 2" in e["message"]
+    assert sample({"path": str(tmp_path / "four.nii"), "index": 0})[0]["code"] == "no_surface"
+    assert_ellipsoid(sample({"path": str(tmp_path / "four.nii"), "index": 1})[1])
     lines = [x.replace("dimension: 3", "dimension: 4").replace("sizes: ", "sizes: 1 ") for x in nrrd_header(values)]
     (tmp_path / "v.nrrd").write_bytes(("\n".join(lines) + "\n\n").encode() + nrrd_data(values))
     assert sample(tmp_path / "v.nrrd")[1] is not None

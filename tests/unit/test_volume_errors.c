@@ -446,6 +446,37 @@ static void names_of_transforms(void **state)
     fixture_free(&g);
 }
 
+/* The version stands behind the magic number. A file of the next one is read as the library reads it. */
+static void versions_of_the_format(void **state)
+{
+    (void)state;
+    fixture g = fixture_make(fixture_uniform, 6, fog_ball, 0);
+    vdb_draft d = draft_of(&g);
+    for (int k = 0; k < 3; k++) {
+        unsigned char *bytes;
+        uint32_t version;
+        int whole = fixture_write(&d, 1, VDB_SEEKABLE, true);
+        size_t size = slurp(whole, &bytes);
+        memcpy(&version, bytes + 8, sizeof version);
+        version = k == 0 ? version + 1 : k == 1 ? 10000 : 100;
+        memcpy(bytes + 8, &version, sizeof version);
+        int fd = fixture_bytes(bytes, size);
+        if (k > 0) {
+            expect(fd, NULL, 0.5, ERROR_INPUT_UNSUPPORTED,
+                   k == 1 ? WORDS("10000", "far newer than") : WORDS("100", "current OpenVDB"));
+        } else {
+            error e = {0};
+            volume *v = fixture_open(fd, NULL, 0.5, VOLUME_INTERPOLATING, &e);
+            if (!v) fail_msg("%s", e.message);
+            volume_close(v);
+        }
+        close(fd);
+        close(whole);
+        free(bytes);
+    }
+    fixture_free(&g);
+}
+
 /* A truth value of nine bytes: the library reads one, and would take the others for the length of a name. */
 static void lengths_of_metadata(void **state)
 {
@@ -611,6 +642,7 @@ int main(void)
         cmocka_unit_test(what_is_not_a_volume),
         cmocka_unit_test(volumes_without_a_surface),
         cmocka_unit_test(plateaus_are_no_surface),
+        cmocka_unit_test(versions_of_the_format),
         cmocka_unit_test(offsets_are_world_distances),
         cmocka_unit_test(zeros_on_the_surface_are_no_plateau),
         cmocka_unit_test(bands_that_do_not_hold_the_surface),
