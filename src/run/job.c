@@ -7,7 +7,6 @@
 #include "base/clock.h"
 #include "base/memory.h"
 #include "run/plan.h"
-#include "run/verdict.h"
 #include "run/watchdog.h"
 #include "spec/spec_table.h"
 #include "packing/packing.h"
