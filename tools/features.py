@@ -7,7 +7,7 @@
 DIRECTORY, or HEXAD_SHARED, has the folder meshes. CASES says how each is resolved. Ends with 1 when a bound is missed:
 no unresolved point; a closed manifold with the genus and the number of parts of the input; the least angle above 25
 degrees in 99.9 % of the triangles; nowhere farther from the input than a third of the local feature size, or of
-min_spacing where that is larger. The local feature size is the distance to the medial axis of the input, by shrinking
+a voxel where that is larger, since the level set rounds what is smaller. The local feature size is the distance to the medial axis of the input, by shrinking
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
 sampler.
 """
@@ -27,15 +27,15 @@ import meshes
 
 # file, voxels along its longest side, ratio, least spacing in voxels
 CASES = (("dragon_100k.obj", 256, 0.75, 0.25),
-         ("scorpion_low.obj", 256, 0.75, 0.25),
+         ("scorpion_low.obj", 256, 0.5, 0.1),
          ("footbones.ply", 256, 0.75, 0.25),
          ("42400-IDGH.stl", 256, 0.75, 0.25),
-         ("fertility.off", 256, 0.75, 0.25),
-         ("high_genus13k.off", 256, 0.75, 0.25))
+         ("fertility.off", 256, 0.5, 0.25),
+         ("high_genus13k.off", 256, 0.5, 0.25))
 LEAST_ANGLE, SHARE = 25, 0.999
 FARTHEST = 1 / 3
 # Places on a mesh that distances and feature sizes are measured at.
-PLACES = 100000
+PLACES = 60000
 # Sheets face each other when the cosine of their normals is below this.
 FACING = -0.4
 BALL_STEPS, BALL_TOLERANCE = 30, 1e-2
@@ -140,7 +140,7 @@ def farthest(given, made, floor):
 
 
 def resolve(worker, path, resolution, ratio, least, work):
-    """The report and mesh.ply."""
+    """The input, the report, mesh.ply, and the voxel size."""
     given = meshes.read(path)
     voxel = float(numpy.ptp(given.vertices, axis=0).max()) / resolution
     spec = {"version": 1, "surface": {"mesh": {"path": str(path), "resolution": resolution}},
@@ -150,16 +150,16 @@ def resolve(worker, path, resolution, ratio, least, work):
     done = subprocess.run([worker, "run", work / "spec.json", "--output", work / "out"], text=True, capture_output=True)
     if done.returncode not in (0, 10, 11):
         raise SystemExit(f"{path.name}: {done.stderr[-300:]}")
-    return given, json.loads((work / "out" / "report.json").read_text()), read_result(work / "out" / "mesh.ply"), least * voxel
+    return given, json.loads((work / "out" / "report.json").read_text()), read_result(work / "out" / "mesh.ply"), voxel
 
 
-def measure(given, report, result, floor):
+def measure(given, report, result, voxel):
     """What is measured, each with its text and whether it is within its bound."""
     vertices, triangles = result
     before, after = Topology(given.triangles), Topology(triangles)
     angles = least_angles(vertices, triangles)
     share = float((angles > LEAST_ANGLE).mean())
-    distance = farthest(given, meshes.Mesh(vertices, triangles), floor)
+    distance = farthest(given, meshes.Mesh(vertices, triangles), voxel)
     unresolved = report["quality"]["unresolved_count"]
     whole = after.manifold and after.genus == before.genus and after.parts == before.parts
     shape = f"{after.parts} of genus {after.genus:g}" if after.manifold else "not closed" if not after.closed else "pinched"
