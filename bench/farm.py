@@ -77,7 +77,7 @@ def main():
     words.add_argument("--queued", type=int, default=10000)
     given = words.parse_args()
     base = pathlib.Path(tempfile.mkdtemp(prefix="farm."))
-    slurm = Cluster(nodes=4, cpus=1, memory_mb=4000)
+    slurm = Cluster(nodes=4, cpus=1, memory_mb=4000, most_jobs=100000)
     common = ("--memory_mb", "300", "--cache", "0", "--log_level", "info", "--user_running", "0", "--user_queued", "0")
     local = Service(given.build.resolve(), base / "local", *common)
     farm = Service(given.build.resolve(), base / "farm", "--engine", "slurm", "--work_dir", base / "farm/work",

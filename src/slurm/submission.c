@@ -175,12 +175,14 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 
 typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED } answer;
 
+/* sbatch repeats by itself what Slurm is too busy for, and is then cut short at its time limit. */
 static answer understand(const command_result *said)
 {
+    bool is_away = says_any(said->complaint, away, sizeof away / sizeof *away);
     if (said->status == 0 && !said->timed_out) return ACCEPTED;
-    if (said->timed_out || says_any(said->complaint, unclear, sizeof unclear / sizeof *unclear))
-        return UNCLEAR;
-    return says_any(said->complaint, away, sizeof away / sizeof *away) ? AWAY : REFUSED;
+    if (says_any(said->complaint, unclear, sizeof unclear / sizeof *unclear)) return UNCLEAR;
+    if (is_away) return AWAY;
+    return said->timed_out ? UNCLEAR : REFUSED;
 }
 
 /* The last line of what sbatch complained about, without its own name. */

@@ -41,6 +41,7 @@ SlurmdTimeout={node_timeout}
 InactiveLimit=0
 KillWait=2
 MinJobAge=300
+MaxJobCount={most_jobs}
 MessageTimeout=5
 TCPTimeout=2
 AccountingStorageType=accounting_storage/none
@@ -65,7 +66,7 @@ def free_port():
 
 
 class Cluster:
-    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300):
+    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300, most_jobs=10000):
         self.base = pathlib.Path(tempfile.mkdtemp(prefix="slurm."))  # short: sockets are made below it
         self.base.chmod(0o755)
         self.nodes = [f"n{i}" for i in range(nodes)]
@@ -75,7 +76,7 @@ class Cluster:
                  f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
         (self.base / "slurm.conf").write_text(CONF.format(
             host=socket.gethostname().split(".")[0], controller=free_port(), base=self.base,
-            node_timeout=node_timeout, nodes="\n".join(lines)))
+            node_timeout=node_timeout, most_jobs=most_jobs, nodes="\n".join(lines)))
 
     def begin(self, name, *words):
         """A process in a session of its own."""

@@ -197,6 +197,17 @@ def test_a_submission_that_was_not_accepted_is_made_again(new_cluster, new_farm,
     assert [a["reason"][:24] for a in attempts(farm, job)] == ["Slurm does not know the ", "exit status 0"]
 
 
+def test_a_slurm_that_is_full_is_asked_again(new_cluster, new_farm, front):
+    """sbatch repeats by itself, and is cut short."""
+    slurm = new_cluster()
+    where = front("sbatch", 'echo x >>"$where/calls"; [ $(wc -l <"$where/calls") -gt 1 ] && exec "$real" "$@"; '
+                            'echo "sbatch: error: Slurm temporarily unable to accept job, sleeping and retrying" >&2; exec sleep 100')
+    farm = new_farm("--slurm_command_s", "1")
+    job = farm.submit(sphere())
+    farm.wait_state(job, "succeeded")
+    assert len(attempts(farm, job)) == 1 and len(slurm.jobs()) == 1 and (where / "calls").read_text() == "x\nx\n"
+
+
 # ---- 2: the controller is away
 
 def test_nothing_is_decided_while_the_controller_is_away(new_cluster, new_farm, gate):
