@@ -32,7 +32,8 @@ double plan_bytes_per_particle(const spec *s, bool is_continued)
     /* one after the other */
     double more = fmax(s->has_mesh ? BYTES_PER_VERTEX : 0, s->has_points_vdb ? BYTES_PER_GRID_POINT : 0);
     if (is_continued) more = fmax(more, BYTES_PER_CARRIED);
-    if (s->init == SPEC_INIT_SIZED) more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
+    if (s->init == SPEC_INIT_SIZED && s->method != SPEC_METHOD_SIZED)
+        more = fmax(more, BYTES_PER_PARTICLE); /* two solves at once */
     return more + (s->method == SPEC_METHOD_WITKIN_HECKBERT ? BYTES_PER_PARTICLE_SWARM : BYTES_PER_PARTICLE);
 }
 
