@@ -25,7 +25,7 @@ def files_of(data, words):
     for folder in FOLDERS:
         for path in sorted((data / folder).rglob("*")):
             slices = path.suffix[1:].isdigit()  # of a volume whose header names them
-        if path.is_file() and path.suffix not in OTHERS and path.name != "SHA256SUMS" and not slices and \
+            if path.is_file() and path.suffix not in OTHERS and path.name != "SHA256SUMS" and not slices and \
                     all(word in str(path) for word in words):
                 yield path
 
