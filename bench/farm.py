@@ -1,8 +1,10 @@
+#!/usr/bin/env python3
 """Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine, and writes a page.
 
     farm.py BUILD PAGE [--small N] [--queued N]
 
---small: jobs of 1000 points, through Slurm and locally. --queued: tasks of an array that wait in Slurm while its partition is down; then all are cancelled.
+--small: jobs of 1000 points, through Slurm and locally. --queued: tasks of an array that wait in Slurm while its
+partition is down; then all are cancelled.
 """
 import argparse
 import os
