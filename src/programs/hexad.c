@@ -512,7 +512,7 @@ static bool init_page(service *s, error *e)
     (void)e;
     error why = {0};
     if (!s->settings.page) return true;
-    if (!(s->page = page_open(&why))) log_write(LOG_LEVEL_WARNING, "there is no web page: %s", why.message);
+    if (!(s->page = page_open(&why))) log_write(LOG_LEVEL_INFO, "there is no web page: %s", why.message);
     return true;
 }
 

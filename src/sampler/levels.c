@@ -64,8 +64,8 @@ static double part_share(const surface *scan, const double *weight, size_t c)
     return (weight[parts->begin[c + 1]] - weight[parts->begin[c]]) / weight[scan->cells];
 }
 
-/* The share of the parts that get a packing of their own out of `count` particles; or, where `together`, of all parts if
- * each gets one that is to have a particle at all among `all`, else 0. */
+/* The share in all points of the parts that `count` particles give a packing of their own. Where all parts begin `together`:
+ * 1 when each part that has a particle among `all` gets one, and 0 else. */
 static double settled_share(const surface *scan, const double *weight, size_t count, bool together,
                             size_t all)
 {
