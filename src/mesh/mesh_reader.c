@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -172,6 +173,32 @@ static bool read_bytes(bytes *b)
     return true;
 }
 
+/* Whether a number begins with its point at `at`, as in "v .5 -.5 0". */
+static bool lacks_zero(const bytes *b, size_t at)
+{
+    if (b->data[at] != '.' || at == 0 || at + 1 == b->size) return false;
+    return strchr(" \t+-", b->data[at - 1]) && b->data[at - 1] && b->data[at + 1] >= '0' &&
+           b->data[at + 1] <= '9';
+}
+
+/* The library's reader of OBJ files does not see numbers that begin with their point. They get a zero. */
+static bool add_zeros(bytes *b)
+{
+    size_t more = 0, to = 0;
+    for (size_t at = 0; at < b->size; at++) more += lacks_zero(b, at);
+    if (more == 0) return true;
+    char *data = malloc(b->size + more + 1);
+    if (!data) return false;
+    for (size_t at = 0; at < b->size; at++) {
+        if (lacks_zero(b, at)) data[to++] = '0';
+        data[to++] = b->data[at];
+    }
+    free(b->data);
+    b->data = data;
+    b->size = to;
+    return true;
+}
+
 /* What the library says of a file that it did not take. */
 static int answer_refusal(const bytes *b, size_t memory, const char *why)
 {
@@ -205,7 +232,7 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
-    if (!read_bytes(&b))
+    if (!read_bytes(&b) || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};

@@ -154,6 +154,19 @@ MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_bi
                       "wallhole.obj", "whitespace.off"}
 
 
+def test_numbers_may_begin_with_their_point(worker, tmp_path):
+    corners = ["v .5 0 0", "v -.5 0 0", "v 0 +.5 0", "v 0 -.5 0", "v .0 .0 .5", "v\t.0\t.0\t-.5"]
+    faces = [f"f {x} {y} {z}" if (x == 1) ^ (y == 3) ^ (z == 5) else f"f {y} {x} {z}"
+             for x in (1, 2) for y in (3, 4) for z in (5, 6)]
+    (tmp_path / "octahedron.obj").write_text("\n".join(["# a file of v1.5", *corners, *faces]) + "\n")
+    done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "octahedron.obj"), "resolution": 64}},
+                   "sampling": {"count": 200}, "output": {"preview": False}})
+    assert done.returncode in (0, 10, 11), done.stderr
+    area = json.loads((tmp_path / "out" / "report.json").read_text())["surface"]["area"]
+    assert abs(area / 3 ** 0.5 - 1) < 0.03
+
+
+
 def test_malformed_files_do_no_harm(data_service, shared_data, diagnose):
     files = [p for group in ("assimp_invalid", "trimesh_odd") for p in sorted((shared_data / "malformed" / group).iterdir())
              if p.suffix in (".obj", ".off", ".ply", ".stl")]
