@@ -3,7 +3,7 @@
 Of a file what was written before an fsync that came back is there; what came later is there or not, for each page of
 4 KiB apart, and a page may be torn between sectors. Of a directory the names that its fsync found are there; later
 changes are there or not, a rename as a whole. That is less than any file system in use promises, but for one thing:
-names of files come with nothing but the fsync of their directory.
+names of files come with nothing but the fsync of their directory. Modes are not modelled: files are their owner's alone.
 
 The record is a list of tuples, paths relative to the directory:
     ("create", path) ("mkdir", path) ("remove", path) ("rename", path, path) ("link", path, path)
@@ -195,6 +195,7 @@ class Disk:
             else:
                 files[id(node)] = where / name
                 (where / name).write_bytes(rebuild_file(node, loss, rng))
+                (where / name).chmod(0o600)
 
 
 def rebuild_file(node, loss, rng):
