@@ -244,6 +244,11 @@ static void fill_chunk(void *context, int worker, size_t begin, size_t end)
 static bool fill_leaves(making *k, vdb_grid *out, error *e)
 {
     static const char leaves[] = "the band around the mesh";
+    if (k->map.count == 0)
+        return error_set(
+            e, ERROR_NO_SURFACE,
+            "nothing is left of the mesh when vertices as near as surface.mesh.weld are joined: is a "
+            "vertex far away from the others?");
     out->leaf_count = k->map.count;
     out->leaf_origin = mem_array(k->map.count, sizeof *out->leaf_origin, leaves, e);
     out->leaf_values = mem_array((size_t)k->map.count * VOXELS, sizeof *out->leaf_values, leaves, e);

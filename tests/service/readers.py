@@ -20,7 +20,8 @@ class Points:
         words = [line.split() for line in self.header[2:]]
         words = [w for w in words if w[0] != "comment"]
         assert words[0][:2] == ["element", "vertex"] and all(w[0] == "property" for w in words[1:])
-        assert [w[2] for w in words[1:]] == PLY_PROPERTIES
+        names = [w[2] for w in words[1:]]
+        assert names in (PLY_PROPERTIES, [*PLY_PROPERTIES, "kappa_scale"])
         (self.type,) = {w[1] for w in words[1:]}
         self.count = int(words[0][2])
         if self.format == "ascii":
@@ -28,11 +29,11 @@ class Points:
         else:
             assert self.format == "binary_little_endian"
             table = numpy.frombuffer(body, {"float": "<f4", "double": "<f8"}[self.type])
-            table = table.reshape(-1, len(PLY_PROPERTIES)).astype(float)
-        assert table.shape == (self.count, len(PLY_PROPERTIES))
+            table = table.reshape(-1, len(names)).astype(float)
+        assert table.shape == (self.count, len(names))
         assert numpy.isfinite(table).all()
         self.position, self.normal = table[:, 0:3], table[:, 3:6]
-        for k, name in enumerate(PLY_PROPERTIES[6:], 6):
+        for k, name in enumerate(names[6:], 6):
             setattr(self, name, table[:, k])
 
 

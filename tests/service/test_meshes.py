@@ -111,7 +111,7 @@ def test_the_dragon(data_service, folder, diagnose):
     of_mesh = report["surface"]["mesh"]
     diagnose(f"dragon: load {report['timing_s']['load']:.2f} s, 90 % of the points within {numpy.quantile(far, 0.9):.4f} "
              f"voxel, all within {far.max():.3f}; of the mesh {of_mesh['close_fraction']:.4f} within 0.05 of the surface")
-    assert report["spec"]["surface"]["mesh"] == {"path": str(path), "max_resolution": 4096, "band_vox": 4}
+    assert report["spec"]["surface"]["mesh"] == {"path": str(path), "max_resolution": 4096, "band_vox": 4, "weld": 1e-6}
     assert (of_mesh["resolution"], of_mesh["resolution_by"], of_mesh["resolution_limited_by"]) == (256, "default", None)
     assert numpy.quantile(far, 0.9) <= 0.05 and far.max() <= 1
     assert of_mesh["close_fraction"] >= 0.95 and of_mesh["unresolved_fraction"] <= 0.01
