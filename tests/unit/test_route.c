@@ -43,7 +43,6 @@ static void test_unknown_paths(void **state)
 {
     (void)state;
     static const char *const paths[] = {"",
-                                        "/",
                                         "*",
                                         "healthz",
                                         "/healthz/",
