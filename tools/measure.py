@@ -21,6 +21,8 @@ OTHER_SIDE = -0.6
 SHEET_GAP, SHEET_REACH, SHEET_FACING = 1.2, 1.7, -0.4
 # Fewer points with a cell than this do not speak for the others: their measures are nan.
 LEAST_MEASURED = 20
+# Spacings that differ by less, relatively, were one before they were rounded.
+SAME = 1e-6
 # Points whose nearest so many do not reach beyond the support are asked for more, up to the last of these.
 NEIGHBOURS = (16, 48, 144)
 # Across a rim the solid's boundary goes on through nowhere: triangles of a larger circumradius than this, in requested
@@ -266,7 +268,7 @@ def measure(points, area, domain=None):
         energy = _energies(own, h, True)
         relative = length / (0.5 * (own.spacing[i] + own.spacing[j]))
     else:
-        energy = _energies(points, h, uneven)
+        energy = _energies(points, h, points.spacing.max() > (1 + SAME) * points.spacing.min())
 
     def cells(of):
         ends = numpy.concatenate([relative[of[i] & inner[j] & same], relative[of[j] & inner[i] & same]])
