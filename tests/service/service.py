@@ -12,7 +12,7 @@ import time
 
 # what the setting tcp_without_tokens wants to hear
 OPEN_TCP = "anyone-on-this-machine-may-submit-and-cancel"
-PATIENCE_S = 120  # for a loaded machine; a test that works never waits that long
+PATIENCE_S = 300  # for a loaded machine and sanitizers; a test that works never waits that long
 # words in front of the daemon's own: a program that runs it and looks on (tests/valgrind/run)
 UNDER = shlex.split(os.environ.get("HEXAD_UNDER", ""))
 
