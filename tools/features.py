@@ -11,7 +11,6 @@ a voxel where that is larger, since the level set rounds what is smaller. The lo
 balls (Ma, Bae and Choi 2012) of which only those count that touch sheets that face each other. Shares no code with the
 sampler.
 """
-import argparse
 import json
 import os
 import pathlib
@@ -23,6 +22,7 @@ import numpy
 from scipy.sparse import coo_matrix, csgraph
 from scipy.spatial import cKDTree
 
+import inputs
 import meshes
 
 # file, voxels along its longest side, ratio, least spacing in voxels
@@ -188,14 +188,7 @@ def page(data, worker, only, say):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--worker", required=True)
-    parser.add_argument("--output", required=True)
-    parser.add_argument("--data", default=os.environ.get("HEXAD_SHARED"))
-    parser.add_argument("--only", nargs="*", default=[])
-    options = parser.parse_args()
-    if not options.data or not pathlib.Path(options.data).is_dir():
-        parser.error("give --data, or HEXAD_SHARED, the directory of the files")
+    options = inputs.arguments(__doc__.splitlines()[0])
     rows, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only,
                      lambda text: print(text, file=sys.stderr))
     head = ["# Thin parts and close sheets", "",

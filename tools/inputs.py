@@ -156,8 +156,9 @@ def page(data, worker, only, say):
     return lines, counts, bad
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def arguments(description):
+    """What every program that goes through the collection is told."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--worker", required=True)
     parser.add_argument("--output", required=True)
     parser.add_argument("--data", default=os.environ.get("HEXAD_SHARED"))
@@ -165,6 +166,11 @@ def main():
     options = parser.parse_args()
     if not options.data or not pathlib.Path(options.data).is_dir():
         parser.error("give --data, or HEXAD_SHARED, the directory of the files")
+    return options
+
+
+def main():
+    options = arguments(__doc__.splitlines()[0])
     lines, counts, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only,
                               lambda text: print(text, file=sys.stderr))
     head = ["# Every file of the collection", "",

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/memory.h"
 
 /* A report has a line for each sweep. */
@@ -113,12 +114,6 @@ bool sequence_transfer(sequence *s, const field *f, const surface *scan, frame_t
     return ok;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static bool measure_drift(sequence *s, const sampler_points *p, error *e)
 {
     double *drift = mem_array(p->count, sizeof *drift, what, e);
@@ -127,7 +122,7 @@ static bool measure_drift(sequence *s, const sampler_points *p, error *e)
     for (size_t i = 0; i < p->count; i++)
         if (s->id[i] != FRAME_TRANSFER_NONE)
             drift[n++] = vec3_norm(vec3_sub(p->position[i], s->start[i])) / p->spacing[i];
-    qsort(drift, n, sizeof *drift, compare_double);
+    qsort(drift, n, sizeof *drift, compare_doubles);
     if (n > 0) {
         s->drift_median = drift[n / 2];
         s->drift_p95 = drift[(size_t)(0.95 * (double)(n - 1))];

@@ -211,8 +211,7 @@ bool sampler_replan(sampler *s, bool *again, error *e)
  * coarsest level begins: the level's own are too few for a random start. */
 static bool settle_newcomers(sampler *s, error *e)
 {
-    bool ok = true;
-    for (int sweep = 0; ok && sweep < s->setup.schedule->newcomer_sweeps; sweep++) {
+    for (int sweep = 0; sweep < s->setup.schedule->newcomer_sweeps; sweep++) {
         const schedule_position at = {
             .levels = s->state.plan.count, .sweeps = sweep, .count = s->state.p->count};
         const relax_params params = {.field = s->setup.field,
@@ -222,15 +221,14 @@ static bool settle_newcomers(sampler *s, error *e)
                                      .fast_step = schedule_longest_step(s->setup.schedule, &at),
                                      .gain = s->setup.schedule->gain[0]};
         relax_sums sums;
-        ok = !s->state.lists_stale || sampler_build_lists(s, e);
-        if (!ok) break;
+        if (s->state.lists_stale && !sampler_build_lists(s, e)) return false;
         relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
         s->state.lists_stale =
             schedule_wants_lists(s->setup.schedule, &at, sums.cramped, ++s->state.list_age);
         s->state.skin = schedule_skin(s->setup.schedule, sums.rms_step) * s->state.spacing;
         if (threads_stopped(s->setup.pool)) return error_set(e, ERROR_CANCELLED, "stopped");
     }
-    return ok;
+    return true;
 }
 
 static bool add_newcomers(sampler *s, error *e)
@@ -265,10 +263,10 @@ bool sampler_refine(sampler *s, error *e)
 {
     const levels *plan = &s->state.plan;
     assert(s->state.level + 1 < plan->count);
-    double support = s->state.sigma / s->state.spacing, spacing = s->state.spacing;
+    double support = s->state.sigma / s->state.spacing;
     size_t count = plan->particles[++s->state.level];
     if (!refine_particles(s->setup.field, s->setup.scan, s->setup.params.sizing, s->state.p,
-                          count - plan->newcomers[s->state.level], spacing, s->setup.params.seed,
+                          count - plan->newcomers[s->state.level], s->state.spacing, s->setup.params.seed,
                           s->setup.pool, e))
         return false;
     enter_level(s, count, support);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/compare.h"
 #include "base/memory.h"
 #include "base/rng.h"
 #include "packing/packing.h"
@@ -29,12 +30,6 @@ static const double COARSEST_SHARE = 0.5;
  * bent for any packing. */
 static const double BEND_QUANTILE = 0.5;
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* What must be small times the spacing h of an even packing: the larger principal curvature and the growth of
  * the spacing, both for the spacing at the place, as half of the particles have it. */
 static double typical_bend(const field *f, const surface *scan, const sizing_field *sizing, double h,
@@ -53,7 +48,7 @@ static double typical_bend(const field *f, const surface *scan, const sizing_fie
         bend[found++] = fmax(size * fmax(fabs(kappa1), fabs(kappa2)), vec3_norm(growth) / h);
     }
     if (found == 0) return INFINITY;
-    qsort(bend, found, sizeof *bend, compare_double);
+    qsort(bend, found, sizeof *bend, compare_doubles);
     return bend[(size_t)(BEND_QUANTILE * (double)(found - 1))];
 }
 

@@ -3,6 +3,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include "base/compare.h"
 #include "base/memory.h"
 
 /* So many points are looked at, evenly among all: they determine the seven unknowns to a hundredth of their
@@ -96,19 +97,13 @@ static void sample_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Finds the median distance. Returns how many points have one. */
 static size_t find_median(fit *h, double *median)
 {
     size_t found = 0;
     for (size_t k = 0; k < h->count; k++)
         if (h->residuals[k].distance != INFINITY) h->sorted[found++] = fabs(h->residuals[k].distance);
-    qsort(h->sorted, found, sizeof *h->sorted, compare_double);
+    qsort(h->sorted, found, sizeof *h->sorted, compare_doubles);
     *median = found > 0 ? h->sorted[found / 2] : INFINITY;
     return found;
 }

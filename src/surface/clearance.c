@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/compare.h"
 #include "base/memory.h"
 #include "packing/quality.h"
 #include "surface/projection.h"
@@ -97,12 +98,6 @@ static void measure_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
-static int compare_ratios(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 bool clearance_measure(const surface *scan, const sizing_field *sizing, double h, threads *pool,
                        clearance *out, error *e)
 {
@@ -111,7 +106,7 @@ bool clearance_measure(const surface *scan, const sizing_field *sizing, double h
     threads_run(pool, SAMPLES, GRAIN, measure_chunk, &job);
     bool ok = !threads_stopped(pool) || error_set(e, ERROR_CANCELLED, "stopped");
     size_t near = 0;
-    qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_ratios);
+    qsort(job.ratio, SAMPLES, sizeof *job.ratio, compare_doubles);
     while (near < SAMPLES && job.ratio[near] < 1) near++;
     if (ok)
         *out =

@@ -4,10 +4,9 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "packing/quality.h"
 #include "surface/elements.h"
 
-/* Sheets face each other when the cosine of their normals is below this, as in packing/quality. */
-static const double FACING = -0.4;
 /* How far a ball may touch a sheet's plane from the middle of its element, in cubes: no gap is left between two. */
 static const double PATCH = 0.9;
 /* Half the diagonal of a cube: how far an element may be from its cube's middle. */
@@ -61,7 +60,7 @@ static bool list_offsets(measuring *m, error *e)
 static double ball_radius(const elements *s, const element *other, vec3 x, vec3 normal)
 {
     double cosine = vec3_dot(normal, other->normal);
-    if (cosine >= FACING) return INFINITY;
+    if (cosine >= QUALITY_SHEET_FACING) return INFINITY;
     vec3 d = vec3_sub(other->position, x);
     double radius = vec3_dot(d, other->normal) / (1 - cosine); /* < 0: outside of the solid */
     if (!(radius * vec3_dot(d, normal) < 0)) return INFINITY;  /* the other sheet is on the ball's side */
@@ -73,7 +72,8 @@ static double ball_radius(const elements *s, const element *other, vec3 x, vec3 
 /* Whether an element in a cube so far off can be touched: a ball touches within a cone about the normal. */
 static bool is_in_cone(const offset *o, vec3 normal)
 {
-    static const double SLOPE = 0.6546536707079771; /* tangent of half the angle that FACING leaves */
+    static const double SLOPE =
+        0.6546536707079771; /* tangent of half the angle that QUALITY_SHEET_FACING leaves */
     double along = fabs(o->at[0] * normal.x + o->at[1] * normal.y + o->at[2] * normal.z);
     double slack = 2 * HALF_DIAGONAL + PATCH;
     double across2 = o->distance * o->distance - along * along, most = SLOPE * (along + slack) + slack;
