@@ -243,7 +243,8 @@ const config_row config_table[] = {
      .reloads = true, .help = "The time between asking a worker to end and killing it."},
     {SETTING(drain_s), .type = CONFIG_REAL, .default_text = "30", .low = 0, .high = 1e6, .unit = "s",
      .reloads = true,
-     .help = "After SIGTERM: how long running jobs may continue before they are stopped and queued again."},
+     .help = "After SIGTERM: how long running jobs may continue before they are stopped and queued again. "
+             "Jobs of Slurm run on."},
     {SETTING(body_limit_bytes), .type = CONFIG_INTEGER, .default_text = "1048576", .low = 1, .high = 1 << 30,
      .unit = "bytes", .help = "The longest request body."},
     {SETTING(upload_limit_bytes), .type = CONFIG_INTEGER, .default_text = "17179869184", .low = 0,

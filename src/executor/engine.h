@@ -2,7 +2,7 @@
  * (executor/local), and jobs of Slurm (slurm/slurm).
  *
  * The caller starts an attempt, waits for its descriptors or for the request's wake_fd, and polls it then. It may cancel
- * the attempt. It settles the attempt exactly once, after poll has returned true. No function waits. One thread makes
+ * the attempt. It settles the attempt exactly once, after poll has returned true, or leaves it. No function waits. One thread makes
  * all calls for one attempt.
  */
 #ifndef HEXAD_EXECUTOR_ENGINE_H
@@ -73,6 +73,10 @@ typedef struct engine {
     engine_attempt *(*resume)(void *place, const engine_request *request, error *e);
     /* Whether the attempt in this directory may be resumed; as resume. */
     bool (*runs_on)(void *place, const char *directory);
+    /* Frees an attempt that the next daemon is to resume; it runs on. As resume. */
+    void (*leave)(engine_attempt *attempt);
+    /* After all were resumed: removes what the engine has of other attempts. As resume. */
+    void (*sweep)(void *place);
     /* When the worker began, by the monotonic clock; INT64_MAX: it waits. */
     int64_t (*began_ms)(const engine_attempt *attempt);
     /* The name of the worker for the log. */

@@ -306,11 +306,12 @@ static void *supervise(void *argument)
     executor *x = argument;
     struct pollfd *fds = mem_alloc((1 + ENGINE_MAX_FDS * x->slot_count) * sizeof *fds);
     pthread_setname_np(pthread_self(), "supervisor"); /* helps to debug a process that hangs */
-    for (;;) {
+    for (bool first = true;; first = false) {
         bool was_idle;
         atomic_fetch_add(&x->turns, 1);
         take_changes(x);
         for (size_t i = 0; i < x->slot_count; i++) serve(x, x->slots[i]);
+        if (first && x->settings.engine->sweep) x->settings.engine->sweep(x->settings.engine_place);
         fill_slots(x);
         answer_repeats(x);
         was_idle = is_idle(x);
@@ -559,6 +560,8 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
     bool ok = queue_tell(x->q, id, command, found, changed, now, e);
     if (ok && *found && *now == QUEUE_CANCELLING)
         for (size_t i = 0; i < x->slot_count; i++) slot_cancel(x->slots[i], id);
+    if (ok && *found && (command == QUEUE_PAUSE || command == QUEUE_RESUME))
+        for (size_t i = 0; i < x->slot_count; i++) slot_pause(x->slots[i], id, command == QUEUE_PAUSE);
     pthread_mutex_unlock(&x->order);
     if (ok && *changed && command == QUEUE_CANCEL) kept_result_remove(x->q, x->work_dir, id);
     executor_wake(x);

@@ -61,7 +61,8 @@ typedef struct executor_settings {
  */
 executor *executor_start(const executor_settings *settings, queue *q, error *e);
 
-/* Ends the supervisor. Attempts that still run are stopped at once and queued again. Accepts NULL. */
+/* Ends the supervisor. Attempts that still run are stopped at once and queued again, or left to the next
+ * daemon (executor/engine). Accepts NULL. */
 void executor_stop(executor *x);
 
 /* Like queue_delete, and removes the job's directories. */

@@ -455,5 +455,5 @@ static void settle(engine_attempt *a, engine_ending *ending)
     attempt_free(a);
 }
 
-const engine engine_local = {"local",  start, NULL,         NULL,   began_ms,
-                             identify, watch, poll_attempt, cancel, settle};
+const engine engine_local = {"local",  start,    NULL,  NULL,         NULL,   NULL,
+                             began_ms, identify, watch, poll_attempt, cancel, settle};

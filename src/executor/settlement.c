@@ -201,7 +201,8 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         set_end(s, QUEUE_FAILED, &e);
         return;
     case SETTLEMENT_DRAINED:
-        describe(ending, "drained: ", s);
+    case SETTLEMENT_PAUSED:
+        describe(ending, stop == SETTLEMENT_PAUSED ? "paused: " : "drained: ", s);
         if (is_success(ending)) break;
         s->verdict = SETTLEMENT_RETRY;
         return;

@@ -20,7 +20,8 @@ typedef enum settlement_stop {
     SETTLEMENT_CANCELLED,
     SETTLEMENT_TIMED_OUT,
     SETTLEMENT_STALLED,
-    SETTLEMENT_DRAINED
+    SETTLEMENT_DRAINED,
+    SETTLEMENT_PAUSED /* before its worker began */
 } settlement_stop;
 
 /* What becomes of the task. */

@@ -31,8 +31,8 @@ typedef struct work {
     queue_claimed claimed;
     int threads; /* what the attempt takes of the host */
     int64_t memory_mb;
-    char *progress;     /* the newest progress line */
-    bool cancel_wanted; /* written by any thread */
+    char *progress;                   /* the newest progress line */
+    bool cancel_wanted, pause_wanted; /* written by any thread */
 
     /* the supervisor's own */
     bool repeat;     /* no worker is to be started */
@@ -93,14 +93,6 @@ slot *slot_new(const slot_context *context)
     return s;
 }
 
-void slot_free(slot *s)
-{
-    if (!s) return;
-    assert(s->phase == SLOT_FREE);
-    pthread_mutex_destroy(&s->mutex);
-    free(s);
-}
-
 bool slot_is_free(const slot *s)
 {
     return s->phase == SLOT_FREE;
@@ -146,6 +138,14 @@ static unsigned release(slot *s)
     s->phase = SLOT_FREE;
     pthread_mutex_unlock(&s->mutex);
     return SLOT_FREED;
+}
+
+void slot_free(slot *s)
+{
+    if (!s) return;
+    if (s->phase != SLOT_FREE) release(s); /* taken over, but the supervisor did not start */
+    pthread_mutex_destroy(&s->mutex);
+    free(s);
 }
 
 /* Deciding or settling has failed and is tried again. In a drain the next start settles the task, as after a crash. */
@@ -364,19 +364,22 @@ static int64_t stall_ms(const slot *s)
     return began == INT64_MAX ? INT64_MAX : after(most(s->w.moved_ms, began), s->w.limit.stall_s);
 }
 
-static bool is_cancelled(slot *s)
+/* What the user wants of the job. */
+static settlement_stop find_wish(slot *s)
 {
     pthread_mutex_lock(&s->mutex);
-    bool cancelled = s->w.cancel_wanted;
+    bool cancel = s->w.cancel_wanted, pause = s->w.pause_wanted;
     pthread_mutex_unlock(&s->mutex);
-    return cancelled;
+    if (cancel) return SETTLEMENT_CANCELLED;
+    return pause && began_ms(s) == INT64_MAX ? SETTLEMENT_PAUSED : SETTLEMENT_NOT_STOPPED;
 }
 
 /* Why the worker has to be stopped now, if it has to. */
 static settlement_stop find_reason(slot *s, int64_t now)
 {
     const slot_context *x = s->context;
-    if (is_cancelled(s)) return SETTLEMENT_CANCELLED;
+    settlement_stop wish = find_wish(s);
+    if (wish != SETTLEMENT_NOT_STOPPED) return wish;
     if (now >= timeout_ms(s)) return SETTLEMENT_TIMED_OUT;
     if (now >= stall_ms(s)) return SETTLEMENT_STALLED;
     if (x->draining && now >= x->drain_ms) return SETTLEMENT_DRAINED;
@@ -404,22 +407,31 @@ static void stop_if_due(slot *s)
 }
 
 /* Of RUNNING and STOPPING. */
-static void step_running(slot *s)
+static unsigned step_running(slot *s)
 {
     work *w = &s->w;
+    const engine *runs = s->context->engine;
     const char *progress;
-    bool ended = s->context->engine->poll(w->attempt, &progress);
+    bool ended = runs->poll(w->attempt, &progress);
     if (progress) keep_progress(s, progress);
+    if (!ended && s->phase == SLOT_RUNNING && s->context->draining && runs->leave) {
+        log_write(LOG_LEVEL_INFO, "attempt runs on job=%s attempt=%d", w->claimed.job.id,
+                  w->claimed.task.attempt);
+        runs->leave(w->attempt);
+        w->attempt = NULL;
+        return release(s);
+    }
     if (!ended) {
         stop_if_due(s);
-        return;
+        return SLOT_NO_NEWS;
     }
     int64_t began = began_ms(s);
-    s->context->engine->settle(w->attempt, &w->ending);
+    runs->settle(w->attempt, &w->ending);
     w->ran_ms = w->ending.ran_ms ? w->ending.ran_ms : began == INT64_MAX ? 0 : clock_monotonic_ms() - began;
     w->attempt = NULL;
     w->has_ended = true;
     enter(s, SLOT_DECIDING);
+    return SLOT_NO_NEWS;
 }
 
 /* ---- deciding, publishing, settling */
@@ -479,8 +491,7 @@ static unsigned step_once(slot *s)
         return step_starting(s);
     case SLOT_RUNNING:
     case SLOT_STOPPING:
-        step_running(s);
-        break;
+        return step_running(s);
     case SLOT_DECIDING:
         return clock_monotonic_ms() < s->w.retry_ms ? SLOT_NO_NEWS : step_deciding(s);
     case SLOT_PUBLISHING:
@@ -545,6 +556,13 @@ void slot_cancel(slot *s, const char *id)
 {
     pthread_mutex_lock(&s->mutex);
     if (holds(s, id)) s->w.cancel_wanted = true;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_pause(slot *s, const char *id, bool paused)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.pause_wanted = paused;
     pthread_mutex_unlock(&s->mutex);
 }
 

@@ -104,6 +104,10 @@ size_t slot_watch(const slot *s, struct pollfd fds[ENGINE_MAX_FDS]);
 /* The worker is to be stopped if the slot holds a task of this job. The next step does it. */
 void slot_cancel(slot *s, const char *id);
 
+/* Gives the task back if it is of this job and its worker has not begun, unless it is taken back (`paused` false) in
+ * time. */
+void slot_pause(slot *s, const char *id, bool paused);
+
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */
 char *slot_progress(slot *s, const char *id);
 

@@ -51,9 +51,11 @@ static view take_view(slurm *s, engine_attempt *a)
     return v;
 }
 
-static void wake(const slurm *s)
+/* With the mutex. */
+static void wake(const engine_attempt *a)
 {
-    ssize_t written = write(s->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
+    if (a->left) return;
+    ssize_t written = write(a->place->wake_fd, &(uint64_t){1}, sizeof(uint64_t));
     (void)written; /* a full counter is readable, which is enough */
 }
 
@@ -65,8 +67,8 @@ static void end(view *v, const engine_ending *ending)
     v->a->ending = *ending;
     slurm_leave(v->a);
     v->a->ended = true;
+    wake(v->a);
     pthread_mutex_unlock(&s->mutex);
-    wake(s);
 }
 
 static void end_lost(view *v, engine_loss loss, const char *why)
@@ -84,8 +86,8 @@ static void put_progress(view *v, char *line)
     pthread_mutex_lock(&s->mutex);
     free(v->a->fresh);
     v->a->fresh = line;
+    wake(v->a);
     pthread_mutex_unlock(&s->mutex);
-    wake(s);
 }
 
 /* Says once why Slurm has it wait, also when that changes. */

@@ -3,7 +3,7 @@
  * The commands thread (slurm/submission, slurm/listing) fills in what Slurm says. The files thread (slurm/inspection)
  * decides when an attempt has ended. The supervisor starts, polls, cancels and settles attempts. `mutex` guards all
  * members; nobody holds it while a file or a command is waited for. The supervisor frees an attempt only after the
- * files thread has ended it, and no thread but the files thread keeps a pointer to one without the mutex.
+ * files thread has ended it, or leaves it to slurm_close, and no thread but the files thread keeps a pointer to one without the mutex.
  */
 #ifndef HEXAD_SLURM_PLACE_H
 #define HEXAD_SLURM_PLACE_H
@@ -50,6 +50,7 @@ struct engine_attempt {
     char reason[64];              /* why it waits, as was told last */
     char *fresh, *newest;         /* progress lines: to be polled, the last that was */
     bool ended;
+    bool left; /* the executor may be gone */
     engine_ending ending;
     struct engine_attempt *next;
 };

@@ -1,5 +1,6 @@
 #include "slurm/slurm.h"
 
+#include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -189,6 +190,43 @@ static engine_attempt *resume(void *place, const engine_request *request, error 
     return a;
 }
 
+/* The files thread may look at it: slurm_close frees it. */
+static void leave(engine_attempt *a)
+{
+    slurm *s = a->place;
+    pthread_mutex_lock(&s->mutex);
+    a->left = true;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+/* With the mutex. */
+static void put_trash(slurm *s, char *directory)
+{
+    s->trash = mem_resize(s->trash, (s->trash_count + 1) * sizeof *s->trash);
+    s->trash[s->trash_count++] = directory;
+}
+
+/* With the mutex. */
+static bool has_attempt(const slurm *s, const char *name)
+{
+    const engine_attempt *a = s->first;
+    while (a && strcmp(a->name, name) != 0) a = a->next;
+    return a;
+}
+
+static void sweep(void *place)
+{
+    slurm *s = place;
+    DIR *farm = opendir(s->farm);
+    if (!farm) return;
+    pthread_mutex_lock(&s->mutex);
+    for (const struct dirent *d; (d = readdir(farm));)
+        if (*d->d_name != '.' && !has_attempt(s, d->d_name))
+            put_trash(s, mem_printf("%s/%s", s->farm, d->d_name));
+    pthread_mutex_unlock(&s->mutex);
+    closedir(farm);
+}
+
 static int64_t began_ms(const engine_attempt *a)
 {
     pthread_mutex_lock(&a->place->mutex);
@@ -254,14 +292,13 @@ static void settle(engine_attempt *a, engine_ending *ending)
     if (s->last == &a->next) s->last = link;
     s->attempt_count--;
     s->quiet = 0;
-    s->trash = mem_resize(s->trash, (s->trash_count + 1) * sizeof *s->trash);
-    s->trash[s->trash_count++] = mem_strdup(a->directory);
+    put_trash(s, mem_strdup(a->directory));
     pthread_mutex_unlock(&s->mutex);
     attempt_free(a);
 }
 
-const engine engine_slurm = {"slurm",  start, resume,       runs_on, began_ms,
-                             identify, watch, poll_attempt, cancel,  settle};
+const engine engine_slurm = {"slurm",  start,    resume, runs_on,      leave,  sweep,
+                             began_ms, identify, watch,  poll_attempt, cancel, settle};
 
 /* ---- the threads */
 
@@ -343,6 +380,11 @@ static void place_free(slurm *s)
     pthread_mutex_destroy(&s->mutex);
     pthread_cond_destroy(&s->commands_due);
     pthread_cond_destroy(&s->files_due);
+    for (engine_attempt *a = s->first, *next; a; a = next) { /* was left */
+        next = a->next;
+        slurm_leave(a);
+        attempt_free(a);
+    }
     for (size_t i = 0; i < s->stray_count; i++) free(s->stray[i]);
     free(s->stray);
     free(s->farm);

@@ -34,7 +34,7 @@ typedef struct slurm slurm;
 
 /* Everything that the settings point to must outlive it. Errors: internal, spec_invalid (an account). */
 slurm *slurm_open(const slurm_settings *settings, error *e);
-void slurm_close(slurm *s); /* after the last attempt is settled; accepts NULL */
+void slurm_close(slurm *s); /* after the last attempt is settled or left; accepts NULL */
 
 extern const engine engine_slurm; /* its place is a slurm */
 

@@ -13,7 +13,6 @@ import signal
 import sys
 import tempfile
 import time
-import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "service"))
 from cluster import Cluster, missing  # noqa: E402

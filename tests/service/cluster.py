@@ -72,6 +72,7 @@ class Cluster:
         self.nodes = [f"n{i}" for i in range(nodes)]
         self.environment = {**os.environ, "PATH": PATH, "SLURM_CONF": str(self.base / "slurm.conf")}
         self.running = {}
+        self.past = set()  # numbers of jobs that were forgotten
         lines = [f"NodeName={n} NodeHostname={socket.gethostname().split('.')[0]} NodeAddr=127.0.0.1 Port={free_port()}"
                  f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
         (self.base / "slurm.conf").write_text(CONF.format(
@@ -119,7 +120,15 @@ class Cluster:
         return done.stdout
 
     def jobs(self, form="%j %T"):
-        return self.call("squeue", "-h", "-r", "--states=all", "-o", form).splitlines()
+        rows = [row.partition("|") for row in self.call("squeue", "-h", "-r", "--states=all", "-o", f"%F|{form}").splitlines()]
+        return [words for number, _, words in rows if number not in self.past]
+
+    def forget(self):
+        """Ends all jobs; jobs() tells of later ones."""
+        self.call("scancel", "--user=root", "--full", "--signal=KILL")
+        self.call("scancel", "--user=root")
+        wait_until(lambda: not self.call("squeue", "-h"), "the end of all jobs of Slurm")
+        self.past |= set(self.jobs("%F"))
 
     def steps(self):
         """Processes of Slurm that hold jobs (they outlive their daemon), and what they run: pid -> command line."""
