@@ -11,14 +11,13 @@ from slurm_farm import array, attempts, attempts_of_frames, front, gate, all_end
     new_farm, on_nodes, points, running_cluster, slurm, wait_running
 
 pytestmark = needs_slurm
-# with sanitizers Slurm's own time would be waited for once more, for nothing
 ALSO_SANITIZED = {"test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine", "test_attempts_run_on_without_the_daemon"}
 
 
 @pytest.fixture(autouse=True)
 def spare_sanitizers(request, build):
     if b"__asan_init" in (build / "hexad").read_bytes() and request.node.originalname not in ALSO_SANITIZED:
-        pytest.skip("without sanitizers only")
+        pytest.skip("without sanitizers only: Slurm would be waited for once more, for nothing")
 
 
 def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_farm, new_service):
