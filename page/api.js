@@ -54,54 +54,39 @@ export function query(members) {
 }
 
 const RETRY_MS = 2000;
-const EVENTS = ["position", "state", "task", "started", "ended", "edited", "progress"];
+const EVENTS = ["state", "task", "started", "ended", "edited", "progress"];
 
 /**
- * Follows a stream of events until the returned function is called. `on(type, data)` gets each event; `onGap()` is
- * called when events may have been missed: read again what they told of. A hidden page holds no connection, since a
- * browser has six of them for all its pages of one service.
+ * Follows a stream of events until the returned function is called. `onEvent(type, data)` gets each event. `onOpen()` is
+ * called whenever a stream begins: read what it tells of, since nobody tells what happened before. `onGap()` is called when
+ * events are missing, or none come: read again. A hidden page holds no connection, since a browser has six of them for all
+ * its pages of one service.
  */
-export function follow(path, on, onGap) {
-  let source, timer, last = null;
+export function follow(path, {onOpen, onEvent, onGap}) {
+  let source, timer;
 
   function open() {
-    const url = urlOf(path);
-    if (last !== null) url.searchParams.set("after", last);
-    let opened = false;
-    source = new EventSource(url);
-    source.onopen = () => {
-      if (opened) onGap();
-      opened = true;
-    };
+    source = new EventSource(urlOf(path));
+    source.onopen = onOpen;
     source.onerror = () => {
-      if (source.readyState !== EventSource.CLOSED) return;
-      clearTimeout(timer); // an answer that is no stream: browsers give up, or the stream is complete
-      timer = setTimeout(() => {
-        onGap();
-        open();
-      }, RETRY_MS);
+      close();
+      onGap();
+      timer = setTimeout(open, RETRY_MS);
     };
-    for (const type of EVENTS)
-      source.addEventListener(type, event => {
-        const data = JSON.parse(event.data);
-        if (event.lastEventId) last = parseInt(event.lastEventId, 10);
-        if (type === "position" ? data.reset || data.removed_up_to : false) onGap();
-        on(type, data);
-      });
+    source.addEventListener("position", event => {
+      if (JSON.parse(event.data).removed_up_to) onGap();
+    });
+    for (const type of EVENTS) source.addEventListener(type, event => onEvent(type, JSON.parse(event.data)));
   }
 
   function close() {
     clearTimeout(timer);
     if (source) source.close();
-    source = null;
   }
 
   function watchVisibility() {
-    if (document.hidden) close();
-    else if (!source) {
-      onGap();
-      open();
-    }
+    close();
+    if (!document.hidden) open();
   }
 
   document.addEventListener("visibilitychange", watchVisibility);

@@ -1,8 +1,8 @@
 // A job: its state in words, its tasks and attempts, plots while it runs and afterwards, report and results.
-import {html, useCallback, useEffect, useMemo, useRef, useState} from "./preact.js";
+import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query, send, urlOf} from "./api.js";
 import {Charts, rowsOfReport} from "./chart.js";
-import {Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {Report} from "./report.js";
 import {bytesOf, durationOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
@@ -12,52 +12,62 @@ const SLOW_MS = 2000;
 const ROWS_MOST = 4000; // of progress; of more, every second one is kept
 const LOG_MOST = 200000; // characters, from the end
 
-/** The job, kept right by its events; the progress lines of its current attempt: [job, rows, error, reload]. */
-function useJob(id, own) {
+/**
+ * The job, kept right by its events, with its newest progress; the progress lines of its current attempt, or of that of the
+ * chosen frame: {job, rows, lines, error, reload}. `lines` counts all that have come.
+ */
+function useJob(id, frame, own) {
   const [job, setJob] = useState(null);
   const [error, setError] = useState(null);
-  const [rows, setRows] = useState([]);
-  const read = useCallback(() => get(`v1/jobs/${id}`).then(found => {
-    setJob(found);
-    setError(null);
-  }, setError), [id]);
-  const readSoon = useMemo(() => throttled(read, READ_MS), [read]);
+  const [, redraw] = useState(0);
+  const live = useMemo(() => ({attempt: 0, rows: [], newest: null, lines: 0}), [id, frame]);
+  const read = useMemo(() => inOrder(() => get(`v1/jobs/${id}`).catch(problem => problem), answer => {
+    const failed = answer instanceof Error;
+    setError(failed ? answer : null);
+    if (!failed) setJob(answer);
+  }), [id]);
   useEffect(() => {
     read();
-  }, [id]);
+  }, [read]);
 
-  const lives = job && !isFinal(job.state);
-  const follows = lives && own(job);
+  function take({attempt, progress}) {
+    if (attempt < live.attempt) return;
+    if (attempt > live.attempt) Object.assign(live, {attempt, rows: []});
+    live.newest = progress;
+    const {rows} = live, last = rows.length ? rows[rows.length - 1].sweep : 0;
+    if (progress.sweep > last) rows.push(progress); // a stream that was lost tells its lines again
+    if (rows.length > ROWS_MOST) live.rows = rows.filter((_, i) => i % 2 || i === rows.length - 1);
+  }
+
+  const follows = job && !isFinal(job.state) && own(job);
   useEffect(() => {
     if (!follows) return undefined;
-    let fresh = [], frame = null, attempt = 0;
-    function show() {
-      frame = null;
-      const more = fresh;
-      fresh = [];
-      setRows(old => {
-        const all = [...old, ...more];
-        return all.length > ROWS_MOST ? all.filter((_, i) => i % 2 || i === all.length - 1) : all;
-      });
-      setJob(old => ({...old, progress: more[more.length - 1]}));
-    }
-    const stop = follow(`v1/jobs/${id}/events`, (type, event) => {
-      if (type !== "progress") {
-        if (type !== "position") readSoon();
-        return;
-      }
-      if (event.attempt > attempt) setRows([]);
-      attempt = event.attempt;
-      fresh.push(event.progress);
-      frame = frame || requestAnimationFrame(show);
-    }, readSoon);
+    const readSoon = throttled(read, READ_MS);
+    let drawing = null;
+    const stop = follow(`v1/jobs/${id}/events`, {
+      onOpen: readSoon,
+      onEvent(type, event) {
+        if (type !== "progress") {
+          readSoon();
+          return;
+        }
+        live.lines++;
+        if ((event.frame ?? null) === frame) take(event);
+        drawing = drawing || requestAnimationFrame(time => {
+          drawing = null;
+          redraw(time);
+        });
+      },
+      onGap: readSoon,
+    });
     return () => {
       stop();
       readSoon.cancel();
-      cancelAnimationFrame(frame);
+      cancelAnimationFrame(drawing);
     };
-  }, [id, follows]);
-  return [job, rows, error, read];
+  }, [id, frame, follows]);
+  const progress = job && (!job.array && live.attempt === job.attempt && live.newest || job.progress);
+  return {job: job && {...job, progress}, rows: live.rows, lines: live.lines, error, reload: read};
 }
 
 /** The report of a job, or of one frame; null while there is none. */
@@ -140,13 +150,14 @@ function Tasks({job, frame, onChoose}) {
   })}</div></section>`;
 }
 
-function Log({job, attempt}) {
+/** `lines` changes as long as the attempt says something. */
+function Log({job, attempt, lines}) {
   const [text, setText] = useState(null);
   const [error, setError] = useState(null);
   const place = useRef(null);
   const readSoon = useMemo(() => throttled(() => send("GET", `v1/jobs/${job.id}/log${query({frame: attempt.frame, attempt: attempt.number})}`)
     .then(response => response.text()).then(found => setText(found.slice(-LOG_MOST)), setError), SLOW_MS), [job.id, attempt.number, attempt.frame]);
-  useEffect(readSoon, [readSoon, job.revision, attempt.finished || job.progress]); // again as progress comes
+  useEffect(readSoon, [readSoon, job.revision, attempt.finished || lines]);
   useEffect(() => readSoon.cancel, [readSoon]);
   useEffect(() => {
     if (place.current) place.current.scrollTop = place.current.scrollHeight;
@@ -154,7 +165,7 @@ function Log({job, attempt}) {
   return html`<${Trouble} error=${error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
 }
 
-function Attempts({job}) {
+function Attempts({job, lines}) {
   const [open, setOpen] = useState(null);
   if (!job.attempts || !job.attempts.length) return null;
   const keyOf = attempt => `${attempt.frame ?? ""}.${attempt.number}`;
@@ -166,7 +177,7 @@ function Attempts({job}) {
       <td>${timeOf(attempt.started)}</td><td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>
       <td class="number">${bytesOf(attempt.peak_memory_bytes)}</td>
       <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td></tr>
-      ${open === keyOf(attempt) && html`<tr><td colspan="6"><${Log} job=${job} attempt=${attempt} /></td></tr>`}`)}
+      ${open === keyOf(attempt) && html`<tr><td colspan="6"><${Log} job=${job} attempt=${attempt} lines=${lines} /></td></tr>`}`)}
     </tbody></table></div></section>`;
 }
 
@@ -195,9 +206,9 @@ function Spec({spec}) {
 
 export function Job({ids: [id], search, session}) {
   const owns = job => session.scopes.includes("admin") || job.owner === session.user || job.spec !== null;
-  const [job, rows, error, reload] = useJob(id, owns);
   const asked = search.get("frame");
   const [frame, setFrame] = useState(asked === null ? null : Number(asked));
+  const {job, rows, lines, error, reload} = useJob(id, frame, owns);
   const report = useReport(job, frame);
   const now = useClock(1000);
   useTitle(job ? nameOf(job) : "Job");
@@ -218,6 +229,6 @@ export function Job({ids: [id], search, session}) {
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report && html`<${Report} report=${report} />`}
-    ${own && html`<${Attempts} job=${job} />`}
+    ${own && html`<${Attempts} job=${job} lines=${lines} />`}
     ${job.spec && html`<${Spec} spec=${job.spec} />`}`;
 }

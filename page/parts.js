@@ -57,6 +57,18 @@ export function throttled(action, ms) {
   return soon;
 }
 
+/** A function that reads and shows what it has read; an answer that comes after that of a later call is not shown. */
+export function inOrder(read, show) {
+  let calls = 0, shown = 0;
+  return async () => {
+    const call = ++calls;
+    const answer = await read();
+    if (call < shown) return;
+    shown = call;
+    show(answer);
+  };
+}
+
 /** Values that outlive the page, as the theme; without storage they do not. */
 export function recall(key) {
   try {

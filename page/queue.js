@@ -1,7 +1,7 @@
 // The queue: a page of jobs, kept right by the stream of events.
-import {html, useCallback, useEffect, useMemo, useRef, useState} from "./preact.js";
+import {html, useEffect, useMemo, useRef, useState} from "./preact.js";
 import {call, follow, get, query} from "./api.js";
-import {Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
+import {inOrder, Progress, State, throttled, Trouble, useAction, useClock, useTitle} from "./parts.js";
 import {ageOf, bytesOf, isFinal, nameOf, PHASES, spentOf, STATES, timeOf} from "./words.js";
 
 const ROWS = 50;
@@ -35,54 +35,61 @@ async function forEach(jobs, action) {
   return errors;
 }
 
-/** The jobs of the filter, the load and the readiness of the service: [data, reload, patch]. */
+/** The jobs of the filter, the load and the readiness of the service: [data, reload]. */
 function useQueue(filter, cursor) {
   const [data, setData] = useState({jobs: null, next: null, load: null, checks: null, error: null});
-  const state = useRef({});
-  Object.assign(state.current, {filter, cursor});
+  const [, redraw] = useState(0);
+  const address = useRef();
+  address.current = query({...filter, limit: ROWS, cursor});
+  const newest = useRef(new Map()).current; // of each job that runs: its newest progress, which a list may lack
 
-  const read = useCallback(async () => {
-    const address = () => query({...state.current.filter, limit: ROWS, cursor: state.current.cursor}), asked = address();
+  const read = useMemo(() => inOrder(async () => {
     try {
       const [page, workers, ready] = await Promise.all([
-        get(`v1/jobs${asked}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
-      if (asked === address()) setData({...page, load: workers.load, checks: ready.checks || {}, error: null});
+        get(`v1/jobs${address.current}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
+      return {...page, load: workers.load, checks: ready.checks || {}, error: null};
     } catch (error) {
-      setData(old => ({...old, error}));
+      return {error};
     }
-  }, []);
+  }, answer => setData(old => ({...old, ...answer}))), []);
 
-  const readSoon = useMemo(() => throttled(read, READ_MS), []);
-
-  const address = query({...filter, cursor});
   useEffect(() => {
     read();
-  }, [address]);
+  }, [address.current]);
   useEffect(() => {
-    const progress = new Map(); // of a job: its newest line, shown with the next frame
+    const readSoon = throttled(read, READ_MS);
     let frame = null;
-    function showProgress() {
-      frame = null;
-      setData(old => ({...old, jobs: old.jobs && old.jobs.map(job =>
-        (progress.has(job.id) && !isFinal(job.state) ? {...job, progress: progress.get(job.id)} : job))}));
-      progress.clear();
-    }
-    const stop = follow("v1/events?progress=1", (type, event) => {
-      if (type === "position") return;
-      if (type !== "progress") {
+    const stop = follow("v1/events?progress=1", {
+      onOpen() {
+        newest.clear();
         readSoon();
-        return;
-      }
-      progress.set(event.job, event.progress);
-      frame = frame || requestAnimationFrame(showProgress);
-    }, readSoon);
+      },
+      onEvent(type, event) {
+        if (type !== "progress") {
+          if (isFinal(event.state)) newest.delete(event.job);
+          readSoon();
+          return;
+        }
+        newest.set(event.job, event);
+        frame = frame || requestAnimationFrame(time => {
+          frame = null;
+          redraw(time);
+        });
+      },
+      onGap: readSoon,
+    });
     return () => {
       stop();
       cancelAnimationFrame(frame);
       readSoon.cancel();
     };
   }, []);
-  return [data, read];
+
+  const withProgress = job => {
+    const event = newest.get(job.id);
+    return event && job.state === "running" && !job.array && event.attempt === job.attempt ? {...job, progress: event.progress} : job;
+  };
+  return [{...data, jobs: data.jobs && data.jobs.map(withProgress)}, read];
 }
 
 function Filter({filter, onChange}) {

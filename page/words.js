@@ -52,7 +52,7 @@ export function durationOf(seconds) {
 /** How long a job ran, or has been running. */
 export function spentOf(job, now = Date.now()) {
   if (!job.started) return "–";
-  return durationOf((new Date(job.finished || now) - new Date(job.started)) / 1000);
+  return durationOf(Math.max(0, new Date(job.finished || now) - new Date(job.started)) / 1000); // clocks of two machines
 }
 
 /** 1234567 as "1 234 567" (with thin blanks), which no locale reads as a fraction. */

@@ -1,5 +1,6 @@
 """Debian's Chromium without a screen, as tests and bench/web_page.py use it. Without chromium-driver or python3-selenium there is
 none."""
+import contextlib
 import shutil
 
 from service import wait_until
@@ -55,12 +56,12 @@ class Browser:
     def one(self, selector):
         return wait_until(lambda: next(iter(self.all(selector)), None), selector)
 
-    def texts(self, selector):
+    def texts(self, selector, of="innerText"):
         """Of all that match, at one moment: elements may be replaced between two questions."""
-        return self.run("return [...document.querySelectorAll(arguments[0])].map(e => e.innerText)", selector)
+        return self.run("return [...document.querySelectorAll(arguments[0])].map(e => e[arguments[1]])", selector, of)
 
-    def text(self, selector="body"):
-        return wait_until(lambda: self.texts(selector), selector)[0]
+    def text(self, selector="body", of="innerText"):
+        return wait_until(lambda: self.texts(selector, of), selector)[0]
 
     def wait_text(self, text, selector="body"):
         try:
@@ -71,7 +72,7 @@ class Browser:
     def press(self, word, within="body"):
         def press():
             try:
-                found = [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word]
+                found = [e for e in self.one(within).find_elements(By.CSS_SELECTOR, "button, a") if e.text.strip() == word and e.is_enabled()]
                 if found:
                     found[0].click()
                 return found
@@ -85,6 +86,15 @@ class Browser:
 
     def run(self, script, *words):
         return self.driver.execute_script(script, *words)
+
+    @contextlib.contextmanager
+    def before_the_page(self, script):
+        """Documents that are opened meanwhile run the script before their own."""
+        added = self.command("Page.addScriptToEvaluateOnNewDocument", source=script)
+        try:
+            yield
+        finally:
+            self.command("Page.removeScriptToEvaluateOnNewDocument", **added)
 
     def faults(self):
         """What the browser complains of, without requests that were refused on purpose."""

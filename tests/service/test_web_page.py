@@ -60,18 +60,17 @@ def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F81
     browser.press("Sign in")
     browser.wait_text("Queue", "h1")
     (closed_service.state / "tokens").write_text("")
-    browser.all(".filter input")[0].send_keys("x\n")  # whatever it asks for next
+    browser.run("location.hash = '#/submit'")  # whatever it asks for next
     browser.wait_text("Your token")
 
 
 def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser):  # noqa: F811
-    closed_service.end()
-    closed_service.start("--session_s", 5)
     secret = new_token(closed_service, "carol")
     browser.open(closed_service)
     browser.one("#token").send_keys(secret)
     browser.press("Sign in")
     browser.wait_text("Queue", "h1")
+    browser.command("Network.clearBrowserCookies")  # as at the end of the session
     # nobody touches the page: the first event behind the end tells it
     wait_until(lambda: with_token(closed_service, secret, "POST", "/v1/jobs", sphere()) and browser.all("#token"), "the form")
 
@@ -89,6 +88,94 @@ def test_the_queue_follows_what_happens(gated, browser):
     browser.wait_text("Done", "table")
     gated.open_gate(second)
     wait_until(lambda: browser.text("table").count("Done") == 2, "both to be done")
+
+
+# Streams open, and answers with jobs arrive, when the test lets them; answers have no progress, as if they were made
+# before the worker's first line.
+SLOW = """
+  const gates = {stream: null, jobs: null}, Stream = EventSource, ask = fetch;
+  const pass = (kind, action) => (gates[kind] ? gates[kind].push(action) : action());
+  window.hold = kind => { gates[kind] = []; };
+  window.held = kind => gates[kind].length;
+  window.letOne = (kind, which) => gates[kind].splice(which, 1)[0]();
+  window.letAll = kind => {
+    for (const action of gates[kind].splice(0)) action();
+    gates[kind] = null;
+  };
+  window.told = []; // types of events that have come
+  window.EventSource = class {
+    listeners = [];
+    constructor(url) {
+      queueMicrotask(() => pass("stream", () => { // the listeners are there
+        if (this.closed) return;
+        this.stream = new Stream(url);
+        this.stream.onopen = () => { window.told.push("open"); this.onopen && this.onopen(); };
+        this.stream.onerror = () => this.onerror && this.onerror();
+        for (const [type, listener] of this.listeners)
+          this.stream.addEventListener(type, event => { window.told.push(type); listener(event); });
+      }));
+    }
+    addEventListener(...words) { this.listeners.push(words); }
+    close() { this.closed = true; if (this.stream) this.stream.close(); }
+  };
+  window.fetch = async (url, ...words) => {
+    const answer = await ask(url, ...words);
+    if (!/v1\\/jobs([?]|\\/[0-9a-z]{26}$)/.test(url)) return answer;
+    const text = (await answer.text()).replace(/"progress":{[^}]*}/g, '"progress":null');
+    await new Promise(done => pass("jobs", done));
+    return new Response(text, {status: answer.status});
+  };
+"""
+
+
+def open_slow(service, browser, *kinds, where="#/"):
+    with browser.before_the_page(SLOW + "".join(f"hold('{kind}');" for kind in kinds)):
+        browser.open(service, where)
+    for kind in kinds:
+        wait_until(lambda: browser.run("return held(arguments[0])", kind), f"a {kind} that is held")
+
+
+def test_what_happens_before_the_stream_is_open_is_shown(gated, browser):
+    open_slow(gated, browser, "stream")
+    browser.wait_text("No jobs yet")
+    gated.wait_worker(gated.submit(sphere(name="early")))
+    browser.run("letAll('stream')")
+    browser.wait_text("early", "table")
+
+
+def test_progress_is_shown_over_an_older_list(gated, browser):
+    open_slow(gated, browser)
+    browser.wait_text("No jobs yet")
+    wait_until(lambda: browser.run("return told.includes('open')"), "the stream")
+    browser.run("hold('jobs')")
+    job = gated.submit(sphere(name="first"))
+    wait_until(lambda: browser.run("return told.includes('progress')"), "progress")
+    browser.run("letAll('jobs')")
+    browser.wait_text("50 %", "table")
+
+
+def test_progress_stays_when_a_job_is_read_again(gated, browser):
+    open_slow(gated, browser)
+    wait_until(lambda: browser.run("return told.includes('open')"), "the stream")
+    job = gated.submit(sphere(name="first"))
+    for where, label in (("table", "label-1"), (".live", "label-2")):
+        browser.wait_text("50 %", where)
+        edited = gated.request("PATCH", f"/v1/jobs/{job}", f'{{"labels": ["{label}"]}}', {"Content-Type": "application/json"})
+        assert edited.status == 200
+        browser.wait_text(label, "main")
+        assert "50 %" in browser.text(where)
+        if where == "table":
+            browser.press("first", "table")
+
+
+def test_an_answer_that_comes_late_replaces_no_newer_one(gated, browser):
+    open_slow(gated, browser, "jobs")
+    gated.submit(sphere(name="first"))
+    wait_until(lambda: browser.run("while (held('jobs') > 1) letOne('jobs', 1); return document.body.innerText.includes('first')"),
+               "a later answer")
+    assert "first" in browser.run("""
+        letOne('jobs', 0);
+        return new Promise(done => setTimeout(() => requestAnimationFrame(() => done(document.body.innerText))));""")
 
 
 def test_jobs_are_filtered_sorted_and_changed(gated, browser):
@@ -152,8 +239,8 @@ def test_a_job_is_watched_until_it_has_converged(service, browser):
     browser.open(service, f"#/jobs/{job}")
     browser.wait_text("Relaxing", ".live")
     wait_until(lambda: len(browser.all("figure.chart canvas")) == 5, "live plots")
-    seen = browser.one("figure.chart:nth-child(2) [role=img]").get_attribute("aria-label")
-    wait_until(lambda: browser.one("figure.chart:nth-child(2) [role=img]").get_attribute("aria-label") != seen, "new sweeps")
+    seen = browser.text("figure.chart:nth-child(2) [role=img]", "ariaLabel")
+    wait_until(lambda: browser.text("figure.chart:nth-child(2) [role=img]", "ariaLabel") != seen, "new sweeps")
     browser.press("Cancel", "main")
     browser.wait_text("Cancelled", "h1")
     done = service.submit(sphere(count=2000, name="short"))
@@ -161,7 +248,7 @@ def test_a_job_is_watched_until_it_has_converged(service, browser):
     browser.wait_text("at rest and in order")
     report = service.get(f"/v1/jobs/{done}/results/report.json").json
     browser.wait_text(f"{report['quality']['hex_fraction']:.4g}", ".measures")
-    wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.one("figure.chart [role=img]").get_attribute("aria-label"), "all sweeps")
+    wait_until(lambda: f"{len(report['sweeps'])} sweeps" in browser.text("figure.chart [role=img]", "ariaLabel"), "all sweeps")
     assert set(browser.texts(".results a")) == {"points.ply", "preview.png", "preview.exr", "report.json"}
 
 
@@ -254,7 +341,7 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa:
         const data = new DataTransfer();
         data.items.add(new File([arguments[0]], "cube.obj"));
         document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true}));""", CUBE)
-    wait_until(lambda: "sha256:" in browser.one("#json").get_property("value"), "the file to be there")
+    wait_until(lambda: "sha256:" in browser.text("#json", "value"), "the file to be there")
     browser.wait_text("Memory", ".estimate")
     count = browser.one("[id='f/sampling/count']")
     count.clear()
@@ -283,7 +370,7 @@ def test_a_changed_copy(service, browser):
     job = service.submit(sphere(name="original"))
     browser.open(service, f"#/jobs/{job}")
     browser.press("Submit a changed copy", "main")
-    wait_until(lambda: '"original"' in browser.one("#json").get_property("value"), "the spec")
+    wait_until(lambda: '"original"' in browser.text("#json", "value"), "the spec")
 
 
 def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
@@ -296,7 +383,7 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     browser.press(f"{root}/", ".drop")
     browser.press("shots/", ".drop")
     browser.press("cube.obj", ".drop")
-    wait_until(lambda: f"{root}/shots/cube.obj" in browser.one("#json").get_property("value"), "the path in the spec")
+    wait_until(lambda: f"{root}/shots/cube.obj" in browser.text("#json", "value"), "the path in the spec")
     browser.wait_text("Memory", ".estimate")
 
 
