@@ -19,7 +19,7 @@ export function Compare({ids}) {
   if (!jobs) return html`<${Trouble} error=${error} />`;
   const words = jobs.map(nameOf), reports = [first, second];
   return html`<p class="back"><a href="#/">Queue</a></p><h1>${words[0]} and ${words[1]}</h1>
-    <div class="pair">${jobs.map(job => html`<section key=${job.id} aria-label=${nameOf(job)}>
+    <div class="pair">${jobs.map((job, i) => html`<section key=${i} aria-label=${`${i ? "Second" : "First"}: ${nameOf(job)}`}>
       <h2><a href=${`#/jobs/${job.id}`}>${nameOf(job)}</a> <${State} job=${job} /></h2>
       ${job.links.results && html`<${PointCloud} job=${job} frame=${null} />`}</section>`)}</div>
     <h2>Measures</h2><${Measures} reports=${reports} words=${words} />

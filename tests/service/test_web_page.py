@@ -294,7 +294,7 @@ PICTURE = """
 
 
 def test_a_hundred_thousand_points_are_turned(service, browser):
-    job = service.submit(sphere(count=100000, name="many", output={"preview": False}))
+    job = service.submit(sphere(count=100000, name="many", solver={"max_sweeps": 1}, output={"preview": False}))
     service.wait_state(job, "succeeded")
     browser.open(service, f"#/jobs/{job}/points")
     browser.wait_text("100\u202f000 points", ".stats")  # drawn by the processor here, so the window is small
@@ -311,15 +311,15 @@ def test_a_hundred_thousand_points_are_turned(service, browser):
 
 def test_neighbours_are_counted_as_in_the_report(service, browser):
     """And the mesh is drawn with them."""
-    job = service.submit(sphere(count=3000, output={"preview": False, "mesh": True}))
+    job = service.submit(sphere(count=1000, output={"preview": False, "mesh": True}))
     service.wait_state(job, "succeeded")
     share = service.get(f"/v1/jobs/{job}/results/report.json").json["quality"]["hex_fraction"]
     browser.open(service, f"#/jobs/{job}/points")
-    browser.wait_text("3\u202f000 points", ".stats")
+    browser.wait_text("1\u202f000 points", ".stats")
     browser.choose("neighbours", browser.one(".controls select"))
     browser.wait_text("six:", ".legend")
     six = int(browser.text(".legend").split("six: ")[1].split(",")[0].replace("\u202f", ""))
-    assert abs(six / 3000 - share) < 0.002  # where four cells nearly meet in a point, both are right
+    assert abs(six / 1000 - share) < 0.003  # where four cells nearly meet in a point, both are right
     browser.choose("wire", next(s for s in browser.all(".controls select") if "With points" in s.text))
     browser.wait_text("2 draw calls", ".stats")
 
@@ -426,20 +426,20 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => done(found.violat
 """
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_an_audit_finds_no_barrier(service, browser, source, theme):
-    """axe-core, on each view."""
+def test_an_audit_finds_no_barrier(service, browser, source):
+    """axe-core, on each view, light and dark."""
     audit = source / "page/node_modules/axe-core/axe.min.js"
     if not audit.exists():
         pytest.skip("no axe-core: run npm ci in page")
     job = service.submit(sphere(count=1000, name="audited", queue={"labels": ["x"]}))
     service.wait_state(job, "succeeded")
-    browser.emulate(prefers_color_scheme=theme)
     for where, there in (("#/", "tbody tr"), (f"#/jobs/{job}", ".measures"), (f"#/jobs/{job}/points", ".stats"),
-                         ("#/submit", ".estimate dl")):
+                         (f"#/compare/{job}/{job}", ".measures"), ("#/submit", ".estimate dl")):
         browser.open(service, where)
         browser.one(there)
         # the page lets no text become a script: a tool of the browser brings it in
         browser.command("Runtime.evaluate", expression=audit.read_text())
-        assert browser.driver.execute_async_script(AUDIT) == [], where
+        for theme in ("light", "dark"):
+            browser.emulate(prefers_color_scheme=theme)
+            assert browser.driver.execute_async_script(AUDIT) == [], (where, theme)
     browser.emulate()
