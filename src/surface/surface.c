@@ -1,7 +1,6 @@
 #include "surface/surface.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "surface/projection.h"
@@ -48,22 +47,29 @@ static const int INSIDE_DRAWS = 200;
 
 typedef struct corner {
     vec3 position, normal;
-    bool known, smooth; /* smooth: projected, with a normal */
+    bool smooth; /* projected, with a normal */
 } corner;
 
 typedef struct triangulation {
     int count;
     corner at[SURFACE_CELL_TRIANGLES][3];
-    double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain */
-    bbox box;                            /* likewise */
+    double area[SURFACE_CELL_TRIANGLES]; /* of what lies in the domain; points are drawn by it */
 } triangulation;
+
+/* How the roots on a cell's edges are found. */
+typedef struct cut {
+    const field *field;   /* of F itself; NULL: of a cubic by what is known at the corners */
+    const vec3 *gradient; /* of F at the corners; needed without a field */
+    const field_cell *cell;
+    double tolerance; /* of a root's distance from the surface */
+} cut;
 
 /* A point near the surface, onto it, if that is within `reach`. */
 static void place_corner(const field *f, vec3 x, double reach, corner *c)
 {
     const projection_limits limits = {3, CORNER_TOLERANCE * f->cell_size,
                                       10 * CORNER_TOLERANCE * f->cell_size, 0.05 * f->cell_size};
-    *c = (corner){.position = x, .known = true};
+    *c = (corner){.position = x};
     vec3 p = x;
     if (projection_find(f, &limits, &p, &c->normal) && vec3_norm2(vec3_sub(p, x)) < reach * reach) {
         c->position = p;
@@ -71,27 +77,38 @@ static void place_corner(const field *f, vec3 x, double reach, corner *c)
     }
 }
 
+/* F and its gradient at a share of an edge; false where F is not defined. Between known ends a cubic through
+ * their values and slopes: along the axes splines are such, and elsewhere its error is of fourth order. */
+static bool look_along(const cut *c, int a, int b, double t, field_sample *out)
+{
+    const vec3 from = c->cell->corner[a], edge = vec3_sub(c->cell->corner[b], from);
+    if (c->field) return field_sample_at(c->field, vec3_axpy(t, edge, from), FIELD_GRADIENT, out);
+    const double f0 = c->cell->value[a], f1 = c->cell->value[b], rise = f1 - f0;
+    const double d0 = vec3_dot(c->gradient[a], edge) - rise, d1 = vec3_dot(c->gradient[b], edge) - rise;
+    out->value = f0 + t * rise + t * (1 - t) * ((1 - t) * d0 - t * d1);
+    out->gradient = vec3_axpy(t, vec3_sub(c->gradient[b], c->gradient[a]), c->gradient[a]);
+    return true;
+}
+
 /* Where the surface cuts an edge: a root between its ends, never elsewhere. Newton's steps would leave the
  * cell where the surface bends within it, and the triangles fold over each other and count twice. */
-static const corner *cut_edge(const field *f, const field_cell *cell, corner *cache, int a, int b)
+static void find_root(const cut *way, int a, int b, corner *c)
 {
-    corner *c = a < b ? &cache[8 * a + b] : &cache[8 * b + a];
-    if (c->known) return c;
-    double low = 0, high = 1, at_low = cell->value[a], at_high = cell->value[b];
-    vec3 edge = vec3_sub(cell->corner[b], cell->corner[a]);
+    double low = 0, high = 1, at_low = way->cell->value[a], at_high = way->cell->value[b];
+    const vec3 from = way->cell->corner[a], edge = vec3_sub(way->cell->corner[b], from);
     bool low_is_inside = at_low < 0;
     int kept = 0; /* which end the last step left alone: -1 low, 1 high */
-    c->known = true;
+    c->smooth = false;
     for (int k = 0; k < ROOT_STEPS; k++) {
         field_sample s;
         double t = low + (high - low) * at_low / (at_low - at_high);
-        c->position = vec3_axpy(t, edge, cell->corner[a]);
-        if (!field_sample_at(f, c->position, FIELD_GRADIENT, &s)) return c;
+        c->position = vec3_axpy(t, edge, from);
+        if (!look_along(way, a, b, t, &s)) return;
         double length = vec3_norm(s.gradient);
-        if (length > 0 && fabs(s.value) <= ROOT_TOLERANCE * f->cell_size * length) {
+        if (length > 0 && fabs(s.value) <= way->tolerance * length) {
             c->normal = vec3_scale(s.gradient, 1 / length);
             c->smooth = true;
-            return c;
+            return;
         }
         if ((s.value < 0) == low_is_inside) {
             low = t;
@@ -105,7 +122,20 @@ static const corner *cut_edge(const field *f, const field_cell *cell, corner *ca
             kept = -1;
         }
     }
-    return c;
+}
+
+/* A cell's edges that are cut already, by bits. */
+typedef struct edges {
+    uint64_t known;
+    corner at[EDGES];
+} edges;
+
+static const corner *cut_edge(const cut *way, edges *e, int a, int b)
+{
+    const int k = a < b ? 8 * a + b : 8 * b + a;
+    if (!(e->known >> k & 1)) find_root(way, a, b, &e->at[k]);
+    e->known |= (uint64_t)1 << k;
+    return &e->at[k];
 }
 
 /* The relative amount by which the geodesic triangle is larger than the flat one, to second order in edge
@@ -275,10 +305,11 @@ static bool is_whole(const field *f, const field_cell *cell)
 }
 
 /* The triangles alone. */
-static void cut_cell(const field *f, const field_cell *cell, triangulation *out)
+static void cut_cell(const cut *way, triangulation *out)
 {
-    corner cache[EDGES];
-    memset(cache, 0, sizeof cache);
+    const field_cell *cell = way->cell;
+    edges e;
+    e.known = 0;
     out->count = 0;
     for (int k = 0; k < 6; k++) {
         int inside[4], outside[4], in = 0, ex = 0;
@@ -290,13 +321,13 @@ static void cut_cell(const field *f, const field_cell *cell, triangulation *out)
                 outside[ex++] = c;
         }
         if (in == 0 || ex == 0) continue;
-        const corner *cut[4];
+        const corner *ring[4];
         int n = 0;
         for (int i = 0; i < in; i++) /* in the order of a ring round the section */
             for (int j = 0; j < ex; j++)
-                cut[n++] = cut_edge(f, cell, cache, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
-        add_triangle(out, cut[0], cut[1], cut[2]);
-        if (n == 4) add_triangle(out, cut[0], cut[2], cut[3]);
+                ring[n++] = cut_edge(way, &e, inside[i], outside[in == 2 && i == 1 ? ex - 1 - j : j]);
+        add_triangle(out, ring[0], ring[1], ring[2]);
+        if (n == 4) add_triangle(out, ring[0], ring[2], ring[3]);
     }
 }
 
@@ -314,80 +345,113 @@ static bool is_bent(const triangulation *t)
     return false;
 }
 
-/* The corners of a cell's parts, and F there; false where F is not defined. */
-static bool sample_parts(const field *f, const field_cell *cell, vec3 *node, double *value)
+/* A cell's parts: their corners, and F there. */
+typedef struct part_grid {
+    vec3 node[NODES * NODES * NODES], gradient[NODES * NODES * NODES];
+    double value[NODES * NODES * NODES];
+} part_grid;
+
+/* False where F is not defined. */
+static bool sample_parts(const field *f, const field_cell *cell, part_grid *out)
 {
     for (int n = 0; n < NODES * NODES * NODES; n++) {
         const int at[3] = {n % NODES, n / NODES % NODES, n / NODES / NODES};
         field_sample s;
-        node[n] = cell->corner[0];
+        vec3 node = cell->corner[0];
         for (int axis = 0; axis < 3; axis++)
-            node[n] = vec3_axpy(at[axis] / (double)PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]),
-                                node[n]);
-        if (!field_sample_at(f, node[n], FIELD_GRADIENT, &s)) return false;
-        value[n] = s.value;
+            node =
+                vec3_axpy(at[axis] / (double)PARTS, vec3_sub(cell->corner[1 << axis], cell->corner[0]), node);
+        if (!field_sample_at(f, node, FIELD_GRADIENT, &s)) return false;
+        out->node[n] = node;
+        out->gradient[n] = s.gradient;
+        out->value[n] = s.value;
     }
     return true;
 }
 
-/* The area in a part; of what has no triangles takes over some. */
-static double part_area(const field *f, const vec3 *node, const double *value, int part,
-                        triangulation *lacking)
+/* The area in a part, by what is known at its corners where the surface has no sharp edges. What `lacking`
+ * receives are triangles of it. */
+static double part_area(const field *f, const part_grid *grid, int part, triangulation *lacking)
 {
     int first = part % PARTS + (part / PARTS % PARTS + part / PARTS / PARTS * NODES) * NODES, inside = 0;
+    vec3 gradient[8];
     field_cell small;
+    const cut way = {.field = f->sharp ? f : NULL,
+                     .gradient = gradient,
+                     .cell = &small,
+                     .tolerance = ROOT_TOLERANCE * f->cell_size};
     triangulation t;
     double area = 0;
     for (int k = 0; k < 8; k++) {
         int n = first + (k & 1) + ((k >> 1 & 1) + (k >> 2) * NODES) * NODES;
-        small.corner[k] = node[n];
-        small.value[k] = value[n];
-        inside += value[n] < 0;
+        small.corner[k] = grid->node[n];
+        small.value[k] = grid->value[n];
+        gradient[k] = grid->gradient[n];
+        inside += small.value[k] < 0;
     }
     if (inside == 0 || inside == 8) return 0;
-    cut_cell(f, &small, &t);
+    cut_cell(&way, &t);
     for (int i = 0; i < t.count; i++) {
-        double above = curved_area(f, t.at[i], EXCESS_DEPTH);
-        area += above;
-        if (!lacking || lacking->count == SURFACE_CELL_TRIANGLES) continue;
-        lacking->area[lacking->count] = above;
-        add_triangle(lacking, &t.at[i][0], &t.at[i][1], &t.at[i][2]);
+        area += curved_area(f, t.at[i], EXCESS_DEPTH);
+        if (lacking && lacking->count < SURFACE_CELL_TRIANGLES)
+            add_triangle(lacking, &t.at[i][0], &t.at[i][1], &t.at[i][2]);
     }
     return area;
 }
 
-/* Measures a cell by its parts; its triangles keep their proportions. What triangles cut off at a sharp edge
- * goes with their size, in the mean of all cells along it: what the parts leave is a third of what they gain. */
-static void measure_parts(const field *f, const field_cell *cell, triangulation *out)
+/* Measures a cell by its parts; of a cell without triangles `t` takes over some of theirs. What triangles cut
+ * off at a sharp edge goes with their size, in the mean of all cells along it: what the parts leave is a third
+ * of what they gain. 0 where that comes to nothing. */
+static double measure_parts(const field *f, const field_cell *cell, triangulation *t)
 {
-    vec3 node[NODES * NODES * NODES];
-    double value[NODES * NODES * NODES], rough = 0, fine = 0, kept = 0;
-    if (!sample_parts(f, cell, node, value)) return;
-    triangulation *lacking = out->count == 0 ? out : NULL;
-    for (int i = 0; i < out->count; i++) rough += out->area[i];
-    for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, node, value, part, lacking);
-    double whole = f->sharp ? fine + (fine - rough) / (PARTS - 1) : fine;
-    for (int i = 0; i < out->count; i++) kept += out->area[i];
-    for (int i = 0; i < out->count && kept > 0 && whole > 0; i++) out->area[i] *= whole / kept;
+    part_grid grid;
+    double rough = 0, fine = 0;
+    if (!sample_parts(f, cell, &grid)) return 0;
+    triangulation *lacking = t->count == 0 ? t : NULL;
+    for (int i = 0; f->sharp && i < t->count; i++) rough += curved_area(f, t->at[i], 0);
+    for (int part = 0; part < PARTS * PARTS * PARTS; part++) fine += part_area(f, &grid, part, lacking);
+    return t->count == 0 ? 0 : fmax(f->sharp ? fine + (fine - rough) / (PARTS - 1) : fine, 0);
 }
 
-/* And what of them lies in the domain. */
-static void measure_cell(const surface *s, size_t index, triangulation *out)
+/* The area of what lies in the domain, and its box. */
+static double measure_cell(const surface *s, size_t index, bbox *box)
 {
     const field *f = s->field;
     field_cell cell;
+    triangulation t;
+    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size};
+    double area = 0;
     surface_cell(s, index, &cell);
-    cut_cell(f, &cell, out);
-    bool whole = is_whole(f, &cell);
-    out->box = bbox_empty();
-    for (int i = 0; i < out->count; i++) {
-        const corner *t = out->at[i];
-        out->area[i] = whole ? curved_area(f, t, 0) : clipped_area(f, t, 0, &out->box);
+    cut_cell(&way, &t);
+    *box = bbox_empty();
+    if (!is_whole(f, &cell)) {
+        for (int i = 0; i < t.count; i++) area += clipped_area(f, t.at[i], 0, box);
+        return area;
     }
-    if (!whole) return;
-    if (is_bent(out)) measure_parts(f, &cell, out);
-    for (int i = 0; i < out->count; i++)
-        for (int k = 0; k < 3; k++) out->box = bbox_include(out->box, out->at[i][k].position);
+    if (is_bent(&t)) area = measure_parts(f, &cell, &t);
+    for (int i = 0; i < t.count; i++)
+        for (int k = 0; k < 3; k++) *box = bbox_include(*box, t.at[i][k].position);
+    if (area > 0) return area;
+    for (int i = 0; i < t.count; i++) area += curved_area(f, t.at[i], 0);
+    return area;
+}
+
+/* The triangles to draw points from. How the area of a bent cell is shared out among them matters little: what is
+ * there is no larger than the cell. */
+static void draw_triangles(const surface *s, size_t index, triangulation *out)
+{
+    const field *f = s->field;
+    field_cell cell;
+    const cut way = {.field = f, .cell = &cell, .tolerance = ROOT_TOLERANCE * f->cell_size};
+    surface_cell(s, index, &cell);
+    cut_cell(&way, out);
+    const bool whole = is_whole(f, &cell), rough = whole && !f->sharp && is_bent(out);
+    if (whole && out->count == 0) measure_parts(f, &cell, out);
+    for (int i = 0; i < out->count; i++) {
+        bbox box = bbox_empty();
+        out->area[i] = !whole ? clipped_area(f, out->at[i], 0, &box)
+                              : curved_area(f, out->at[i], rough ? EXCESS_DEPTH : 0);
+    }
 }
 
 typedef struct scan_job {
@@ -399,16 +463,13 @@ static void scan_chunk(void *context, int worker, size_t begin, size_t end)
 {
     scan_job *job = context;
     (void)worker;
-    triangulation t;
     for (size_t chunk = begin; chunk < end; chunk++) {
         size_t last = (chunk + 1) * GRAIN < job->s->cells ? (chunk + 1) * GRAIN : job->s->cells;
         job->box[chunk] = bbox_empty();
         for (size_t k = chunk * GRAIN; k < last; k++) {
-            double area = 0;
-            measure_cell(job->s, k, &t);
-            for (int i = 0; i < t.count; i++) area += t.area[i];
-            job->box[chunk] = bbox_unite(job->box[chunk], t.box);
-            job->s->area_before[k + 1] = area;
+            bbox box;
+            job->s->area_before[k + 1] = measure_cell(job->s, k, &box);
+            job->box[chunk] = bbox_unite(job->box[chunk], box);
         }
     }
 }
@@ -479,7 +540,7 @@ vec3 surface_point(const surface *s, const double *before, double where, rng *r)
             high = middle - 1;
     }
     triangulation t;
-    measure_cell(s, low, &t);
+    draw_triangles(s, low, &t);
     double share = (where - before[low]) / (before[low + 1] - before[low]), rest = 0;
     for (int i = 0; i < t.count; i++) rest += share * t.area[i];
     int k = 0;
@@ -494,8 +555,9 @@ int surface_cell_triangles(const surface *s, size_t cell, vec3 out[SURFACE_CELL_
 {
     field_cell place;
     triangulation t;
+    const cut way = {.field = s->field, .cell = &place, .tolerance = ROOT_TOLERANCE * s->field->cell_size};
     surface_cell(s, cell, &place);
-    cut_cell(s->field, &place, &t);
+    cut_cell(&way, &t);
     for (int i = 0; i < t.count; i++)
         for (int k = 0; k < 3; k++) out[i][k] = t.at[i][k].position;
     return t.count;
