@@ -27,8 +27,10 @@ struct http_context {
     store_inputs *inputs;
     bool share_inputs; /* users may name what others have sent */
     const store_outputs *outputs;
-    const path_map *mappings;      /* of paths; NULL: none */
-    const webhook_hosts *webhooks; /* NULL: none */
+    const path_map *mappings;       /* of paths; NULL: none */
+    const webhook_hosts *webhooks;  /* NULL: none */
+    const char *const *slurm_allow; /* options of sbatch that jobs may ask for */
+    size_t slurm_allow_count;
     const char *work_dir;
     int max_attempts;               /* of a job that names none */
     int64_t most_waiting;           /* unfinished jobs of one user; 0: any number */

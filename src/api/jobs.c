@@ -182,6 +182,34 @@ static bool check_webhook(const http_context *c, const order *o, reply *r)
     return false;
 }
 
+/* Whether slurm_allow has the option, or its name without a value. */
+static bool allows_option(const http_context *c, const char *option)
+{
+    size_t name = strcspn(option, "=");
+    for (size_t i = 0; i < c->slurm_allow_count; i++) {
+        const char *allowed = c->slurm_allow[i];
+        if (strcmp(allowed, option) == 0 || (strlen(allowed) == name && strncmp(allowed, option, name) == 0))
+            return true;
+    }
+    return false;
+}
+
+/* An option is a line of what the engine notes down. */
+static bool check_slurm(const http_context *c, const order *o, reply *r)
+{
+    for (size_t i = 0; i < o->s->slurm_count; i++) {
+        const char *option = o->s->slurm[i];
+        error e = {0};
+        char pointer[48];
+        if (allows_option(c, option) && !strchr(option, '\n')) continue;
+        snprintf(pointer, sizeof pointer, "/queue/slurm/%zu", i);
+        error_set(&e, ERROR_SPEC_INVALID, "the service does not allow %s (setting slurm_allow)", option);
+        refuse_member(o, pointer, &e, r);
+        return false;
+    }
+    return true;
+}
+
 bool jobs_admit_priority(const http_context *c, const http_request *request, int priority,
                          const char *pointer, reply *r)
 {
@@ -204,7 +232,8 @@ bool jobs_admit_priority(const http_context *c, const http_request *request, int
 static bool check_order(const http_context *c, const http_request *request, const order *o, reply *r)
 {
     return jobs_admit_priority(c, request, o->s->priority, "/queue/priority", r) &&
-           check_inputs(c, request->caller, o, r) && check_output(c, o, r) && check_webhook(c, o, r);
+           check_inputs(c, request->caller, o, r) && check_output(c, o, r) && check_webhook(c, o, r) &&
+           check_slurm(c, o, r);
 }
 
 static char *print_labels(const spec *s)

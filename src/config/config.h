@@ -31,7 +31,7 @@ typedef struct config {
     char *work_dir;  /* "": state_dir */
     char *engine;    /* local or slurm */
     int64_t slurm_most_jobs, slurm_small, slurm_together;
-    config_list slurm_options, slurm_accounts;
+    config_list slurm_options, slurm_allow, slurm_accounts;
     char *slurm_node; /* "": beside the worker */
     double slurm_interval_s, slurm_command_s, slurm_lost_s;
     char *worker; /* "": config_find_worker looks for it */

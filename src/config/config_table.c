@@ -68,6 +68,10 @@ const config_row config_table[] = {
      .help =
          "Further options of sbatch for all attempts, as --partition=farm, --qos=normal, --constraint=avx512; "
          "separated by commas, and the key may be repeated."},
+    {SETTING(slurm_allow), .type = CONFIG_WORDS,
+     .help =
+         "The options of sbatch that a job may ask for (queue.slurm), with one value, as --partition=gpu, or with "
+         "any, as --constraint. Separated by commas, and the key may be repeated. Empty: none."},
     {SETTING(slurm_accounts), .type = CONFIG_WORDS,
      .help =
          "The Slurm accounts of users, as user=account; `*` stands for all users who are not named. Separated by "

@@ -561,6 +561,8 @@ static bool init_http(service *s, error *e)
         .outputs = &s->outputs,
         .mappings = s->mappings,
         .webhooks = s->webhook_hosts,
+        .slurm_allow = (const char *const *)c->slurm_allow.item,
+        .slurm_allow_count = c->slurm_allow.count,
         .work_dir = s->work_dir,
         .max_attempts = (int)c->max_attempts,
         .most_waiting = c->user_queued,

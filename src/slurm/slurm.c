@@ -88,41 +88,49 @@ static const char *find_account(const slurm_settings *settings, const char *owne
     return otherwise;
 }
 
-static char *describe_needs(const slurm_settings *settings, const engine_request *r)
+static char *add_need(char *needs, const char *option)
+{
+    char *more = mem_printf("%s\n%s", needs, option);
+    free(needs);
+    return more;
+}
+
+/* Of options that are given twice sbatch takes the last: the job's. `root`: of its spec. */
+static char *describe_needs(const slurm_settings *settings, const engine_request *r, const json_at *root)
 {
     const char *account = find_account(settings, r->owner);
     char *needs =
         mem_printf("--cpus-per-task=%d\n--mem=%lld\n--nice=%d%s%s", r->threads, (long long)r->memory_mb,
                    HIGHEST_PRIORITY - r->priority, account ? "\n--account=" : "", account ? account : "");
-    for (size_t i = 0; i < settings->option_count; i++) {
-        char *more = mem_printf("%s\n%s", needs, settings->options[i]);
-        free(needs);
-        needs = more;
-    }
+    for (size_t i = 0; i < settings->option_count; i++) needs = add_need(needs, settings->options[i]);
+    json_at part = json_member(root, "queue"), own = json_member(&part, "slurm");
+    for (size_t i = 0; i < json_size(own); i++)
+        needs = add_need(needs, json_string(json_element(&own, i), ""));
     return needs;
 }
 
-static bool is_small(const slurm_settings *settings, const char *spec)
+static bool is_small(const slurm_settings *settings, const json_at *root)
 {
-    json *document = json_parse(spec, strlen(spec), NULL);
-    json_at root = json_root(document), sampling = json_member(&root, "sampling");
+    json_at sampling = json_member(root, "sampling");
     double count = json_number(json_member(&sampling, "count"), 0);
-    json_free(document);
     return count > 0 && count <= (double)settings->small_count;
 }
 
 static engine_attempt *make(slurm *s, const engine_request *r)
 {
     engine_attempt *a = mem_alloc(sizeof *a);
+    json *document = json_parse(r->spec, strlen(r->spec), NULL);
+    json_at root = json_root(document);
     a->place = s;
     a->name = mem_strdup(strrchr(r->directory, '/') + 1);
     a->directory = mem_printf("%s/%s", s->farm, a->name);
     a->out = mem_strdup(r->directory);
-    a->needs = describe_needs(&s->settings, r);
+    a->needs = describe_needs(&s->settings, r, &root);
     a->timeout_s = r->timeout_s > 0 ? r->timeout_s + MORE_TIME_S : 0;
-    a->small = is_small(&s->settings, r->spec);
+    a->small = is_small(&s->settings, &root);
     a->began_ms = INT64_MAX;
     a->ending = (engine_ending){.exit_status = -1, .signal = -1};
+    json_free(document);
     return a;
 }
 

@@ -18,7 +18,6 @@
 #define SPREAD 16
 /* The wait before Slurm is asked again after it could not be reached. */
 #define AWAY_MS 2000
-#define MOST_OPTIONS 64
 /* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
@@ -151,9 +150,12 @@ static char *write_script(const slurm *s, const load *l)
 
 static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 {
-    const char *arguments[MOST_OPTIONS] = {"sbatch",     "--parsable",         "--no-requeue",
-                                           "--ntasks=1", "--output=/dev/null", "--chdir=/"};
-    size_t count = 6;
+    const char *const fixed[] = {"sbatch",     "--parsable",         "--no-requeue",
+                                 "--ntasks=1", "--output=/dev/null", "--chdir=/"};
+    size_t count = sizeof fixed / sizeof *fixed, room = count + 5;
+    for (const char *line = l->needs; (line = strchr(line, '\n')); line++) room++;
+    const char **arguments = mem_alloc(room * sizeof *arguments);
+    memcpy(arguments, fixed, sizeof fixed);
     char *name = mem_printf("--job-name=%s", l->batch->name),
          *array = mem_printf("--array=0-%zu", l->task_count - 1);
     char *time = l->timeout_s > 0 ? mem_printf("--time=%.0f", l->timeout_s / 60 + 1) : NULL;
@@ -161,8 +163,7 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
     arguments[count++] = name;
     arguments[count++] = array;
     if (time) arguments[count++] = time;
-    for (char *need = strtok_r(needs, "\n", &rest); need && count < MOST_OPTIONS - 1;
-         need = strtok_r(NULL, "\n", &rest))
+    for (char *need = strtok_r(needs, "\n", &rest); need; need = strtok_r(NULL, "\n", &rest))
         arguments[count++] = need;
     bool ok = command_run(arguments, script, s->settings.command_s, said, e);
     free(name);
@@ -170,6 +171,7 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
     free(time);
     free(script);
     free(needs);
+    free(arguments);
     return ok;
 }
 

@@ -218,6 +218,8 @@ typedef struct spec {
     bool coherent;         /* each frame begins with the points of the one before */
     int64_t retention_s;   /* 0: the service's */
     char *webhook;         /* NULL: none */
+    char **slurm;          /* options of sbatch */
+    size_t slurm_count;
 
     json *normalised; /* the spec as JSON, every default filled in; owned by the spec */
 } spec;

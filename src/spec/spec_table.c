@@ -1265,6 +1265,15 @@ const spec_row spec_rows[] = {
          "allow its host. The service repeats the call until the answer is 2xx or its retries are "
          "spent. A receiver may be told of the same end more than once, with the same webhook-id, and is "
          "told again when a job that was retried ends."},
+    {.pointer = "/queue/slurm",
+     .type = SPEC_TYPE_LABELS,
+     .low = 0,
+     .high = 32,
+     .otherwise = "[]",
+     AT_HAS(slurm, slurm_count),
+     .prose =
+         "Options of sbatch for the job's attempts, as \"--partition=gpu\", where the service runs them in Slurm. "
+         "The service must allow each (its setting slurm_allow)."},
 };
 
 const size_t spec_row_count = sizeof spec_rows / sizeof *spec_rows;

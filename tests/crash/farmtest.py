@@ -5,6 +5,7 @@ gives.
     farmtest.py BUILD [--jobs N] [--kills N] [--seed N]
 """
 import argparse
+import collections
 import os
 import pathlib
 import random
@@ -29,7 +30,7 @@ def spec(number):
 
 
 def kill_daemon(farm, slurm, chance):
-    farm.end(signal.SIGKILL)
+    farm.end(chance.choice((signal.SIGKILL, signal.SIGTERM)))
 
     def start():
         """A child that was about to become sbatch may hold the lock for a moment."""
@@ -76,29 +77,24 @@ def files_of(service, job):
             if f["name"] != "report.json"}
 
 
-def state_counts(farm, jobs):
-    counts = {}
-    for job in jobs:
-        state = farm.job(job)["state"]
-        counts[state] = counts.get(state, 0) + 1
-    return counts
-
-
 def check(farm, jobs, expected):
-    bad = 0
+    """How many jobs are not as they have to be, and how many attempts there were."""
+    bad = made = 0
     for number, job in enumerate(jobs):
         now = farm.job(job)
-        ended = [a for a in farm.get(f"/v1/jobs/{job}/attempts").json["attempts"] if a.get("exit_status") == 0]
+        attempts = farm.get(f"/v1/jobs/{job}/attempts").json["attempts"]
+        ended = [a for a in attempts if a.get("exit_status") == 0]
+        made += len(attempts)
         found = now["state"] == "succeeded" and files_of(farm, job) == expected[number % SPECS]
         if found and len(ended) <= 1:
             continue
         bad += 1
         print(f"job {job}: {now['state']} {now['error']}, {len(ended)} attempts with results", flush=True)
-    return bad
+    return bad, made
 
 
 def run(build, base, jobs, kills, seed):
-    chance = random.Random(seed)
+    chance, kinds, begin = random.Random(seed), collections.Counter(), time.monotonic()
     os.environ.pop("SLURM_CONF", None)
     local = Service(build, base / "local", "--cache", "0")
     local.base.mkdir()
@@ -117,19 +113,20 @@ def run(build, base, jobs, kills, seed):
         slurm.start()
         os.environ.update(SLURM_CONF=slurm.environment["SLURM_CONF"], PATH=slurm.environment["PATH"])
         farm.start()
-        ids, done = [], 0
+        ids = []
+
+        def kill():
+            kind = chance.choice(list(KILLS))
+            KILLS[kind](farm, slurm, chance)
+            kinds[kind] += 1
         for number in range(jobs):
             ids.append(farm.submit(spec(number)))
-            while done * jobs < kills * (number + 1) and done < kills * 3 // 4:
-                KILLS[chance.choice(list(KILLS))](farm, slurm, chance)
-                done += 1
-        while done < kills and state_counts(farm, ids).get("succeeded", 0) < jobs:
-            KILLS[chance.choice(list(KILLS))](farm, slurm, chance)
-            done += 1
-            time.sleep(chance.random())
+            while kinds.total() * jobs < kills * (number + 1):
+                kill()
         wait_until(lambda: all(farm.job(j)["state"] in FINAL for j in ids), "the end of all jobs", 60 + jobs)
-        bad = check(farm, ids, expected)
-        print(f"{jobs} jobs, {done} kills, seed {seed}: {bad} violations", flush=True)
+        bad, made = check(farm, ids, expected)
+        print(f"{jobs} jobs, {kinds.total()} kills {dict(kinds)}, seed {seed}: {made} attempts, "
+              f"{time.monotonic() - begin:.0f} s, {bad} violations", flush=True)
         return bad
     finally:
         farm.clean_up()

@@ -38,11 +38,16 @@ def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_f
 
 def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
     where = front("sbatch", 'echo "$@" >"$where/words"; exec "$real" "$@"')
-    farm = new_farm("--slurm_accounts", "somebody=other,*=film", "--slurm_options", "--comment=hexad")
-    job = farm.submit(sphere(queue={"priority": 10}, limits={"timeout_s": 100, "memory_mb": 400}, solver={"threads": 2}))
+    farm = new_farm("--slurm_accounts", "somebody=other,*=film", "--slurm_options", "--comment=hexad",
+                    "--slurm_allow", "--partition=farm,--constraint")
+    for option in ("--partition=other", "--qos=high", "--constraint=a\n--uid=0"):
+        refused = farm.post("/v1/jobs", sphere(queue={"slurm": ["--partition=farm", option]}))
+        assert refused.status == 422 and refused.json["errors"][0]["pointer"] == "/queue/slurm/1"
+    job = farm.submit(sphere(queue={"priority": 10, "slurm": ["--partition=farm"]}, limits={"timeout_s": 100, "memory_mb": 400}, solver={"threads": 2}))
     farm.wait_state(job, "succeeded")
     words = (where / "words").read_text().split()
-    assert {"--account=film", "--comment=hexad", "--cpus-per-task=2", "--mem=400", "--nice=990", "--no-requeue"} < set(words)
+    assert {"--account=film", "--comment=hexad", "--cpus-per-task=2", "--mem=400", "--nice=990", "--no-requeue",
+            "--partition=farm"} < set(words)
     assert any(word.startswith("--time=") for word in words)
 
 

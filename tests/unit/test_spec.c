@@ -568,7 +568,7 @@ static void test_normalised_is_idempotent(void **state)
         "\"mesh\":false},"
         "\"limits\":{\"memory_mb\":0,\"timeout_s\":0,\"stall_s\":0,\"max_attempts\":0},"
         "\"queue\":{\"priority\":0,\"labels\":[],\"depends_on\":[],\"after\":[],\"coherent\":false,"
-        "\"retention_s\":0}}");
+        "\"retention_s\":0,\"slurm\":[]}}");
     free(text);
     spec_free(s);
 }
