@@ -16,6 +16,7 @@
 #define LATE_MS 3000
 /* How long Slurm is waited for to say why it has stopped a worker. */
 #define WORD_MS 30000
+#define AVOID_MS 600000
 /* How long a listing is believed that an attempt waits; then its files are looked at. */
 #define FRESH_MS 2000
 
@@ -130,6 +131,11 @@ static bool explain(view *v, engine_ending *ending)
         pthread_mutex_unlock(&v->a->place->mutex);
         return false;
     }
+    if (state && state->waits && v->task.seen_ms > v->stopped_ms) {
+        ending->loss = ENGINE_GIVEN_BACK;
+        snprintf(ending->why, sizeof ending->why, "Slurm has put the job back into its queue");
+        return true;
+    }
     if (state && state->speaks) {
         ending->loss = state->begun;
         ending->out_of_memory = strcmp(state->name, "OUT_OF_MEMORY") == 0;
@@ -176,6 +182,17 @@ static void follow_cancel(view *v)
     }
 }
 
+static void avoid_host(slurm *s, const char *host)
+{
+    log_write(LOG_LEVEL_WARNING, "slurm: the node %s could not run an attempt, and gets none for %d minutes",
+              host, AVOID_MS / 60000);
+    pthread_mutex_lock(&s->mutex);
+    slurm_avoided *next = &s->avoided[s->avoided_next++ % AVOIDED_MOST];
+    snprintf(next->host, sizeof next->host, "%s", host);
+    next->until_ms = clock_monotonic_ms() + AVOID_MS;
+    pthread_mutex_unlock(&s->mutex);
+}
+
 static void follow_over(view *v)
 {
     const slurm_state *state = v->task.state;
@@ -196,6 +213,8 @@ static void follow_over(view *v)
         end(v, &ending);
         return;
     }
+    if (claim == ATTEMPT_FILES_WON && strcmp(state->name, "FAILED") == 0 && *v->task.host)
+        avoid_host(v->a->place, v->task.host);
     end_lost(v, claim == ATTEMPT_FILES_TAKEN ? state->begun : state->not_begun, state->words);
 }
 
@@ -211,7 +230,7 @@ static void inspect(view *v)
         return;
     }
     bool fresh = clock_monotonic_ms() - v->task.seen_ms < FRESH_MS;
-    if (state && state->waits && fresh && !v->cancelled) { /* spares the storage */
+    if (state && state->waits && fresh && !v->cancelled && !v->began) { /* spares the storage */
         tell_waiting(v);
         return;
     }

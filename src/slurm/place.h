@@ -55,6 +55,13 @@ struct engine_attempt {
     struct engine_attempt *next;
 };
 
+/* A node that could not run an attempt: jobs go to others for a while, since it would fail them all at once. */
+#define AVOIDED_MOST 16
+typedef struct slurm_avoided {
+    char host[65];
+    int64_t until_ms; /* monotonic */
+} slurm_avoided;
+
 struct slurm {
     slurm_settings settings;
     char *farm;   /* work_dir/farm */
@@ -72,7 +79,9 @@ struct slurm {
     bool away;           /* Slurm did not answer the last command */
     char **stray;        /* jobs of ours that nobody wants, as of the last listing */
     size_t stray_count;
-    char **trash; /* directories to be removed */
+    slurm_avoided avoided[AVOIDED_MOST];
+    size_t avoided_next; /* the oldest */
+    char **trash;        /* directories to be removed */
     size_t trash_count;
     bool closing;
     pthread_mutex_t mutex;

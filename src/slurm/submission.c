@@ -51,7 +51,8 @@ typedef struct load {
     char **names;
     size_t *tasks; /* of each name */
     size_t count, task_count;
-    double timeout_s; /* of a task; 0: none */
+    double timeout_s;                /* of a task; 0: none */
+    char avoided[AVOIDED_MOST * 66]; /* nodes, separated by commas */
 } load;
 
 static void load_clear(load *l)
@@ -71,6 +72,16 @@ static bool goes_with(const engine_attempt *head, const engine_attempt *a)
 {
     return a == head || (!head->alone && !a->alone && a->small == head->small &&
                          strcmp(a->needs, head->needs) == 0 && (a->timeout_s > 0) == (head->timeout_s > 0));
+}
+
+/* With the mutex. */
+static void list_avoided(const slurm *s, int64_t now, load *l)
+{
+    size_t used = 0;
+    for (size_t i = 0; i < AVOIDED_MOST; i++)
+        if (s->avoided[i].until_ms > now)
+            used += (size_t)snprintf(l->avoided + used, sizeof l->avoided - used, "%s%s", used ? "," : "",
+                                     s->avoided[i].host);
 }
 
 /* With the mutex: takes the first attempt that waits and those that go with it. False: none waits. *due_ms: when the
@@ -113,6 +124,7 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
         l->batch->users++;
     }
     l->task_count = l->batch->task_count;
+    list_avoided(s, now, l);
     l->timeout_s *= (double)together;
     return true;
 }
@@ -152,30 +164,33 @@ static bool call_sbatch(slurm *s, const load *l, command_result *said, error *e)
 {
     const char *const fixed[] = {"sbatch",     "--parsable",         "--no-requeue",
                                  "--ntasks=1", "--output=/dev/null", "--chdir=/"};
-    size_t count = sizeof fixed / sizeof *fixed, room = count + 5;
+    size_t count = sizeof fixed / sizeof *fixed, room = count + 6;
     for (const char *line = l->needs; (line = strchr(line, '\n')); line++) room++;
     const char **arguments = mem_alloc(room * sizeof *arguments);
     memcpy(arguments, fixed, sizeof fixed);
     char *name = mem_printf("--job-name=%s", l->batch->name),
          *array = mem_printf("--array=0-%zu", l->task_count - 1);
+    char *exclude = *l->avoided ? mem_printf("--exclude=%s", l->avoided) : NULL;
     char *time = l->timeout_s > 0 ? mem_printf("--time=%.0f", l->timeout_s / 60 + 1) : NULL;
     char *script = write_script(s, l), *needs = mem_strdup(l->needs), *rest = NULL;
     arguments[count++] = name;
     arguments[count++] = array;
     if (time) arguments[count++] = time;
+    if (exclude) arguments[count++] = exclude;
     for (char *need = strtok_r(needs, "\n", &rest); need; need = strtok_r(NULL, "\n", &rest))
         arguments[count++] = need;
     bool ok = command_run(arguments, script, s->settings.command_s, said, e);
     free(name);
     free(array);
     free(time);
+    free(exclude);
     free(script);
     free(needs);
     free(arguments);
     return ok;
 }
 
-typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED } answer;
+typedef enum answer { ACCEPTED, AWAY, UNCLEAR, REFUSED, AGAIN } answer;
 
 /* sbatch repeats by itself what Slurm is too busy for, and is then cut short at its time limit. */
 static answer understand(const command_result *said)
@@ -249,7 +264,11 @@ int64_t slurm_submit(slurm *s)
         if (a != ACCEPTED) find_reason(called ? said.complaint : e.message, why, sizeof why);
         tell(s, &l, a, why);
         pthread_mutex_lock(&s->mutex);
-        if (a == AWAY || a == REFUSED) take_back(s, &l, a, why);
+        if (a == REFUSED && *l.avoided) { /* perhaps there are no other nodes */
+            memset(s->avoided, 0, sizeof s->avoided);
+            a = AGAIN;
+        }
+        if (a == AWAY || a == REFUSED || a == AGAIN) take_back(s, &l, a, why);
         s->away = a == AWAY;
         s->quiet = 0;
         for (size_t i = 0; i < l.batch->task_count; i++) {

@@ -29,6 +29,8 @@ SlurmdLogFile={base}/slurmd.%n.log
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 JobAcctGatherType=jobacct_gather/linux
+JobAcctGatherFrequency=task=1
+JobAcctGatherParams=OverMemoryKill
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 SlurmdParameters=config_overrides
@@ -47,7 +49,10 @@ TCPTimeout=2
 AccountingStorageType=accounting_storage/none
 JobCompType=jobcomp/none
 {nodes}
+PreemptType=preempt/partition_prio
+PreemptMode=CANCEL
 PartitionName=farm Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+PartitionName=urgent Nodes=ALL PriorityTier=9 State=UP
 """
 
 
@@ -119,16 +124,25 @@ class Cluster:
         done = subprocess.run(words, env=self.environment, text=True, capture_output=True, timeout=PATIENCE_S)
         return done.stdout
 
+    def submit(self, *options, script="exec sleep 1"):
+        """A job of somebody else; its number."""
+        done = subprocess.run(["sbatch", "--parsable", "--mem=10", "--output=/dev/null", "--chdir=/", *options], text=True,
+                              input=f"#!/bin/sh\n{script}\n", capture_output=True, env=self.environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
     def jobs(self, form="%j %T"):
         rows = [row.partition("|") for row in self.call("squeue", "-h", "-r", "--states=all", "-o", f"%F|{form}").splitlines()]
         return [words for number, _, words in rows if number not in self.past]
 
     def forget(self):
-        """Ends all jobs; jobs() tells of later ones."""
+        """Ends all jobs; jobs() tells of later ones. Nodes and partition are as at first."""
         self.call("scancel", "--user=root", "--full", "--signal=KILL")
         self.call("scancel", "--user=root")
         wait_until(lambda: not self.call("squeue", "-h"), "the end of all jobs of Slurm")
         self.past |= set(self.jobs("%F"))
+        self.call("scontrol", "update", "partition=farm", "state=UP")
+        self.call("scontrol", "update", f"nodename={','.join(self.nodes)}", "state=RESUME")
 
     def steps(self):
         """Processes of Slurm that hold jobs (they outlive their daemon), and what they run: pid -> command line."""

@@ -52,8 +52,8 @@ def new_cluster(monkeypatch):
 
 @pytest.fixture
 def new_farm(new_service, tmp_path):
-    def make(*options):
-        return new_service("--engine", "slurm", "--work_dir", tmp_path / "service.0/work", "--slurm_interval_s", "0.2",
+    def make(*options, work=tmp_path / "service.0/work"):
+        return new_service("--engine", "slurm", "--work_dir", work, "--slurm_interval_s", "0.2",
                            "--memory_mb", "300", "--grace_s", "2", "--retry_s", "0.1", "--slurm_lost_s", "1",
                            *options).start()
     return make

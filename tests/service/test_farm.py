@@ -1,17 +1,24 @@
 """What goes wrong on clusters, and must not go wrong here, with a real Slurm of several nodes on this machine. Minutes of
 waiting for Slurm: `make farmtest` runs it; test_slurm.py is the short form."""
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
+import sys
 
 import pytest
 
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "crash"))
+import calls  # noqa: E402
+import farm as crash_farm  # noqa: E402
 from service import long_sphere, sphere, wait_until
+from test_storage import new_disk  # noqa: F401, a fixture
 from slurm_farm import attempts, front, gate, all_ended, needs_slurm, new_cluster, new_farm, on_nodes, points, \
     running_cluster, slurm, wait_running
 
 pytestmark = needs_slurm
+MOVES = {"rename", "renameat", "renameat2"}
 
 
 def test_small_jobs_share_slurm_jobs(slurm, new_farm):
@@ -96,9 +103,7 @@ def test_jobs_that_the_controller_forgot_run_again_and_their_numbers_are_not_tru
     shutil.rmtree(slurm.base / "state")
     (slurm.base / "state").mkdir()
     slurm.start_controller()
-    other = subprocess.run(["sbatch", "--parsable", "--job-name=other", "--mem=10", "--output=/dev/null", "--chdir=/"],
-                           input="#!/bin/sh\nexec sleep 1000\n", text=True, capture_output=True, env=slurm.environment)
-    assert other.stdout.strip() == number, other
+    assert slurm.submit("--job-name=other", script="exec sleep 1000") == number
     wait_until(lambda: len(attempts(farm, job)) == 2, "a second attempt")
     wait_running(slurm, farm, job)
     farm.open_gate(job)
@@ -135,19 +140,78 @@ def test_what_an_orphan_writes_reaches_no_result(new_cluster, new_farm, gate, wa
 
 # ---- 5: what Slurm says of a job
 
-STATES = [("PREEMPTED", "succeeded", None, "(PREEMPTED)"),
-          ("NODE_FAIL", "succeeded", None, "(NODE_FAIL)"),
-          ("CANCELLED", "succeeded", None, "cancelled by somebody else"),
-          ("TIMEOUT", "timed_out", "limit_time", "(TIMEOUT)"),
-          ("OUT_OF_MEMORY", "failed", "limit_memory", "out of memory")]
+def preempt(slurm, number):
+    """Another job needs all nodes for a moment, and is of more worth."""
+    slurm.submit("--partition=urgent", "--nodes=2", "--exclusive")
 
 
-@pytest.mark.parametrize("state, end, code, reason", STATES, ids=[s[0] for s in STATES])
-def test_each_state_of_slurm_has_its_code(new_cluster, new_farm, front, gate, state, end, code, reason):
+def fail_node(slurm, number):
+    slurm.call("scontrol", "update", f"nodename={slurm.call('squeue', '-h', '-j', number, '-o', '%N').strip()}", "state=DOWN",
+               "reason=test")
+
+
+STATES = [("PREEMPTED", preempt, "given back", "Slurm needed the node for others (PREEMPTED)"),
+          ("NODE_FAIL", fail_node, "interrupted", "the node failed (NODE_FAIL)"),
+          ("CANCELLED", lambda slurm, number: slurm.call("scancel", number), "spent", "cancelled by somebody else"),
+          ("REQUEUED_AFTER_NODE_FAIL", fail_node, "given back", "back into its queue"),
+          ("REQUEUED", lambda slurm, number: slurm.call("scontrol", "requeue", number), "given back", "back into its queue")]
+
+
+@pytest.mark.parametrize("state, stop, counts, reason", STATES, ids=[s[0] for s in STATES])
+def test_a_job_that_slurm_stops_runs_again(slurm, new_farm, gate, state, stop, counts, reason):
+    farm = new_farm("--worker", gate, *(("--slurm_options", "--requeue") if state.startswith("REQUEUED") else ()))
+    job = farm.submit(sphere())
+    wait_running(slurm, farm, job)
+    stop(slurm, slurm.jobs("%F")[0])
+    wait_until(lambda: len(attempts(farm, job)) == 2, "a second attempt")
+    farm.open_gate(job)
+    farm.wait_state(job, "succeeded")
+    assert reason in attempts(farm, job)[0]["reason"]
+    (task,) = farm.get(f"/v1/jobs/{job}/tasks").json["tasks"]
+    assert (task["spent"], task["interrupted"]) == {"given back": (1, 0), "interrupted": (1, 1), "spent": (2, 0)}[counts]
+
+
+def test_a_time_limit_of_slurm_ends_the_job(slurm, new_farm, gate):
+    """Slurm counts in minutes, and looks every half minute."""
+    farm = new_farm("--worker", gate, "--slurm_options", "--time=1")
+    job = farm.submit(sphere())
+    assert farm.wait_state(job, "timed_out")["error"]["code"] == "limit_time"
+    assert "(TIMEOUT)" in attempts(farm, job)[0]["reason"]
+
+
+def test_a_job_that_slurm_kills_for_its_memory_is_not_tried_for_ever(slurm, new_farm, tmp_path):
+    """Without control groups Slurm calls that FAILED."""
+    greedy = tmp_path / "greedy-worker"
+    greedy.write_text("#!/bin/sh\nhead -c 900M /dev/zero | tail\n")
+    greedy.chmod(0o755)
+    farm = new_farm("--worker", greedy, "--max_interruptions", "1", "--max_attempts", "2")
+    job = farm.submit(sphere())
+    farm.wait_state(job, "failed")
+    assert "FAILED" in attempts(farm, job)[0]["reason"]
+
+
+def test_a_held_job_says_so_and_waits(slurm, new_farm):
+    slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
+    farm = new_farm()
+    job = farm.submit(sphere())
+    (number,) = wait_until(lambda: slurm.jobs("%F"), "the job in Slurm")
+    slurm.call("scontrol", "hold", number)
+    slurm.call("scontrol", "update", "partition=farm", "state=UP")
+    wait_until(lambda: (farm.job(job)["progress"] or {}).get("reason") == "JobHeldAdmin", "the reason")
+    slurm.call("scontrol", "release", number)
+    farm.wait_state(job, "succeeded")
+    assert len(attempts(farm, job)) == 1
+
+
+WORDS = [("OUT_OF_MEMORY", "failed", "limit_memory", "out of memory"), ("BOOT_FAIL", "succeeded", None, "(BOOT_FAIL)"),
+         ("DEADLINE", "timed_out", "limit_time", "(DEADLINE)")]
+
+
+@pytest.mark.parametrize("word, end, code, reason", WORDS, ids=[w[0] for w in WORDS])
+def test_states_that_take_another_machine(slurm, new_farm, front, gate, word, end, code, reason):
     """The job is really stopped by Slurm; only the word for it is put in its place."""
-    slurm = new_cluster(nodes=1)
-    front("squeue", f'"$real" "$@" | sed "s/CANCELLED/{state}/"')
-    farm = new_farm("--worker", gate, "--max_attempts", "2")
+    front("squeue", f'"$real" "$@" | sed "s/CANCELLED/{word}/"')
+    farm = new_farm("--worker", gate)
     job = farm.submit(sphere())
     wait_running(slurm, farm, job)
     slurm.call("scancel", slurm.jobs("%F")[0])
@@ -157,6 +221,16 @@ def test_each_state_of_slurm_has_its_code(new_cluster, new_farm, front, gate, st
     now = farm.wait_state(job, end)
     assert (now["error"] or {}).get("code") == code
     assert reason in attempts(farm, job)[0]["reason"]
+
+
+def test_a_state_that_nobody_knows_decides_nothing(slurm, new_farm, front, gate):
+    front("squeue", '"$real" "$@" | sed "s/RUNNING/DREAMING/"')
+    farm = new_farm("--worker", gate)
+    job = farm.submit(sphere())
+    wait_running(slurm, farm, job)
+    farm.open_gate(job)
+    farm.wait_state(job, "succeeded")
+    assert len(attempts(farm, job)) == 1
 
 
 # ---- 6: the daemon is killed; storage and clocks fail
@@ -174,6 +248,124 @@ def test_a_daemon_killed_while_it_submits_runs_each_job_once(slurm, new_farm, fr
     farm.wait_state(job, "succeeded")
     assert sum(a["exit_status"] == 0 for a in attempts(farm, job)) == 1
     wait_until(lambda: all_ended(slurm), "an empty queue of Slurm")
+
+
+SETTLING = {"before the output is taken": ("rename", "work/attempts/"), "before the result is delivered": ("rename", "work/results/"),
+            "before the queue knows of it": ("write", "queue.db-wal")}
+
+
+@pytest.mark.parametrize("when", SETTLING)
+def test_a_daemon_killed_while_it_settles_keeps_the_result(slurm, build, tmp_path, when):
+    if calls.why_not():
+        pytest.skip(calls.why_not())
+    delivered, killed = [], []
+    kind, path = SETTLING[when]
+
+    def judge(call):
+        """Kills the daemon at the call: it is not done."""
+        to = next((p for p in call.paths[::-1] if p), "")
+        due = call.name in (calls.WRITES if kind == "write" else MOVES) and to.startswith(path)
+        if due and not killed and (kind == "rename" or delivered):
+            killed.append(call.name)
+            os.kill(daemon.process.pid, signal.SIGKILL)
+        delivered.extend([to] if call.name in MOVES and to.startswith("work/results/") else [])
+
+    daemon = crash_farm.Daemon(build, tmp_path, "--engine", "slurm", "--work_dir", tmp_path / "state/work", "--memory_mb", "300",
+                               "--slurm_interval_s", "0.2")
+    daemon.state.mkdir()
+    daemon.spawn(judge)
+    try:
+        with daemon.supervisor:
+            assert daemon.await_served()
+            job = daemon.submit(sphere())
+            wait_until(daemon.dead, "the kill")
+        daemon.start()
+        daemon.wait_state(job, "succeeded")
+        assert killed and len(attempts(daemon, job)) == 1 and b"element vertex 200" in points(daemon, job)
+    finally:
+        daemon.clean_up()
+
+
+@pytest.fixture
+def frozen_disk(tmp_path):
+    """A disk that can be frozen: whoever writes then waits."""
+    path, image = tmp_path / "disk", tmp_path / "image"
+    path.mkdir()
+    image.touch()
+    os.truncate(image, 64 << 20)
+    subprocess.run(["mkfs.ext4", "-q", image], check=True)
+    done = subprocess.run(["mount", "-o", "loop", image, path], text=True, stderr=subprocess.PIPE)
+    if done.returncode:
+        pytest.skip(f"no disk can be mounted: {done.stderr.strip()}")
+    yield path
+    subprocess.run(["fsfreeze", "--unfreeze", path], stderr=subprocess.DEVNULL)
+    subprocess.run(["umount", "-l", path], check=True)
+
+
+def wait_workers(slurm, ids):
+    for job in ids:
+        wait_until(lambda: on_nodes(slurm, job, "hexad-worker"), "a worker on a node")
+
+
+def test_a_full_storage_costs_time_and_no_job(new_disk, slurm, new_farm):  # noqa: F811
+    """While nodes work, so that they can write neither results nor endings."""
+    disk = new_disk(32)
+    farm = new_farm("--free_space_mb", "0", work=disk.path / "work")
+    ids = [farm.submit(sphere(8000 + i)) for i in range(3)]
+    wait_workers(slurm, ids)
+    disk.fill(0)
+    late = farm.submit(sphere())
+    wait_until(lambda: not any(on_nodes(slurm, job, "hexad-worker") for job in ids), "the workers' end")
+    disk.empty()
+    for job in (*ids, late):
+        farm.wait_state(job, "succeeded")
+        assert sum(a["exit_status"] == 0 for a in attempts(farm, job)) == 1
+
+
+def test_a_storage_that_hangs_holds_up_no_request(frozen_disk, slurm, new_farm):
+    """As a file server that is away."""
+    farm = new_farm("--free_space_mb", "0", work=frozen_disk / "work")
+    ids = [farm.submit(sphere(8000 + i)) for i in range(3)]
+    wait_workers(slurm, ids)
+    subprocess.run(["fsfreeze", "--freeze", frozen_disk], check=True)
+    ids += [farm.submit(sphere(300 + i)) for i in range(3)]
+    assert [farm.job(job)["state"] in ("queued", "running") for job in ids] == [True] * 6
+    farm.post(f"/v1/jobs/{ids[-1]}/cancel")
+    subprocess.run(["fsfreeze", "--unfreeze", frozen_disk], check=True)
+    for job in ids[:-1]:
+        farm.wait_state(job, "succeeded")
+        assert len(attempts(farm, job)) == 1
+    farm.wait_state(ids[-1], "cancelled")
+
+
+def test_a_node_whose_storage_is_read_only_is_avoided(new_cluster, new_farm):
+    """It fails at once, so that Slurm would give it every further attempt."""
+    slurm, farm = new_cluster(cpus=1), new_farm("--max_attempts", "2")
+    work = farm.base / "work"
+    slurm.end("n0", signal.SIGTERM)
+    slurm.begin("n0", "unshare", "--mount", "sh", "-c", f"mount --bind {work} {work} && mount -o remount,bind,ro {work} && "
+                "exec slurmd -D -N n0")
+    wait_until(lambda: (slurm.base / "slurmd.n0.log").read_text().count("slurmd started on") == 2, "the node")
+    ids = [farm.submit(sphere(200 + i)) for i in range(6)]
+    for job in ids:
+        farm.wait_state(job, "succeeded")
+    assert any(a["reason"].startswith("the node could not run") for job in ids for a in attempts(farm, job))
+    assert all(len(attempts(farm, job)) <= 2 for job in ids)
+
+
+@pytest.mark.parametrize("skew", ["+60s", "-60s"])
+def test_the_clock_of_a_node_is_off_by_a_minute(slurm, new_farm, build, tmp_path, skew):
+    if not shutil.which("faketime"):
+        pytest.skip("no faketime")
+    node = tmp_path / "node"
+    node.write_text(f"#!/bin/sh\nexec faketime -f '{skew}' {build}/hexad-node \"$@\"\n")
+    node.chmod(0o755)
+    farm = new_farm("--slurm_node", node)
+    done, late = farm.submit(sphere()), farm.submit(long_sphere(limits={"timeout_s": 1}))
+    farm.wait_state(done, "succeeded")
+    assert farm.wait_state(late, "timed_out")["error"]["code"] == "limit_time"
+    (attempt,) = attempts(farm, done)
+    assert attempt["started"] <= attempt["finished"] and len(attempts(farm, late)) == 1
 
 
 def test_a_node_that_cannot_write_fails_its_attempts_only(new_cluster, new_farm):
