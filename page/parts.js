@@ -40,15 +40,20 @@ export function useAction(action) {
   return [run, error, busy];
 }
 
-/** A function that has an action done soon, but at most once in so many milliseconds; `cancel` of it calls that off. */
+/**
+ * A function that has an asynchronous action done soon, but at most once in so many milliseconds, and for at most a fifth of
+ * the time, so that a slow service is left alone; `cancel` of it calls that off.
+ */
 export function throttled(action, ms) {
-  let timer = null, doneAt = -Infinity;
+  let timer = null, quietUntil = -Infinity;
   const soon = () => {
-    timer = timer || setTimeout(() => {
+    timer = timer || setTimeout(async () => {
+      const begun = performance.now();
       timer = null;
-      doneAt = performance.now();
-      action();
-    }, Math.max(0, ms - (performance.now() - doneAt)));
+      quietUntil = begun + ms;
+      await action();
+      quietUntil = Math.max(quietUntil, begun + 5 * (performance.now() - begun));
+    }, Math.max(0, quietUntil - performance.now()));
   };
   soon.cancel = () => {
     clearTimeout(timer);

@@ -8,22 +8,9 @@ const ROWS = 50;
 /** However fast events come, the list is read again no more often. */
 const READ_MS = 500;
 
-/** Orders of the rows of the page that is shown. */
-const ORDERS = {
-  created: job => -new Date(job.created),
-  name: job => nameOf(job).toLowerCase(),
-  state: job => Object.keys(STATES).indexOf(job.state),
-  owner: job => job.owner,
-  priority: job => -job.priority,
-};
-
-const COLUMNS = [["name", "Job"], ["state", "State"], ["owner", "Owner"], ["priority", "Priority"], ["created", "Submitted"]];
-
-function sorted(jobs, by, down) {
-  const key = ORDERS[by];
-  const order = [...jobs].sort((a, b) => (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0));
-  return down ? order.reverse() : order;
-}
+/** Columns by which the service sorts, and in which direction first. */
+const COLUMNS = [["name", "Job", ""], ["state", "State", ""], ["owner", "Owner", ""], ["priority", "Priority", "-"], ["created", "Submitted", "-"]];
+const NEWEST = "-created";
 
 /** Runs an action for each, a few at a time; returns the errors. */
 async function forEach(jobs, action) {
@@ -36,11 +23,11 @@ async function forEach(jobs, action) {
 }
 
 /** The jobs of the filter, the load and the readiness of the service: [data, reload]. */
-function useQueue(filter, cursor) {
+function useQueue(filter, sort, cursor) {
   const [data, setData] = useState({jobs: null, next: null, load: null, checks: null, error: null});
   const [, redraw] = useState(0);
   const address = useRef();
-  address.current = query({...filter, limit: ROWS, cursor});
+  address.current = query({...filter, sort, limit: ROWS, cursor});
   const newest = useRef(new Map()).current; // of each job that runs: its newest progress, which a list may lack
 
   const read = useMemo(() => inOrder(async () => {
@@ -92,7 +79,7 @@ function useQueue(filter, cursor) {
   return [{...data, jobs: data.jobs && data.jobs.map(withProgress)}, read];
 }
 
-function Filter({filter, onChange}) {
+function Filter({filter, sort, onChange, onSort}) {
   const set = (key, value) => onChange({...filter, [key]: value});
   const field = (key, word) => html`<label>${word}<input value=${filter[key]} onChange=${e => set(key, e.target.value.trim())} /></label>`;
   return html`<form class="filter" role="search" aria-label="Filter" onSubmit=${e => e.preventDefault()}>
@@ -100,7 +87,9 @@ function Filter({filter, onChange}) {
       <option value="">All</option>
       ${Object.entries(STATES).map(([key, {word}]) => html`<option value=${key} selected=${key === filter.state}>${word}</option>`)}
     </select></label>
-    ${field("name", "Whole name")}${field("owner", "Owner")}${field("label", "Label")}
+    ${field("text", "Name has")}${field("owner", "Owner")}${field("label", "Label")}
+    <label class="narrow">Sorted by<select value=${sort} onChange=${e => onSort(e.target.value)}>${COLUMNS.map(([key, word, first]) =>
+      html`<option value=${first + key} selected=${sort.replace("-", "") === key}>${word}</option>`)}</select></label>
   </form>`;
 }
 
@@ -179,14 +168,14 @@ function Row({job, now, chosen, onChoose}) {
 }
 
 export function Queue({session}) {
-  const [filter, setFilter] = useState({state: "", name: "", owner: "", label: ""});
+  const [filter, setFilter] = useState({state: "", text: "", owner: "", label: ""});
   const [cursors, setCursors] = useState([null]); // of the pages so far; the last one is shown
-  const [order, setOrder] = useState({by: "created", down: false});
+  const [sort, setSort] = useState(NEWEST);
   const [selection, setSelection] = useState(new Set());
-  const [data, reload] = useQueue(filter, cursors[cursors.length - 1]);
+  const [data, reload] = useQueue(filter, sort, cursors[cursors.length - 1]);
   const now = useClock();
   useTitle("Queue");
-  const jobs = data.jobs ? sorted(data.jobs, order.by, order.down) : [];
+  const jobs = data.jobs || [];
   const chosen = jobs.filter(job => selection.has(job.id));
   const choose = job => setSelection(old => {
     const next = new Set(old);
@@ -194,15 +183,20 @@ export function Queue({session}) {
     return next;
   });
   const chooseAll = e => setSelection(new Set(e.target.checked ? jobs.map(job => job.id) : []));
-  const heading = ([key, word]) => html`<th scope="col" class=${key === "priority" ? "number" : ""} aria-sort=${order.by === key ? (order.down ? "descending" : "ascending") : null}>
-    <button class="plain" onClick=${() => setOrder({by: key, down: order.by === key && !order.down})}>${word}</button></th>`;
+  const restart = set => next => {
+    set(next);
+    setCursors([null]);
+  };
+  const sortBy = restart(setSort);
+  const heading = ([key, word, first]) => {
+    const by = sort.replace("-", "") === key, falls = sort.startsWith("-");
+    return html`<th scope="col" class=${key === "priority" ? "number" : ""} aria-sort=${by ? (falls ? "descending" : "ascending") : null}>
+      <button class="plain" onClick=${() => sortBy(by ? `${falls ? "" : "-"}${key}` : first + key)}>${word}</button></th>`;
+  };
   const mayChange = session.scopes.includes("cancel");
   return html`<h1>Queue</h1>
     <${Load} load=${data.load} checks=${data.checks} admin=${session.scopes.includes("admin")} onChange=${reload} />
-    <${Filter} filter=${filter} onChange=${next => {
-      setFilter(next);
-      setCursors([null]);
-    }} />
+    <${Filter} filter=${filter} sort=${sort} onChange=${restart(setFilter)} onSort=${sortBy} />
     <${Trouble} error=${data.error} />
     ${mayChange && html`<${Actions} chosen=${chosen} onDone=${reload} />`}
     <div class="scroll" tabindex="0" role="region" aria-label="Jobs"><table class="jobs"><thead><tr>
@@ -212,7 +206,7 @@ export function Queue({session}) {
     ${data.jobs && !jobs.length && html`<p class="empty">No jobs${Object.values(filter).some(Boolean) ? " like these" : " yet"}.
       ${session.scopes.includes("submit") && html` <a href="#/submit">Submit one</a>`}</p>`}
     <nav class="pages" aria-label="Pages">
-      <button disabled=${cursors.length < 2} onClick=${() => setCursors(cursors.slice(0, -1))}>Newer</button>
+      <button disabled=${cursors.length < 2} onClick=${() => setCursors(cursors.slice(0, -1))}>Back</button>
       <span>Page ${cursors.length}</span>
-      <button disabled=${!data.next} onClick=${() => setCursors([...cursors, data.next])}>Older</button></nav>`;
+      <button disabled=${!data.next} onClick=${() => setCursors([...cursors, data.next])}>More</button></nav>`;
 }

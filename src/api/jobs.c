@@ -11,6 +11,7 @@
 #include "api/inputs.h"
 #include "api/job_json.h"
 #include "api/job_lookup.h"
+#include "api/parameters.h"
 #include "api/paths.h"
 #include "base/clock.h"
 #include "base/frames.h"
@@ -553,20 +554,27 @@ void jobs_validate(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
+static void write_pair(FILE *out, const char *key, const char *value)
+{
+    fprintf(out, "%s=", key);
+    for (const char *t = value; *t; t++) {
+        bool plain = isalnum((unsigned char)*t) || strchr("-._~", *t);
+        fprintf(out, plain ? "%c" : "%%%02X", (unsigned char)*t);
+    }
+}
+
 /* Adds the header Link, which names the next page of the same list. */
 static void add_next(const http_request *request, const char *cursor, reply *r)
 {
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
-    fprintf(out, "</v1/jobs?cursor=%s", cursor);
+    fputs("</v1/jobs?", out);
+    write_pair(out, "cursor", cursor);
     for (size_t i = 0; i < request->query_count; i++) {
         if (strcmp(request->query[i].key, "cursor") == 0) continue;
-        fprintf(out, "&%s=", request->query[i].key);
-        for (const char *t = request->query[i].value; *t; t++) {
-            bool plain = isalnum((unsigned char)*t) || strchr("-._~", *t);
-            fprintf(out, plain ? "%c" : "%%%02X", (unsigned char)*t);
-        }
+        fputc('&', out);
+        write_pair(out, request->query[i].key, request->query[i].value);
     }
     fputs(">; rel=\"next\"", out);
     fclose(out);
@@ -574,14 +582,12 @@ static void add_next(const http_request *request, const char *cursor, reply *r)
     free(text);
 }
 
-static int compare_age(const void *a, const void *b)
+static int compare_jobs(const void *a, const void *b, void *filter)
 {
-    const queue_job *x = a, *y = b;
-    return (x->seq < y->seq) - (x->seq > y->seq);
+    return queue_compare(a, b, filter);
 }
 
-/* Lists the jobs of each of the states (with commas between them; NULL: any), the newest first, at most as many as the
- * filter says. */
+/* Lists the jobs of each of the states (with commas between them; NULL: any), at most as many as the filter says. */
 static bool list_states(const http_context *c, queue_filter filter, const char *states, queue_job **jobs,
                         size_t *count, error *e)
 {
@@ -603,7 +609,7 @@ static bool list_states(const http_context *c, queue_filter filter, const char *
         *count += more;
         free(found);
     }
-    qsort(*jobs, *count, sizeof **jobs, compare_age);
+    qsort_r(*jobs, *count, sizeof **jobs, compare_jobs, &filter);
     size_t kept = 0;
     for (size_t i = 0; i < *count; i++) {
         /* one whose state has changed meanwhile is there twice */
@@ -617,6 +623,27 @@ static bool list_states(const http_context *c, queue_filter filter, const char *
     return true;
 }
 
+/* Reads where the list continues: the number of the last job of the page before, and behind a colon what it was sorted
+ * by. False: this is not what an answer said. */
+static bool read_cursor(const http_request *request, queue_filter *filter)
+{
+    const char *text = parameter_text(request, "cursor", NULL);
+    if (!text) return true;
+    size_t digits = strspn(text, "0123456789");
+    if (digits == 0 || digits > 18 || (text[digits] != ':' && text[digits])) return false;
+    filter->after_seq = strtoll(text, NULL, 10);
+    filter->after_key = text[digits] ? text + digits + 1 : NULL;
+    return filter->after_seq > 0 && (filter->order == QUEUE_BY_AGE) == !filter->after_key;
+}
+
+static char *print_cursor(const queue_job *job, queue_order sorted_by)
+{
+    char key[QUEUE_SORT_KEY_SIZE];
+    return sorted_by == QUEUE_BY_AGE
+               ? mem_printf("%lld", (long long)job->seq)
+               : mem_printf("%lld:%s", (long long)job->seq, queue_sort_key(job, sorted_by, key));
+}
+
 void jobs_list(const http_context *c, const http_request *request, reply *r)
 {
     queue_filter filter = {
@@ -624,21 +651,27 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         .owner = parameter_text(request, "owner", NULL),
         .label = parameter_text(request, "label", NULL),
         .name = parameter_text(request, "name", NULL),
+        .text = parameter_text(request, "text", NULL),
         .since_ms = parameter_time(request, "created_after"),
         .until_ms = parameter_time(request, "created_before"),
-        .before_seq = parameter_integer(request, "cursor", 0),
         .limit = (int)parameter_integer(request, "limit", LIST_DEFAULT),
     };
     error e = {0};
     queue_job *jobs = NULL;
     size_t count = 0, limit = (size_t)filter.limit;
+    parameters_read_order(request, &filter.order, &filter.rising);
+    if (!read_cursor(request, &filter)) {
+        reply_set_problem(r, "request_invalid", NULL,
+                          "cursor is not `next` of a page of a list with this `sort`");
+        return;
+    }
     filter.limit++; /* one more tells whether there is a next page */
     if (!list_states(c, filter, parameter_text(request, "state", NULL), &jobs, &count, &e)) {
         queue_jobs_free(jobs, count);
         reply_set_error(r, &e, NULL);
         return;
     }
-    char cursor[24] = "";
+    char *cursor = count > limit ? print_cursor(&jobs[limit - 1], filter.order) : NULL;
     json *document = json_new_object();
     json *list = json_put_array(document, "jobs");
     for (size_t i = 0; i < count && i < limit; i++) {
@@ -646,11 +679,11 @@ void jobs_list(const http_context *c, const http_request *request, reply *r)
         json_append(list, job_json_new(&jobs[i], progress));
         free(progress);
     }
-    if (count > limit) snprintf(cursor, sizeof cursor, "%lld", (long long)jobs[limit - 1].seq);
-    json_put_string(document, "next", *cursor ? cursor : NULL);
+    json_put_string(document, "next", cursor);
     queue_jobs_free(jobs, count);
     reply_set_json(r, 200, document);
-    if (*cursor) add_next(request, cursor, r);
+    if (cursor) add_next(request, cursor, r);
+    free(cursor);
 }
 
 /* How long the answer may wait, from `Prefer: wait=30`, in milliseconds; 0: not at all. */

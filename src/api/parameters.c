@@ -1,10 +1,33 @@
 #include "api/parameters.h"
 
+#include <string.h>
+
 #include "queue/queue.h"
 
 static const char *state_at(size_t index)
 {
     return index < QUEUE_STATE_COUNT ? queue_state_name((queue_state)index) : NULL;
+}
+
+/* Orders of a list: an order's word, and with a minus the same the other way round. */
+static const char *const order_words[2 * QUEUE_ORDER_COUNT] = {
+    [2 * QUEUE_BY_AGE] = "-created",       "created",  [2 * QUEUE_BY_NAME] = "-name",   "name",
+    [2 * QUEUE_BY_OWNER] = "-owner",       "owner",    [2 * QUEUE_BY_STATE] = "-state", "state",
+    [2 * QUEUE_BY_PRIORITY] = "-priority", "priority",
+};
+
+static const char *order_at(size_t index)
+{
+    return index < 2 * QUEUE_ORDER_COUNT ? order_words[index] : NULL;
+}
+
+void parameters_read_order(const http_request *request, queue_order *order, bool *rising)
+{
+    const char *word = parameter_text(request, "sort", order_words[0]);
+    size_t i = 0;
+    while (strcmp(order_words[i], word) != 0) i++;
+    *order = (queue_order)(i / 2);
+    *rising = i % 2;
 }
 
 static const parameter parameters[] = {
@@ -46,6 +69,19 @@ static const parameter parameters[] = {
      .low = 1,
      .high = 400,
      .prose = "Only jobs with this label, or their events."},
+    {.name = "text",
+     .type = PARAMETER_TEXT,
+     .low = 1,
+     .high = 255,
+     .prose = "Only jobs with this text in their name; the case of ASCII letters does not matter."},
+    {.name = "sort",
+     .type = PARAMETER_WORD,
+     .word = order_at,
+     .otherwise = "-created",
+     .prose =
+         "What the list is sorted by, over all its pages: the smallest first, or with a minus the largest. Names are "
+         "sorted without regard to the case of ASCII letters. Jobs that are alike in that are sorted by age, the "
+         "newest first with a minus."},
     {.name = "created_after",
      .type = PARAMETER_TIME,
      .prose =
@@ -140,10 +176,10 @@ static const parameter parameters[] = {
      .prose = "The id of the last received event: the stream continues after it. It takes"
               " precedence over the parameter `after`."},
     {.name = "cursor",
-     .type = PARAMETER_INTEGER,
+     .type = PARAMETER_TEXT,
      .low = 1,
-     .high = 999999999999999999,
-     .prose = "`next` of the previous page."},
+     .high = 300,
+     .prose = "`next` of the previous page, with the same `sort`."},
 };
 
 const parameter_table api_parameters = {parameters, sizeof parameters / sizeof *parameters};

@@ -100,10 +100,11 @@
 /* Whether a dependent job waits for the end only, and not for success. */
 #define ANY_END "any_end INTEGER NOT NULL DEFAULT 0"
 
-/* Jobs are found by name and by the time of their submission. */
-#define FOUND                                                        \
-    "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;" \
-    "CREATE INDEX job_by_time ON job (created_ms);"
+/* Jobs are found and sorted by name and priority, and found by the time of their submission. */
+#define SORTED                                                    \
+    "CREATE INDEX job_by_name ON job (" SCHEMA_NAME_KEY ", seq);" \
+    "CREATE INDEX job_by_priority ON job (priority, seq);"
+#define FOUND SORTED "CREATE INDEX job_by_time ON job (created_ms);"
 
 /* What ended jobs leave: the sums of each user, and of all in the table service. The indexes have the order in which jobs
  * are deleted when a bound is met (queue/usage). */
@@ -408,6 +409,9 @@ static const char find_usage[] =
     "UPDATE job SET result_bytes = NULL,"
     "  delivered_ms = iif(finished_ms IS NOT NULL AND succeeded = 0, finished_ms, NULL);";
 
+/* Migration from version 9, in which lists were not sorted. */
+static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
@@ -422,7 +426,7 @@ static const struct step {
     {2, 5, add_state_count},      {2, 6, add_turns},
     {1, 6, find_owners},          {2, 7, add_any_end},
     {2, 7, add_unresolved},       {2, 8, add_usage},
-    {1, 8, find_usage},
+    {1, 8, find_usage},           {8, 9, add_sorted},
 };
 
 bool schema_error_is_damage(int code)

@@ -12,7 +12,10 @@
 
 #include "base/error.h"
 
-#define SCHEMA_VERSION 9
+#define SCHEMA_VERSION 10
+
+/* What jobs are sorted by when they are sorted by name. */
+#define SCHEMA_NAME_KEY "coalesce(name, '') COLLATE NOCASE"
 
 #define SCHEMA_FINAL_STATES "'succeeded', 'failed', 'cancelled', 'timed_out'"
 

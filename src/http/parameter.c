@@ -55,6 +55,8 @@ static bool is_good(const parameter *p, const char *value)
         return strtoll(value, NULL, 10) >= p->low && strtoll(value, NULL, 10) <= p->high;
     case PARAMETER_TIME:
         return clock_parse_utc(value, &wall_ms) && wall_ms > 0;
+    case PARAMETER_WORD:
+        return !strchr(value, ',') && are_words(p, value);
     case PARAMETER_WORDS:
         return are_words(p, value);
     }
@@ -75,7 +77,9 @@ static void describe_values(const parameter *p, char *text, size_t size)
         size_t used = (size_t)snprintf(text, size, "must be one of ");
         for (size_t i = 0; used < size && (word = p->word(i)); i++)
             used += (size_t)snprintf(text + used, size - used, "%s, ", word);
-        if (used < size) snprintf(text + used, size - used, "or several of them with commas");
+        if (used < size)
+            snprintf(text + used - 2, size - used + 2, "%s",
+                     p->type == PARAMETER_WORDS ? ", or several of them with commas" : "");
     }
 }
 
@@ -137,6 +141,11 @@ json *parameter_describe(const parameter_table *table, const char *name, const c
         json_put_integer(schema, "minimum", p->low);
         json_put_integer(schema, "maximum", p->high);
         if (p->otherwise) json_put_integer(schema, "default", atoll(p->otherwise));
+    } else if (p->type == PARAMETER_WORD) {
+        json_put_string(schema, "type", "string");
+        json *words = json_put_array(schema, "enum");
+        for (size_t i = 0; p->word(i); i++) json_append_string(words, p->word(i));
+        if (p->otherwise) json_put_string(schema, "default", p->otherwise);
     } else if (p->type == PARAMETER_WORDS) {
         char *ref = mem_printf("#/components/schemas/%s", p->schema);
         json_put_string(o, "style", "form");

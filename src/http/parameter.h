@@ -12,7 +12,8 @@ typedef enum parameter_type {
     PARAMETER_TEXT,
     PARAMETER_INTEGER,
     PARAMETER_TIME, /* RFC 3339 */
-    PARAMETER_WORDS /* one or more of a list of words, with commas between them */
+    PARAMETER_WORD, /* one of a list of words */
+    PARAMETER_WORDS /* one or more of them, with commas between them */
 } parameter_type;
 
 /* A row of the table. */
@@ -21,8 +22,8 @@ typedef struct parameter {
     parameter_type type;
     int64_t low, high;                 /* of a number, inclusive; of a text its length in bytes */
     const char *(*word)(size_t index); /* of words: the index-th, NULL behind the last */
-    const char *schema;                /* of words: where the OpenAPI document lists them */
-    const char *otherwise;             /* the default of a number; NULL: none */
+    const char *schema;                /* of PARAMETER_WORDS: where the OpenAPI document lists them */
+    const char *otherwise;             /* the default of a number or a word; NULL: none */
     const char *pattern;               /* of a text, for the document; NULL: none */
     const char *prose;
 } parameter;

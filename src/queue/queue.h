@@ -190,16 +190,38 @@ bool queue_get(queue *q, const char *id, queue_job *job, bool *found, error *e);
  * job. While it equals the stamp that queue_get returned, that job is still up to date. Does not read the database. */
 uint64_t queue_stamp(queue *q, int64_t seq);
 
+/* What a list is sorted by: the job's place in the queue, its name (without regard to the case of ASCII letters, the
+ * nameless first), its owner, the word for its state, its priority. Jobs that are alike in that are sorted by their place. */
+typedef enum queue_order {
+    QUEUE_BY_AGE,
+    QUEUE_BY_NAME,
+    QUEUE_BY_OWNER,
+    QUEUE_BY_STATE,
+    QUEUE_BY_PRIORITY
+} queue_order;
+#define QUEUE_ORDER_COUNT 5
+
 typedef struct queue_filter {
     int state;                        /* a queue_state, or -1: any */
     const char *owner, *label, *name; /* NULL: any */
+    const char *text;                 /* a part of the name, whatever the case of ASCII letters; NULL: any */
     int64_t since_ms, until_ms;       /* created at this time or later, and before this time; 0: any */
-    int64_t before_seq;               /* only jobs that came before this one; 0: all */
+    queue_order order;
+    bool rising;           /* smallest or oldest first */
+    int64_t after_seq;     /* only jobs behind this one in the list; 0: all */
+    const char *after_key; /* what queue_sort_key said of that job; not needed BY_AGE */
     int limit;
 } queue_filter;
 
-/* Newest first, without their specs. */
+/* Without their specs. Costs a few lookups for each job that it lists; the conditions that no index answers (the text, and any
+ * condition of a list that is not BY_AGE) one for each job that it passes over. */
 bool queue_list(queue *q, const queue_filter *filter, queue_job **jobs, size_t *count, error *e);
+
+#define QUEUE_SORT_KEY_SIZE 256
+/* What a job is sorted by, as text. */
+const char *queue_sort_key(const queue_job *job, queue_order order, char text[QUEUE_SORT_KEY_SIZE]);
+/* Negative when `a` stands before `b` in the list of the filter. */
+int queue_compare(const queue_job *a, const queue_job *b, const queue_filter *filter);
 
 /* Whether a job that has not ended reads the file of this name. */
 bool queue_wants_input(queue *q, const char *name, bool *wanted, error *e);

@@ -63,7 +63,7 @@ static bool look_at_jobs(audit *a, error *e)
         for (size_t i = 0; ok && i < count; i++)
             if (jobs[i].tasks.succeeded) ok = look_at_job(a, &jobs[i], e);
         more = count == PAGE;
-        if (count) filter.before_seq = jobs[count - 1].seq;
+        if (count) filter.after_seq = jobs[count - 1].seq;
         queue_jobs_free(jobs, count);
     }
     return ok;

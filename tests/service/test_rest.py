@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from service import PATIENCE_S, long_sphere, sphere, wait_until
+from service import PATIENCE_S, gated_worker, long_sphere, sphere, wait_until
 
 
 def expect_problem(reply, status, code, pointer=None):
@@ -90,7 +90,31 @@ def test_list_pages(service):
     assert service.get("/v1/jobs?state=failed").json == {"jobs": [], "next": None}
 
 
+def test_sorted_pages(new_service, tmp_path):
+    """The pages are the whole list, cut."""
+    service = new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
+    service.wait_state(service.submit(sphere(name="c")), "running")
+    for name, priority in (("b:1,ü", 3), ("a", 3), ("B%", -1)):
+        service.submit(sphere(name=name, queue={"priority": priority}))
+
+    def names(path):
+        reply = service.get(path)
+        return [j["name"] for j in reply.json["jobs"]], reply.headers["Link"] and reply.headers["Link"].partition(">")[0][1:]
+
+    for sort in ("-created", "created", "name", "-name", "-priority", "state"):
+        for states in ("", "&state=queued,running"):
+            whole, seen, path = names(f"/v1/jobs?sort={sort}{states}")[0], [], f"/v1/jobs?limit=1&sort={sort}{states}"
+            while path:
+                one, path = names(path)
+                seen += one
+            assert seen == whole and len(whole) == 4, (sort, states)
+    assert names("/v1/jobs?sort=name")[0] == ["a", "B%", "b:1,ü", "c"]
+    assert names("/v1/jobs?sort=-priority")[0] == ["a", "b:1,ü", "c", "B%"]
+    assert names("/v1/jobs?text=b%25")[0] == ["B%"]
+
+
 @pytest.mark.parametrize("query", ["state=nonsense", "limit=0", "limit=x", "limit=501", "cursor=-1", "other=1", "state",
+                                   "sort=size", "sort=name,state", "sort=name&cursor=1", "cursor=1:x", "text=",
                                    "limit=1&limit=2", "state=queued&state=queued", "state=queued%00x"])
 def test_bad_queries_are_refused(service, query):
     expect_problem(service.get(f"/v1/jobs?{query}"), 400, "request_invalid")

@@ -192,8 +192,11 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     browser.one("tbody tr:nth-child(3) input").click()
     browser.press("Cancel", ".actions")
     browser.wait_text("Cancelled", "tbody tr:nth-child(3)")
-    field = browser.all(".filter input")[2]
-    field.send_keys("alpha\n")
+    text, _, label = browser.all(".filter input")
+    text.send_keys("AM\n")
+    wait_until(lambda: names() == ["gamma"], "the rows with that in their names")
+    text.clear()
+    label.send_keys("alpha\n")
     wait_until(lambda: names() == ["alpha"], "the rows of a label")
 
 

@@ -223,8 +223,14 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 9 had not. */
+#define BEFORE_10                                         \
+    "DROP INDEX job_by_priority; DROP INDEX job_by_name;" \
+    "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;"
+
 /* What version 8 had not. */
 #define BEFORE_9                                                                                           \
+    BEFORE_10                                                                                              \
     "DROP TRIGGER job_leaves; DROP TRIGGER job_is_adopted; DROP TRIGGER job_is_deleted; DROP TABLE usage;" \
     "DROP INDEX job_leaving; DROP INDEX job_leaving_of; DROP INDEX job_unmeasured;"                        \
     "ALTER TABLE job DROP COLUMN result_bytes; ALTER TABLE job DROP COLUMN delivered;"                     \
@@ -386,6 +392,18 @@ static void test_usage_is_added_to_version_8(void **state)
     queue_bound(p->q, &(queue_bounds){.all = {1, 1}, .user = {INT64_MAX, INT64_MAX}});
     assert_true(queue_next_leaving(p->q, id, &found, NULL) && found);
     assert_string_equal(id, failed);
+}
+
+/* Lists were not sorted. */
+static void test_orders_are_added_to_version_9(void **state)
+{
+    place *p = *state;
+    char id[2][ULID_SIZE];
+    put(p, "b", 0, id[0]);
+    put(p, "A", 0, id[1]);
+    alter_database(p, BEFORE_10 "PRAGMA user_version = 9;");
+    queue_filter f = {.state = -1, .limit = 9, .order = QUEUE_BY_NAME, .rising = true};
+    expect_listed(p, &f, (const char *[]){id[1], id[0]}, 2);
 }
 
 /* Users had no turns: the oldest job came first, whoever's it was. */
@@ -706,6 +724,7 @@ int main(void)
         CASE(test_notifications_of_version_5_get_ids),
         CASE(test_turns_are_added_to_version_6),
         CASE(test_usage_is_added_to_version_8),
+        CASE(test_orders_are_added_to_version_9),
         CASE(test_version_7_learns_the_outcome_unresolved),
         CASE(test_what_a_run_needs_is_read_from_specs_of_version_4),
         CASE(test_a_claim_tells_what_the_run_needs),

@@ -683,7 +683,7 @@ static void test_list_pages_newest_first(void **state)
     claim(p, id[0]);
     expect_listed(p, &(queue_filter){.state = -1, .limit = 3}, (const char *[]){id[4], id[3], id[2]}, 3);
     queue_job job = get(p, id[2]);
-    queue_filter next = {.state = -1, .limit = 3, .before_seq = job.seq};
+    queue_filter next = {.state = -1, .limit = 3, .after_seq = job.seq};
     queue_job_clear(&job);
     expect_listed(p, &next, (const char *[]){id[1], id[0]}, 2);
     queue_filter queued = {.state = QUEUE_QUEUED, .limit = 100};
@@ -738,6 +738,57 @@ static void test_list_by_name_and_time(void **state)
     expect_listed(p, &f, NULL, 0);
 }
 
+/* The pages of each order, one job each, and backwards. */
+static void test_lists_are_sorted(void **state)
+{
+    place *p = *state;
+    static const struct {
+        const char *name, *owner;
+        int priority;
+    } given[] = {{"Beta 50%", "bob", 5}, {NULL, "ann", -5}, {"alpha", "bob", 5}, {"beta 50%", "cid", 0}};
+    static const int wanted[QUEUE_ORDER_COUNT][4] = {[QUEUE_BY_AGE] = {0, 1, 2, 3},
+                                                     [QUEUE_BY_NAME] = {1, 2, 0, 3},
+                                                     [QUEUE_BY_OWNER] = {1, 0, 2, 3},
+                                                     [QUEUE_BY_STATE] = {1, 2, 3, 0},
+                                                     [QUEUE_BY_PRIORITY] = {1, 3, 0, 2}};
+    queue_submission s = plain;
+    char id[4][ULID_SIZE];
+    for (int i = 0; i < 4; i++) {
+        s.name = given[i].name;
+        s.owner = given[i].owner;
+        s.priority = given[i].priority;
+        submit_for(p, &s, id[i]);
+    }
+    claim(p, id[0]); /* "running" is behind "queued" */
+    for (int k = 0; k < 2 * QUEUE_ORDER_COUNT; k++) {
+        queue_filter f = {.state = -1, .limit = 1, .order = (queue_order)(k / 2), .rising = k % 2};
+        char text[QUEUE_SORT_KEY_SIZE], *key = NULL;
+        queue_job *jobs = NULL, last = {0};
+        size_t count = 0;
+        for (int i = 0; i < 4; i++) {
+            assert_true(queue_list(p->q, &f, &jobs, &count, NULL));
+            assert_int_equal(count, 1);
+            assert_string_equal(jobs[0].id, id[wanted[k / 2][f.rising ? i : 3 - i]]);
+            if (i) assert_true(queue_compare(&last, &jobs[0], &f) < 0);
+            free(key);
+            f.after_key = key = mem_strdup(queue_sort_key(&jobs[0], f.order, text));
+            f.after_seq = jobs[0].seq;
+            queue_job_clear(&last);
+            last = jobs[0];
+            free(jobs);
+        }
+        expect_listed(p, &f, NULL, 0);
+        queue_job_clear(&last);
+        free(key);
+    }
+    queue_filter f = {.state = -1, .limit = 9, .text = "BETA 50%", .order = QUEUE_BY_NAME, .rising = true};
+    expect_listed(p, &f, (const char *[]){id[0], id[3]}, 2);
+    f = (queue_filter){.state = -1, .limit = 9, .text = "a", .owner = "bob"};
+    expect_listed(p, &f, (const char *[]){id[2], id[0]}, 2);
+    f.text = "5_%";
+    expect_listed(p, &f, NULL, 0);
+}
+
 /* All eight combinations of conditions. */
 static void test_list_by_owner_and_label(void **state)
 {
@@ -770,7 +821,7 @@ static void test_list_by_owner_and_label(void **state)
     f.limit = 1;
     expect_listed(p, &f, (const char *[]){bob}, 1);
     queue_job job = get(p, bob);
-    f.before_seq = job.seq;
+    f.after_seq = job.seq;
     queue_job_clear(&job);
     expect_listed(p, &f, (const char *[]){shot}, 1);
     f.label = "nothing";
@@ -1084,6 +1135,7 @@ int main(void)
         CASE(test_jobs_wait_for_any_end),
         CASE(test_attempts_come_in_pages),
         CASE(test_list_by_name_and_time),
+        CASE(test_lists_are_sorted),
         CASE(test_who_depends_on_a_failure_fails),
         CASE(test_an_array_has_one_state),
         CASE(test_cancel_of_an_array),
