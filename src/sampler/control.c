@@ -154,6 +154,8 @@ static bool adapt_count(sampler *s, bool *changed, error *e)
     size_t before = s->state.p->count, wanted = bounded_count(s), inserted = 0;
     *changed = wanted != before;
     if (!*changed) return true;
+    free(s->record.replaced); /* particles are others from here on */
+    s->record.replaced = NULL;
     sampler_round *round = &s->record.round[s->record.round_count - 1];
     rng r = rng_seed(s->setup.params.seed, RANDOM_STREAM_ROUND + s->record.round_count);
     if (wanted > before && !insert_particles(s, wanted - before, &r, &inserted, e)) return false;

@@ -102,6 +102,8 @@ static void replace_lost(sampler *s)
 
 static void count_lost(sampler *s)
 {
+    s->record.out.lost = 0;
+    s->record.out.max_residual = 0;
     for (size_t i = 0; i < s->state.p->count; i++) {
         if (s->scratch.lost[i])
             s->record.out.lost++;
@@ -127,6 +129,13 @@ static void curvature_chunk(void *context, int worker, size_t begin, size_t end)
     }
 }
 
+/* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre. */
+double sampler_step_left(const sampler *s)
+{
+    if (s->setup.params.energy == &energy_gaussian) return NAN;
+    return relax_rms_step_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing);
+}
+
 /* Energies need the lists, which are given up before there is anything else: together they would be the most
  * memory that a job takes. */
 static bool describe_energies(sampler *s, error *e)
@@ -136,11 +145,7 @@ static bool describe_energies(sampler *s, error *e)
         return false;
     s->record.out.mean_energy = relax_mean_energy(s->scratch.relax, s->state.p, s->state.sigma);
     s->record.out.mean_neighbours = relax_mean_neighbours(s->scratch.relax, s->state.p, s->state.sigma);
-    /* Newton's step says nothing of the Gaussian, which bends the wrong way near its centre */
-    s->record.out.step_left =
-        s->setup.params.energy == &energy_gaussian
-            ? NAN
-            : relax_rms_step_left(s->scratch.relax, s->state.p, s->state.sigma, s->state.spacing);
+    s->record.out.step_left = sampler_step_left(s);
     relax_free(s->scratch.relax);
     s->scratch.relax = NULL;
     return true;
@@ -170,15 +175,14 @@ static bool describe_points(sampler *s, error *e)
     return true;
 }
 
-/* Every particle onto the surface, or onto a new place there. Error: limit_memory. */
-static bool settle_particles(sampler *s, error *e)
+bool sampler_settle(sampler *s, error *e)
 {
     size_t n = s->state.p->count;
     s->scratch.residual = mem_array(n, sizeof *s->scratch.residual, "the result", e);
     s->scratch.lost = mem_array(n, sizeof *s->scratch.lost, "the result", e);
-    s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
-    bool ok = s->scratch.residual && s->scratch.lost && s->record.replaced;
-    if (ok) {
+    if (!s->record.replaced) s->record.replaced = mem_array(n, sizeof *s->record.replaced, "the result", e);
+    s->state.settled = s->scratch.residual && s->scratch.lost && s->record.replaced;
+    if (s->state.settled) {
         threads_run(s->setup.pool, n, 256, finalize_chunk, s);
         replace_lost(s);
         count_lost(s);
@@ -187,14 +191,14 @@ static bool settle_particles(sampler *s, error *e)
     free(s->scratch.lost);
     s->scratch.residual = NULL;
     s->scratch.lost = NULL;
-    return ok;
+    return s->state.settled;
 }
 
 bool sampler_finalize(sampler *s, error *e)
 {
     while (s->state.level < s->state.plan.count - 1) /* stopped early: the count is exact all the same */
         if (!sampler_refine(s, e)) return false;
-    if (!settle_particles(s, e)) return false;
+    if (!s->state.settled && !sampler_settle(s, e)) return false;
     sampler_resize(s);
     return describe_energies(s, e) && describe_points(s, e) && s->setup.method->describe(s, e);
 }

@@ -10,6 +10,8 @@
 
 /* For the estimate of progress: the share of a solve after which refined levels begin. */
 static const double FINE_BEGINS = 0.4;
+/* So often a solve that has come to rest goes on for particles that were put on new places: some places lose whoever comes. */
+enum { RECALLS_MOST = 5 };
 
 static schedule_position position(const sampler *s)
 {
@@ -101,6 +103,28 @@ static bool sizes_are_settled(sampler *s)
     return false;
 }
 
+/* The points would rest as they are delivered: a sweep does not count who wants to move and finds no better place. The
+ * gradient minimiser is at rest when its steps are small, whatever Newton's would be. */
+static bool points_rest(const sampler *s, const schedule_position *at)
+{
+    if (!schedule_is_last_level(at) || !schedule_is_last_stage(at) || s->setup.params.gradient) return true;
+    return !(sampler_step_left(s) > s->setup.params.step_tolerance);
+}
+
+/* The solve has ended at rest. Particles that are not on the surface get new places; they have to find theirs among the
+ * others, so that the last round goes on. */
+static bool deliver(sampler *s, error *e)
+{
+    size_t before = s->record.removed;
+    if (!sampler_settle(s, e)) return false;
+    if (s->record.removed == before || s->state.recalls == RECALLS_MOST) return true;
+    s->state.recalls++;
+    s->state.outcome = SAMPLER_RUNNING;
+    s->state.sweeps_in_round = s->record.round[--s->record.round_count].sweeps;
+    s->state.lists_stale = true;
+    return true;
+}
+
 /* A line of the record. */
 static void note_sweep(sampler *s, const relax_sums *sums)
 {
@@ -129,6 +153,7 @@ static bool relax_step(sampler *s, error *e)
                                  .fast_step = schedule_longest_step(s->setup.schedule, &at),
                                  .gain = s->state.gain};
     relax_sums sums;
+    s->state.settled = false;
     relax_sweep(s->scratch.relax, s->state.p, &params, &sums);
     at.sweeps = ++s->state.sweeps_in_round;
     note_sweep(s, &sums);
@@ -138,12 +163,14 @@ static bool relax_step(sampler *s, error *e)
     const schedule_evidence seen = {sums.rms_step, sums.mean_log10_lambda, !s->setup.params.gradient,
                                     s->setup.params.step_tolerance};
     estimate_fraction(s, &seen);
-    if (schedule_is_impatient(s->setup.schedule, &at)) s->state.gain *= 10;
+    if (schedule_is_impatient(s->setup.schedule, &at, s->state.gain)) s->state.gain *= 10;
     s->state.lists_stale = schedule_wants_lists(s->setup.schedule, &at, sums.cramped, ++s->state.list_age) ||
                            sampler_amplitudes_are_due(s);
     s->state.skin = schedule_skin(s->setup.schedule, sums.rms_step) * s->state.spacing;
-    if (schedule_is_at_rest(s->setup.schedule, &at, &seen) && sizes_are_settled(s) && !sampler_control(s, e))
+    if (schedule_is_at_rest(s->setup.schedule, &at, &seen) && points_rest(s, &at) && sizes_are_settled(s) &&
+        !sampler_control(s, e))
         return false;
+    if (s->state.outcome == SAMPLER_CONVERGED && !deliver(s, e)) return false;
     if (s->state.outcome == SAMPLER_RUNNING && s->record.sweep_count == (size_t)s->setup.params.max_sweeps)
         s->state.outcome = SAMPLER_OUT_OF_SWEEPS;
     return true;

@@ -49,7 +49,9 @@ typedef struct sampler_state {
     int list_age;           /* sweeps since they were built */
     size_t next_amplitudes; /* the sweep before which they are renewed */
     int sweeps_in_round;
-    int resizes; /* in the round: rests that new sizes ended */
+    int resizes;  /* in the round: rests that new sizes ended */
+    int recalls;  /* ends that particles on new places ended */
+    bool settled; /* no particle has moved since sampler_settle */
     double fraction;
     sampler_outcome outcome;
     struct swarm *swarm; /* of sampler_witkin_heckbert */
@@ -71,7 +73,7 @@ typedef struct sampler_record {
     size_t round_count;
     size_t removed; /* particles put on a new place */
     sampler_points out;
-    bool *replaced; /* of each particle, from sampler_finalize on */
+    bool *replaced; /* of each particle, from sampler_settle on */
     double *column; /* kappa, kappa1, kappa2, spacing, kappa_scale: one after the other */
 } sampler_record;
 
@@ -118,6 +120,13 @@ bool sampler_replan(sampler *s, bool *again, error *e);
 /* Room for `capacity` particles, in whatever holds one entry for each; lists are to be built anew. Error:
  * limit_memory, also when the count is beyond params.count_limit. */
 bool sampler_reserve(sampler *s, size_t capacity, error *e);
+
+/* Of the particles where they are, see sampler_points. */
+double sampler_step_left(const sampler *s);
+
+/* Every particle onto the surface to rounding, or onto a new place there, which adds to record.removed. Error:
+ * limit_memory. */
+bool sampler_settle(sampler *s, error *e);
 
 /* A round has come to rest: adapts the support and looks closer, refines, or ends. Errors: limit_memory,
  * no_surface. */

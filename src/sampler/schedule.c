@@ -9,11 +9,11 @@ static const double stage_share[SCHEDULE_STAGES + 1] = {0, 0.07, 0.35, 1};
 static const double LAMBDA_BEGINS = -3;
 
 /* What all schedules have in common. */
-#define COMMON                                                                                     \
-    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .coarsest_gain = 1e-5, .sweeps = 100,         \
-    .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4,       \
-    .sweeps_most = 120, .rough_share = {0.05, 0.25}, .rough_sweeps = 3, .rough_count = 5e3,        \
-    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04, \
+#define COMMON                                                                                              \
+    .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,           \
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4, \
+    .sweeps_most = 120, .rough_share = {0.05, 0.25}, .rough_sweeps = 3, .rough_count = 5e3,                 \
+    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,          \
     .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
@@ -122,10 +122,11 @@ bool schedule_is_at_rest(const schedule *s, const schedule_position *at, const s
     return seen->mean_log10_lambda > s->rest_lambda && (!schedule_is_last_stage(at) || still);
 }
 
-bool schedule_is_impatient(const schedule *s, const schedule_position *at)
+bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain)
 {
+    bool fails = schedule_is_last_stage(at) && 10 * gain > 2 * s->coarsest_gain;
     int over = at->sweeps - s->patience[at->stage];
-    return over >= 0 && over % s->patience_more == 0;
+    return over >= 0 && over % (fails ? s->patience_last : s->patience_more) == 0;
 }
 
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age)

@@ -19,8 +19,9 @@ typedef struct schedule {
     double gain[SCHEDULE_STAGES];
     /* On surfaces with features below h some particles creep for ever, each sweep gaining a little more than that. A
      * round that takes longer than `patience` sweeps asks for ten times the gain, and again after every
-     * `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged. */
-    int patience[SCHEDULE_STAGES], patience_more;
+     * `patience_more`. A solve that rests only with a gain above `coarsest_gain` is not converged: for that it has to
+     * take so many as `patience_last` more. */
+    int patience[SCHEDULE_STAGES], patience_more, patience_last;
     double coarsest_gain;
 
     /* Over-relaxation of the step, which the first-term Hessian makes about half of Newton's. Where `is_paced`, a level
@@ -115,8 +116,8 @@ typedef struct schedule_evidence {
 /* Whether the round has come to rest. */
 bool schedule_is_at_rest(const schedule *s, const schedule_position *at, const schedule_evidence *seen);
 
-/* Whether the round has taken so long that it is to ask for ten times the gain; true once each time. */
-bool schedule_is_impatient(const schedule *s, const schedule_position *at);
+/* Whether the round has taken so long that it is to ask for ten times `gain`; true once each time. */
+bool schedule_is_impatient(const schedule *s, const schedule_position *at, double gain);
 
 /* Whether lists are to be built anew, with `cramped` particles held back by lists that are `age` sweeps old. */
 bool schedule_wants_lists(const schedule *s, const schedule_position *at, size_t cramped, int age);

@@ -235,6 +235,15 @@ def test_a_region_of_a_combination(sample):
     assert report["surface"]["area"] == pytest.approx(whole["surface"]["area"] / 2, rel=1e-3)
 
 
+def test_points_on_new_places_find_their_rest(sample):
+    """Between two spheres that touch all but for a hair particles leave the surface and are put elsewhere: the others make room."""
+    report, _ = sample({"union": [sphere(0.2, (0.25, 0.5, 0.5)), sphere(0.2, (0.648, 0.5, 0.5))]}, sampling={"count": 300},
+                       solver={"threads": 1, "seed": 2})
+    assert report["quality"]["removed_offsurface"] > 0
+    assert report["step_left"] <= report["spec"]["solver"]["step_tolerance"]
+    assert report["outcome"] == "unresolved"
+
+
 def test_faults_point_to_the_part(sample):
     e, _ = sample({"union": [sphere(1), {"difference": [sphere(1), sphere(-1)]}, {"offset": {"surface": {}}}]})
     pointers = {f["pointer"] for f in e["errors"]}

@@ -7,6 +7,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include "close.h"
 #include "sampler/schedule.h"
 
 enum { LAST = SCHEDULE_STAGES - 1 };
@@ -114,9 +115,24 @@ static void patience_ends_once_and_again(void **state)
     int times = 0;
     for (int sweeps = 1; sweeps <= schedule_paper.patience[0] + 2 * schedule_paper.patience_more; sweeps++) {
         schedule_position at = {.levels = 1, .sweeps = sweeps, .count = 1000};
-        times += schedule_is_impatient(&schedule_paper, &at);
+        times += schedule_is_impatient(&schedule_paper, &at, 1e-4);
     }
     assert_int_equal(times, 3);
+}
+
+/* A gain with which a solve has not converged is the last resort. */
+static void the_coarsest_gain_lasts(void **state)
+{
+    (void)state;
+    const schedule *s = &schedule_multilevel;
+    double gain = s->gain[LAST];
+    int sweeps = 0;
+    for (; !(gain > 2 * s->coarsest_gain); sweeps++) {
+        const schedule_position at = {.levels = 1, .stage = LAST, .sweeps = sweeps, .count = 1000};
+        if (schedule_is_impatient(s, &at, gain)) gain *= 10;
+        if (sweeps == s->patience[LAST] + 3 * s->patience_more) assert_close(gain, s->coarsest_gain, 1e-12);
+    }
+    assert_int_equal(sweeps - 1, s->patience[LAST] + s->patience_last);
 }
 
 /* Progress never leaves 0 to 1, and grows with the stages. */
@@ -162,6 +178,7 @@ int main(void)
         cmocka_unit_test(a_paced_level_has_its_sweeps_before_it_rests),
         cmocka_unit_test(the_paper_goes_by_lambda),
         cmocka_unit_test(patience_ends_once_and_again),
+        cmocka_unit_test(the_coarsest_gain_lasts),
         cmocka_unit_test(progress_is_a_share),
         cmocka_unit_test(lists_wait_for_many_or_for_long),
     };
