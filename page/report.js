@@ -15,7 +15,7 @@ export const MEASURES = [
   ["quality.max_residual", "Off the surface", "The largest distance of a point from the surface, in spacings.", 0],
   ["quality.lost", "Lost points", "Points that ended off the surface.", 0],
   ["quality.rim_count", "At boundaries", "Points that these measures leave out because a boundary is near."],
-  ["quality.unresolved_count", "Between sheets", "Points that these measures leave out because another sheet is too near."],
+  ["quality.unresolved_count", "Between sheets", "Points that these measures leave out: another sheet is too near to them or to a neighbour."],
   ["quality.euler", "Euler characteristic", "From the numbers of neighbours: 2 for a sphere, 0 for a torus."],
   ["quality.grading.cv", "Spread of grading", "How much achieved over requested spacing varies.", 0],
   ["quality.grading.exponent", "Grading exponent", "The exponent of achieved against requested spacing.", 1],

@@ -9,6 +9,7 @@ or whose data are not there, says so. Ends with 1 when a measure parts from the 
 misses its bound; the page is written all the same. HEXAD_SHARED: directory of the data from outside.
 """
 import argparse
+import collections
 import json
 import os
 import pathlib
@@ -33,6 +34,8 @@ CONFIRMED, AGREEMENT = ("edge_cv", "area_cv", "energy_excess"), 0.02
 LOST = 0.01
 LOST_VOXELS = 1.5  # off a mesh: its level set rounds a knife's edge by up to a voxel
 CREASE_COSINE = 0.7
+# Points that are resolved but for this share, as counted here, lie in order and must be `converged`.
+UNRESOLVED = 0.02
 # How a row is told when all of it is well.
 FINE = "meets all"
 
@@ -229,6 +232,7 @@ def one_run(case, spec, truth, worker, where):
     if not truth.exact:  # the level set's own area is not known
         row["parting"].pop("energy_excess", None)
     row["told_count"] = report["count"]
+    row["verdict"] = (report["outcome"], tuple(reason["criterion"] for reason in report["outcome_reasons"]))
     return row
 
 
@@ -269,7 +273,20 @@ def judge(case, rows, bounds):
     for row in rows:
         if row["told_count"] != row["count"]:
             wrong.append(f"the report tells {row['told_count']} points, the file has {row['count']}")
-    return wrong
+    return wrong + verdict_faults(rows)
+
+
+def verdict_faults(rows):
+    """Verdicts that what was measured does not bear out."""
+    expected = ["unresolved" if row["unresolved_count"] > UNRESOLVED * row["count"] else "converged" for row in rows]
+    return [f"{row['verdict'][0]} ({', '.join(row['verdict'][1])}), wanted {wanted}"
+            for row, wanted in zip(rows, expected) if row["verdict"][0] != wanted]
+
+
+def outcomes(rows):
+    """How many of the seeds ended how, the most frequent first."""
+    ends = collections.Counter(row["verdict"][0] for row in rows).most_common()
+    return ", ".join(name if count == len(rows) else f"{count} {name}" for name, count in ends)
 
 
 def parting(rows):
@@ -301,7 +318,8 @@ the seeds, and after ± half of the range over them. The measures are defined in
 computed here by [tools/measure.py](../../tools/measure.py), which shares no code with the sampler: from `points.ply`, the
 job's spec and an area that is a closed form or an integral of its own. Of the last columns, `area` is how far the report's
 area is from that one, `parts` the largest difference of edge_cv, area_cv and energy_excess from the report's, relative
-to it (2 % is allowed), over all seeds; counts agree exactly or the row says so.
+to it (2 % is allowed), over all seeds; counts agree exactly or the row says so. `outcome` must be `converged` wherever at
+most 2 % of the points are without a cell, as counted here, and `unresolved` elsewhere.
 
 """
 COLUMNS = (("hex_fraction", "hex_fraction", "{:.4f}"), ("edge_cv", "edge_cv", "{:.4f}"),
@@ -332,7 +350,7 @@ def table_line(case, rows, wrong):
     told = ", ".join(f"{100 * v:.2f}" for v in largest.values() if v == v)
     more = [text.format(middle[name][0]) for name, text in MORE
             if name in middle and interesting(case, name, middle)]
-    cells = [case["name"], f"{rows[0]['count']}", *(cell(middle, name, form) for name, _, form in COLUMNS),
+    cells = [case["name"], f"{rows[0]['count']}", outcomes(rows), *(cell(middle, name, form) for name, _, form in COLUMNS),
              f"{middle['area_error'][0]:+.0e}", told + " %", "; ".join(more), "; ".join(wrong) or FINE]
     return "| " + " | ".join(cells) + " |"
 
@@ -363,7 +381,7 @@ def main():
     options = arguments()
     with open(options.cases, encoding="utf-8") as file:
         table = json.load(file)
-    names = ["surface", "points", *(title for _, title, _ in COLUMNS), "area", "parts", "more", "bounds"]
+    names = ["surface", "points", "outcome", *(title for _, title, _ in COLUMNS), "area", "parts", "more", "bounds"]
     lines = ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
     faults, others, truths = [], {}, {}
     with tempfile.TemporaryDirectory() as scratch:

@@ -122,8 +122,8 @@ static const criterion criteria[] = {
     {"lost", VERDICT_NOT_CONVERGED, lost,
      "points ended off the surface: it has no gradient there, or it ends; report this surface as a fault"},
     {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
-     "other sheets of the surface lie closer than 1.2 spacings to so many points: ask for more points, or a finer "
-     "spacing"},
+     "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
+     "neighbour: ask for more points, or a finer spacing"},
     {"missing_share", VERDICT_UNRESOLVED, missing_share,
      "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it"},
     {"energy_excess", VERDICT_UNRESOLVED, energy_excess,
