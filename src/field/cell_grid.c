@@ -164,6 +164,7 @@ void cell_grid_cell(const cell_grid *g, const field *f, const cell_grid_oracle *
 {
     int64_t at[3];
     find_place(g, index, at);
+    out->grazed = false;
     for (int c = 0; c < 8; c++) {
         out->corner[c] = grid_corner(g, at[0] + (c & 1), at[1] + (c >> 1 & 1), at[2] + (c >> 2));
         out->value[c] = oracle->value(f, out->corner[c]);

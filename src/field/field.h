@@ -35,6 +35,7 @@ typedef struct field_sample {
 typedef struct field_cell {
     vec3 corner[8];
     double value[8]; /* F at the corners */
+    bool grazed;     /* the surface is known to pass a face whose corners are on one side */
 } field_cell;
 
 typedef struct field_ops {

@@ -12,8 +12,10 @@
 #include "mesh/levelset.h"
 #include "mesh/mesh_file.h"
 #include "vdb/vdb.h"
+#include "volume/brick.h"
 #include "volume/crossings.h"
 #include "volume/dense_grid.h"
+#include "volume/grazed.h"
 #include "volume/grid_selection.h"
 #include "volume/grid_view.h"
 #include "volume/samples.h"
@@ -32,18 +34,6 @@
 /* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
 #define NEAR (MARGIN - 1)
 
-/* A brick holds the coefficients that the 8^3 cells of a block need: from -1 to +9 along each axis relative
- * to the block's lowest voxel, contiguous, the third axis fastest. Floats, to halve the memory that sampling
- * waits for. */
-#define BRICK_SIDE 11
-#define BRICK_SLAB (BRICK_SIDE * BRICK_SIDE)
-#define BRICK_SIZE (BRICK_SIDE * BRICK_SLAB)
-
-typedef struct crossed_cell {
-    int32_t at[3];
-    float value[8]; /* corner k as in field_cell */
-} crossed_cell;
-
 struct volume {
     field base; /* first: the field's functions get this pointer */
     double to_index[3][4], to_world[3][4];
@@ -52,6 +42,7 @@ struct volume {
     float *coefficients; /* BRICK_SIZE a block of the map */
     uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
     uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
+    uint8_t *grazed;     /* likewise: those with a face that the surface passes between its corners */
     const spline *spline;
     crossed_cell *cells;
     size_t cell_count;
@@ -93,8 +84,7 @@ static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
     }
     uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
     if (n == BLOCK_MAP_NONE) return false;
-    const float *corner =
-        v->coefficients + (size_t)n * BRICK_SIZE + cell[0] * BRICK_SLAB + cell[1] * BRICK_SIDE + cell[2];
+    const float *corner = brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]);
     spline_jet jet;
     if (order == FIELD_HESSIAN) {
         v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
@@ -123,6 +113,9 @@ static void cell(const field *f, size_t k, field_cell *out)
                          (double)c->at[2] + (corner >> 2));
         out->value[corner] = (double)c->value[corner];
     }
+    size_t n = block_map_find(&v->map, c->at[0] >> 3, c->at[1] >> 3, c->at[2] >> 3);
+    out->grazed =
+        v->grazed[64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7)] >> (c->at[2] & 7) & 1;
 }
 
 /* Whether a cell within NEAR voxels of this one, which lies in a brick, is crossed. */
@@ -305,7 +298,7 @@ static bool find_crossings(loading *l, volume *v, error *e)
 
 static size_t held_bytes(size_t bricks, size_t cells)
 {
-    return sizeof(volume) + bricks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 64) +
+    return sizeof(volume) + bricks * (BRICK_SIZE * sizeof(float) + 8 * sizeof(uint64_t) + 2 * 64) +
            block_map_bytes(bricks) + cells * sizeof(crossed_cell);
 }
 
@@ -426,6 +419,21 @@ static bool make_bricks(loading *l, volume *v, error *e)
     return true;
 }
 
+static bool add_grazed_cells(volume *v, error *e)
+{
+    grazed found = {0};
+    bool ok = grazed_find(&v->map, v->coefficients, v->info.size, v->crossed, &found, e);
+    if (ok && found.count > 0) {
+        v->cells = mem_resize(v->cells, (v->cell_count + found.count) * sizeof *v->cells);
+        memcpy(v->cells + v->cell_count, found.cell, found.count * sizeof *v->cells);
+        v->cell_count += found.count;
+    }
+    v->grazed = found.passed;
+    found.passed = NULL;
+    grazed_free(&found);
+    return ok;
+}
+
 static void measure(volume *v)
 {
     bbox box = bbox_empty();
@@ -452,7 +460,7 @@ static bool build(loading *l, volume *v, error *e)
 {
     set_transform(v, l->grid->index_to_world);
     if (!find_crossings(l, v, e) || !plan(l, v, e) || !read_samples(l, v, e) || !make_cells(l, v, e) ||
-        !note_sides(l, v, e) || !make_bricks(l, v, e))
+        !note_sides(l, v, e) || !make_bricks(l, v, e) || !add_grazed_cells(v, e))
         return false;
     measure(v);
     return true;
@@ -771,6 +779,7 @@ void volume_close(volume *v)
     free(v->coefficients);
     free(v->inside);
     free(v->crossed);
+    free(v->grazed);
     free(v->cells);
     free(v);
 }

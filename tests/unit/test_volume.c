@@ -12,6 +12,8 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/threads.h"
+#include "surface/surface.h"
 #include "volume/example.h"
 #include "volume_fixture.h"
 
@@ -63,7 +65,7 @@ static void the_spline_goes_through_the_samples(void **state)
                 worst = fmax(worst, fabs(s.value - cell.value[c]));
                 *(cell.value[c] < 0 ? &inside : &outside) = true;
             }
-            assert_true(inside && outside);
+            assert_true((inside && outside) || cell.grazed);
         }
         if (worst > tolerance) fail_msg("transform %zu: a sample is missed by %g", t, worst);
         volume_close(v);
@@ -264,7 +266,7 @@ static void edges_and_thin_walls_stay_tame(void **state)
 {
     (void)state;
     /* The interior is 6.6 voxels thick: both bands nearly meet there. At sharp edges a cubic spline
-     * rounds and overshoots by a part of a voxel; the kink half way inside arrives at the faces with
+     * rounds and overshoots by a part of a voxel, most in cells that it enters between their corners; the kink half way inside arrives at the faces with
      * 0.268^3.3 of its bend. */
     fixture g = fixture_make(fixture_uniform, 16, thin_box, 0.3);
     volume *v = fixture_volume(&g, NAN, VOLUME_INTERPOLATING);
@@ -278,7 +280,7 @@ static void edges_and_thin_walls_stay_tame(void **state)
         if (fabs(middle.x) < 0.5 && fabs(middle.y) < 0.4) flat = fmax(flat, miss);
     }
     print_message("# box: largest miss %.4f voxel, on the flat %.2e\n", worst, flat);
-    assert_true(worst < 0.1 && flat < 5e-3);
+    assert_true(worst < 0.2 && flat < 5e-3);
     volume_close(v);
     fixture_free(&g);
 }
@@ -386,7 +388,7 @@ static void opening_twice_gives_the_same_bits(void **state)
     const field *f = volume_field(a), *h = volume_field(b);
     assert_int_equal(f->ops->cell_count(f), h->ops->cell_count(h));
     for (size_t k = 0; k < f->ops->cell_count(f); k++) {
-        field_cell p, q;
+        field_cell p = {0}, q = {0};
         field_sample s, r;
         f->ops->cell(f, k, &p);
         h->ops->cell(h, k, &q);
@@ -415,6 +417,47 @@ static void outside_the_bricks_there_is_no_field(void **state)
     assert_true(fabs(f->extent - 2) <= 0.21 && !f->open && fabs(f->cell_size - 0.1) < 1e-9);
     assert_true(bbox_contains(f->domain, info->surface_box.min) &&
                 bbox_contains(f->domain, info->surface_box.max));
+    volume_close(v);
+    fixture_free(&g);
+}
+
+/* Area of the zero set by the co-area formula: the mean of |grad F| over where |F| is below the band, by chance. */
+static double area_by_chance(const field *f, double band, int draws)
+{
+    uint64_t r = SEED;
+    vec3 low = f->domain.min, size = bbox_size(f->domain);
+    double sum = 0;
+    for (int k = 0; k < draws; k++) {
+        field_sample s;
+        vec3 x = low;
+        for (int axis = 0; axis < 3; axis++)
+            vec3_set(&x, axis, vec3_get(low, axis) + fixture_random(&r) * vec3_get(size, axis));
+        if (field_sample_at(f, x, FIELD_GRADIENT, &s) && fabs(s.value) < band) sum += vec3_norm(s.gradient);
+    }
+    return sum / draws * size.x * size.y * size.z / (2 * band);
+}
+
+/* Waves of three voxels on a ball: without the cells that the surface passes between their corners 1 % is missing. */
+static double ripples(vec3 p)
+{
+    return 1.1 - vec3_norm(p) +
+           0.05 * (sin(19 * p.x + 7 * p.y) + sin(17 * p.y - 9 * p.z) + sin(21 * p.z + 5 * p.x));
+}
+
+static void area_between_corners_counts(void **state)
+{
+    (void)state;
+    error e = {0};
+    fixture g = fixture_make(fixture_uniform, 12, ripples, 0);
+    volume *v = fixture_volume(&g, 0.5, VOLUME_INTERPOLATING);
+    threads *pool = threads_new(1, NULL, &e);
+    surface *s = surface_scan(volume_field(v), pool, &e);
+    assert_non_null(s);
+    double told = s->area, by_chance = area_by_chance(volume_field(v), 0.02, 8000000);
+    print_message("# area of ripples %g, by chance %g\n", told, by_chance);
+    assert_true(fabs(told / by_chance - 1) < 0.01);
+    surface_free(s);
+    threads_free(pool);
     volume_close(v);
     fixture_free(&g);
 }
@@ -459,6 +502,7 @@ int main(void)
         cmocka_unit_test(files_without_offsets_read_the_same),
         cmocka_unit_test(opening_twice_gives_the_same_bits),
         cmocka_unit_test(outside_the_bricks_there_is_no_field),
+        cmocka_unit_test(area_between_corners_counts),
         cmocka_unit_test(the_example_is_a_knot),
     };
     return cmocka_run_group_tests_name("volume", tests, NULL, NULL);

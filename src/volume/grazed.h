@@ -1,0 +1,35 @@
+/* grazed: cells that the surface passes though their corners are all on one side of it.
+ *
+ * A spline may cross an edge twice, or bulge through a face. Beginning with the cells that have corners on both sides, the
+ * surface is followed through faces. A face is known not to be passed when its Bezier coefficients have one sign
+ * (convex hull); else its sign is looked at in a lattice. Units: index space. Threads: none.
+ */
+#ifndef HEXAD_VOLUME_GRAZED_H
+#define HEXAD_VOLUME_GRAZED_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/error.h"
+#include "geometry/block_map.h"
+
+typedef struct crossed_cell {
+    int32_t at[3];
+    float value[8]; /* F at corner k as in field_cell */
+} crossed_cell;
+
+typedef struct grazed {
+    crossed_cell *cell; /* that no corner tells */
+    size_t count, room;
+    uint8_t *passed; /* 64 bytes a block: all cells, of either kind, with such a face */
+} grazed;
+
+/* `bricks` (brick.h) of the map's blocks. `size`: of the data where cells end with it, 0 along an axis where they do not.
+ * `crossed`: 64 bytes a block, as rows of a crossing_block; receives the cells that are found. Error: limit_memory. Free
+ * *out after failure, too. */
+bool grazed_find(const block_map *map, const float *bricks, const int64_t size[3], uint8_t *crossed,
+                 grazed *out, error *e);
+void grazed_free(grazed *g);
+
+#endif
