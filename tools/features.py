@@ -89,16 +89,6 @@ def least_angles(vertices, triangles):
     return numpy.degrees(numpy.arccos(numpy.clip((b * b + c * c - a * a) / (2 * b * c), -1, 1)))
 
 
-def places(mesh, count):
-    """Evenly spread over a mesh, with the normals of their triangles."""
-    random = numpy.random.default_rng(1)
-    which = numpy.searchsorted(numpy.cumsum(mesh.areas), (numpy.arange(count) + 0.5) / count * mesh.area)
-    u, v = random.random((2, count))
-    u, v = numpy.where(u + v > 1, 1 - u, u), numpy.where(u + v > 1, 1 - v, v)
-    a, b, c = (mesh.vertices[mesh.triangles[which, k]] for k in range(3))
-    return a + u[:, None] * (b - a) + v[:, None] * (c - a), mesh.normals[which]
-
-
 def medial_axis(point, normal):
     """Centres of balls that touch two sheets that face each other, on both sides of the surface."""
     tree, centres = cKDTree(point), []
@@ -130,9 +120,9 @@ def medial_axis(point, normal):
 
 def farthest(given, made, floor):
     """The largest distance between two meshes, either way, over the local feature size."""
-    point, normal = places(given, PLACES)
+    point, normal = meshes.places(given, PLACES)
     axis = cKDTree(medial_axis(point, normal))
-    there = places(made, PLACES)[0]
+    there = meshes.places(made, PLACES)[0]
     worst = 0
     for x, other in ((point, made), (there, given)):
         worst = max(worst, float((other.nearest(x)[0] / numpy.maximum(axis.query(x)[0], floor)).max()))
@@ -188,7 +178,7 @@ def page(data, worker, only, say):
 
 
 def main():
-    options = inputs.arguments(__doc__.splitlines()[0])
+    options = inputs.arguments(inputs.parser_of(__doc__.splitlines()[0]))
     rows, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only,
                      lambda text: print(text, file=sys.stderr))
     head = ["# Thin parts and close sheets", "",

@@ -2,26 +2,41 @@
 """Gives every file of a collection to the worker, and writes what became of each as a table (doc/measured/inputs.md).
 
     tools/inputs.py --worker build/hexad-worker --output doc/measured/inputs.md [--data DIRECTORY] [--only WORD ...]
+                    [--counts 5000 50000]
 
 DIRECTORY, or HEXAD_SHARED, has the folders meshes, vdb, volumes, exr and malformed. Nothing is known about the files
 beforehand: the kind of surface follows from the folder and the name's ending; where the worker's error says that there is
 a choice of grids, parts or channels, each grid and the first part and channel are taken; where it says between what values
-the volume lies, the middle is the isovalue. An image is made a stack of six copies. Ends with 1 when a file's result is not
-sound, or its error is no error of the file's.
+the volume lies, the middle is the isovalue. An image is made a stack of six copies. Malformed files are given the first count
+alone. Meshes are held against their triangles (tools/covering.py). Ends with 1 when a result is not sound (below), or an
+error is no error of the file's.
+
+Sound is a result without a lost point, with all points on the surface, and whose outcome is true: what is called converged
+has at most 2 % of its points unresolved and an energy at most 5 % above the ideal one, and of a mesh every place has a point
+within 1.2 spacings, but for 1 % of the area.
 """
 import argparse
 import json
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
 import tempfile
 
-COUNT, SLICES = 500, 6
+import covering
+import measure
+import meshes
+
+COUNTS, SLICES = (5000, 50000), 6
+# Runs what follows as a child of a small process: the kernel hands the peak of a process's memory on to what it starts.
+SMALL_PARENT = ("sh", "-c", '"$@"; exit $?', "sh")
 # Of the spacing: how far points may be off the surface.
 RESIDUAL = 1e-3
-PATIENCE_S = 300
+# Of what is called converged, at most: share of points unresolved, energy excess, area without points, farthest place in spacings.
+UNRESOLVED, EXCESS, MISSING, FARTHEST = 0.02, 0.05, 0.01, covering.NOT_COVERED
+PATIENCE_S = 900
 # The worker's exit codes: a result, converged or not; and errors that are those of the input.
 RESULTS, FAULTS = (0, 10, 11), (2, 3, 4, 5)
 # Codes that blame the file; the others are nothing that a file should come to.
@@ -61,27 +76,35 @@ class Case:
             link.symlink_to(self.path)
         return {"path": str(self.work / "slice.#.exr"), "slices": f"1-{SLICES}", **chosen}
 
-    def run(self, chosen):
+    def run(self, chosen, count):
         """(None, report) or (error, None)."""
-        spec = {"version": 1, "surface": {self.kind: self.surface(chosen)}, "sampling": {"count": COUNT},
-                "solver": {"threads": 1}, "output": {"preview": False}}
-        if self.kind == "mesh":
-            spec["surface"]["mesh"]["resolution"] = 96
+        spec = {"version": 1, "surface": {self.kind: self.surface(chosen)}, "sampling": {"count": count},
+                "solver": {"threads": 1}, "output": {"preview": False}, "limits": {"timeout_s": PATIENCE_S}}
         (self.work / "spec.json").write_text(json.dumps(spec))
-        done = subprocess.run([self.worker, "run", self.work / "spec.json", "--output", self.work / "out"], text=True,
-                              capture_output=True, timeout=PATIENCE_S)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run([*SMALL_PARENT, self.worker, "run", self.work / "spec.json", "--output", self.work / "out"],
+                              text=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        self.processor_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if done.returncode in RESULTS:
             return None, json.loads((self.work / "out" / "report.json").read_text())
         if done.returncode not in FAULTS:
             return {"code": "internal", "message": f"exit {done.returncode}: {done.stderr[-200:]}"}, None
         return json.loads(done.stderr.splitlines()[-1]), None
 
-    def outcomes(self, chosen=None):
+    def covered(self):
+        """How the points of the last result cover the mesh; None of other files, and of meshes that are not read here."""
+        if self.kind != "mesh":
+            return None
+        points = measure.read_ply(self.work / "out" / "points.ply")
+        return covering.measure(meshes.read(self.path), points.position, points.spacing)
+
+    def outcomes(self, count, chosen=None):
         """Runs the file in every way that its errors leave open: (members, error, report) of each."""
         chosen = dict(chosen or {})
         if self.kind in ("volume", "exr"):
             chosen.setdefault("isovalue", FAR)
-        error, report = self.run(chosen)
+        error, report = self.run(chosen, count)
         said = error["message"] if error else ""
         grids = re.search(r"name one of (.*) as grid", said)
         equals = re.search(r'write "([^"]*)\[0\]" to "[^"]*\[(\d+)\]"', said)
@@ -90,37 +113,67 @@ class Case:
         values = re.search(r"values range from (\S+) to ([^\s;]+)", said)
         if grids and "grid" not in chosen:
             for name in dict.fromkeys(re.findall(r'"([^"]*)"', grids[1])):
-                yield from self.outcomes({**chosen, "grid": name})
+                yield from self.outcomes(count, {**chosen, "grid": name})
         elif equals and "[" not in chosen.get("grid", ""):
-            yield from self.outcomes({**chosen, "grid": f"{equals[1]}[0]"})
+            yield from self.outcomes(count, {**chosen, "grid": f"{equals[1]}[0]"})
         elif channels and "channel" not in chosen:
-            yield from self.outcomes({**chosen, "channel": channels[1].split(", ")[0]})
+            yield from self.outcomes(count, {**chosen, "channel": channels[1].split(", ")[0]})
         elif parts and "part" not in chosen:
-            yield from self.outcomes({**chosen, "part": parts[1]})
+            yield from self.outcomes(count, {**chosen, "part": parts[1]})
         elif error and error["code"] == "isovalue_required" and "isovalue" not in chosen:
-            yield from self.outcomes({**chosen, "isovalue": FAR})
+            yield from self.outcomes(count, {**chosen, "isovalue": FAR})
         elif values and chosen.get("isovalue") == FAR and float(values[1]) < float(values[2]):
             middle = (float(values[1]) + float(values[2])) / 2
-            yield from self.outcomes({**chosen, "isovalue": max(-FAR / 2, min(middle, FAR / 2))})
+            yield from self.outcomes(count, {**chosen, "isovalue": max(-FAR / 2, min(middle, FAR / 2))})
         else:
             yield chosen, error, report
 
 
-def sound(error, report):
+def faults(error, report, covered):
+    """What is not sound, in words."""
     if error:
-        return error["code"] in OF_FILES
-    return report["quality"]["lost"] == 0 and report["quality"]["max_residual"] <= RESIDUAL
+        return [] if error["code"] in OF_FILES else ["an error that is not the file's"]
+    q, found = report["quality"], []
+    if q["lost"]:
+        found.append("points are lost")
+    if q["max_residual"] > RESIDUAL:
+        found.append("points are off the surface")
+    if report["outcome"] != "converged":
+        return found
+    if 1 - (q["resolved_share"] or 0) > UNRESOLVED:
+        found.append("converged, but unresolved")
+    if q["energy_excess"] is None or q["energy_excess"] > EXCESS:
+        found.append("converged, but not in order")
+    if covered and covered.missing > MISSING:
+        found.append("converged, but area is missing")
+    if covered and covered.gap > FARTHEST:
+        found.append("converged, but a place is bare")
+    return found
 
 
 def told(case, data, error, report):
     """The result in words without the machine's paths."""
     if report:
-        q, hexagons = report["quality"], report["quality"]["hex_fraction"]
-        words = [f"{report['count']} points", report["outcome"].replace("_", " "),
-                 f"hex {hexagons:.2f}" if hexagons is not None else "hex -", f"residual {q['max_residual']:.0e} h"]
-        return ", ".join(words + report["surface"]["warnings"])
+        return "; ".join([reason["criterion"] for reason in report["outcome_reasons"]] + report["surface"]["warnings"])
     text = error["message"].replace(str(case.work) + "/", "").replace(str(data) + "/", "")
     return f"`{error['code']}`: {text}"
+
+
+def figure(value, form):
+    return "-" if value is None else format(value, form)
+
+
+def figures(case, report, covered):
+    """The cells between the count and the words."""
+    if not report:
+        return ["error"] + [""] * 11
+    q = report["quality"]
+    return [report["outcome"].replace("_", " "), figure(q["resolved_share"], ".1%"),
+            *(f"{figure(q['all'][name], form)} / {figure(q[name], form)}" for name, form in
+              (("hex_fraction", ".2f"), ("edge_cv", ".3f"), ("area_cv", ".3f"))),
+            figure(q["energy_excess"], ".3f"), figure(q["min_spacing_ratio"], ".2f"),
+            *([f"{covered.gap:.2f}", f"{covered.missing:.2%}", f"{covered.distance:.2f}"] if covered else [""] * 3),
+            f"{case.processor_s:.1f}", f"{report['peak_memory_bytes'] / 2 ** 20:.0f}"]
 
 
 def cell(text):
@@ -133,36 +186,62 @@ def files(data, folder):
     return [p for p in sorted((data / folder).rglob("*")) if p.is_file() and not BESIDE.search(str(p))]
 
 
-def page(data, worker, only, say):
-    lines, counts, bad = [], {"points": 0, "errors": 0}, 0
+HEAD = ("file", "surface", "points", "outcome", "resolved", "hex, all / resolved", "edge CV", "area CV", "energy excess",
+        "least distance", "farthest place", "area missing", "off the mesh", "CPU s", "MiB", "what is said")
+
+
+def row(case, data, name, chosen, count, error, report):
+    """The cells of a result, and whether it is sound."""
+    covered = case.covered() if report else None
+    wrong = faults(error, report, covered)
+    members = " ".join(f"{k} {v:.6g}" if isinstance(v, float) else f'{k} "{v}"' for k, v in chosen.items() if v != FAR)
+    words = f"**{', '.join(wrong)}** " if wrong else ""
+    return [name, f"{case.kind} {members}".strip(), f"{count}", *figures(case, report, covered),
+            words + told(case, data, error, report)], not wrong
+
+
+def results(case, counts):
+    """(members, count, error, report): of the first count in every way that errors leave open, of the others in the ways that
+    gave points."""
+    ways = []
+    for chosen, error, report in case.outcomes(counts[0]):
+        ways += [chosen] if report else []
+        yield chosen, counts[0], error, report
+    for count in counts[1:]:
+        for chosen in ways:
+            yield chosen, count, *case.run(chosen, count)
+
+
+def page(data, worker, counts, only, say):
+    lines, tally, bad = [], {"points": 0, "errors": 0}, 0
     with tempfile.TemporaryDirectory() as where:
         for folder in FOLDERS:
-            lines += ["", f"## {folder}", "", "| file | surface | what becomes of it |", "|---|---|---|"]
+            lines += ["", f"## {folder}", "", "| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
             for path in files(data, folder):
                 name = str(path.relative_to(data / folder))
                 if only and not any(word in f"{folder}/{name}" for word in only):
                     continue
                 case = Case(path, kind_of(path, folder), pathlib.Path(where), worker)
-                for chosen, error, report in case.outcomes():
-                    counts["errors" if error else "points"] += 1
-                    good = sound(error, report)
+                for chosen, count, error, report in results(case, counts[:1] if folder == "malformed" else counts):
+                    cells, good = row(case, data, name, chosen, count, error, report)
+                    tally["errors" if error else "points"] += 1
                     bad += not good
-                    members = " ".join(f"{k} {v:.6g}" if isinstance(v, float) else f'{k} "{v}"'
-                                       for k, v in chosen.items() if v != FAR)
-                    mark = "" if good else "**not sound** "
-                    row = [name, f"{case.kind} {members}".strip(), mark + told(case, data, error, report)]
-                    lines.append("| " + " | ".join(cell(text) for text in row) + " |")
-                    say(" | ".join(row)[:160])
-    return lines, counts, bad
+                    lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
+                    say(lines[-1])
+    return lines, tally, bad
 
 
-def arguments(description):
+def parser_of(description):
     """What every program that goes through the collection is told."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--worker", required=True)
     parser.add_argument("--output", required=True)
     parser.add_argument("--data", default=os.environ.get("HEXAD_SHARED"))
     parser.add_argument("--only", nargs="*", default=[])
+    return parser
+
+
+def arguments(parser):
     options = parser.parse_args()
     if not options.data or not pathlib.Path(options.data).is_dir():
         parser.error("give --data, or HEXAD_SHARED, the directory of the files")
@@ -170,12 +249,18 @@ def arguments(description):
 
 
 def main():
-    options = arguments(__doc__.splitlines()[0])
-    lines, counts, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.only,
-                              lambda text: print(text, file=sys.stderr))
+    parser = parser_of(__doc__.splitlines()[0])
+    parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
+    options = arguments(parser)
+    lines, tally, bad = page(pathlib.Path(options.data), os.path.abspath(options.worker), options.counts, options.only,
+                             lambda text: print(text, file=sys.stderr))
     head = ["# Every file of the collection", "",
             "Made by `make inputs`: what the worker makes of each file (`tools/inputs.py` says how a surface is chosen). "
-            f"{counts['points']} results, {counts['errors']} errors, {bad} of them not sound."]
+            f"{tally['points']} results, {tally['errors']} errors, {bad} of them not sound.", "",
+            "Measures are the report's. Distances are in spacings: of the nearest two points (least distance); of the place on "
+            "the mesh that is farthest from all points, of a dense sample of what bounds the union of its solids; of the point "
+            "that is farthest off the mesh. The missing area has no point within "
+            f"{covering.NOT_COVERED} spacings. One thread; processor time is of the worker with its reader."]
     pathlib.Path(options.output).write_text("\n".join(head + lines) + "\n")
     return 1 if bad else 0
 

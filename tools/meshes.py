@@ -123,6 +123,16 @@ class Mesh:
         return numpy.concatenate(places), numpy.concatenate(owners)
 
 
+def places(mesh, count):
+    """Evenly spread over a mesh, with the normals of their triangles."""
+    random = numpy.random.default_rng(1)
+    which = numpy.searchsorted(numpy.cumsum(mesh.areas), (numpy.arange(count) + 0.5) / count * mesh.area)
+    u, v = random.random((2, count))
+    u, v = numpy.where(u + v > 1, 1 - u, u), numpy.where(u + v > 1, 1 - v, v)
+    a, b, c = (mesh.vertices[mesh.triangles[which, k]] for k in range(3))
+    return a + u[:, None] * (b - a) + v[:, None] * (c - a), mesh.normals[which]
+
+
 def solid_angles(points, corners):
     """Under which every point sees the triangles (n, 3, 3), summed with their signs: 4 pi inside a closed mesh (Van
     Oosterom and Strackee 1983)."""
@@ -181,19 +191,35 @@ def _read_off(data):
 
 
 def _read_stl(data):
-    (count,) = struct.unpack("<I", data[80:84])
-    assert len(data) == 84 + 50 * count, "only binary STL is read here"
+    if len(data) < 84 or len(data) != 84 + 50 * struct.unpack("<I", data[80:84])[0]:
+        corners = [line.split()[1:4] for line in data.decode("latin-1").splitlines() if line.split()[:1] == ["vertex"]]
+        return Mesh(numpy.array(corners, float), numpy.arange(len(corners)).reshape(-1, 3))
     record = numpy.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
-    corners = numpy.frombuffer(data, record, count, 84)["corner"].astype(float).reshape(-1, 3)
-    return Mesh(corners, numpy.arange(3 * count).reshape(-1, 3))
+    corners = numpy.frombuffer(data, record, -1, 84)["corner"].astype(float).reshape(-1, 3)
+    return Mesh(corners, numpy.arange(len(corners)).reshape(-1, 3))
 
 
 def _read_ply(data):
     head, _, body = re.split(rb"(end_header[ \r]*\n)", data, maxsplit=1)
-    assert b"format ascii" in head, "only PLY in text is read here"
     words = [line.split() for line in head.decode("ascii").splitlines()]
     count = {w[1]: int(w[2]) for w in words if w[:1] == ["element"]}
+    if b"format ascii" not in head:
+        return _read_binary_ply(words, count, body)
     lines = [line.split() for line in body.decode("ascii").splitlines() if line.strip()]
     vertices = [[float(w) for w in line[:3]] for line in lines[:count["vertex"]]]
     faces = lines[count["vertex"]:count["vertex"] + count["face"]]
     return Mesh(vertices, _fans([[int(w) for w in line[1:1 + int(line[0])]] for line in faces]))
+
+
+def _read_binary_ply(words, count, body):
+    assert ["format", "binary_little_endian", "1.0"] in words, "of binary PLY only little-endian is read here"
+    kinds = {"float": "<f4", "float32": "<f4", "double": "<f8", "uchar": "u1", "uint8": "u1"}
+    members = {"vertex": [], "face": []}
+    for w in words:
+        element = w[1] if w[0] == "element" else element if w[0] == "property" else ""
+        if w[0] == "property":
+            members[element] += [("n", "u1"), ("corner", "<i4", 3)] if w[1] == "list" else [(w[2], kinds[w[1]])]
+    points = numpy.frombuffer(body, members["vertex"], count["vertex"])
+    faces = numpy.frombuffer(body, members["face"], count["face"], points.nbytes)
+    assert (faces["n"] == 3).all(), "of binary PLY only triangles are read here"
+    return Mesh(numpy.stack([points[axis] for axis in "xyz"], axis=1), faces["corner"])

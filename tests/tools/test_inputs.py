@@ -35,23 +35,42 @@ def collection(tmp_path, build):
 
 def test_every_file_has_its_row(collection, source, build, tmp_path):
     done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", build / "hexad-worker",
-                           "--data", collection, "--output", tmp_path / "page.md"], capture_output=True, text=True)
+                           "--data", collection, "--output", tmp_path / "page.md", "--counts", "500", "1000"], capture_output=True, text=True)
     text = (tmp_path / "page.md").read_text()
     assert done.returncode == 0, text
     assert str(tmp_path) not in text
     rows = {}
     for line in text.splitlines():
         if line.startswith("| ") and not line.startswith("| file"):
-            name, surface, result = (c.strip() for c in line.replace("\\|", "!").strip("|").split("|"))
-            rows[name] = (surface, result)
+            name, surface, count, *figures, said = (c.strip() for c in line.replace("\\|", "!").strip("|").split("|"))
+            rows.setdefault(name, []).append((surface, count, figures, said))
     assert set(rows) == {"good.off", "good.vdb", "good.nrrd", "other.vti", "good.exr", "parts.exr", "cut!off.exr", "no.vdb"}
     for name in ("good.off", "good.vdb", "good.nrrd", "parts.exr"):
-        assert rows[name][1].startswith("500 points"), rows[name]
-    surface, result = rows["good.exr"]  # its first channel is 0 everywhere
-    assert 'channel "A"' in surface and result.startswith("`no_surface`")
-    assert 'part "l"' in rows["parts.exr"][0] and "isovalue" in rows["good.nrrd"][0]
-    assert rows["other.vti"][1].startswith("`input_unsupported`")
-    assert rows["cut!off.exr"][1].startswith("`input_damaged`") and rows["no.vdb"][1].startswith("`input_damaged`")
+        assert [(count, figures[0] != "error") for _, count, figures, _ in rows[name]] == [("500", True), ("1000", True)], rows[name]
+    gap, missing, off = rows["good.off"][0][2][7:10]
+    assert 0.4 < float(gap) < 1 and missing == "0.00%" and float(off) < 0.5
+    (surface, _, _, said), = rows["good.exr"]  # its first channel is 0 everywhere
+    assert 'channel "A"' in surface and said.startswith("`no_surface`")
+    assert 'part "l"' in rows["parts.exr"][0][0] and "isovalue" in rows["good.nrrd"][0][0]
+    assert rows["other.vti"][0][3].startswith("`input_unsupported`")
+    assert rows["cut!off.exr"][0][3].startswith("`input_damaged`") and rows["no.vdb"][0][3].startswith("`input_damaged`")
+
+
+def test_bare_area_is_found(source, tmp_path):
+    """Points on one face of a tetrahedron cover a quarter of it; a shell within another does not count."""
+    sys.path.insert(0, str(source / "tools"))
+    import covering
+    import meshes
+    corner = 1.0 * numpy.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
+    face = numpy.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    mesh = meshes.Mesh(numpy.concatenate([corner, 0.2 * corner]), numpy.concatenate([face, face + 4]))
+    outer = meshes.places(meshes.Mesh(corner, face), 20000)[0]
+    spacing = 0.1
+    whole = covering.measure(mesh, outer, numpy.full(len(outer), spacing))
+    assert whole.gap < 1 and whole.missing == 0 and whole.distance < 1e-6
+    some = outer[(outer @ [1, 1, -1]) > 1 - 1e-9]
+    part = covering.measure(mesh, some, numpy.full(len(some), spacing))
+    assert part.gap > 10 and 0.6 < part.missing < 0.75
 
 
 def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
@@ -60,4 +79,4 @@ def test_a_crash_of_the_worker_is_not_sound(collection, source, tmp_path):
     worker.chmod(0o755)
     done = subprocess.run([sys.executable, "-B", source / "tools" / "inputs.py", "--worker", worker, "--data", collection,
                            "--only", "good.off", "--output", tmp_path / "page.md"], capture_output=True, text=True)
-    assert done.returncode == 1 and "**not sound**" in (tmp_path / "page.md").read_text()
+    assert done.returncode == 1 and "**an error that is not" in (tmp_path / "page.md").read_text()
