@@ -61,6 +61,7 @@ double plan_spacing(const spec *s)
     return s->spacing > 0   ? s->spacing
            : s->density > 0 ? packing_spacing(1, s->density)
            : s->has_control ? s->control.max_sigma / packing_support(1)
+           : s->resolve     ? s->min_spacing / s->feature.ratio
                             : 0;
 }
 

@@ -21,7 +21,8 @@ double plan_bytes_per_particle(const spec *s, bool is_continued);
 /* Whether `count` particles fit into `memory` bytes. Error: limit_memory. */
 bool plan_check_memory(const spec *s, bool is_continued, double count, double memory, error *e);
 
-/* The spacing that the target asks for whatever the area; 0: the count decides, or time. */
+/* The spacing that the target asks for whatever the area; to resolve, the least feature size that min_spacing allows to;
+ * 0: the count decides, or time. */
 double plan_spacing(const spec *s);
 
 /* Computes the count from the target and the surface's area; the target is no time. `points`: what the sizing field asks

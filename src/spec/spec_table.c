@@ -114,10 +114,10 @@ const spec_row spec_rows[] = {
      .unit = "voxels",
      .prose =
          "The number of voxels along the longest side of the mesh's bounding box. If both this and voxel_size "
-         "are absent, hexad chooses: 256, or more where the spacing is smaller than such a voxel or more than "
-         "half a percent of the mesh is too thin to show. At 256, at least nine tenths of a scanned mesh lie "
-         "within 0.05 voxel of the sampled surface; creases deviate more. Twice the number needs three to four "
-         "times the memory and time."},
+         "are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over feature.ratio: "
+         "the least feature size) is smaller than such a voxel or more than half a percent of the mesh is too thin "
+         "to show. At 256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the sampled surface; "
+         "creases deviate more. Twice the number needs three to four times the memory and time."},
     {.pointer = "/surface/mesh/max_resolution",
      .type = SPEC_TYPE_INTEGER,
      .low = 256,

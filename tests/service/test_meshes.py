@@ -123,10 +123,10 @@ def test_the_dragon(data_service, folder, diagnose):
 BLADE = (1, 0.01, 0.0005)
 
 
-def blade(path):
+def blade(path, sides=BLADE):
     """Length, width and thickness, turned so that no axis lies along them."""
     turn, _ = numpy.linalg.qr(numpy.random.default_rng(5).normal(size=(3, 3)))
-    corners = numpy.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * BLADE
+    corners = numpy.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * sides
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     path.write_text("\n".join(["v %.9g %.9g %.9g" % tuple(v) for v in corners @ turn.T]
                               + ["f " + " ".join(str(k + 1) for k in q) for q in quads]) + "\n")
@@ -152,6 +152,23 @@ def test_a_blade_is_whole(worker, tmp_path, diagnose):
 MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_binary_header_with_RN_newline.ply", "testmixed.obj",
                       "comments.off", "nancolor.obj", "negative_indices.obj", "two_objects_mixed_case_names.stl",
                       "wallhole.obj", "whitespace.off"}
+
+
+def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
+    """The least feature that min_spacing allows to resolve is a voxel, unless a bound says otherwise, which the report names."""
+    blade(tmp_path / "rod.obj", (1, 0.04, 0.04))
+    reports = []
+    for most in (4096, 300):
+        done = worker({"version": 1, "surface": {"mesh": {"path": str(tmp_path / "rod.obj"), "max_resolution": most}},
+                       "sampling": {"resolve": True, "feature": {"ratio": 1.5}, "min_spacing": 0.003},
+                       "output": {"preview": False}})
+        assert done.returncode in (0, 11), done.stderr
+        reports.append(json.loads((tmp_path / "out" / "report.json").read_text()))
+    fine, bounded = (report["surface"] for report in reports)
+    assert fine["voxel_size"] == pytest.approx(0.002) and fine["mesh"]["resolution_by"] == "spacing"
+    assert fine["mesh"]["resolution_limited_by"] is None
+    assert bounded["mesh"]["resolution"] == 300 and bounded["mesh"]["resolution_limited_by"] == "max_resolution"
+    assert any("voxel_size <= 0.002" in warning for warning in bounded["warnings"])
 
 
 def test_numbers_may_begin_with_their_point(worker, tmp_path):
