@@ -4,6 +4,8 @@
 
 const char *const verdict_names[] = {VERDICT_LIST(WORDS_TEXT, VERDICT)};
 
+/* With more of the points near boundaries the measures speak for none of them. */
+static const double BOUNDARY_SHARE = 0.98;
 /* More of a mesh than this is missed by people who look. */
 static const double MISSING_SHARE = 0.01;
 /* Where six of ten points have six neighbours it is 0.13, where nine of ten have, 0.06. */
@@ -78,6 +80,13 @@ static bool unresolved_share(const verdict_input *in, double *value, double *bou
     return *value > *bound;
 }
 
+static bool boundary_share(const verdict_input *in, double *value, double *bound)
+{
+    *value = (double)in->quality->rim_count / (double)sampler_result_points(in->sampler)->count;
+    *bound = BOUNDARY_SHARE;
+    return *value > *bound;
+}
+
 static bool missing_share(const verdict_input *in, double *value, double *bound)
 {
     *value = in->missing;
@@ -124,6 +133,9 @@ static const criterion criteria[] = {
     {"unresolved_share", VERDICT_UNRESOLVED, unresolved_share,
      "so many points have no cell of their own: another sheet of the surface lies closer than 1.2 spacings to them or to a "
      "neighbour: ask for more points, or a finer spacing"},
+    {"boundary_share", VERDICT_UNRESOLVED, boundary_share,
+     "so many points lie within two spacings of a boundary, where no packing is measured: ask for more points, or a "
+     "wider region"},
     {"missing_share", VERDICT_UNRESOLVED, missing_share,
      "so much of the mesh's area is thinner than a voxel and has no points: the warning says which voxel_size shows it"},
     {"energy_excess", VERDICT_UNRESOLVED, energy_excess,

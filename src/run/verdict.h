@@ -32,7 +32,7 @@ typedef struct verdict_input {
     double missing; /* share of a mesh's area that is not sampled */
 } verdict_input;
 
-enum { VERDICT_MOST_REASONS = 12 };
+enum { VERDICT_MOST_REASONS = 13 };
 
 /* A criterion that failed. Texts are constants. */
 typedef struct verdict_reason {

@@ -248,6 +248,15 @@ def test_at_rest_without_order_is_11_and_says_why(worker, tmp_path, seed, surfac
     assert reason["value"] > reason["bound"] and reason["message"] in done.stderr
 
 
+def test_a_strip_that_no_measure_speaks_for_is_11(worker, tmp_path):
+    """Every point is near a rim, and none is measured."""
+    done = worker(sphere(200, region={"min": [-2, -2, -0.1], "max": [2, 2, 0.1]}))
+    assert done.returncode == 11, done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["quality"]["rim_count"] == 200 and report["quality"]["hex_fraction"] is None
+    assert "boundary_share" in [r["criterion"] for r in report["outcome_reasons"]]
+
+
 @pytest.mark.parametrize("sampling", ({}, {"alpha": {}}, {"curvature": {"ratio": 3}}))
 def test_order_has_no_reasons(worker, tmp_path, sampling):
     done = worker({"version": 1, "surface": QUARTIC, "sampling": {"count": 1000, **sampling}})
