@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/reader.h"
+#include "mesh/ply_strips.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -232,7 +233,8 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
     size_t memory = reader_limit(argc, argv, STDERR_FILENO + 1);
     if (!memory) return 2;
     snprintf(b.name, sizeof b.name, "mesh%s%.20s", *argv[1] ? "." : "", argv[1]);
-    if (!read_bytes(&b) || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)))
+    if (!read_bytes(&b) || (strcasecmp(argv[1], "obj") == 0 && !add_zeros(&b)) ||
+        (strcasecmp(argv[1], "ply") == 0 && !ply_strips_expand(&b.data, &b.size)))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};

@@ -184,6 +184,32 @@ def test_numbers_may_begin_with_their_point(worker, tmp_path):
 
 
 
+OCTAHEDRON = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+# Two strips around the octahedron in one list, and one of two in another.
+STRIPS = ([2, 4, 0, 3, -1, 2, 5, 1, 3], [4, 2, 1], [1, 3, 4], [0, 5, 3], [2, 0, 5][::-1])
+
+
+@pytest.mark.parametrize("layout", ("ascii", "binary_little_endian", "binary_big_endian"))
+def test_triangle_strips_are_read(worker, tmp_path, layout):
+    head = (f"ply\nformat {layout} 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+            f"element tristrips {len(STRIPS)}\nproperty list int int vertex_indices\nend_header\n").encode()
+    if layout == "ascii":
+        rows = [" ".join(map(str, v)) for v in OCTAHEDRON] + [" ".join(map(str, [len(s), *s])) for s in STRIPS]
+        body = "\n".join(rows).encode() + b"\n"
+    else:
+        order = "<" if "little" in layout else ">"
+        body = numpy.array(OCTAHEDRON, order + "f4").tobytes()
+        body += b"".join(numpy.array([len(s), *s], order + "i4").tobytes() for s in STRIPS)
+    (tmp_path / "strips.ply").write_bytes(head + body)
+    done = worker(mesh(tmp_path / "strips.ply", 500, resolution=48))
+    assert done.returncode in (0, 10, 11), done.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["surface"]["mesh"]["triangles"] == 8
+    assert report["surface"]["mesh"]["area"] == pytest.approx(4 * 3 ** 0.5, rel=1e-3)
+    (tmp_path / "strips.ply").write_bytes((head + body)[:-7])
+    assert worker(mesh(tmp_path / "strips.ply", 500, resolution=48)).returncode == 3
+
+
 def test_malformed_files_do_no_harm(data_service, shared_data, diagnose):
     files = [p for group in ("assimp_invalid", "trimesh_odd") for p in sorted((shared_data / "malformed" / group).iterdir())
              if p.suffix in (".obj", ".off", ".ply", ".stl")]
