@@ -13,9 +13,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "crash"))
 import calls  # noqa: E402
 import farm as crash_farm  # noqa: E402
 from service import long_sphere, sphere, wait_until
+from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_cluster,
+                        new_farm, on_nodes, points, running_cluster, slurm, wait_running)
 from test_storage import new_disk  # noqa: F401, a fixture
-from slurm_farm import attempts, front, gate, all_ended, needs_slurm, new_cluster, new_farm, on_nodes, points, \
-    running_cluster, slurm, wait_running
 
 pytestmark = needs_slurm
 MOVES = {"rename", "renameat", "renameat2"}
@@ -47,6 +47,35 @@ def test_progress_cancel_and_time_limit(new_cluster, new_farm):
     wait_until(lambda: all_ended(slurm), "an empty queue of Slurm")
     late = farm.submit(long_sphere(limits={"timeout_s": 1}))
     assert farm.wait_state(late, "timed_out")["error"]["code"] == "limit_time"
+
+
+# ---- many frames
+
+def test_a_coherent_sequence_is_the_one_of_the_local_engine(slurm, new_farm, new_service):
+    spec = sphere(500, output={"preview": False}, queue={"frames": "1-20", "coherent": True, "by_frame": {
+        "/surface/analytic/radius": {"from": 1, "to": 1.5}}})
+    farm, local = new_farm(), new_service("--memory_mb", "300").start()
+    there, here = farm.submit(spec), local.submit(spec)
+    farm.wait_state(there, "succeeded")
+    local.wait_state(here, "succeeded")
+    assert attempts_of_frames(farm, there) == {frame: 1 for frame in range(1, 21)}
+    for frame in range(1, 21):
+        one, other = (service.get(f"/v1/jobs/{job}/results/points.ply?frame={frame}")
+                      for service, job in ((farm, there), (local, here)))
+        assert one.status == 200 and one.body == other.body
+
+
+def test_an_array_of_1000_frames_is_one_job_and_a_retry_runs_the_one_that_failed(slurm, new_farm, tmp_path):
+    frames = range(1, 1001)
+    footage = make_footage(tmp_path, [frame for frame in frames if frame != 500])
+    farm = new_farm("--input_roots", footage, "--user_running", "0")
+    job = farm.submit(array(footage, "1-1000"))
+    ended = farm.wait_state(job, "failed", seconds=3600)
+    assert "1 of 1000 frames failed; frame 500:" in ended["error"]["message"]
+    os.link(footage / "one.nrrd", footage / "a.0500.nrrd")
+    farm.post(f"/v1/jobs/{job}/retry")
+    farm.wait_state(job, "succeeded")
+    assert attempts_of_frames(farm, job) == {frame: 1 + (frame == 500) for frame in frames}
 
 
 # ---- 1: an answer is lost

@@ -7,8 +7,8 @@ import signal
 import pytest
 
 from service import sphere, wait_until
-from slurm_farm import array, attempts, attempts_of_frames, front, gate, all_ended, make_footage, needs_slurm, \
-    new_farm, on_nodes, points, running_cluster, slurm, wait_running
+from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_farm,
+                        on_nodes, points, running_cluster, slurm, wait_running)
 
 pytestmark = needs_slurm
 ALSO_SANITIZED = {"test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine", "test_attempts_run_on_without_the_daemon"}
