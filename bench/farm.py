@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine, and writes a page.
 
-    farm.py BUILD PAGE [--small N] [--queued N]
+    farm.py BUILD PAGE [--small N] [--large N] [--queued N]
 
---small: jobs of 1000 points, through Slurm and locally. --queued: tasks of an array that wait in Slurm while its
-partition is down; then all are cancelled.
+--small: jobs of 1000 points, through Slurm and locally; --large: of a million, besides. --queued: tasks of an array that
+wait in Slurm while its partition is down; then all are cancelled. How late progress and cancellation are is measured with
+a worker that writes the time.
 """
 import argparse
 import os
@@ -16,7 +17,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests/service"))
 from cluster import Cluster  # noqa: E402
-from service import Service, sphere, wait_until  # noqa: E402
+from service import Service, Stream, sphere, wait_until  # noqa: E402
 
 TICK = os.sysconf("SC_CLK_TCK")
 
@@ -33,18 +34,52 @@ def resident_mb(pid):
     return 0
 
 
-def run_small(service, count, slurm=None):
-    """Wall time, processor time of the daemon itself, of Slurm's daemons."""
+def machine_s():
+    """Processor time of all processes of the machine."""
+    fields = list(map(int, pathlib.Path("/proc/stat").read_text().splitlines()[0].split()[1:9]))
+    return (sum(fields) - fields[3] - fields[4]) / TICK
+
+
+def run_jobs(service, given, slurm=None):
+    """Wall time; processor time of the daemon itself, of Slurm's daemons, of the workers (of the local engine: only
+    these have the daemon as their parent), and of the whole machine."""
     service.post("/v1/admin/hold")
-    jobs = [service.submit(sphere(1000, solver={"seed": n, "threads": 1}, output={"preview": False})) for n in range(count)]
+    jobs = [service.submit(sphere(count, solver={"seed": n, "threads": 1}, output={"preview": False}, limits={"memory_mb": memory}))
+            for count, memory, many in ((1000000, 2000, given.large), (1000, 300, given.small)) for n in range(many)]
     daemons = [p.pid for p in slurm.running.values()] if slurm else []
     own, theirs, begin = processor_s(service.process.pid), sum(map(processor_s, daemons)), time.monotonic()
+    all_s, workers = machine_s(), processor_s(service.process.pid, True)
     service.post("/v1/admin/release")
     service.wait_state(jobs[-1], "succeeded", seconds=3600)
     for job in jobs:
         service.wait_state(job, "succeeded", seconds=3600)
-    return (time.monotonic() - begin, processor_s(service.process.pid) - own,
-            sum(map(processor_s, daemons)) - theirs)
+    own = processor_s(service.process.pid) - own
+    return (time.monotonic() - begin, own, sum(map(processor_s, daemons)) - theirs,
+            processor_s(service.process.pid, True) - workers - own, machine_s() - all_s)
+
+
+# Says every third of a second what time it is, ten seconds long; then waits to be cancelled.
+CLOCK = """#!/bin/sh
+cat >/dev/null
+for i in $(seq 30); do echo "{\\"phase\\":\\"relax\\",\\"fraction\\":0.5,\\"now\\":$(date +%s.%N)}" >&3; sleep 0.33; done
+exec sleep 1000
+"""
+
+
+def run_clock(service, slurm):
+    """How late progress is in a stream of events, and the end of a worker after a cancellation: the latest."""
+    job, late = service.submit(sphere()), []
+    stream = Stream(service, f"/v1/jobs/{job}/events")
+    for _, kind, document in stream:
+        now = document.get("progress", document).get("now")
+        late += [time.time() - now] if now else []
+        if len(late) >= 10:
+            break
+    stream.close()
+    asked = time.monotonic()
+    service.post(f"/v1/jobs/{job}/cancel")
+    wait_until(lambda: not [1 for words in slurm.steps().values() if any(f"/farm/{job}." in w for w in words)], "its end")
+    return max(late), time.monotonic() - asked
 
 
 def run_queued(service, slurm, count):
@@ -76,6 +111,7 @@ def main():
     words.add_argument("build", type=pathlib.Path)
     words.add_argument("page", type=pathlib.Path)
     words.add_argument("--small", type=int, default=2000)
+    words.add_argument("--large", type=int, default=20)
     words.add_argument("--queued", type=int, default=10000)
     given = words.parse_args()
     base = pathlib.Path(tempfile.mkdtemp(prefix="farm."))
@@ -84,41 +120,62 @@ def main():
     local = Service(given.build.resolve(), base / "local", *common)
     farm = Service(given.build.resolve(), base / "farm", "--engine", "slurm", "--work_dir", base / "farm/work",
                    "--slurm_most_jobs", str(given.queued), *common)
-    rows = []
+    clock = base / "clock"
+    clock.write_text(CLOCK)
+    clock.chmod(0o755)
+    watched = Service(given.build.resolve(), base / "watched", "--engine", "slurm", "--work_dir", base / "watched/work",
+                      "--worker", str(clock), *common)
+    rows, workers = [], 0
     try:
         slurm.start()
         os.environ.update(SLURM_CONF=slurm.environment["SLURM_CONF"], PATH=slurm.environment["PATH"])
         for name, service, of in (("local, 2 workers", local, None), ("slurm, 4 nodes of 1 core", farm, slurm)):
             service.base.mkdir()
             service.start()
-            wall, own, theirs = run_small(service, given.small, of)
-            rows.append(f"| {name} | {given.small} | {wall:.1f} | {1000 * wall / given.small:.1f} | "
-                        f"{1000 * own / given.small:.2f} | {1000 * theirs / given.small:.2f} |")
+            wall, own, theirs, of_workers, whole = run_jobs(service, given, of)
+            workers = workers or of_workers
+            count = given.small + given.large
+            rows.append(f"| {name} | {count} | {wall:.1f} | {1000 * own / count:.2f} | {1000 * theirs / count:.2f} | "
+                        f"{workers / wall / os.cpu_count():.2f} | {(whole - workers) / wall / os.cpu_count():.2f} |")
             print(rows[-1], flush=True)
         local.end()
+        watched.base.mkdir()
+        late = run_clock(watched.start(), slurm)
+        watched.end()
+        print(f"progress {late[0]:.2f} s late, cancelled after {late[1]:.2f} s", flush=True)
         queued = run_queued(farm, slurm, given.queued)
     finally:
         local.clean_up()
         farm.clean_up()
+        watched.clean_up()
         slurm.clean_up()
         shutil.rmtree(base, ignore_errors=True)
-    given.page.write_text(PAGE.format(small=given.small, queued=given.queued, rows="\n".join(rows), cores=os.cpu_count(),
+    given.page.write_text(PAGE.format(small=given.small, large=given.large, late=late, queued=given.queued, rows="\n".join(rows), cores=os.cpu_count(),
                                       load=os.getloadavg()[2], q=queued))
 
 
 PAGE = """# The farm
 
-`python3 bench/farm.py BUILD doc/measured/farm.md --small {small} --queued {queued}`: a Slurm of four nodes and the daemon on one
+`python3 bench/farm.py BUILD doc/measured/farm.md --small {small} --large {large} --queued {queued}`: a Slurm of four nodes and the daemon on one
 machine of {cores} cores, which others used, too (load average {load:.1f}). The figures say what the engine costs, not how a cluster
 scales.
 
-## Small jobs: 1000 points each
+## Jobs: {small} of 1000 points, {large} of a million
 
-| engine | jobs | wall s | wall ms a job | processor ms of the daemon a job | of Slurm's daemons a job |
-|---|---|---|---|---|---|
+| engine | jobs | wall s | processor ms of the daemon a job | of Slurm's daemons a job | workers' share of the cores | all others' |
+|---|---|---|---|---|---|---|
 {rows}
 
-The daemon's time is its own, without the commands that it calls and without workers.
+The daemon's time is its own, without the commands that it calls and without workers. The workers' share is their processor
+time by wall time and cores; it is measured locally, and Slurm's workers do the same. The rest of the machine was taken by what
+the last column tells: daemons, Slurm, and others.
+
+## What users wait for
+
+| what | at most |
+|---|---|
+| from a worker's progress line to the event that clients get | {late[0]:.2f} s |
+| from a cancellation to the worker's end on its node | {late[1]:.2f} s |
 
 ## {queued} attempts in Slurm's queue
 

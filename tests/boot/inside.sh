@@ -269,6 +269,18 @@ calls_webhooks() {
     return $called
 }
 
+# As doc/farm.md says, word by word. Slurm resolves no name, not even localhost, before a machine has a second address.
+runs_on_slurm() {
+    perl -e '$to = pack("a16 S n N x8", "lo:1", 2, 0, 0x0a000001); socket(S, 2, 2, 0) && ioctl(S, 0x8916, $to) or die' || return 1
+    { sed -n '/^   ClusterName/,/^   PartitionName/s/^   //p' /root/farm.md | sed '/^NodeName/d'
+      echo "$(slurmd -C | head -n 1) NodeAddr=127.0.0.1 State=UNKNOWN"; } >/etc/slurm/slurm.conf
+    systemctl restart munge slurmctld slurmd && until_true sh -c 'sinfo -h -o %T | grep -qx idle' || return 1
+    install -d -o hexad -g hexad -m 700 /srv/hexad
+    sed -n '/^   engine = slurm/,/^   ```/s/^   \([a-z]\)/\1/p' /root/farm.md >>"$settings"
+    drop_in hexad.service slurm <"$examples/slurm.conf" && systemctl restart hexad.service || return 1
+    succeeds "$sphere" && squeue -h --states=all -o "%j %T %u" | grep '^hexad-.* COMPLETED hexad$'
+}
+
 echo "input_roots = /srv/input" >>"$settings"
 printf 'OFF\n4 4 0\n1 1 1\n1 -1 -1\n-1 1 -1\n-1 -1 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n' >/srv/input/mesh.off
 check "the system is up, nothing has failed" test -z "$(systemctl --failed -q --plain)"
@@ -302,6 +314,11 @@ else
 fi
 check "the example tcp.conf serves a port" with_settings serves_tcp
 check "the example webhooks.conf lets webhooks be called" with_settings calls_webhooks
+if command -v slurmd >/dev/null; then
+    check "the example slurm.conf lets attempts run in Slurm" with_settings runs_on_slurm
+else
+    skip "the example slurm.conf lets attempts run in Slurm" "the base system is older than this check: remove it"
+fi
 check "a connection starts the service after all that" hexadctl list
 echo "1..$count"
 journalctl -u hexad.service --no-pager >&2
