@@ -1,10 +1,12 @@
 // A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
-import {html, useCallback, useEffect, useRef, useState} from "./preact.js";
+import {html, useEffect, useRef, useState} from "./preact.js";
 import {call, get, send} from "./api.js";
 import {Files} from "./files.js";
 import {Node} from "./form.js";
+import {inspect, Inspection} from "./inspection.js";
 import {Progress, Trouble, useAction, useTitle} from "./parts.js";
 import {sha256} from "./sha256.js";
+import {Sketch} from "./sketch.js";
 import {bytesOf, countOf, durationOf, numberOf} from "./words.js";
 
 const CHECK_MS = 500;
@@ -88,6 +90,7 @@ export function Submit({search}) {
   const [spec, setSpec] = useState(search.has("from") ? null : FIRST);
   const [error, setError] = useState(null);
   const [sending, setSending] = useState(null);
+  const [look, setLook] = useState(null); // into the file that was chosen: {found, chosen}
   const [over, setOver] = useState(false);
   const [{faults, error: fault, validation}, busy] = useCheck(spec || FIRST);
   useTitle("New job");
@@ -97,14 +100,27 @@ export function Submit({search}) {
     if (search.has("from")) get(`v1/jobs/${search.get("from")}`).then(job => setSpec(job.spec), setError);
   }, []);
 
-  const useFile = useCallback((name, path) => setSpec(old => ({...old, name: old.name || name, surface: surfaceOf(name, path)})), []);
-  const [take, takeError] = useAction(async file => {
+  const suggest = suggestion => {
+    setLook(old => ({...old, chosen: suggestion}));
+    // how many points it takes is not known of a surface that was not measured
+    setSpec(old => ({...old, ...suggestion.spec, name: old.name, sampling: suggestion.count ? suggestion.spec.sampling : old.sampling}));
+  };
+  const useFile = async (name, path) => {
+    setLook(null);
+    setSending({word: `Looking into ${name}`, share: null});
+    const found = await inspect(path), first = found && found.suggestions.find(suggestion => suggestion.spec);
+    setSpec(old => ({...old, name: old.name || name, surface: surfaceOf(name, path)}));
+    if (found) setLook({found, chosen: null});
+    if (first) suggest(first);
+  };
+  const [take, takeError] = useAction(async (name, find) => {
     try {
-      useFile(file.name, await upload(file, (word, share) => setSending({word, share})));
+      await useFile(name, await find());
     } finally {
       setSending(null);
     }
   });
+  const takeFile = file => take(file.name, () => upload(file, (word, share) => setSending({word, share})));
   const [submit, submitError, submitting] = useAction(async () => {
     const job = await call("POST", "v1/jobs", spec);
     location.hash = `#/jobs/${job.id}`;
@@ -112,12 +128,12 @@ export function Submit({search}) {
   const drop = e => {
     e.preventDefault();
     setOver(false);
-    if (e.dataTransfer.files.length) take(e.dataTransfer.files[0]);
+    if (e.dataTransfer.files.length) takeFile(e.dataTransfer.files[0]);
   };
   if (!schema || !spec) return html`<${Trouble} error=${error} />`;
 
   const {properties} = schema;
-  const group = name => html`<fieldset class="card" key=${name}><legend>${name[0].toUpperCase() + name.slice(1)}</legend><div class="fields">
+  const group = (name, picture) => html`<fieldset class="card" key=${name}><legend>${name[0].toUpperCase() + name.slice(1)}</legend>${picture}<div class="fields">
     <${Node} name=${name} schema=${properties[name]} value=${spec[name]} pointer=${`/${name}`} faults=${faults} onChange=${next => setSpec({...spec, [name]: next})} /></div></fieldset>`;
   const rest = Object.keys(properties).filter(name => !["version", "name", "surface", "sampling"].includes(name));
   return html`<div class=${`submit ${over ? "over" : ""}`} onDragOver=${e => {
@@ -126,18 +142,18 @@ export function Submit({search}) {
   }} onDragLeave=${() => setOver(false)} onDrop=${drop}>
     <h1>New job</h1>
     <div class="drop card"><p>Drop a mesh or a volume here, or choose a file:</p>
-      <span class="buttons"><label class="button" for="file">From this computer</label><input id="file" class="hidden" type="file" onChange=${e => e.target.files.length && take(e.target.files[0])} /></span>
-      <${Files} onChoose=${useFile} />
+      <span class="buttons"><label class="button" for="file">From this computer</label><input id="file" class="hidden" type="file" onChange=${e => e.target.files.length && takeFile(e.target.files[0])} /></span>
+      <${Files} onChoose=${(name, path) => take(name, () => path)} />
       ${sending && html`<p role="status">${sending.word} … ${sending.share !== null && html`<${Progress} fraction=${sending.share} label=${sending.word} />`}</p>`}
-      <${Trouble} error=${takeError} /></div>
+      ${look && html`<${Inspection} ...${look} onChoose=${suggest} />`}<${Trouble} error=${takeError} /></div>
     <form class="columns" onSubmit=${e => {
       e.preventDefault();
       submit();
     }}><div>
       <fieldset class="card"><legend>Job</legend><div class="fields"><${Node} name="name" schema=${properties.name} value=${spec.name} pointer="/name" faults=${faults}
         onChange=${next => setSpec({...spec, name: next})} /></div></fieldset>
-      ${group("surface")}${group("sampling")}
-      <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(group)}</details></div>
+      ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
+      <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
     <aside aria-label="Check"><${Estimate} validation=${validation} busy=${busy} /><${Trouble} error=${fault} />
       <button class="main" disabled=${submitting || Boolean(fault)}>Submit</button><${Trouble} error=${submitError} />
       <${Json} spec=${spec} onChange=${setSpec} /></aside></form></div>`;

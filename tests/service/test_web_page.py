@@ -339,12 +339,13 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa:
     browser.one("#token").send_keys(new_token(closed_service, "dora"))
     browser.press("Sign in")
     browser.press("New job", "header")
-    browser.wait_text("Drop a mesh")
+    browser.wait_text("Memory", ".estimate")  # an estimate at a time
     browser.run("""
         const data = new DataTransfer();
         data.items.add(new File([arguments[0]], "cube.obj"));
         document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true}));""", CUBE)
-    wait_until(lambda: "sha256:" in browser.text("#json", "value"), "the file to be there")
+    browser.wait_text("area", ".inspection")
+    assert "sha256:" in browser.text("#json", "value")
     browser.wait_text("Memory", ".estimate")
     count = browser.one("[id='f/sampling/count']")
     count.clear()
@@ -361,6 +362,10 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa:
 
 def test_faults_are_shown_where_they_are(service, browser):
     browser.open(service, "#/submit")
+    browser.one(".sketch")
+    wait_until(lambda: browser.run("""const canvas = document.querySelector(".sketch");
+        const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size""") > 20, "a shaded sphere")
     radius = browser.one("[id='f/surface/analytic/radius']")
     radius.clear()
     radius.send_keys("-1")
@@ -382,11 +387,13 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     (root / "shots" / "cube.obj").write_text(CUBE)
     service = new_service("--input_roots", root, "--estimate_timeout_s", 60).start()
     browser.open(service, "#/submit")
+    browser.wait_text("Memory", ".estimate")  # an estimate at a time
     browser.one("details summary").click()
     browser.press(f"{root}/", ".drop")
     browser.press("shots/", ".drop")
     browser.press("cube.obj", ".drop")
-    wait_until(lambda: f"{root}/shots/cube.obj" in browser.text("#json", "value"), "the path in the spec")
+    browser.wait_text("area", ".inspection")
+    assert f"{root}/shots/cube.obj" in browser.text("#json", "value")
     browser.wait_text("Memory", ".estimate")
 
 
