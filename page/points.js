@@ -278,7 +278,7 @@ export function PointCloud({job, frame, onShown}) {
       ${mesh && html`<label>Mesh<select value=${wire} onChange=${e => setWire(e.target.value)}>
         <option value="none">Hidden</option><option value="wire">With points</option><option value="only">Alone</option></select></label>`}
       <span class="buttons"><button onClick=${home}>Show all</button><button onClick=${save}>Save picture</button></span></div>
-      <p class="hint stats">${countOf(progress.count)} points, ${stats.calls} draw calls a frame, ${bytesOf(stats.bytes)} on the graphics card, ${stats.ms.toFixed(1)} ms of script a frame.
+      <p class="hint stats">${countOf(progress.count)} points, ${stats.calls} draw call${stats.calls === 1 ? "" : "s"} a frame, ${bytesOf(stats.bytes)} on the graphics card, ${stats.ms.toFixed(1)} ms of script a frame.
         Drag turns, shift or two fingers move, the wheel zooms, a click reads a point.</p>`}</div>`;
 }
 

@@ -437,7 +437,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => done(found.violat
 
 
 def test_an_audit_finds_no_barrier(service, browser, source):
-    """axe-core, on each view, light and dark."""
+    """axe-core, on each view, light and dark; and none is wider than a narrow screen."""
     audit = source / "page/node_modules/axe-core/axe.min.js"
     if not audit.exists():
         pytest.skip("no axe-core: run npm ci in page")
@@ -452,4 +452,7 @@ def test_an_audit_finds_no_barrier(service, browser, source):
         for theme in ("light", "dark"):
             browser.emulate(prefers_color_scheme=theme)
             assert browser.driver.execute_async_script(AUDIT) == [], (where, theme)
+        browser.command("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=False)
+        assert browser.run("return document.documentElement.scrollWidth") <= 390, where
+        browser.command("Emulation.clearDeviceMetricsOverride")
     browser.emulate()
