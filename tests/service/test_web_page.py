@@ -325,6 +325,11 @@ def test_neighbours_are_counted_as_in_the_report(service, browser):
     assert abs(six / 1000 - share) < 0.003  # where four cells nearly meet in a point, both are right
     browser.choose("wire", next(s for s in browser.all(".controls select") if "With points" in s.text))
     browser.wait_text("2 draw calls", ".stats")
+    # of more points than a card is given, a part is kept, evenly
+    assert browser.driver.execute_async_script("""const [path, done] = arguments;
+        import(new URL("page/ply.js", document.baseURI)).then(ply => ply.loadPoints(path, 300, {onStart() {}, onMore() {}}))
+          .then(({step, count, total, columns}) => done([step, count, total, columns.x.length]));""",
+        f"v1/jobs/{job}/results/points.ply") == [4, 250, 1000, 250]
 
 
 CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
@@ -358,6 +363,7 @@ def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa:
     assert size > 500 * 52
     browser.press("Points in 3-D", "main")
     browser.wait_text("500 points", ".stats")
+    assert browser.run(PICTURE, "Home")[0] != browser.run(PICTURE, "ArrowLeft")[0]
 
 
 def test_faults_are_shown_where_they_are(service, browser):
