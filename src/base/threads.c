@@ -100,7 +100,7 @@ void threads_free(threads *t)
 
 int threads_count(const threads *t)
 {
-    return t->count;
+    return t ? t->count : 1;
 }
 
 void threads_narrow(threads *t, bool narrow)
@@ -115,7 +115,7 @@ bool threads_stopped(const threads *t)
 
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context)
 {
-    if (t->count == 1 || t->narrow || count <= grain) {
+    if (!t || t->count == 1 || t->narrow || count <= grain) {
         for (size_t begin = 0; begin < count && !threads_stopped(t); begin += grain)
             work(context, 0, begin, count - begin < grain ? count : begin + grain);
         return;

@@ -25,13 +25,14 @@ typedef void (*threads_work)(void *context, int worker, size_t begin, size_t end
 /* `count` workers, 1 .. THREADS_MAX; 1 starts no thread at all. `stop` may be NULL. */
 threads *threads_new(int count, const volatile sig_atomic_t *stop, error *e);
 void threads_free(threads *t);
-int threads_count(const threads *t);
+int threads_count(const threads *t); /* 1 for NULL */
 
 /* Whether loops run on the calling thread alone from now on, which is faster for small ones. */
 void threads_narrow(threads *t, bool narrow);
 
 bool threads_stopped(const threads *t); /* false for NULL */
 
+/* NULL: on the calling thread. */
 void threads_run(threads *t, size_t count, size_t grain, threads_work work, void *context);
 
 /* The processors that this process may run on. */

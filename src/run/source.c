@@ -124,6 +124,7 @@ static volume *open_grid(const spec_vdb *v, double offset, int fd, const opening
         .offset = offset,
         .reconstruction = reconstruction_of(v->reconstruction),
         .memory_limit = memory_left(o),
+        .pool = o->pool,
         .isa = o->kernels,
     };
     return volume_open(&request, e);
@@ -159,8 +160,8 @@ static volume *open_dense(slices *from, const char *path, double isovalue, spec_
         error_prefix(e, "%s", path);
         return NULL;
     }
-    const volume_dense_request request = {from,           path,      isovalue, reconstruction_of(how),
-                                          memory_left(o), o->kernels};
+    const volume_dense_request request = {from,           path,    isovalue,  reconstruction_of(how),
+                                          memory_left(o), o->pool, o->kernels};
     volume *v = volume_open_dense(&request, e);
     from->ops->close(from);
     return v;

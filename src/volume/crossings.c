@@ -7,6 +7,8 @@
 
 #define CORNERS 9 /* of the cells of a block, along an axis */
 
+enum { BLOCKS = 256 }; /* in a chunk of work */
+
 /* Index coordinates this near to the limits of int32 would overflow in the neighbours of a block. */
 static const int32_t farthest_block = (1 << 28) - 16;
 
@@ -66,13 +68,17 @@ static void note_open(crossings *c, const int32_t block[3], int x, int y, unsign
 bool crossings_add(crossings *c, const int32_t block[3], const float corners[729], const uint16_t *known,
                    error *e)
 {
-    uint16_t inside[CORNERS * CORNERS];
+    uint16_t inside[CORNERS * CORNERS], outside[CORNERS * CORNERS];
     for (int row = 0; row < CORNERS * CORNERS; row++) {
-        unsigned bits = 0;
-        for (int z = 0; z < CORNERS; z++) bits |= (unsigned)(corners[row * CORNERS + z] < 0) << z;
-        inside[row] = (uint16_t)bits;
+        unsigned below = 0, above = 0;
+        for (int z = 0; z < CORNERS; z++) {
+            below |= (unsigned)(corners[row * CORNERS + z] < 0) << z;
+            above |= (unsigned)(corners[row * CORNERS + z] > 0) << z;
+        }
+        inside[row] = (uint16_t)below;
+        outside[row] = (uint16_t)above;
     }
-    crossing_block b = {{block[0], block[1], block[2]}, {8, 8, 8}, {0, 0, 0}, {0}};
+    crossing_block b = {.block = {block[0], block[1], block[2]}, .low = {8, 8, 8}};
     uint64_t cells = 0;
     for (int x = 0; x < GRID_VIEW_SIDE; x++)
         for (int y = 0; y < GRID_VIEW_SIDE; y++) {
@@ -91,24 +97,25 @@ bool crossings_add(crossings *c, const int32_t block[3], const float corners[729
             if (open) note_open(c, block, x, y, open);
             b.rows[GRID_VIEW_SIDE * x + y] = (uint8_t)bits;
             widen(&b, x, y, bits);
+            b.flat |= (bits & ~some(outside + row)) != 0;
             cells += (unsigned)__builtin_popcount(bits);
         }
     c->cells += cells;
     return cells == 0 || append(c, &b, e);
 }
 
-/* Copies the part of a neighbour that a block's cells touch: one layer where `upper` says so. */
-static void paste(const float *f, const uint64_t *bits, const int upper[3], float *corners, uint16_t *known)
+/* Of a block or a neighbour above it the part that the block's cells touch: one layer where `upper` says so. */
+static void read_part(const grid_view *l, grid_view_block from, const int upper[3], float *corners,
+                      uint16_t *known)
 {
-    int nx = upper[0] ? 1 : GRID_VIEW_SIDE, ny = upper[1] ? 1 : GRID_VIEW_SIDE,
-        nz = upper[2] ? 1 : GRID_VIEW_SIDE;
+    const int nx = upper[0] ? 1 : GRID_VIEW_SIDE, ny = upper[1] ? 1 : GRID_VIEW_SIDE,
+              nz = upper[2] ? 1 : GRID_VIEW_SIDE;
     for (int x = 0; x < nx; x++)
         for (int y = 0; y < ny; y++) {
-            int row = CORNERS * (x + GRID_VIEW_SIDE * upper[0]) + y + GRID_VIEW_SIDE * upper[1];
-            for (int z = 0; z < nz; z++)
-                corners[CORNERS * row + z + GRID_VIEW_SIDE * upper[2]] = f[64 * x + 8 * y + z];
-            unsigned byte = (unsigned)(bits[x] >> (8 * y)) & (upper[2] ? 1 : 0xFF);
-            known[row] = (uint16_t)(known[row] | byte << (GRID_VIEW_SIDE * upper[2]));
+            const int row = CORNERS * (x + GRID_VIEW_SIDE * upper[0]) + y + GRID_VIEW_SIDE * upper[1];
+            unsigned bits =
+                grid_view_read_row(l, from, x, y, nz, corners + CORNERS * row + GRID_VIEW_SIDE * upper[2]);
+            known[row] = (uint16_t)(known[row] | bits << (GRID_VIEW_SIDE * upper[2]));
         }
 }
 
@@ -126,13 +133,11 @@ static bool look_at(const grid_view *l, const int32_t block[3], crossings *out, 
             outside = true;
     }
     if (!leaf && !(inside && outside)) return true;
-    float f[GRID_VIEW_VOXELS], corners[CORNERS * CORNERS * CORNERS];
-    uint64_t bits[GRID_VIEW_SIDE];
+    float corners[CORNERS * CORNERS * CORNERS];
     uint16_t known[CORNERS * CORNERS] = {0};
     for (int k = 0; k < 8; k++) {
         const int upper[3] = {k & 1, k >> 1 & 1, k >> 2};
-        grid_view_read(l, near[k], f, bits);
-        paste(f, bits, upper, corners, known);
+        read_part(l, near[k], upper, corners, known);
     }
     return crossings_add(out, block, corners, known, e);
 }
@@ -189,15 +194,72 @@ static int by_place(const void *a, const void *b)
     return 0;
 }
 
-bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, error *e)
+typedef struct search {
+    const grid_view *from;
+    const block_map *candidates;
+    crossings *found; /* of each chunk */
+    error *fault;     /* likewise; of those without one the code is OK */
+} search;
+
+static void search_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    const search *job = context;
+    const size_t chunk = begin / BLOCKS;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        if (!look_at(job->from, job->candidates->blocks[n], &job->found[chunk], &job->fault[chunk])) return;
+}
+
+/* What the chunks found, in their order. */
+static bool gather(crossings *parts, const error *fault, size_t count, crossings *out, error *e)
+{
+    size_t blocks = 0;
+    for (size_t k = 0; k < count; k++) {
+        if (fault[k].code != ERROR_NONE) {
+            *e = fault[k];
+            return false;
+        }
+        if (out->open_cells == 0) memcpy(out->open_at, parts[k].open_at, sizeof out->open_at);
+        out->open_cells += parts[k].open_cells;
+        out->cells += parts[k].cells;
+        blocks += parts[k].count;
+    }
+    out->blocks = mem_array(blocks, sizeof *out->blocks, "the blocks that the surface crosses", e);
+    if (!out->blocks) return false;
+    for (size_t k = 0; k < count; k++) {
+        if (parts[k].count)
+            memcpy(out->blocks + out->count, parts[k].blocks, parts[k].count * sizeof *out->blocks);
+        out->count += parts[k].count;
+        crossings_free(&parts[k]);
+    }
+    out->room = out->count;
+    if (out->count) qsort(out->blocks, out->count, sizeof *out->blocks, by_place);
+    return true;
+}
+
+bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, crossings *out, error *e)
+{
+    const char *what = "the blocks that the surface crosses";
     block_map candidates;
+    search job = {l, &candidates, NULL, NULL};
     crossings found = {.known_only = l->kind == GRID_VIEW_DENSE};
     bool ok = block_map_init(&candidates, 2 * (size_t)l->leaves.count, e) &&
               add_candidates(l, memory_limit, &candidates, e);
-    for (uint32_t n = 0; ok && n < candidates.count; n++) ok = look_at(l, candidates.blocks[n], &found, e);
+    const size_t chunks = (candidates.count + BLOCKS - 1) / BLOCKS;
+    if (ok) {
+        job.found = mem_array(chunks, sizeof *job.found, what, e);
+        job.fault = mem_array(chunks, sizeof *job.fault, what, e);
+        ok = job.found && job.fault;
+    }
+    if (ok) {
+        for (size_t k = 0; k < chunks; k++) job.found[k].known_only = found.known_only;
+        threads_run(pool, candidates.count, BLOCKS, search_chunk, &job);
+        ok = gather(job.found, job.fault, chunks, &found, e);
+    }
+    for (size_t k = 0; job.found && k < chunks; k++) crossings_free(&job.found[k]);
+    free(job.found);
+    free(job.fault);
     block_map_free(&candidates);
-    if (ok && found.count > 0) qsort(found.blocks, found.count, sizeof *found.blocks, by_place);
     if (ok)
         *out = found;
     else
@@ -239,6 +301,7 @@ uint64_t crossings_count_plateau(const grid_view *l, const crossings *c)
     for (size_t n = 0; n < c->count; n++) {
         const crossing_block *b = &c->blocks[n];
         int8_t signs[AROUND][AROUND][AROUND];
+        if (!b->flat) continue;
         read_signs(l, b->block, signs);
         for (int k = 0; k < GRID_VIEW_VOXELS; k++)
             if (b->rows[k >> 3] >> (k & 7) & 1) count += is_plateau(signs, k >> 6, k >> 3 & 7, k & 7);

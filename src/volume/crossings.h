@@ -3,7 +3,7 @@
  * A cell is the cube between voxels (i, j, k) and (i+1, j+1, k+1) and belongs to the block of its
  * lowest voxel; it is crossed when F has both signs among its corners, zero counting as outside.
  * Blocks come in the order of their coordinates, so that it does not matter how the file had them. Threads:
- * none of its own; no shared state.
+ * crossings_find has those of a pool, whose number does not show; the others none.
  */
 #ifndef HEXAD_VOLUME_CROSSINGS_H
 #define HEXAD_VOLUME_CROSSINGS_H
@@ -13,12 +13,14 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "volume/grid_view.h"
 
 typedef struct crossing_block {
     int32_t block[3];
     uint8_t low[3], high[3]; /* lowest and highest crossed cell in it, along each axis */
     uint8_t rows[64];        /* bit z of rows[8 x + y]: cell (x, y, z) is crossed */
+    bool flat;               /* one of them has nothing but zeros outside */
 } crossing_block;
 
 typedef struct crossings {
@@ -31,7 +33,7 @@ typedef struct crossings {
 } crossings;
 
 /* Looks at every block where the sign of F may change. `memory_limit` bounds the search's own memory. */
-bool crossings_find(const grid_view *l, size_t memory_limit, crossings *out, error *e);
+bool crossings_find(const grid_view *l, size_t memory_limit, threads *pool, crossings *out, error *e);
 
 /* Adds a block whose corners are F at (x, y, z), 0..8 each, offset 81 x + 9 y + z; nothing is added
  * where no cell is crossed. `known`, bit z of known[9 x + y], may be NULL: all of them. */

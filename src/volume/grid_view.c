@@ -129,28 +129,29 @@ grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t
     return b;
 }
 
-static uint64_t clamped_bits(const grid_view *l, const float *values)
+unsigned grid_view_read_row(const grid_view *l, grid_view_block b, int x, int y, int count, float *f)
 {
-    uint64_t bits = 0;
-    for (int i = 0; i < 64; i++)
-        bits |= (uint64_t)(values[i] <= l->clamp_below || values[i] >= l->clamp_above) << i;
-    return bits;
+    const unsigned all = (1u << count) - 1;
+    if (b.leaf == BLOCK_MAP_NONE) {
+        for (int z = 0; z < count; z++) f[z] = b.constant;
+        return l->kind == GRID_VIEW_FOG ? all : 0;
+    }
+    const float *values = l->grid->leaf_values + (size_t)b.leaf * GRID_VIEW_VOXELS + 64 * x + 8 * y;
+    for (int z = 0; z < count; z++) f[z] = to_f(l, values[z]);
+    if (l->kind == GRID_VIEW_FOG) return all;
+    unsigned known = (unsigned)(l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x] >> (8 * y)) & all;
+    for (int z = 0; z < count && l->kind == GRID_VIEW_LEVEL_SET; z++)
+        known &= ~((unsigned)(values[z] <= l->clamp_below || values[z] >= l->clamp_above) << z);
+    return known;
 }
 
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS],
                     uint64_t known[GRID_VIEW_SIDE])
 {
-    if (b.leaf == BLOCK_MAP_NONE) {
-        for (int i = 0; i < GRID_VIEW_VOXELS; i++) f[i] = b.constant;
-        memset(known, l->kind == GRID_VIEW_FOG ? 0xFF : 0, GRID_VIEW_SIDE * sizeof *known);
-        return;
-    }
-    const float *values = l->grid->leaf_values + (size_t)b.leaf * GRID_VIEW_VOXELS;
-    for (int i = 0; i < GRID_VIEW_VOXELS; i++) f[i] = to_f(l, values[i]);
     for (int x = 0; x < GRID_VIEW_SIDE; x++) {
-        uint64_t active = l->grid->leaf_active[(size_t)b.leaf * 8 + (size_t)x];
-        known[x] = l->kind == GRID_VIEW_FOG     ? ~(uint64_t)0
-                   : l->kind == GRID_VIEW_DENSE ? active
-                                                : active & ~clamped_bits(l, values + 64 * x);
+        known[x] = 0;
+        for (int y = 0; y < GRID_VIEW_SIDE; y++)
+            known[x] |= (uint64_t)grid_view_read_row(l, b, x, y, GRID_VIEW_SIDE, f + 64 * x + 8 * y)
+                        << (8 * y);
     }
 }

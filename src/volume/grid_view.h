@@ -53,4 +53,7 @@ grid_view_block grid_view_find(const grid_view *l, int32_t x, int32_t y, int32_t
 void grid_view_read(const grid_view *l, grid_view_block b, float f[GRID_VIEW_VOXELS],
                     uint64_t known[GRID_VIEW_SIDE]);
 
+/* The same of the first `count` voxels of one row; returns the bits of those that are known. */
+unsigned grid_view_read_row(const grid_view *l, grid_view_block b, int x, int y, int count, float *f);
+
 #endif

@@ -1,13 +1,17 @@
 #include "volume/samples.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 
 #define SIDE GRID_VIEW_SIDE
 #define VOXELS GRID_VIEW_VOXELS
+
+enum { BLOCKS = 64, RUNS = 4 }; /* in a chunk of work */
 
 /* Beyond this sums of floats overflow; nothing that is meant comes near it. */
 static const float largest_value = 1e30f;
@@ -57,25 +61,16 @@ void samples_free(samples *s)
     memset(s, 0, sizeof *s);
 }
 
-static void link_neighbours(samples *s)
+static bool is_usable(float value)
 {
-    for (uint32_t n = 0; n < s->map.count; n++)
-        for (int k = 0; k < 6; k++) {
-            int32_t b[3];
-            memcpy(b, s->map.blocks[n], sizeof b);
-            b[k / 2] += k % 2 ? 1 : -1;
-            s->near[6 * (size_t)n + (size_t)k] = block_map_find(&s->map, b[0], b[1], b[2]);
-        }
+    return fabsf(value) <= largest_value; /* of NaN false */
 }
 
-static bool check_finite(const samples *s, error *e)
+static bool report_unusable(const samples *s, error *e)
 {
     size_t bad = 0, first = 0, total = (size_t)s->map.count * VOXELS;
     for (size_t i = 0; i < total; i++)
-        if (!(fabsf(s->f[i]) <= largest_value)) {
-            if (bad++ == 0) first = i;
-        }
-    if (bad == 0) return true;
+        if (!is_usable(s->f[i]) && bad++ == 0) first = i;
     const int32_t *b = s->map.blocks[first / VOXELS];
     size_t v = first % VOXELS;
     return error_set(
@@ -85,7 +80,33 @@ static bool check_finite(const samples *s, error *e)
         b[2] * SIDE + (int)(v & 7));
 }
 
-bool samples_read(const grid_view *l, block_map *map, samples *out, error *e)
+typedef struct reading {
+    const grid_view *from;
+    samples *s;
+    atomic_bool unusable;
+} reading;
+
+static void read_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    reading *job = context;
+    samples *s = job->s;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        const int32_t *b = s->map.blocks[n];
+        float *f = s->f + n * VOXELS;
+        int good = 1;
+        grid_view_read(job->from, grid_view_find(job->from, b[0], b[1], b[2]), f, s->known + n * SIDE);
+        for (int i = 0; i < VOXELS; i++) good &= is_usable(f[i]);
+        if (!good) atomic_store(&job->unusable, true);
+        for (int k = 0; k < 6; k++) {
+            int32_t at[3] = {b[0], b[1], b[2]};
+            at[k / 2] += k % 2 ? 1 : -1;
+            s->near[6 * n + (size_t)k] = block_map_find(&s->map, at[0], at[1], at[2]);
+        }
+    }
+}
+
+bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e)
 {
     samples s = {.map = *map};
     memset(map, 0, sizeof *map);
@@ -95,12 +116,9 @@ bool samples_read(const grid_view *l, block_map *map, samples *out, error *e)
     s.near = mem_array(n * 6, sizeof *s.near, "the voxels around the surface", e);
     bool ok = s.f && s.known && s.near;
     if (ok) {
-        for (size_t i = 0; i < n; i++) {
-            const int32_t *b = s.map.blocks[i];
-            grid_view_read(l, grid_view_find(l, b[0], b[1], b[2]), s.f + i * VOXELS, s.known + i * SIDE);
-        }
-        link_neighbours(&s);
-        ok = check_finite(&s, e);
+        reading job = {l, &s, false};
+        threads_run(pool, n, BLOCKS, read_chunk, &job);
+        ok = !atomic_load(&job.unusable) || report_unusable(&s, e);
     }
     if (ok)
         *out = s;
@@ -116,37 +134,51 @@ static uint64_t known_word(const samples *s, uint32_t block, int x)
     return block == BLOCK_MAP_NONE ? 0 : s->known[(size_t)block * SIDE + (size_t)x];
 }
 
-/* The voxels of the layer x of a block that are not known but have a known one beside them: bit by
- * bit in the result, and in towards[k] for the neighbour below and above along each axis. */
-static uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t towards[6])
+/* Of the layer x of a block, bit by bit, whether the voxel `step` away is known: below (side 0) or above along an
+ * axis; step <= 3. */
+ISA_INLINE uint64_t known_beside(const samples *s, uint32_t block, int x, int axis, int side, int step)
 {
-    const uint64_t row_low = 0x0101010101010101u, row_high = 0x8080808080808080u;
-    const uint32_t *near = s->near + 6 * (size_t)block;
-    uint64_t here = known_word(s, block, x), any = 0;
-    if (here == ~(uint64_t)0) return 0;
-    towards[0] = x > 0 ? known_word(s, block, x - 1) : known_word(s, near[0], SIDE - 1);
-    towards[1] = x < SIDE - 1 ? known_word(s, block, x + 1) : known_word(s, near[1], 0);
-    towards[2] = here << 8 | known_word(s, near[2], x) >> 56;
-    towards[3] = here >> 8 | known_word(s, near[3], x) << 56;
-    towards[4] = (here << 1 & ~row_low) | (known_word(s, near[4], x) >> 7 & row_low);
-    towards[5] = (here >> 1 & ~row_high) | (known_word(s, near[5], x) << 7 & row_high);
-    for (int k = 0; k < 6; k++) any |= towards[k];
-    return any & ~here;
+    const uint32_t beyond = s->near[6 * (size_t)block + (size_t)(2 * axis + side)];
+    if (axis == 0) {
+        const int to = side ? x + step : x - step;
+        return known_word(s, to < 0 || to >= SIDE ? beyond : block, to & (SIDE - 1));
+    }
+    const uint64_t here = known_word(s, block, x), there = known_word(s, beyond, x);
+    const int by = axis == 1 ? SIDE * step : step, back = axis == 1 ? 64 - by : SIDE - step;
+    if (axis == 1) return side ? here >> by | there << back : here << by | there >> back;
+    const uint64_t low = 0x0101010101010101u * ((1u << step) - 1), high = low << back;
+    return side ? (here >> by & ~high) | (there << back & high) : (here << by & ~low) | (there >> back & low);
 }
 
-/* The value `step` voxels from `at` along an axis, if it is known; |step| <= 8. */
-static inline bool peek(const samples *s, uint32_t block, const int at[3], int axis, int step, double *value)
+/* The voxels of a layer that are not known but have a known one beside them, and in known[3 k + step - 1] which have
+ * one that many steps away; k: below and above along each axis. */
+static uint64_t frontier(const samples *s, uint32_t block, int x, uint64_t known[18])
 {
-    int to = at[axis] + step;
+    const uint64_t here = known_word(s, block, x);
+    uint64_t any = 0;
+    if (here == ~(uint64_t)0) return 0;
+#pragma GCC unroll 6
+    for (int k = 0; k < 6; k++) any |= known[3 * k] = known_beside(s, block, x, k / 2, k % 2, 1);
+    any &= ~here;
+    if (any == 0) return 0;
+#pragma GCC unroll 6
+    for (int k = 0; k < 6; k++) {
+        known[3 * k + 1] = known_beside(s, block, x, k / 2, k % 2, 2);
+        known[3 * k + 2] = known_beside(s, block, x, k / 2, k % 2, 3);
+    }
+    return any;
+}
+
+/* The value `step` voxels from a voxel along an axis, |step| <= 8; its block must be there. */
+ISA_INLINE double value_beside(const samples *s, uint32_t block, int offset, int axis, int step)
+{
+    const int to = (offset >> (6 - 3 * axis) & (SIDE - 1)) + step;
+    offset += step * (64 >> 3 * axis);
     if (to < 0 || to >= SIDE) {
         block = s->near[6 * (size_t)block + (size_t)(2 * axis + (to >= SIDE))];
-        if (block == BLOCK_MAP_NONE) return false;
-        to &= SIDE - 1;
+        offset += (to < 0 ? SIDE : -SIDE) * (64 >> 3 * axis);
     }
-    int offset = 64 * at[0] + 8 * at[1] + at[2] + (to - at[axis]) * stride_of[axis];
-    if (!(s->known[(size_t)block * SIDE + (size_t)(offset >> 6)] >> (offset & 63) & 1)) return false;
-    *value = (double)s->f[(size_t)block * VOXELS + (size_t)offset];
-    return true;
+    return (double)s->f[(size_t)block * VOXELS + (size_t)offset];
 }
 
 /* What the line through voxels at distances 1, 2 (values a, b) and, if known, 3 (c) says of the voxel
@@ -160,19 +192,24 @@ static double along_line(double a, double b, const double *c)
 
 /* The clamped value that a voxel still has gives the side, and the least distance. The bounds hold off what
  * meeting fronts could build up; they are loose, so that the continuation has no edge at the clamp. */
-static float continued(const samples *s, uint32_t block, int x, int bit, const uint64_t towards[6], int layer)
+static float continued(const samples *s, uint32_t block, int offset, const uint64_t known[18], int layer)
 {
-    const int at[3] = {x, bit >> 3, bit & 7};
-    const double raw = (double)s->f[(size_t)block * VOXELS + (size_t)(64 * x + bit)];
-    double lines = 0, flats = 0, a, b, c;
+    const int bit = offset & 63;
+    const double raw = (double)s->f[(size_t)block * VOXELS + (size_t)offset];
+    double lines = 0, flats = 0;
     int line_count = 0, flat_count = 0;
+#pragma GCC unroll 6
     for (int k = 0; k < 6; k++) {
-        int axis = k / 2, step = k % 2 ? 1 : -1;
-        if (!(towards[k] >> bit & 1) || !peek(s, block, at, axis, step, &a)) continue;
+        const int axis = k / 2, step = k % 2 ? 1 : -1;
+        if (!(known[3 * k] >> bit & 1)) continue;
+        const double a = value_beside(s, block, offset, axis, step);
         flats += a;
         flat_count++;
-        if (!peek(s, block, at, axis, 2 * step, &b)) continue;
-        lines += along_line(a, b, peek(s, block, at, axis, 3 * step, &c) ? &c : NULL);
+        if (!(known[3 * k + 1] >> bit & 1)) continue;
+        const double b = value_beside(s, block, offset, axis, 2 * step);
+        const bool third = known[3 * k + 2] >> bit & 1;
+        const double c = third ? value_beside(s, block, offset, axis, 3 * step) : 0;
+        lines += along_line(a, b, third ? &c : NULL);
         line_count++;
     }
     double value = line_count ? lines / line_count : flat_count ? flats / flat_count : raw;
@@ -182,32 +219,66 @@ static float continued(const samples *s, uint32_t block, int x, int bit, const u
     return (float)(side * reach);
 }
 
-/* One layer; the bits are committed only afterwards, so that the order of blocks does not matter. */
-static uint64_t extend_layer(samples *s, uint64_t *fresh, int layer)
+/* One layer. */
+typedef struct extension {
+    samples *s;
+    const uint32_t *open; /* blocks that have voxels that are not known */
+    uint64_t *fresh;      /* of all blocks: what this layer adds to the known ones */
+    int layer;
+    atomic_bool changed;
+} extension;
+
+/* The bits are committed only afterwards, so that the order of blocks does not matter. */
+static void extend_chunk(void *context, int worker, size_t begin, size_t end)
 {
+    extension *job = context;
+    samples *s = job->s;
     uint64_t changed = 0;
-    for (uint32_t n = 0; n < s->map.count; n++)
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
         for (int x = 0; x < SIDE; x++) {
-            uint64_t towards[6], bits = frontier(s, n, x, towards);
-            fresh[(size_t)n * SIDE + (size_t)x] = bits;
+            const uint32_t n = job->open[i];
+            uint64_t known[18], bits = frontier(s, n, x, known);
+            job->fresh[(size_t)n * SIDE + (size_t)x] = bits;
             changed |= bits;
             for (; bits; bits &= bits - 1) {
-                int bit = __builtin_ctzll(bits);
-                s->f[(size_t)n * VOXELS + (size_t)(64 * x + bit)] = continued(s, n, x, bit, towards, layer);
+                const int offset = 64 * x + __builtin_ctzll(bits);
+                s->f[(size_t)n * VOXELS + (size_t)offset] = continued(s, n, offset, known, job->layer);
             }
         }
-    for (size_t i = 0; i < (size_t)s->map.count * SIDE; i++) s->known[i] |= fresh[i];
-    return changed;
+    if (changed) atomic_store(&job->changed, true);
 }
 
-bool samples_fill_unknown(samples *s, error *e)
+/* Returns how many blocks stay open. */
+static size_t commit_layer(samples *s, const uint64_t *fresh, uint32_t *open, size_t count)
 {
-    uint64_t *fresh =
-        mem_array((size_t)s->map.count * SIDE, sizeof *fresh, "the voxels around the surface", e);
-    if (!fresh) return false;
-    for (int layer = 1; extend_layer(s, fresh, layer); layer++) continue;
+    size_t left = 0;
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t n = open[i];
+        uint64_t all = ~(uint64_t)0;
+        for (size_t w = (size_t)n * SIDE; w < ((size_t)n + 1) * SIDE; w++) all &= s->known[w] |= fresh[w];
+        if (~all) open[left++] = n;
+    }
+    return left;
+}
+
+bool samples_fill_unknown(samples *s, threads *pool, error *e)
+{
+    const char *what = "the voxels around the surface";
+    size_t count = s->map.count;
+    uint64_t *fresh = mem_array(count * SIDE, sizeof *fresh, what, e);
+    uint32_t *open = mem_array(count, sizeof *open, what, e);
+    const bool ok = fresh && open;
+    for (uint32_t n = 0; ok && n < count; n++) open[n] = n;
+    for (int layer = 1; ok; layer++) {
+        extension job = {s, open, fresh, layer, false};
+        threads_run(pool, count, BLOCKS, extend_chunk, &job);
+        if (!atomic_load(&job.changed) || threads_stopped(pool)) break;
+        count = commit_layer(s, fresh, open, count);
+    }
     free(fresh);
-    return true;
+    free(open);
+    return ok;
 }
 
 /* ---- the interpolating spline's coefficients */
@@ -257,42 +328,68 @@ static bool starts_run(const samples *s, int axis, uint32_t n)
     return s->near[6 * (size_t)n + (size_t)(2 * axis)] == BLOCK_MAP_NONE;
 }
 
-bool samples_prefilter(samples *s, error *e)
+typedef struct filtering {
+    samples *s;
+    int axis;
+    const uint32_t *first; /* blocks that start runs */
+    double *rows;          /* of each worker */
+    size_t longest;
+} filtering;
+
+static void filter_chunk(void *context, int worker, size_t begin, size_t end)
 {
-    size_t longest = 0;
-    for (int axis = 0; axis < 3; axis++)
-        for (uint32_t n = 0; n < s->map.count; n++) {
-            size_t length = starts_run(s, axis, n) ? run_length(s, axis, n) : 0;
-            if (length > longest) longest = length;
-        }
-    double *rows = mem_array(65 * longest, sizeof *rows, "a run of voxels", e);
-    if (!rows) return false;
-    for (int axis = 0; axis < 3; axis++)
+    const filtering *job = context;
+    double *rows = job->rows + 65 * job->longest * (size_t)worker;
+    for (size_t i = begin; i < end; i++) {
+        copy_run(job->s, job->axis, job->first[i], rows, false);
+        solve_run(rows, rows + 64 * job->longest, run_length(job->s, job->axis, job->first[i]));
+        copy_run(job->s, job->axis, job->first[i], rows, true);
+    }
+}
+
+bool samples_prefilter(samples *s, threads *pool, error *e)
+{
+    uint32_t *first = mem_array(s->map.count, sizeof *first, "the runs of voxels", e);
+    bool ok = first;
+    for (int axis = 0; ok && axis < 3; axis++) {
+        size_t count = 0, longest = 0;
         for (uint32_t n = 0; n < s->map.count; n++) {
             if (!starts_run(s, axis, n)) continue;
-            copy_run(s, axis, n, rows, false);
-            solve_run(rows, rows + 64 * longest, run_length(s, axis, n));
-            copy_run(s, axis, n, rows, true);
+            size_t length = run_length(s, axis, n);
+            if (length > longest) longest = length;
+            first[count++] = n;
         }
-    free(rows);
-    return true;
+        double *rows =
+            mem_array((size_t)threads_count(pool) * 65 * longest, sizeof *rows, "a run of voxels", e);
+        ok = rows;
+        filtering job = {s, axis, first, rows, longest};
+        if (ok) threads_run(pool, count, RUNS, filter_chunk, &job);
+        free(rows);
+    }
+    free(first);
+    return ok;
 }
 
 /* ---- taking cubes out */
 
 void samples_window(const samples *s, const int32_t block[3], int low, int side, float *out)
 {
-    uint32_t around[27];
-    for (int k = 0; k < 27; k++)
-        around[k] =
-            block_map_find(&s->map, block[0] + k / 9 - 1, block[1] + k / 3 % 3 - 1, block[2] + k % 3 - 1);
+    const int from = floor_div8(low), to = floor_div8(low + side - 1);
+    uint32_t around[3][3][3];
+    for (int x = from; x <= to; x++)
+        for (int y = from; y <= to; y++)
+            for (int z = from; z <= to; z++)
+                around[x + 1][y + 1][z + 1] =
+                    block_map_find(&s->map, block[0] + x, block[1] + y, block[2] + z);
     for (int x = low; x < low + side; x++)
         for (int y = low; y < low + side; y++) {
-            int column = 9 * (floor_div8(x) + 1) + 3 * (floor_div8(y) + 1);
-            size_t offset = (size_t)(64 * (x & 7) + 8 * (y & 7));
-            for (int z = low; z < low + side; z++) {
-                uint32_t n = around[column + floor_div8(z) + 1];
-                *out++ = n == BLOCK_MAP_NONE ? 0 : s->f[(size_t)n * VOXELS + offset + (size_t)(z & 7)];
+            const uint32_t *column = around[floor_div8(x) + 1][floor_div8(y) + 1];
+            for (int z = low; z < low + side;) { /* what of the row lies in one block */
+                const int b = floor_div8(z), last = SIDE * (b + 1) < low + side ? SIDE * (b + 1) : low + side;
+                const bool there = column[b + 1] != BLOCK_MAP_NONE;
+                const float *f =
+                    s->f + (there ? (size_t)column[b + 1] * VOXELS : 0) + 64 * (x & 7) + 8 * (y & 7);
+                for (; z < last; z++) *out++ = there ? f[z & 7] : 0;
             }
         }
 }

@@ -2,7 +2,8 @@
  *
  * The steps, each a function of its own: plan (which blocks), read, extend (level sets: continue the
  * band beyond its clamp), prefilter (interpolating splines only). Blocks are those of grid_view.h.
- * Offsets, bits: see there. Threads: none; no shared state.
+ * Offsets, bits: see there. Threads: those of a pool; what comes out does not depend on
+ * their number. Where the pool was told to stop it is not complete.
  */
 #ifndef HEXAD_VOLUME_SAMPLES_H
 #define HEXAD_VOLUME_SAMPLES_H
@@ -12,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/threads.h"
 #include "geometry/block_map.h"
 #include "volume/crossings.h"
 #include "volume/grid_view.h"
@@ -30,17 +32,17 @@ bool samples_plan(const crossings *c, int reach, block_map *map, error *e);
 size_t samples_bytes(size_t count);
 
 /* Takes over the planned map (also when it fails). Values that are not finite are input_damaged. */
-bool samples_read(const grid_view *l, block_map *map, samples *out, error *e);
+bool samples_read(const grid_view *l, block_map *map, threads *pool, samples *out, error *e);
 void samples_free(samples *s);
 
 /* Gives voxels that are not known the smooth continuation of those that are, layer by layer: linear
  * along each axis, averaged. Their side of the surface stays what it was. */
-bool samples_fill_unknown(samples *s, error *e);
+bool samples_fill_unknown(samples *s, threads *pool, error *e);
 
 /* Samples to coefficients of the interpolating cubic spline, in place: natural ends (no second
  * derivative) where a run of blocks ends. Source: Unser 1999, box 2; the tridiagonal system solved
  * directly instead of by the recursion with pole sqrt(3) - 2, which is the same but for the ends. */
-bool samples_prefilter(samples *s, error *e);
+bool samples_prefilter(samples *s, threads *pool, error *e);
 
 /* The cube of side^3 voxels from `low` on, relative to the block's lowest voxel; it must lie within
  * the block and its neighbours. Voxels of missing blocks are 0. */

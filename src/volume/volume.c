@@ -62,6 +62,7 @@ typedef struct loading {
     block_map reach;
     samples samples;
     bool smooth;
+    threads *pool;
 } loading;
 
 /* ---- sampling */
@@ -201,6 +202,7 @@ static bool load_grid(const volume_request *r, loading *l, volume *v, error *e)
     snprintf(l->name, sizeof l->name, "grid \"%s\"", v->info.grid);
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    l->pool = r->pool;
     v->info.level_set = class == VDB_LEVEL_SET;
     l->kind = v->info.level_set ? GRID_VIEW_LEVEL_SET : GRID_VIEW_FOG;
     if (!v->info.level_set && !r->has_isovalue)
@@ -276,7 +278,7 @@ static bool check_plateau(const loading *l, const volume *v, error *e)
 static bool find_crossings(loading *l, volume *v, error *e)
 {
     if (!grid_view_init(&l->grid_view, l->grid, l->kind, v->info.isovalue, e) ||
-        !crossings_find(&l->grid_view, l->memory_limit, &l->crossings, e))
+        !crossings_find(&l->grid_view, l->memory_limit, l->pool, &l->crossings, e))
         return error_prefix(e, "%s", l->name);
     const crossings *c = &l->crossings;
     if (l->kind == GRID_VIEW_DENSE) { /* not those of the voxels beyond the data's end */
@@ -347,36 +349,21 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
 
 static bool read_samples(loading *l, volume *v, error *e)
 {
-    bool ok = samples_read(&l->grid_view, &l->reach, &l->samples, e);
+    bool ok = samples_read(&l->grid_view, &l->reach, l->pool, &l->samples, e);
     grid_view_free(&l->grid_view);
     vdb_grid_free(l->grid);
     l->grid = NULL;
-    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_fill_unknown(&l->samples, e)))
+    if (!ok || (l->kind == GRID_VIEW_LEVEL_SET && !samples_fill_unknown(&l->samples, l->pool, e)))
         return error_prefix(e, "%s", l->name);
     return !l->smooth || find_smooth_crossings(l, v, e);
 }
 
 static bool make_cells(loading *l, volume *v, error *e)
 {
-    float corners[729];
     v->cells = mem_array(l->crossings.cells, sizeof *v->cells, "the cells that the surface crosses", e);
     if (!v->cells) return false;
-    for (size_t i = 0; i < l->crossings.count; i++) {
-        const crossing_block *b = &l->crossings.blocks[i];
-        samples_corners(&l->samples, b->block, l->smooth, corners);
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
-            int x = k >> 6, y = k >> 3 & 7, z = k & 7;
-            if (!(b->rows[k >> 3] >> z & 1)) continue;
-            crossed_cell *c = &v->cells[v->cell_count++];
-            c->at[0] = b->block[0] * GRID_VIEW_SIDE + x;
-            c->at[1] = b->block[1] * GRID_VIEW_SIDE + y;
-            c->at[2] = b->block[2] * GRID_VIEW_SIDE + z;
-            for (int corner = 0; corner < 8; corner++)
-                c->value[corner] =
-                    corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
-        }
-    }
-    return true;
+    v->cell_count = l->crossings.cells;
+    return brick_list_cells(&l->samples, &l->crossings, l->smooth, l->pool, v->cells, e);
 }
 
 /* What tells far from the surface on which side of it one is. */
@@ -385,12 +372,7 @@ static bool note_sides(const loading *l, volume *v, error *e)
     v->inside = mem_array((size_t)v->map.count * 8, sizeof *v->inside, "the sides of the surface", e);
     v->crossed = mem_array((size_t)v->map.count * 64, 1, "the sides of the surface", e);
     if (!v->inside || !v->crossed) return false;
-    for (uint32_t n = 0; n < v->map.count; n++) {
-        float f[GRID_VIEW_VOXELS];
-        samples_window(&l->samples, v->map.blocks[n], 0, GRID_VIEW_SIDE, f);
-        for (int k = 0; k < GRID_VIEW_VOXELS; k++)
-            if (f[k] < 0) v->inside[8 * (size_t)n + (size_t)(k >> 6)] |= (uint64_t)1 << (k & 63);
-    }
+    brick_note_sides(&l->samples, &v->map, l->pool, v->inside);
     for (size_t k = 0; k < l->crossings.count; k++) {
         const crossing_block *b = &l->crossings.blocks[k];
         uint32_t n = block_map_find(&v->map, b->block[0], b->block[1], b->block[2]);
@@ -401,19 +383,17 @@ static bool note_sides(const loading *l, volume *v, error *e)
 
 static bool make_bricks(loading *l, volume *v, error *e)
 {
-    if (!l->smooth && !samples_prefilter(&l->samples, e)) return false;
+    if (!l->smooth && !samples_prefilter(&l->samples, l->pool, e)) return false;
     v->coefficients = mem_array((size_t)v->map.count * BRICK_SIZE, sizeof(float), "the spline's bricks", e);
     if (!v->coefficients) return false;
+    brick_fill(&l->samples, &v->map, l->pool, v->coefficients);
     for (int axis = 0; axis < 3; axis++) {
         v->low[axis] = INFINITY;
         v->high[axis] = -INFINITY;
-    }
-    for (uint32_t n = 0; n < v->map.count; n++) {
-        const int32_t *b = v->map.blocks[n];
-        samples_window(&l->samples, b, -1, BRICK_SIDE, v->coefficients + (size_t)n * BRICK_SIZE);
-        for (int axis = 0; axis < 3; axis++) {
-            v->low[axis] = fmin(v->low[axis], (double)b[axis] * GRID_VIEW_SIDE);
-            v->high[axis] = fmax(v->high[axis], ((double)b[axis] + 1) * GRID_VIEW_SIDE);
+        for (uint32_t n = 0; n < v->map.count; n++) {
+            const double at = (double)v->map.blocks[n][axis];
+            v->low[axis] = fmin(v->low[axis], at * GRID_VIEW_SIDE);
+            v->high[axis] = fmax(v->high[axis], (at + 1) * GRID_VIEW_SIDE);
         }
     }
     return true;
@@ -515,6 +495,7 @@ static bool load_mesh(const volume_mesh_request *r, const resolution *choice, lo
     snprintf(l->name, sizeof l->name, "its level set");
     v->info.level_set = true;
     l->kind = GRID_VIEW_LEVEL_SET;
+    l->pool = r->pool;
     if (!(l->grid = levelset_make(m, &params, notes, e))) return false;
     double band = (double)l->grid->background, voxel = band / r->band_vox;
     if (fabs(r->offset) > band - MESH_BAND_LEAST * voxel)
@@ -739,6 +720,7 @@ static bool load_dense(const volume_dense_request *r, loading *l, volume *v, err
     l->kind = GRID_VIEW_DENSE;
     l->memory_limit = r->memory_limit;
     l->smooth = r->reconstruction == VOLUME_SMOOTHING;
+    l->pool = r->pool;
     v->info.isovalue = r->isovalue;
     memcpy(v->info.size, r->source->size, sizeof v->info.size);
     memcpy(v->info.format, r->source->format, sizeof v->info.format);

@@ -37,6 +37,7 @@ typedef struct volume_request {
     double offset;   /* outwards, of a level set, whose values are distances; of another it must be 0 */
     volume_reconstruction reconstruction;
     size_t memory_limit; /* bytes that opening and holding the volume may take */
+    threads *pool;       /* that opens it, or NULL; does not show in the volume */
     isa isa;             /* what sampling runs on */
 } volume_request;
 
@@ -58,6 +59,7 @@ typedef struct volume_dense_request {
     double isovalue;  /* above it is inside */
     volume_reconstruction reconstruction;
     size_t memory_limit;
+    threads *pool;
     isa isa;
 } volume_dense_request;
 

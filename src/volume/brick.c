@@ -1,0 +1,88 @@
+#include "volume/brick.h"
+
+#include <stdlib.h>
+
+#include "base/memory.h"
+
+enum { BLOCKS = 64 }; /* in a chunk of work */
+
+typedef struct brick_job {
+    const samples *samples;
+    const block_map *map;
+    float *coefficients;
+    uint64_t *inside;
+    const crossings *crossings;
+    const size_t *cells_before; /* of each crossed block */
+    bool smooth;
+    crossed_cell *cells;
+} brick_job;
+
+static void fill_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const brick_job *job = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++)
+        samples_window(job->samples, job->map->blocks[n], -1, BRICK_SIDE, job->coefficients + n * BRICK_SIZE);
+}
+
+void brick_fill(const samples *s, const block_map *map, threads *pool, float *coefficients)
+{
+    brick_job job = {.samples = s, .map = map, .coefficients = coefficients};
+    threads_run(pool, map->count, BLOCKS, fill_chunk, &job);
+}
+
+static void side_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const brick_job *job = context;
+    (void)worker;
+    for (size_t n = begin; n < end; n++) {
+        float f[GRID_VIEW_VOXELS];
+        samples_window(job->samples, job->map->blocks[n], 0, GRID_VIEW_SIDE, f);
+        for (size_t k = 0; k < GRID_VIEW_VOXELS; k++)
+            job->inside[8 * n + (k >> 6)] |= (uint64_t)(f[k] < 0) << (k & 63);
+    }
+}
+
+void brick_note_sides(const samples *s, const block_map *map, threads *pool, uint64_t *inside)
+{
+    brick_job job = {.samples = s, .map = map, .inside = inside};
+    threads_run(pool, map->count, BLOCKS, side_chunk, &job);
+}
+
+static void cell_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    const brick_job *job = context;
+    float corners[729];
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const crossing_block *b = &job->crossings->blocks[i];
+        crossed_cell *c = job->cells + job->cells_before[i];
+        samples_corners(job->samples, b->block, job->smooth, corners);
+        for (int k = 0; k < GRID_VIEW_VOXELS; k++) {
+            int x = k >> 6, y = k >> 3 & 7, z = k & 7;
+            if (!(b->rows[k >> 3] >> z & 1)) continue;
+            c->at[0] = b->block[0] * GRID_VIEW_SIDE + x;
+            c->at[1] = b->block[1] * GRID_VIEW_SIDE + y;
+            c->at[2] = b->block[2] * GRID_VIEW_SIDE + z;
+            for (int corner = 0; corner < 8; corner++)
+                c->value[corner] =
+                    corners[81 * (x + (corner & 1)) + 9 * (y + (corner >> 1 & 1)) + z + (corner >> 2)];
+            c++;
+        }
+    }
+}
+
+bool brick_list_cells(const samples *s, const crossings *c, bool smooth, threads *pool, crossed_cell *cells,
+                      error *e)
+{
+    size_t *before = mem_array(c->count, sizeof *before, "the cells that the surface crosses", e), sum = 0;
+    brick_job job = {.samples = s, .crossings = c, .cells_before = before, .smooth = smooth, .cells = cells};
+    if (!before) return false;
+    for (size_t i = 0; i < c->count; i++) {
+        before[i] = sum;
+        for (int row = 0; row < 64; row++) sum += (size_t)__builtin_popcount(c->blocks[i].rows[row]);
+    }
+    threads_run(pool, c->count, BLOCKS, cell_chunk, &job);
+    free(before);
+    return true;
+}
