@@ -1,5 +1,6 @@
 """What goes wrong on clusters, and must not go wrong here, with a real Slurm of several nodes on this machine. Minutes of
 waiting for Slurm: `make farmtest` runs it; test_slurm.py is the short form."""
+import contextlib
 import os
 import pathlib
 import shutil
@@ -185,13 +186,12 @@ def fail_node(slurm, number):
 STATES = [("PREEMPTED", preempt, "given back", "Slurm needed the node for others (PREEMPTED)"),
           ("NODE_FAIL", fail_node, "interrupted", "the node failed (NODE_FAIL)"),
           ("CANCELLED", lambda slurm, number: slurm.call("scancel", number), "spent", "cancelled by somebody else"),
-          ("REQUEUED_AFTER_NODE_FAIL", fail_node, "given back", "back into its queue"),
           ("REQUEUED", lambda slurm, number: slurm.call("scontrol", "requeue", number), "given back", "back into its queue")]
 
 
 @pytest.mark.parametrize("state, stop, counts, reason", STATES, ids=[s[0] for s in STATES])
 def test_a_job_that_slurm_stops_runs_again(slurm, new_farm, gate, state, stop, counts, reason):
-    farm = new_farm("--worker", gate, *(("--slurm_options", "--requeue") if state.startswith("REQUEUED") else ()))
+    farm = new_farm("--worker", gate, *(("--slurm_options", "--requeue") if state == "REQUEUED" else ()))
     job = farm.submit(sphere())
     wait_running(slurm, farm, job)
     stop(slurm, slurm.jobs("%F")[0])
@@ -345,7 +345,8 @@ def test_a_full_storage_costs_time_and_no_job(new_disk, slurm, new_farm):  # noq
     farm = new_farm("--free_space_mb", "0", work=disk.path / "work")
     ids = [farm.submit(sphere(8000 + i)) for i in range(3)]
     wait_workers(slurm, ids)
-    disk.fill(0)
+    with contextlib.suppress(OSError):  # it is full: the nodes write, too
+        disk.fill(0)
     late = farm.submit(sphere())
     wait_until(lambda: not any(on_nodes(slurm, job, "hexad-worker") for job in ids), "the workers' end")
     disk.empty()
