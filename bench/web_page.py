@@ -196,6 +196,7 @@ def measure_points(service, browser, count, table):
     table.add(f"{number(count)} points: until all discs are there, drawn by the processor", time.monotonic() - begun, "s")
     table.add("the same without pictures", browser.driver.execute_async_script(LOAD, f"v1/jobs/{job}/results/points.ply") / 1000, "s")
     stats = browser.text(".stats")
+    assert stats.replace("\u202f", "").startswith(f"{count} points"), (stats, browser.texts(".trouble"))
     print(stats)
     gpu, script = re.match(r".*? points, (.*), ([\d.]+ ms) of script", stats).groups()
     table.rows += [f"| a frame of them | {gpu} | | |", f"| script of that frame, without pixels | {script} | | |"]
