@@ -1,8 +1,11 @@
-/* Points grids. A unit of its own: the library's points take long to compile. */
+/* Points grids. The library makes the empty grid and reads it back, and leaves are filled one by one: classes that
+ * are made here, and conversions of whole grids, are compiled here, which takes minutes. */
 #include "vdb/archive.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <sstream>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -10,9 +13,7 @@
 
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
-#include <openvdb/points/PointAttribute.h>
-#include <openvdb/points/PointConversion.h>
-#include <openvdb/points/PointCount.h>
+#include <openvdb/points/PointDataGrid.h>
 
 namespace vdb = openvdb;
 using shim::fault;
@@ -20,10 +21,9 @@ using shim::fault;
 namespace {
 
 typedef vdb::points::PointDataGrid grid;
-typedef vdb::points::TypedAttributeArray<vdb::Vec3f> normal_array;
-typedef vdb::points::TypedAttributeArray<vdb::Vec3f> velocity_array;
-typedef vdb::points::TypedAttributeArray<float> scale_array;
-typedef vdb::points::TypedAttributeArray<int64_t> id_array;
+typedef grid::TreeType::LeafNodeType leaf_node;
+typedef vdb::points::AttributeSet::Descriptor descriptor;
+typedef vdb::points::AttributeWriteHandle<vdb::Vec3f> vector_writer;
 
 const char grid_name[] = "points";
 
@@ -31,43 +31,10 @@ const char grid_name[] = "points";
  * rounding at half a voxel is a thirtieth of it. */
 const double place_tolerance = 1e-6;
 
-/* What the library's conversion reads points from. */
-template <typename Value> class source {
-public:
-    typedef Value value_type;
-    typedef Value PosType;
-    typedef Value ValueType;
-    source(const double *values, size_t count, double factor) : values(values), count(count), factor(factor)
-    {
-    }
-    size_t size() const { return count; }
-    void getPos(size_t i, Value &out) const { get(out, i); }
-    template <typename Type> void get(Type &out, size_t i, vdb::Index = 0) const { take(out, i); }
-
-private:
-    template <typename T> void take(vdb::math::Vec3<T> &out, size_t i) const
-    {
-        for (int k = 0; k < 3; k++) out[k] = T(factor * values[3 * i + size_t(k)]);
-    }
-    void take(float &out, size_t i) const { out = float(factor * values[i]); }
-    const double *values;
-    size_t count;
-    double factor;
-};
-
-/* The ids that are given, or the places 0, 1, 2, ... */
-class ids {
-public:
-    typedef int64_t value_type;
-    typedef int64_t ValueType;
-    explicit ids(const vdb_points &p) : count(p.count), given(p.id) {}
-    size_t size() const { return count; }
-    void get(int64_t &out, size_t i, vdb::Index = 0) const { out = given ? given[i] : int64_t(i); }
-
-private:
-    size_t count;
-    const uint32_t *given;
-};
+vdb::Vec3d vector_at(const double *values, size_t i)
+{
+    return vdb::Vec3d(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
+}
 
 vdb::math::Transform::Ptr transform_for(const vdb_points &p)
 {
@@ -79,25 +46,91 @@ vdb::math::Transform::Ptr transform_for(const vdb_points &p)
     return transform;
 }
 
-grid::Ptr build(const vdb_points &p)
-{
-    const source<vdb::Vec3d> positions(p.position, p.count, 1);
-    const vdb::math::Transform::Ptr transform = transform_for(p);
-    auto index = vdb::tools::createPointIndexGrid<vdb::tools::PointIndexGrid>(positions, *transform);
-    grid::Ptr made =
-        vdb::points::createPointDataGrid<vdb::points::NullCodec, grid>(*index, positions, *transform);
-    auto &tree = made->tree();
-    const auto &order = index->tree();
-    vdb::points::appendAttribute(tree, "N", normal_array::attributeType());
-    vdb::points::appendAttribute(tree, "pscale", scale_array::attributeType());
-    vdb::points::appendAttribute(tree, "id", id_array::attributeType());
-    vdb::points::populateAttribute(tree, order, "N", source<vdb::Vec3f>(p.normal, p.count, 1));
-    vdb::points::populateAttribute(tree, order, "pscale", source<float>(p.spacing, p.count, 0.5));
-    vdb::points::populateAttribute(tree, order, "id", ids(p));
-    if (p.velocity) {
-        vdb::points::appendAttribute(tree, "v", velocity_array::attributeType());
-        vdb::points::populateAttribute(tree, order, "v", source<vdb::Vec3f>(p.velocity, p.count, 1));
+/* Where a point stands in the grid. */
+struct place {
+    vdb::Coord leaf;    /* its origin */
+    vdb::Index voxel;   /* in the leaf */
+    vdb::Index32 point; /* in the arrays */
+    bool operator<(const place &other) const
+    {
+        return std::tie(leaf, voxel, point) < std::tie(other.leaf, other.voxel, other.point);
     }
+};
+
+std::vector<place> places_of(const vdb_points &p, const vdb::math::Transform &transform)
+{
+    std::vector<place> places(p.count);
+    for (size_t i = 0; i < p.count; i++) {
+        const vdb::Coord at = transform.worldToIndexCellCentered(vector_at(p.position, i));
+        places[i] = {at & ~int(leaf_node::DIM - 1), leaf_node::coordToOffset(at), vdb::Index32(i)};
+    }
+    std::sort(places.begin(), places.end());
+    return places;
+}
+
+/* The attributes of a leaf as they are added: each entry has one more than that before it. */
+std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
+{
+    const vdb::NamePair vector("vec3s", "null");
+    std::vector<descriptor::Ptr> made{descriptor::create(vector)};
+    const auto append = [&](const char *name, const vdb::NamePair &type) {
+        made.push_back(made.back()->duplicateAppend(name, type));
+    };
+    append("N", vector);
+    append("pscale", vdb::NamePair("float", "null"));
+    append("id", vdb::NamePair("int64", "null"));
+    if (p.velocity) append("v", vector);
+    return made;
+}
+
+/* Each value at most once in a leaf whose points have the same. */
+template <typename Writer, typename Value>
+void fill(leaf_node &leaf, const char *name, const place *first, size_t count, const Value &value_of)
+{
+    Writer writer(leaf.attributeArray(name));
+    for (size_t n = 0; n < count; n++) writer.set(vdb::Index(n), value_of(first[n]));
+    writer.compact();
+}
+
+void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const vdb_points &p,
+               const vdb::math::Transform &transform, const place *first, size_t count)
+{
+    leaf.initializeAttributes(attributes[0], vdb::Index(count));
+    for (size_t n = 1; n < attributes.size(); n++) leaf.appendAttribute(*attributes[n - 1], attributes[n], n);
+    std::vector<leaf_node::ValueType> ends(leaf_node::SIZE, 0); /* of each voxel, the points up to its last */
+    for (size_t n = 0; n < count; n++) ends[first[n].voxel] = vdb::Index32(n + 1);
+    for (size_t v = 1; v < ends.size(); v++) ends[v] = std::max(ends[v], ends[v - 1]);
+    leaf.setOffsets(ends);
+    fill<vector_writer>(leaf, "P", first, count, [&](const place &at) {
+        const vdb::Coord voxel = leaf.offsetToGlobalCoord(at.voxel);
+        return vdb::Vec3f(transform.worldToIndex(vector_at(p.position, at.point)) - voxel.asVec3d());
+    });
+    const auto vectors = [&](const char *name, const double *values) {
+        fill<vector_writer>(leaf, name, first, count,
+                            [&](const place &at) { return vdb::Vec3f(vector_at(values, at.point)); });
+    };
+    vectors("N", p.normal);
+    if (p.velocity) vectors("v", p.velocity);
+    fill<vdb::points::AttributeWriteHandle<float>>(
+        leaf, "pscale", first, count, [&](const place &at) { return float(0.5 * p.spacing[at.point]); });
+    fill<vdb::points::AttributeWriteHandle<int64_t>>(
+        leaf, "id", first, count, [&](const place &at) { return int64_t(p.id ? p.id[at.point] : at.point); });
+}
+
+vdb::GridBase::Ptr build(const vdb_points &p)
+{
+    const vdb::math::Transform::Ptr transform = transform_for(p);
+    const std::vector<place> places = places_of(p, *transform);
+    std::vector<descriptor::Ptr> attributes = attributes_of(p);
+    vdb::GridBase::Ptr made = vdb::GridBase::createGrid(grid::gridType());
+    auto &tree = vdb::StaticPtrCast<grid>(made)->tree();
+    for (size_t first = 0, end; first < places.size(); first = end) {
+        for (end = first; end < places.size() && places[end].leaf == places[first].leaf; end++) {
+        }
+        fill_leaf(*tree.touchLeaf(places[first].leaf), attributes, p, *transform, &places[first],
+                  end - first);
+    }
+    made->setTransform(transform);
     made->setName(grid_name);
     return made;
 }
@@ -146,9 +179,9 @@ fault differs(const char *what, size_t i)
 }
 
 /* Which point has an id; the number of all: none. */
-class places {
+class finder {
 public:
-    explicit places(const vdb_points &p) : count(p.count), given(p.id)
+    explicit finder(const vdb_points &p) : count(p.count), given(p.id)
     {
         for (size_t i = 0; given && i < count; i++) of_id[given[i]] = i;
     }
@@ -166,8 +199,8 @@ private:
 };
 
 /* Of a leaf's points; notes those that are seen. */
-void verify_leaf(const grid::TreeType::LeafNodeType &leaf, const vdb::math::Transform &transform,
-                 const vdb_points &p, const places &where, std::vector<bool> &seen)
+void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, const vdb_points &p,
+                 const finder &where, std::vector<bool> &seen)
 {
     vdb::points::AttributeHandle<vdb::Vec3f> offset(leaf.constAttributeArray("P"));
     vdb::points::AttributeHandle<vdb::Vec3f> normal(leaf.constAttributeArray("N"));
@@ -221,10 +254,10 @@ extern "C" bool vdb_verify_points(int fd, const vdb_points *points, error *e)
             throw fault(ERROR_INTERNAL, "the file does not hold one points grid");
         const grid::Ptr found = vdb::gridPtrCast<grid>((*grids)[0]);
         std::vector<bool> seen(points->count, false);
-        const places where(*points);
-        if (vdb::points::pointCount(found->tree()) != points->count)
-            throw fault(ERROR_INTERNAL, "the points grid does not hold all points");
+        const finder where(*points);
         for (auto leaf = found->tree().cbeginLeaf(); leaf; ++leaf)
             verify_leaf(*leaf, found->transform(), *points, where, seen);
+        if (std::find(seen.begin(), seen.end(), false) != seen.end())
+            throw fault(ERROR_INTERNAL, "the points grid does not hold all points");
     });
 }

@@ -40,11 +40,13 @@ vdb::Index level_of(int32_t side)
     }
 }
 
+/* The library makes the empty grid: a class that is made here is compiled here, which takes minutes. */
 template <typename Grid> vdb::GridBase::Ptr build(const vdb_draft &draft)
 {
     typedef typename Grid::ValueType value;
-    typename Grid::Ptr grid = Grid::create(value(draft.background));
-    auto &tree = grid->tree();
+    vdb::GridBase::Ptr grid = vdb::GridBase::createGrid(Grid::gridType());
+    auto &tree = vdb::StaticPtrCast<Grid>(grid)->tree();
+    tree.root().setBackground(value(draft.background), /*update child nodes*/ false);
     for (size_t i = 0; i < draft.voxel_count; i++) {
         vdb::Coord at(draft.voxels[i][0], draft.voxels[i][1], draft.voxels[i][2]);
         if (!draft.active || draft.active[i])
