@@ -339,7 +339,7 @@ f 1 4 3\nf 1 3 2\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\
 def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa: F811
     """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
     closed_service.end()
-    closed_service.start("--estimate_timeout_s", 60)
+    closed_service.start("--estimate_timeout_s", 300)
     browser.open(closed_service)
     browser.one("#token").send_keys(new_token(closed_service, "dora"))
     browser.press("Sign in")
@@ -391,7 +391,7 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     root = tmp_path / "root"
     (root / "shots").mkdir(parents=True)
     (root / "shots" / "cube.obj").write_text(CUBE)
-    service = new_service("--input_roots", root, "--estimate_timeout_s", 60).start()
+    service = new_service("--input_roots", root, "--estimate_timeout_s", 300).start()
     browser.open(service, "#/submit")
     browser.wait_text("Memory", ".estimate")  # an estimate at a time
     browser.one("details summary").click()
