@@ -41,7 +41,7 @@ def test_topology_is_counted():
 
 def test_feature_sizes_and_distances():
     thin = meshes.Mesh(*shell(0.3, 0.2))
-    point, normal = features.places(thin, 4000)
+    point, normal = meshes.places(thin, 4000)
     axis = features.medial_axis(point, normal)
     # the middle of the wall, the circle of radius 1 within the hollow, and the torus' axis
     across = numpy.hypot(axis[:, 0], axis[:, 1])

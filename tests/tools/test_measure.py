@@ -284,7 +284,7 @@ def test_graded_field():
 def test_verdicts():
     bounds = {"some": {"hex_fraction": [">=", 0.9], "lost": ["<=", 0], "exponent": ["within", 0.99, 1.01]}}
     row = {"hex_fraction": 0.95, "lost": 0, "exponent": 1.0, "told_count": 5, "count": 5,
-           "parting": {"edge_cv": 0.001, "area_cv": -0.019}}
+           "unresolved_count": 0, "verdict": ("converged", ()), "parting": {"edge_cv": 0.001, "area_cv": -0.019}}
     case = {"bounds": "some"}
     assert quality.judge(case, [row, row], bounds) == []
     assert not quality.parting([row])[1]
@@ -293,6 +293,10 @@ def test_verdicts():
     assert len(quality.judge(case, [{**row, "exponent": 1.02}], bounds)) == 1
     assert len(quality.judge(case, [{**row, "exponent": float("nan")}], bounds)) == 1
     assert len(quality.judge(case, [{**row, "told_count": 6}], bounds)) == 1
+    assert len(quality.judge(case, [{**row, "verdict": ("not_converged", ("step_left",))}], bounds)) == 1
+    assert len(quality.judge(case, [{**row, "unresolved_count": 1}], bounds)) == 1
+    told = {"unresolved_count": 1, "verdict": ("unresolved", ("unresolved_share",))}
+    assert quality.judge(case, [{**row, **told}], bounds) == []
 
 
 CASES = {
