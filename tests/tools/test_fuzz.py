@@ -1,4 +1,4 @@
-"""The fuzzers' targets: over every file that is kept, without clang; and, where clang is, a few seconds of each."""
+"""The fuzzers' targets: over every file that is kept, without clang; and, where clang is, a few seconds of most."""
 import json
 import os
 import pathlib
@@ -10,6 +10,8 @@ import pytest
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 TARGETS = re.search(r"^fuzz_targets = (.*)", (SOURCE / "Makefile.am").read_text(), re.M)[1].split()
+# those of which a smoke run builds the fuzzer: the service and OpenVDB take clang a minute
+SMOKE = ["spec", "ply", "mesh", "exr", "dense"]
 # what a target reads of the shared data
 SHARED = {"spec": ["json/JSONTestSuite", "json/naughty_strings"], "vdb": ["malformed/openvdb_damaged"],
           "exr": ["malformed/openexr_tests", "malformed/exrs_fuzzed", "malformed/exr_damaged"]}
@@ -54,7 +56,7 @@ def test_no_file_is_passed_over(build, tmp_path):
     assert done.returncode == 1 and "No such file" in done.stderr
 
 
-def test_a_few_seconds_of_each(build, source):
+def test_a_few_seconds_of_most(build, source):
     """In a build of its own, which stays for the next time; of the two builds that are tested the plain one does it."""
     if not any(shutil.which(name) for name in ("clang", "clang-14")):
         pytest.skip("there is no clang, which the fuzzers are built with")
@@ -66,8 +68,8 @@ def test_a_few_seconds_of_each(build, source):
     if not (where / "config.status").exists():
         subprocess.run([source / "configure", "--quiet", "--enable-fuzzers"], cwd=where, env=clean, check=True)
     shutil.rmtree(where / "fuzz" / "smoke", ignore_errors=True)
-    done = subprocess.run(["make", "-j2", "fuzz-smoke"], cwd=where, env=clean, capture_output=True, text=True)
+    done = subprocess.run(["make", "-j2", "fuzz-smoke", f"FUZZ_TARGETS={' '.join(SMOKE)}"], cwd=where, env=clean, capture_output=True, text=True)
     logs = "".join(path.read_text(errors="replace")[-3000:] for path in (where / "fuzz" / "smoke").glob("*/log"))
     assert done.returncode == 0, done.stdout + done.stderr + logs
     told = dict(re.findall(r"^(\w+): (\d+) executions", done.stdout, re.M))
-    assert set(told) == set(TARGETS) and all(int(count) > 0 for count in told.values()), done.stdout
+    assert set(told) == set(SMOKE) and all(int(count) > 0 for count in told.values()), done.stdout
