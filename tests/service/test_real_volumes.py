@@ -105,8 +105,8 @@ def test_the_sphere(data_service, shared_data, diagnose):
 # ---- fog volumes, by a second opinion
 
 FOG = {"vpt_dragon_rotated_xform.vdb": (None, 0.3, 5000),
-       "wdas_cloud_sixteenth.vdb": (None, 0.2, 20000),
-       "smoke1_half.vdb": (None, 0.3, 20000),
+       "wdas_cloud_sixteenth.vdb": (None, 0.2, 5000),
+       "smoke1_half.vdb": (None, 0.3, 5000),
        "bifrost_torus01.vdb": (None, 50, 1000),
        "densityAndHeat.vdb": ("density", 0.3, 2000)}
 
@@ -326,7 +326,7 @@ REPEATABLE = {
 @pytest.mark.parametrize("name", REPEATABLE)
 def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, name):
     jobs = []
-    for threads, seed in ((1, 7), (1, 7), (2, 7), (8, 7), (1, 8)):
+    for threads, seed in ((1, 7), (1, 7), (8, 7), (1, 8)):
         spec = REPEATABLE[name](shared_data)
         spec["solver"] = {**spec.get("solver", {}), "threads": threads, "seed": seed}
         jobs.append(data_service.submit(spec))
@@ -338,9 +338,9 @@ def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, na
         points = data_service.get(f"/v1/jobs/{job}/results/points.ply").body
         assert hashlib.sha256(points).hexdigest() == listed["points.ply"]
         sums.append(listed)
-    report = data_service.get(f"/v1/jobs/{jobs[3]}/results/report.json").json
+    report = data_service.get(f"/v1/jobs/{jobs[2]}/results/report.json").json
     assert report["threads"] == 8
     diagnose(f"{name}: {report['count']} points, {len(report['sweeps'])} sweeps, {sums[0]['points.ply'][:16]}")
     assert sums[0] == sums[1], "the same job twice"
-    assert sums[0] == sums[2] == sums[3], "other numbers of threads"
-    assert sums[0]["points.ply"] != sums[4]["points.ply"], "another seed"
+    assert sums[0] == sums[2], "another number of threads"
+    assert sums[0]["points.ply"] != sums[3]["points.ply"], "another seed"
