@@ -44,25 +44,37 @@ static double bezier_at(const double *c, double t)
     return s * s * (s * c[0] + 3 * t * c[1]) + t * t * (3 * s * c[2] + t * c[3]);
 }
 
-/* Whether the face's corners are on one side, and some place of it is on the other. */
+typedef struct range {
+    double low, high;
+} range;
+
+static void widen(range *r, double value)
+{
+    r->low = value < r->low ? value : r->low;
+    r->high = value > r->high ? value : r->high;
+}
+
+/* Whether corners on one side, within `depth`, have something on the other among `all`. */
+static bool is_passed(const range *corners, const range *all, double depth)
+{
+    return (corners->high < depth && all->high > depth) || (corners->low > -depth && all->low < -depth);
+}
+
+/* Whether the face's corners are on one side, and some place of it is on the other. Its Bezier coefficients bound it:
+ * most faces need no look at places. */
 static bool dips(const double bezier[16], double depth)
 {
-    double low = INFINITY, high = -INFINITY, low_corner = INFINITY, high_corner = -INFINITY;
+    const range none = {INFINITY, -INFINITY};
+    range corners = none, bound = none, places = none;
+    for (int k = 0; k < 4; k++) widen(&corners, bezier[k / 2 * 12 + k % 2 * 3]);
+    for (int k = 0; k < 16; k++) widen(&bound, bezier[k]);
+    if (!is_passed(&corners, &bound, depth)) return false;
     for (int i = 0; i <= LATTICE; i++) {
         double row[4];
         for (int k = 0; k < 4; k++) row[k] = bezier_at(bezier + 4 * k, (double)i / LATTICE);
-        for (int j = 0; j <= LATTICE; j++) {
-            double value = bezier_at(row, (double)j / LATTICE);
-            low = fmin(low, value);
-            high = fmax(high, value);
-        }
+        for (int j = 0; j <= LATTICE; j++) widen(&places, bezier_at(row, (double)j / LATTICE));
     }
-    for (int k = 0; k < 4; k++) {
-        double value = bezier[k / 2 * 12 + k % 2 * 3];
-        low_corner = fmin(low_corner, value);
-        high_corner = fmax(high_corner, value);
-    }
-    return (high_corner < depth && high > depth) || (low_corner > -depth && low < -depth);
+    return is_passed(&corners, &places, depth);
 }
 
 /* `first`: of the cell's coefficients. */
@@ -80,7 +92,7 @@ static bool face_is_passed(const float *first, int face)
     for (int k = 0; k < 4; k++) to_bezier(c + k, 4);
     for (int k = 0; k < 16; k++) {
         inside += c[k] < 0;
-        largest = fmax(largest, fabs(c[k]));
+        largest = fabs(c[k]) > largest ? fabs(c[k]) : largest;
     }
     return inside > 0 && inside < 16 && dips(c, LEAST_DEPTH * largest);
 }
