@@ -647,19 +647,3 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
     vdb_grid_free(out);
     return nullptr;
 }
-
-#ifdef __SANITIZE_ADDRESS__
-/* OpenVDB 10.0 loses one node when a read fails within a tree's topology. Nothing can be done about
- * it from outside, and a leak report would change the exit code of a worker that is about to say
- * that its file is damaged. The library's functions have no names there, so it is named itself. */
-extern "C" const char *__lsan_default_options(void);
-extern "C" const char *__lsan_default_options(void)
-{
-    return "print_suppressions=0";
-}
-extern "C" const char *__lsan_default_suppressions(void);
-extern "C" const char *__lsan_default_suppressions(void)
-{
-    return "leak:RootNode*readTopology\nleak:libopenvdb\n";
-}
-#endif
