@@ -93,8 +93,8 @@ def test_not_converged(run, tmp_path):
 
 
 def test_unresolved(run, tmp_path):
-    spec = {"version": 1, "surface": {"analytic": {"shape": "box", "half_size": [1, 1, 0.01]}},
-            "sampling": {"count": 300}}
+    spec = {"version": 1, "surface": {"analytic": {"shape": "box", "half_size": [1, 1, 0.05]}},
+            "sampling": {"count": 100}}
     done = run("submit", write(tmp_path, spec), "--wait")
     assert done.returncode == 11 and "unresolved" in done.stdout
 
@@ -107,8 +107,8 @@ def test_notes_reach_who_waits_and_who_asks(new_service, build, tmp_path):
         return subprocess.run([build / "hexadctl", *map(str, words)], capture_output=True, text=True,
                               timeout=PATIENCE_S, env=service.environment())
 
-    plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.02], "rounding": 0.01}}
-    spec = write(tmp_path, {"version": 1, "surface": plate, "sampling": {"count": 200}, "output": {"preview": False}})
+    plate = {"analytic": {"shape": "box", "center": [0, 0, 0], "half_size": [1, 1, 0.1], "rounding": 0.05}}
+    spec = write(tmp_path, {"version": 1, "surface": plate, "sampling": {"count": 60}, "output": {"preview": False}})
     before = run("estimate", spec)
     assert before.returncode == 0 and " % of the surface would be unresolved" in before.stdout
     done = run("submit", spec, "--wait")
