@@ -16,6 +16,7 @@
 #define BATCH "batch"
 #define CLAIM "claim"
 #define CANCEL "cancel"
+#define REQUEUED "requeued"
 #define ENDING "ending.json"
 
 /* A spec has at most body_limit_bytes; a request repeats it with escapes. */
@@ -180,6 +181,16 @@ attempt_files_claim attempt_files_take(const char *directory)
 bool attempt_files_is_taken(const char *directory)
 {
     return has(directory, CLAIM);
+}
+
+bool attempt_files_note_requeue(const char *directory, error *e)
+{
+    return write_text(directory, REQUEUED, "", e);
+}
+
+bool attempt_files_is_requeued(const char *directory)
+{
+    return has(directory, REQUEUED);
 }
 
 bool attempt_files_cancel(const char *directory, error *e)

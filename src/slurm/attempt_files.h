@@ -60,6 +60,10 @@ typedef enum attempt_files_claim {
 attempt_files_claim attempt_files_take(const char *directory);
 bool attempt_files_is_taken(const char *directory);
 
+/* By a node that Slurm started again with an attempt that was taken before. */
+bool attempt_files_note_requeue(const char *directory, error *e);
+bool attempt_files_is_requeued(const char *directory);
+
 bool attempt_files_cancel(const char *directory, error *e);
 /* Also when the directory is gone. */
 bool attempt_files_is_cancelled(const char *directory);

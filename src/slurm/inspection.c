@@ -131,7 +131,8 @@ static bool explain(view *v, engine_ending *ending)
         pthread_mutex_unlock(&v->a->place->mutex);
         return false;
     }
-    if (state && state->waits && v->task.seen_ms > v->stopped_ms) {
+    if ((state && state->waits && v->task.seen_ms > v->stopped_ms) ||
+        attempt_files_is_requeued(v->directory)) {
         ending->loss = ENGINE_GIVEN_BACK;
         snprintf(ending->why, sizeof ending->why, "Slurm has put the job back into its queue");
         return true;

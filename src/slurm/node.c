@@ -121,6 +121,13 @@ static bool run_attempt(const char *directory, int signals, bool *stopped, error
     return ok;
 }
 
+/* Slurm has stopped the job and started it again: sooner, it may be, than anybody has seen it wait. */
+static bool is_restart(void)
+{
+    const char *count = getenv("SLURM_RESTART_COUNT");
+    return count && atoi(count) > 0;
+}
+
 bool node_run(const char *farm, char *const *names, size_t count, error *e)
 {
     sigset_t wanted;
@@ -139,6 +146,8 @@ bool node_run(const char *farm, char *const *names, size_t count, error *e)
                            directory);
         else if (claim == ATTEMPT_FILES_WON)
             ok = run_attempt(directory, signals, &stopped, e);
+        else if (claim == ATTEMPT_FILES_TAKEN && is_restart())
+            ok = attempt_files_note_requeue(directory, e);
         free(directory);
     }
     if (signals >= 0) close(signals);
