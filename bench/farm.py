@@ -17,14 +17,9 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "tests/service"))
 from cluster import Cluster  # noqa: E402
-from service import Service, Stream, sphere, wait_until  # noqa: E402
+from service import Service, Stream, cpu_seconds, sphere, wait_until  # noqa: E402
 
 TICK = os.sysconf("SC_CLK_TCK")
-
-
-def processor_s(pid, children=False):
-    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:15] if children else fields[11:13])) / TICK
 
 
 def resident_mb(pid):
@@ -47,15 +42,15 @@ def run_jobs(service, given, slurm=None):
     jobs = [service.submit(sphere(count, solver={"seed": n, "threads": 1}, output={"preview": False}, limits={"memory_mb": memory}))
             for count, memory, many in ((1000000, 2000, given.large), (1000, 300, given.small)) for n in range(many)]
     daemons = [p.pid for p in slurm.running.values()] if slurm else []
-    own, theirs, begin = processor_s(service.process.pid), sum(map(processor_s, daemons)), time.monotonic()
-    all_s, workers = machine_s(), processor_s(service.process.pid, True)
+    own, theirs, begin = cpu_seconds(service.process.pid)[0], sum(cpu_seconds(pid)[0] for pid in daemons), time.monotonic()
+    all_s, workers = machine_s(), sum(cpu_seconds(service.process.pid))
     service.post("/v1/admin/release")
     service.wait_state(jobs[-1], "succeeded", seconds=3600)
     for job in jobs:
         service.wait_state(job, "succeeded", seconds=3600)
-    own = processor_s(service.process.pid) - own
-    return (time.monotonic() - begin, own, sum(map(processor_s, daemons)) - theirs,
-            processor_s(service.process.pid, True) - workers - own, machine_s() - all_s)
+    own = cpu_seconds(service.process.pid)[0] - own
+    return (time.monotonic() - begin, own, sum(cpu_seconds(pid)[0] for pid in daemons) - theirs,
+            sum(cpu_seconds(service.process.pid)) - workers - own, machine_s() - all_s)
 
 
 # Says every third of a second what time it is, ten seconds long; then waits to be cancelled.
@@ -89,12 +84,12 @@ def run_queued(service, slurm, count):
         "frames": f"1-{count}", "by_frame": {"/surface/analytic/radius": {"from": 1, "to": 2}}}))
     wait_until(lambda: slurm.jobs("%T").count("PENDING") == count, "all to be in Slurm's queue", 3600)
     queued_s = time.monotonic() - begin
-    memory, own, begin = resident_mb(service.process.pid), processor_s(service.process.pid, True), time.monotonic()
+    memory, own, begin = resident_mb(service.process.pid), sum(cpu_seconds(service.process.pid)), time.monotonic()
     asked = time.monotonic()
     slurm.jobs()
     asked = time.monotonic() - asked
     time.sleep(30)
-    share = (processor_s(service.process.pid, True) - own) / (time.monotonic() - begin)
+    share = (sum(cpu_seconds(service.process.pid)) - own) / (time.monotonic() - begin)
     begin = time.monotonic()
     service.get("/v1/jobs")
     listed = time.monotonic() - begin

@@ -26,7 +26,7 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "tests" / "service"))
 
-from service import Service, long_sphere, sphere, wait_until  # noqa: E402
+from service import Service, cpu_seconds, long_sphere, sphere, wait_until  # noqa: E402
 
 CLIENTS = 16
 PAGE = 50  # jobs of a listing; the queue that counts as empty has a few more
@@ -57,12 +57,6 @@ def cpu_model():
 
 def small_job(kind):
     return sphere(1000, **SMALL[kind])
-
-
-def cpu_seconds(pid):
-    """Of a process, and of its children that it has waited for."""
-    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return sum(map(int, fields[11:13])) / TICKS, sum(map(int, fields[13:15])) / TICKS
 
 
 def idle_seconds():

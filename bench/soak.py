@@ -35,13 +35,12 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "tests" / "service"))
 
 import verdicts  # noqa: E402
-from service import PATIENCE_S, Service, UnixConnection, long_sphere  # noqa: E402
+from service import PATIENCE_S, Service, UnixConnection, cpu_seconds, long_sphere  # noqa: E402
 
 PARTS = 10
 SLICES = 10  # of a part, each with percentiles of its own
 LOOKS_A_SECOND, LISTS_A_SECOND = 10, 4
 BEHIND = 20  # a job is looked at when so many were submitted after it
-TICKS = os.sysconf("SC_CLK_TCK")
 FINAL = ("succeeded", "failed", "cancelled", "timed_out")
 KEPT_DOCUMENTS = 64
 
@@ -399,10 +398,6 @@ class Soak:
         if self.options.broken:
             raise Broken
 
-    def cpu_seconds(self):
-        fields = pathlib.Path(f"/proc/{self.service.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return sum(map(int, fields[11:13])) / TICKS
-
     def figure(self, name):
         text = self.client.ask("GET", "/metrics")[1].decode()
         return float(re.search(rf"^{name} (\S+)$", text, re.MULTILINE).group(1))
@@ -450,7 +445,7 @@ class Soak:
         self.tally.take_times()
         self.load_s = 0.0
         self.stop.clear()
-        before, began = self.cpu_seconds(), time.monotonic()
+        before, began = cpu_seconds(self.service.process.pid)[0], time.monotonic()
         clients = [threading.Thread(target=self.watched, args=[work]) for work in (self.look, self.follow, self.measure_machine)]
         for thread in clients:
             thread.start()
@@ -461,7 +456,7 @@ class Soak:
             self.stop.set()
             for thread in clients:
                 thread.join()
-        cpu, took = self.cpu_seconds() - before, time.monotonic() - began
+        cpu, took = cpu_seconds(self.service.process.pid)[0] - before, time.monotonic() - began
         part = {"jobs": len(self.jobs), "seconds": took, "cpu_s": cpu, "followers": self.tally.followers,
                 "cpu_ms_a_job": 1000 * cpu / len(self.jobs), "yardstick_ms": statistics.median(self.yardsticks)}
         part["cost"] = part["cpu_ms_a_job"] / part["yardstick_ms"]

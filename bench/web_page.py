@@ -24,7 +24,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "tests" / "service"))
 
 from browser import Browser, is_there  # noqa: E402
-from service import Service, gated_worker, processes, sphere, wait_until  # noqa: E402
+from service import Service, cpu_seconds, gated_worker, processes, sphere, wait_until  # noqa: E402
 
 MOST_BYTES, MOST_VIEW_MS, MOST_FRAME_MS, MOST_MEMORY = 1_000_000, 300, 100, 200_000_000
 EVENTS = 50  # a second
@@ -99,12 +99,6 @@ class Events(threading.Thread):
             self.sent += 1
 
 
-def spent(pid):
-    """Processor time of a process, in seconds."""
-    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def status_reads(service, job, seconds=3):
     connection, count, begun = service.connection(), 0, time.monotonic()
     while time.monotonic() < begun + seconds:
@@ -115,9 +109,9 @@ def status_reads(service, job, seconds=3):
 
 def effort(service, seconds=3):
     """Processor time of the service in a second, in milliseconds."""
-    before, begun = spent(service.process.pid), time.monotonic()
+    before, begun = cpu_seconds(service.process.pid)[0], time.monotonic()
     time.sleep(seconds)
-    return 1000 * (spent(service.process.pid) - before) / (time.monotonic() - begun)
+    return 1000 * (cpu_seconds(service.process.pid)[0] - before) / (time.monotonic() - begun)
 
 
 def renderer_bytes(browser):
