@@ -83,3 +83,15 @@ void *mem_array(size_t count, size_t size, const char *what, error *e)
               what, count, size);
     return NULL;
 }
+
+void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what, error *e)
+{
+    if (count < *room) return array;
+    size_t larger = *room ? 2 * *room : first;
+    void *moved = mem_array(larger, size, what, e);
+    if (!moved) return NULL;
+    if (count) memcpy(moved, array, count * size);
+    free(array);
+    *room = larger;
+    return moved;
+}

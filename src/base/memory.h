@@ -22,4 +22,10 @@ char *mem_printf(const char *format, ...) __attribute__((format(printf, 1, 2)));
  * error that names `what` when they are not to be had. A count of 0 gives a pointer to free. */
 void *mem_array(size_t count, size_t size, const char *what, error *e);
 
+/* Makes room for one more element: `array`, of `count` elements of mem_array's, while they are fewer than *room; else one
+ * twice as large, at first of `first` elements, into which they are moved and whose size goes to *room. NULL and an error
+ * as mem_array's; `array` stays then. */
+void *mem_grow(void *array, size_t count, size_t *room, size_t first, size_t size, const char *what,
+               error *e);
+
 #endif

@@ -3,7 +3,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "geometry/bbox.h"
@@ -54,15 +53,10 @@ static double distance_at(const measuring *w, vec3 p)
 
 static bool note_gap(measuring *w, gap g, error *e)
 {
-    if (w->gap_count == w->gap_room) {
-        size_t room = w->gap_room ? 2 * w->gap_room : 1024;
-        gap *larger = mem_array(room, sizeof *larger, "the thin parts of the mesh", e);
-        if (!larger) return false;
-        if (w->gap_count) memcpy(larger, w->gaps, w->gap_count * sizeof *larger);
-        free(w->gaps);
-        w->gaps = larger;
-        w->gap_room = room;
-    }
+    gap *gaps =
+        mem_grow(w->gaps, w->gap_count, &w->gap_room, 1024, sizeof *gaps, "the thin parts of the mesh", e);
+    if (!gaps) return false;
+    w->gaps = gaps;
     w->gaps[w->gap_count++] = g;
     return true;
 }

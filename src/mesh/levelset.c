@@ -90,13 +90,11 @@ static bool add_pair(making *k, const int32_t block[3], uint32_t n, error *e)
         size_t room = k->pair_room ? 2 * k->pair_room : 1 << 16;
         size_t needed = room * 4 * sizeof *k->near + k->map.count * (size_t)(VOXELS * sizeof(float));
         if (needed > k->limit) return over_limit(k, needed, e);
-        uint32_t(*larger)[2] = mem_array(room, sizeof *larger, "the blocks around the mesh", e);
-        if (!larger) return false;
-        if (k->pair_count) memcpy(larger, k->pairs, k->pair_count * sizeof *larger);
-        free(k->pairs);
-        k->pairs = larger;
-        k->pair_room = room;
     }
+    uint32_t(*pairs)[2] = mem_grow(k->pairs, k->pair_count, &k->pair_room, 1 << 16, sizeof *pairs,
+                                   "the blocks around the mesh", e);
+    if (!pairs) return false;
+    k->pairs = pairs;
     if (!block_map_find_or_add(&k->map, block[0], block[1], block[2], &number, e)) return false;
     k->pairs[k->pair_count][0] = number;
     k->pairs[k->pair_count++][1] = n;
@@ -278,13 +276,11 @@ static bool add_tile(const making *k, tiling *t, const int32_t origin[3], int32_
     if (t->count == t->room) {
         size_t room = t->room ? 2 * t->room : 1024;
         if (2 * room * sizeof *t->tiles > k->limit) return over_limit(k, 2 * room * sizeof *t->tiles, e);
-        vdb_tile *larger = mem_array(room, sizeof *larger, "the inside of the mesh", e);
-        if (!larger) return false;
-        if (t->count) memcpy(larger, t->tiles, t->count * sizeof *larger);
-        free(t->tiles);
-        t->tiles = larger;
-        t->room = room;
     }
+    vdb_tile *tiles =
+        mem_grow(t->tiles, t->count, &t->room, 1024, sizeof *tiles, "the inside of the mesh", e);
+    if (!tiles) return false;
+    t->tiles = tiles;
     t->tiles[t->count++] =
         (vdb_tile){{origin[0], origin[1], origin[2]}, side, (float)(-k->band * k->voxel_size), false};
     return true;

@@ -91,15 +91,9 @@ bool seams_join(mesh *m, const seam_edge *edges, size_t count, double tolerance,
 
 static bool add_cut(cutting *c, cut added, error *e)
 {
-    if (c->cut_count == c->cut_room) {
-        size_t room = c->cut_room ? 2 * c->cut_room : 256;
-        cut *larger = mem_array(room, sizeof *larger, what, e);
-        if (!larger) return false;
-        if (c->cut_count) memcpy(larger, c->cuts, c->cut_count * sizeof *larger);
-        free(c->cuts);
-        c->cuts = larger;
-        c->cut_room = room;
-    }
+    cut *cuts = mem_grow(c->cuts, c->cut_count, &c->cut_room, 256, sizeof *cuts, what, e);
+    if (!cuts) return false;
+    c->cuts = cuts;
     c->cuts[c->cut_count++] = added;
     return true;
 }

@@ -70,15 +70,10 @@ static bool cut_segment(const field *f, int face, segment *s)
 
 static bool add_segment(segments *all, const segment *s, error *e)
 {
-    if (all->count == all->capacity) {
-        size_t capacity = all->capacity ? 2 * all->capacity : 256;
-        segment *larger = mem_array(capacity, sizeof *larger, "the boundary curves", e);
-        if (!larger) return false;
-        if (all->count) memcpy(larger, all->item, all->count * sizeof *larger);
-        free(all->item);
-        all->item = larger;
-        all->capacity = capacity;
-    }
+    segment *item =
+        mem_grow(all->item, all->count, &all->capacity, 256, sizeof *item, "the boundary curves", e);
+    if (!item) return false;
+    all->item = item;
     all->item[all->count++] = *s;
     return true;
 }

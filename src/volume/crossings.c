@@ -20,15 +20,10 @@ void crossings_free(crossings *c)
 
 static bool append(crossings *c, const crossing_block *b, error *e)
 {
-    if (c->count == c->room) {
-        size_t room = c->room ? 2 * c->room : 256;
-        crossing_block *larger = mem_array(room, sizeof *larger, "the blocks that the surface crosses", e);
-        if (!larger) return false;
-        if (c->count) memcpy(larger, c->blocks, c->count * sizeof *larger);
-        free(c->blocks);
-        c->blocks = larger;
-        c->room = room;
-    }
+    crossing_block *blocks = mem_grow(c->blocks, c->count, &c->room, 256, sizeof *blocks,
+                                      "the blocks that the surface crosses", e);
+    if (!blocks) return false;
+    c->blocks = blocks;
     c->blocks[c->count++] = *b;
     return true;
 }

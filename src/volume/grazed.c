@@ -110,15 +110,10 @@ static double node_value(const float *p)
 
 static bool append(grazed *g, const int32_t at[3], const float *first, error *e)
 {
-    if (g->count == g->room) {
-        size_t room = g->room ? 2 * g->room : 256;
-        crossed_cell *larger = mem_array(room, sizeof *larger, "the cells that the surface grazes", e);
-        if (!larger) return false;
-        if (g->count) memcpy(larger, g->cell, g->count * sizeof *larger);
-        free(g->cell);
-        g->cell = larger;
-        g->room = room;
-    }
+    crossed_cell *cells =
+        mem_grow(g->cell, g->count, &g->room, 256, sizeof *cells, "the cells that the surface grazes", e);
+    if (!cells) return false;
+    g->cell = cells;
     crossed_cell *c = &g->cell[g->count++];
     memcpy(c->at, at, sizeof c->at);
     for (int k = 0; k < 8; k++)

@@ -47,11 +47,31 @@ static void test_what_cannot_be_had(void **state)
     assert_null(mem_array(SIZE_MAX / 64, 63, "a test", NULL));
 }
 
+static void test_growing_keeps_what_is_there(void **state)
+{
+    (void)state;
+    error e = {0};
+    uint32_t *array = NULL;
+    size_t room = 0;
+    for (uint32_t n = 0; n < 100; n++) {
+        assert_non_null(array = mem_grow(array, n, &room, 8, sizeof *array, "a test", &e));
+        array[n] = n;
+    }
+    assert_int_equal(room, 128);
+    for (uint32_t n = 0; n < 100; n++) assert_int_equal(array[n], n);
+    size_t full = SIZE_MAX / 16;
+    assert_null(mem_grow(array, full, &full, 8, sizeof *array, "a test", &e));
+    assert_int_equal(e.code, ERROR_LIMIT_MEMORY);
+    assert_int_equal(full, SIZE_MAX / 16);
+    free(array);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_arrays_are_zeroed),
         cmocka_unit_test(test_what_cannot_be_had),
+        cmocka_unit_test(test_growing_keeps_what_is_there),
     };
     return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
 }
