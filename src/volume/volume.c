@@ -404,9 +404,16 @@ static bool add_grazed_cells(volume *v, error *e)
     grazed found = {0};
     bool ok = grazed_find(&v->map, v->coefficients, v->info.size, v->crossed, &found, e);
     if (ok && found.count > 0) {
-        v->cells = mem_resize(v->cells, (v->cell_count + found.count) * sizeof *v->cells);
-        memcpy(v->cells + v->cell_count, found.cell, found.count * sizeof *v->cells);
-        v->cell_count += found.count;
+        const size_t count = v->cell_count + found.count;
+        crossed_cell *all = mem_array(count, sizeof *all, "the cells that the surface crosses", e);
+        ok = all;
+        if (ok) {
+            memcpy(all, v->cells, v->cell_count * sizeof *all);
+            memcpy(all + v->cell_count, found.cell, found.count * sizeof *all);
+            free(v->cells);
+            v->cells = all;
+            v->cell_count = count;
+        }
     }
     v->grazed = found.passed;
     found.passed = NULL;
