@@ -22,6 +22,7 @@ export function blankOf(schema) {
   if ("default" in schema) return schema.default;
   if (schema.enum) return schema.enum[0];
   if (schema.oneOf) return blankOf(schema.oneOf[0]);
+  if (schema.$ref) return {}; // a surface within a surface
   if (schema.type === "object") {
     const names = [...(schema.required || []), ...choicesOf(schema).slice(0, 1)];
     return Object.fromEntries(names.map(name => [name, blankOf(schema.properties[name])]));

@@ -96,7 +96,7 @@ export function Submit({search}) {
   useTitle("New job");
 
   useEffect(() => {
-    get("v1/openapi.json").then(document => setSchema(document.components.schemas.JobSpec), setError);
+    get("v1/schema.json").then(setSchema, setError);
     if (search.has("from")) get(`v1/jobs/${search.get("from")}`).then(job => setSpec(job.spec), setError);
   }, []);
 

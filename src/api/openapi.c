@@ -20,9 +20,25 @@
     " job also has events `progress` and ends with the job. The `id` of progress is that of the last event,"  \
     " and behind a dot a number; Last-Event-ID takes both."
 
-/* The bytes of openapi_schemas.json; the Makefile generates the included file. */
+/* The bytes of JSON files; the Makefile generates the included ones. */
 static const char answer_schemas[] = {
 #include "api/openapi_schemas.inc"
+};
+static const char answer_examples[] = {
+#include "api/openapi_examples.inc"
+};
+
+/* The groups of routes, in the order of a reader. */
+static const struct {
+    const char *name, *prose;
+} tags[] = {
+    {"jobs", "Submit jobs, see how far they are, change and end them."},
+    {"events", "What happens to jobs, as pages or as a stream."},
+    {"results", "The files of jobs that have succeeded, and the space that they take."},
+    {"inputs", "Files that jobs read: sent ones, and those of the input roots."},
+    {"service", "How the service is, and what it offers."},
+    {"administration", "For administrators: drain, hold, back up."},
+    {"page", "The web page and the sessions of browsers."},
 };
 
 /* Parses JSON that is written with ' instead of ". */
@@ -57,9 +73,17 @@ static json *put_type(json *content, const char *type, const char *schema)
     return media;
 }
 
+/* Every schema of an answer has an example in openapi_examples.json, and so has every operation that answers text. */
+static void put_example(json *media, const char *name)
+{
+    char *ref = mem_printf("#/components/examples/%s", name);
+    json_put_string(json_put_object(json_put_object(media, "examples"), name), "$ref", ref);
+    free(ref);
+}
+
 static void put_content(json *object, const char *type, const char *schema)
 {
-    put_type(json_put_object(object, "content"), type, schema);
+    put_example(put_type(json_put_object(object, "content"), type, schema), schema);
 }
 
 /* Reads the next {name} of a pattern. */
@@ -120,7 +144,7 @@ static void put_body(json *operation, const route *r)
 }
 
 /* "201:Job" */
-static void put_answer(json *responses, const char *word)
+static void put_answer(json *responses, const route *r, const char *word)
 {
     char status[4];
     snprintf(status, sizeof status, "%.3s", word);
@@ -132,9 +156,9 @@ static void put_answer(json *responses, const char *word)
                     : strcmp(status, "206") == 0 ? "The requested part."
                                                  : "Success.");
     if (strcmp(schema, "file") == 0)
-        put_content(answer, "*/*", schema);
+        put_type(json_put_object(answer, "content"), "*/*", schema);
     else if (strcmp(schema, "text") == 0)
-        put_content(answer, "text/plain", schema);
+        put_example(put_type(json_put_object(answer, "content"), "text/plain", schema), r->name);
     else if (*schema != '-')
         put_content(answer, "application/json", schema);
     if (strcmp(schema, "EventPage") != 0) return;
@@ -143,6 +167,7 @@ static void put_answer(json *responses, const char *word)
     json *events = json_put_object(media, "schema");
     json_put_string(events, "type", "string");
     json_put_string(events, "description", STREAM_PROSE);
+    put_example(media, "EventStream");
 }
 
 /* Adds the response of a problem, once for each status. */
@@ -163,7 +188,7 @@ static void put_responses(json *operation, const route *r)
     char word[64];
     const char *answers = r->answers, *problems = r->problems;
     json *responses = json_put_object(operation, "responses");
-    while (next_word(&answers, word, sizeof word)) put_answer(responses, word);
+    while (next_word(&answers, word, sizeof word)) put_answer(responses, r, word);
     while (next_word(&problems, word, sizeof word)) put_problem(responses, word);
     static const char *const everywhere[] = {"request_invalid",   "origin_forbidden", "misdirected_request",
                                              "too_many_requests", "internal",         "unavailable"};
@@ -182,6 +207,7 @@ static void put_operation(json *paths, const route *r)
     for (size_t i = 0; r->method[i] && i + 1 < sizeof method; i++) method[i] = (char)(r->method[i] | 0x20);
     json *operation = json_put_object(path, method);
     json_put_string(operation, "operationId", r->name);
+    json_append_string(json_put_array(operation, "tags"), r->tag);
     json_put_string(operation, "summary", r->summary);
     json *security = json_put_array(operation, "security");
     if (r->scope) {
@@ -196,8 +222,8 @@ static void put_operation(json *paths, const route *r)
     put_responses(operation, r);
 }
 
-/* The schemas of answers. */
-static void put_answer_schemas(json *schemas)
+/* Those of answers are in a file. */
+static void put_schemas(json *components, json *schemas)
 {
     json *document = json_parse(answer_schemas, sizeof answer_schemas, NULL);
     json_at root = json_root(document);
@@ -206,6 +232,21 @@ static void put_answer_schemas(json *schemas)
         json_put(schemas, schema.key, json_copy(schema.node));
     }
     json_free(document);
+    json_put(schemas, "JobSpec", schema_new(SCHEMA_SENT));
+    json_put(schemas, "Surface", schema_new_member("/surface", SCHEMA_SENT));
+    json_put(schemas, "AnsweredSpec", schema_new(SCHEMA_ANSWERED));
+    json_put(schemas, "AnsweredSurface", schema_new_member("/surface", SCHEMA_ANSWERED));
+    json_put(components, "examples", json_parse(answer_examples, sizeof answer_examples, NULL));
+}
+
+static void put_tags(json *document)
+{
+    json *list = json_put_array(document, "tags");
+    for (size_t i = 0; i < sizeof tags / sizeof *tags; i++) {
+        json *tag = json_append_object(list);
+        json_put_string(tag, "name", tags[i].name);
+        json_put_string(tag, "description", tags[i].prose);
+    }
 }
 
 static void put_states(json *schemas)
@@ -224,7 +265,7 @@ static void put_patch(json *schemas)
     json *properties = json_put_object(patch, "properties");
     for (size_t i = 0; job_commands_patch_members[i]; i++) {
         char *pointer = mem_printf("/queue/%s", job_commands_patch_members[i]);
-        json_put(properties, job_commands_patch_members[i], schema_new_member(pointer));
+        json_put(properties, job_commands_patch_members[i], schema_new_member(pointer, SCHEMA_SENT));
         free(pointer);
     }
 }
@@ -235,6 +276,7 @@ static void put_webhook(json *document)
     json *ended = json_put_object(json_put_object(document, "webhooks"), "jobEnded");
     json *call = json_put_object(ended, "post");
     json_put_string(call, "operationId", "jobEnded");
+    json_append_string(json_put_array(call, "tags"), "events");
     json_put_string(call, "summary", "A job has ended that names this address in queue.webhook");
     json_put_string(
         call, "description",
@@ -286,15 +328,15 @@ json *openapi_new(void)
                     "Clients submit jobs, which wait in a durable queue until worker processes run them."
                     " Every error of the service is a problem document (RFC 9457) with a stable `code`.");
     json_put_string(json_append_object(json_put_array(document, "servers")), "url", "/");
+    put_tags(document);
     json *paths = json_put_object(document, "paths");
     for (size_t i = 0; i < api_routes.count; i++) put_operation(paths, &api_routes.row[i]);
     put_webhook(document);
     json *components = json_put_object(document, "components"),
          *schemas = json_put_object(components, "schemas");
-    json_put(schemas, "JobSpec", schema_new());
+    put_schemas(components, schemas);
     put_patch(schemas);
     put_states(schemas);
-    put_answer_schemas(schemas);
     put_problems(schemas, json_put_object(components, "responses"));
     json *bearer = json_put_object(json_put_object(components, "securitySchemes"), "bearer");
     json_put_string(bearer, "type", "http");
@@ -308,4 +350,11 @@ void openapi_show(const http_context *c, const http_request *request, reply *r)
     (void)c;
     (void)request;
     reply_set_json(r, 200, openapi_new());
+}
+
+void openapi_show_schema(const http_context *c, const http_request *request, reply *r)
+{
+    (void)c;
+    (void)request;
+    reply_set_json(r, 200, schema_new(SCHEMA_ALONE));
 }

@@ -135,6 +135,7 @@ json *parameter_describe(const parameter_table *table, const char *name, const c
     json_put_string(o, "in", in);
     if (strcmp(in, "path") == 0) json_put_bool(o, "required", true);
     json_put_string(o, "description", p->prose);
+    if (p->example) json_put_string(o, "example", p->example);
     json *schema = json_put_object(o, "schema");
     if (p->type == PARAMETER_INTEGER) {
         json_put_string(schema, "type", "integer");

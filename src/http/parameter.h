@@ -25,6 +25,7 @@ typedef struct parameter {
     const char *schema;                /* of PARAMETER_WORDS: where the OpenAPI document lists them */
     const char *otherwise;             /* the default of a number or a word; NULL: none */
     const char *pattern;               /* of a text, for the document; NULL: none */
+    const char *example;               /* of a text, for the document; NULL: none */
     const char *prose;
 } parameter;
 

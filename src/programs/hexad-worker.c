@@ -510,7 +510,7 @@ static int print_energies(void)
 
 static int print_schema(void)
 {
-    json *schema = schema_new();
+    json *schema = schema_new(SCHEMA_ALONE);
     char *text = json_print_pretty(schema);
     bool ok = fputs(text, stdout) >= 0;
     free(text);

@@ -7,12 +7,14 @@
 #include "base/memory.h"
 #include "spec/spec_table.h"
 
-static const char analytic[] = "/surface/analytic";
+static const char analytic[] = "/surface/analytic", surface[] = "/surface";
 
-static void put_default(json *schema, const spec_row *row)
-{
-    if (row->otherwise) json_put(schema, "default", json_parse(row->otherwise, strlen(row->otherwise), NULL));
-}
+/* Where a surface within a surface is described. */
+static const char *const surface_ref[] = {
+    [SCHEMA_ALONE] = "#/properties/surface",
+    [SCHEMA_SENT] = "#/components/schemas/Surface",
+    [SCHEMA_ANSWERED] = "#/components/schemas/AnsweredSurface",
+};
 
 static void put_bounds(json *schema, const spec_row *row)
 {
@@ -24,7 +26,9 @@ static void put_integer(json *schema, const spec_row *row)
 {
     if (row->flags & SPEC_OR_ZERO) {
         json *list = json_put_array(schema, "oneOf");
-        json_put_integer(json_append_object(list), "const", 0);
+        json *zero = json_append_object(list);
+        json_put_string(zero, "type", "integer");
+        json_put_integer(zero, "const", 0);
         schema = json_append_object(list);
     }
     json_put_string(schema, "type", "integer");
@@ -33,6 +37,7 @@ static void put_integer(json *schema, const spec_row *row)
 
 static void put_words(json *schema, const spec_row *row)
 {
+    json_put_string(schema, "type", "string");
     json *list = json_put_array(schema, "enum");
     for (const char *const *word = row->words; *word; word++) json_append_string(list, *word);
 }
@@ -66,8 +71,14 @@ static void put_size(json *schema, const spec_row *row)
     put_items(json_append_object(list), "integer", row, 2);
 }
 
+/* No further members; later versions answer with more. */
+static void put_end(json *object, schema_use use)
+{
+    if (use != SCHEMA_ANSWERED) json_put_bool(object, "additionalProperties", false);
+}
+
 /* Lists of values, or ramps, by JSON Pointer. */
-static void put_frame_values(json *schema, const spec_row *row)
+static void put_frame_values(json *schema, const spec_row *row, schema_use use)
 {
     json_put_string(schema, "type", "object");
     json_put_number(schema, "minProperties", row->low);
@@ -76,7 +87,7 @@ static void put_frame_values(json *schema, const spec_row *row)
     json *values = json_append_object(list), *ramp = json_append_object(list);
     json_put_string(values, "type", "array");
     json_put_string(ramp, "type", "object");
-    json_put_bool(ramp, "additionalProperties", false);
+    put_end(ramp, use);
     json *required = json_put_array(ramp, "required"), *properties = json_put_object(ramp, "properties");
     for (size_t i = 0; i < 2; i++) {
         static const char *const ends[] = {"from", "to"};
@@ -85,13 +96,13 @@ static void put_frame_values(json *schema, const spec_row *row)
     }
 }
 
-static void put_group(json *schema, const char *group);
+static void put_group(json *schema, const char *group, schema_use use);
 
-static void put_type(json *schema, const spec_row *row)
+static void put_type(json *schema, const spec_row *row, schema_use use)
 {
     switch (row->type) {
     case SPEC_TYPE_GROUP:
-        put_group(schema, row->pointer);
+        put_group(schema, row->pointer, use);
         break;
     case SPEC_TYPE_NUMBER:
         json_put_string(schema, "type", "number");
@@ -123,16 +134,16 @@ static void put_type(json *schema, const spec_row *row)
         put_size(schema, row);
         break;
     case SPEC_TYPE_SURFACE:
-        json_put_string(schema, "type", "object"); /* what /surface is, which the prose says */
+        json_put_string(schema, "$ref", surface_ref[use]);
         break;
     case SPEC_TYPE_SURFACES:
         json_put_string(schema, "type", "array");
         json_put_number(schema, "minItems", row->low);
         json_put_number(schema, "maxItems", row->high);
-        json_put_string(json_put_object(schema, "items"), "type", "object");
+        json_put_string(json_put_object(schema, "items"), "$ref", surface_ref[use]);
         break;
     case SPEC_TYPE_FRAME_VALUES:
-        put_frame_values(schema, row);
+        put_frame_values(schema, row, use);
         break;
     case SPEC_TYPE_LABELS:
         json_put_string(schema, "type", "array");
@@ -142,20 +153,30 @@ static void put_type(json *schema, const spec_row *row)
     }
 }
 
-static json *describe(const spec_row *row)
+/* Its unit and, where the schema does not say it, its default. */
+static void put_prose(json *schema, const spec_row *row, schema_use use)
+{
+    const char *otherwise = use == SCHEMA_SENT ? row->otherwise : NULL;
+    char *prose = mem_printf("%s%s%s%s%s%s%s", row->prose, row->unit ? " (" : "", row->unit ? row->unit : "",
+                             row->unit ? ")" : "", otherwise ? " Default: " : "", otherwise ? otherwise : "",
+                             otherwise ? "." : "");
+    json_put_string(schema, "description", prose);
+    free(prose);
+}
+
+static json *describe(const spec_row *row, schema_use use)
 {
     json *schema = json_new_object();
-    put_type(schema, row);
+    put_type(schema, row, use);
     if (row->flags & SPEC_SWITCH) {
         json *whole = json_new_object(), *list = json_put_array(whole, "oneOf");
         json_put_string(json_append_object(list), "type", "boolean");
         json_append(list, schema);
         schema = whole;
     }
-    char *prose = row->unit ? mem_printf("%s (%s)", row->prose, row->unit) : mem_strdup(row->prose);
-    json_put_string(schema, "description", prose);
-    free(prose);
-    put_default(schema, row);
+    put_prose(schema, row, use);
+    if (row->otherwise && use == SCHEMA_ALONE)
+        json_put(schema, "default", json_parse(row->otherwise, strlen(row->otherwise), NULL));
     return schema;
 }
 
@@ -185,35 +206,40 @@ static void put_choice(json *all, const char *group, spec_choice choice)
 }
 
 /* The members of a group, of those that belong to some shapes only those of `shape`; -1: of a group without shapes. */
-static void put_members(json *schema, const char *group, int shape)
+static void put_members(json *schema, const char *group, int shape, schema_use use)
 {
     json *properties = json_put_object(schema, "properties"), *required = NULL;
     json_put_string(schema, "type", "object");
-    json_put_bool(schema, "additionalProperties", false);
+    put_end(schema, use);
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
         if (!spec_row_is_member(row, group)) continue;
         if (row->shapes && !(row->shapes & 1u << shape)) continue;
-        json_put(properties, spec_row_key(row), describe(row));
+        if (use != SCHEMA_ALONE && strcmp(row->pointer, surface) == 0)
+            json_put_string(json_put_object(properties, spec_row_key(row)), "$ref", surface_ref[use]);
+        else
+            json_put(properties, spec_row_key(row), describe(row, use));
         if (!(row->flags & SPEC_REQUIRED) || row->methods) continue;
         if (!required) required = json_put_array(schema, "required");
         json_append_string(required, spec_row_key(row));
     }
     if (shape < 0) return;
     json *name = json_new_object();
+    json_put_string(name, "type", "string");
     json_put_string(name, "const", spec_row_find(group, "shape")->words[shape]);
     json_put(properties, "shape", name);
 }
 
-static void put_group(json *schema, const char *group)
+static void put_group(json *schema, const char *group, schema_use use)
 {
     if (strcmp(group, analytic) == 0) {
         json *list = json_put_array(schema, "oneOf");
         const spec_row *shapes = spec_row_find(group, "shape");
-        for (int i = 0; shapes->words[i]; i++) put_members(json_append_object(list), group, i);
+        for (int i = 0; shapes->words[i]; i++) put_members(json_append_object(list), group, i, use);
         return;
     }
-    put_members(schema, group, -1);
+    put_members(schema, group, -1, use);
+    if (use == SCHEMA_ANSWERED) return;
     json *all = json_new_array();
     for (spec_choice c = SPEC_CHOICE_NONE + 1; c < SPEC_CHOICE_COUNT; c++) put_choice(all, group, c);
     json_at at = json_root(all);
@@ -223,18 +249,21 @@ static void put_group(json *schema, const char *group)
         json_free(all);
 }
 
-json *schema_new(void)
+json *schema_new(schema_use use)
 {
     json *schema = json_new_object();
-    put_group(schema, "");
-    json_put_string(schema, "description",
-                    "What a job is to do; hexad-worker spec-help has the same at greater length.");
+    put_group(schema, "", use);
+    json_put_string(
+        schema, "description",
+        use == SCHEMA_ANSWERED
+            ? "A spec as the service tells it; of a job, with its defaults. It may be sent as a JobSpec."
+            : "What a job is to do; hexad-worker spec-help has the same at greater length.");
     return schema;
 }
 
-json *schema_new_member(const char *pointer)
+json *schema_new_member(const char *pointer, schema_use use)
 {
     size_t i = 0;
     while (strcmp(spec_rows[i].pointer, pointer) != 0) i++;
-    return describe(&spec_rows[i]);
+    return describe(&spec_rows[i], use);
 }

@@ -9,9 +9,17 @@
 
 #include "json/json.h"
 
-json *schema_new(void);
+typedef enum schema_use {
+    SCHEMA_ALONE, /* a document of its own */
+    SCHEMA_SENT, /* in the OpenAPI document, of requests: defaults in the prose, as generated clients demand members
+                     * that have one; surfaces are #/components/schemas/Surface */
+    SCHEMA_ANSWERED /* in the OpenAPI document, of answers: without an end, as later versions have more members;
+                     * surfaces are #/components/schemas/AnsweredSurface */
+} schema_use;
+
+json *schema_new(schema_use use);
 
 /* Of one member of it, by its pointer, which must be there. */
-json *schema_new_member(const char *pointer);
+json *schema_new_member(const char *pointer, schema_use use);
 
 #endif
