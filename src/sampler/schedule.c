@@ -11,10 +11,11 @@ static const double LAMBDA_BEGINS = -3;
 /* What all schedules have in common. */
 #define COMMON                                                                                              \
     .gain = {1e-4, 1e-6, 1e-8}, .patience_more = 50, .patience_last = 500, .coarsest_gain = 1e-5,           \
-    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = 5e3, .sweeps_fall = 1.5, .sweeps_least = 4, \
-    .sweeps_most = 120, .rough_share = {0.05, 0.25}, .rough_sweeps = 3, .rough_count = 5e3,                 \
-    .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, .cramped_share_coarse = 0.04,          \
-    .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6, .creased_share = 0.7, .newcomer_sweeps = 60
+    .sweeps = 100, .sweeps_count = 1e4, .sweeps_count_between = {5e3, 2e4}, .sweeps_share_between = 4,      \
+    .sweeps_fall = 1.5, .sweeps_least = 3, .sweeps_most = 120, .rough_share = {0.05, 0.25},                 \
+    .rough_sweeps = 3, .rough_count = 5e3, .size_settled = 1e-3, .resizes_most = 10, .cramped_share = 0.01, \
+    .cramped_share_coarse = 0.04, .skin_wide = 0.6, .skin_narrow = 0.2, .skin_steps = 6,                    \
+    .creased_share = 0.7, .newcomer_sweeps = 60
 
 /* Over-relaxation: 1.8 needs three times the sweeps, 3.0 is slower again near rest. */
 #define PAPER                                                                                  \
@@ -45,6 +46,7 @@ const schedule schedule_multilevel = {
     .shake_sweeps = 15,
     .stage_step = {0.03, 0.01, 0.001},
     .stage_sweeps_most = 400,
+    .finest_rest = 3.5,
     .cramped_wait = 12,
 };
 
@@ -56,6 +58,7 @@ const schedule schedule_continued = {
     .longest_step = 0.05,
     .stage_step = {0.03, 0.01, 0.001},
     .stage_sweeps_most = 400,
+    .finest_rest = 1,
     .cramped_wait = 12,
 };
 
@@ -64,12 +67,20 @@ static bool is_early(const schedule_position *at)
     return at->level == 0 && !schedule_is_last_stage(at);
 }
 
+static double sweeps_for(const schedule *s, const schedule_position *at, double many)
+{
+    return s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
+}
+
 int schedule_level_sweeps(const schedule *s, const schedule_position *at)
 {
     assert(at->level >= 0 && at->level < at->levels && at->stage < SCHEDULE_STAGES && at->count > 0);
     bool between = at->level > 0 && !schedule_is_last_level(at);
-    double many = between ? s->sweeps_count_between : s->sweeps_count;
-    double sweeps = s->sweeps * pow(many / (double)at->count, s->sweeps_fall);
+    double sweeps = sweeps_for(s, at, between ? s->sweeps_count_between[0] : s->sweeps_count);
+    if (between) {
+        double paid = s->sweeps_share_between * pow(4, at->levels - 1 - at->level);
+        sweeps = fmax(sweeps, fmin(sweeps_for(s, at, s->sweeps_count_between[1]), paid));
+    }
     return (int)((at->is_rough ? s->rough_sweeps : 1) * fmin(fmax(sweeps, s->sweeps_least), s->sweeps_most));
 }
 
@@ -106,7 +117,8 @@ static bool steps_are_at_rest(const schedule *s, const schedule_position *at, co
 {
     bool last_stage = schedule_is_last_stage(at);
     if (s->is_paced && last_stage && at->sweeps < schedule_level_sweeps(s, at)) return false;
-    if (schedule_is_last_level(at) && last_stage) return seen->rms_step < seen->step_tolerance;
+    double rest = (at->level > 0 ? s->finest_rest : 1) * seen->step_tolerance;
+    if (schedule_is_last_level(at) && last_stage) return seen->rms_step < rest;
     return at->level > 0 || seen->rms_step < s->stage_step[at->stage] || at->sweeps >= s->stage_sweeps_most;
 }
 

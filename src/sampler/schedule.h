@@ -35,8 +35,10 @@ typedef struct schedule {
     int shake_sweeps;
 
     /* Sweeps of a level of n particles, at least: sweeps (sweeps_count / n)^sweeps_fall, within the two bounds; on
-     * levels between the coarsest and the finest sweeps_count_between. */
-    double sweeps, sweeps_count, sweeps_count_between, sweeps_fall, sweeps_least, sweeps_most;
+     * levels between the coarsest and the finest with the first of sweeps_count_between, and with the second as far as they
+     * cost no more than sweeps_share_between updates of each particle of the finest. */
+    double sweeps, sweeps_count, sweeps_count_between[2], sweeps_share_between, sweeps_fall, sweeps_least,
+        sweeps_most;
     /* A level of so many particles that ends these with a share out of order between the two bounds is rough, and takes so
      * many times the sweeps. What is out of order beyond the upper bound is not resolved, and more sweeps do not help. */
     double rough_share[2], rough_count, rough_sweeps;
@@ -44,8 +46,9 @@ typedef struct schedule {
     /* At rest. `rest_lambda` > 0: the paper's criterion for the coarsest level, that the mean log10 lambda is above it;
      * 0: rms steps alone count. A level that is refined again is left as soon as its rms step (over h) is below
      * level_step or after level_sweeps. stage_step and stage_sweeps_most do the same for the stages of a coarsest level
-     * that is judged by steps. */
-    double rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
+     * that is judged by steps. On the last of several levels finest_rest times the tolerance is a step short enough to look what is left:
+     * over-relaxed sweeps step farther than particles are from their rest. */
+    double finest_rest, rest_lambda, level_step, stage_step[SCHEDULE_STAGES];
     int level_sweeps, stage_sweeps_most;
     /* A rest holds when the sizes at the particles' present places differ by less than size_settled (rms, relative)
      * from those in use; so often in a round it may be broken. */

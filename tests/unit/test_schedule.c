@@ -26,8 +26,9 @@ static void levels_have_sweeps_by_their_count(void **state)
         schedule_position at = finest(0, count);
         int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
         assert_in_range(sweeps, (int)schedule_multilevel.sweeps_least, before);
-        at.level = 1;
-        assert_true(schedule_level_sweeps(&schedule_multilevel, &at) <= sweeps);
+        at.level = 1; /* a quarter of the particles: no dearer than so many updates of each of the finest */
+        assert_true(schedule_level_sweeps(&schedule_multilevel, &at) <=
+                    fmax(sweeps, 4 * schedule_multilevel.sweeps_share_between));
         before = sweeps;
     }
     assert_int_equal(before, (int)schedule_multilevel.sweeps_least);
@@ -84,7 +85,14 @@ static void a_paced_level_has_its_sweeps_before_it_rests(void **state)
     int sweeps = schedule_level_sweeps(&schedule_multilevel, &at);
     assert_false(rests(&schedule_multilevel, finest(sweeps - 1, 10000), 0, 16));
     assert_true(rests(&schedule_multilevel, finest(sweeps, 10000), 0.002, 0));
-    assert_false(rests(&schedule_multilevel, finest(sweeps, 10000), 0.004, 16));
+    assert_true(rests(&schedule_multilevel, finest(sweeps, 10000), 0.01, 0)); /* over-relaxed */
+    assert_false(rests(&schedule_multilevel, finest(sweeps, 10000), 0.011, 16));
+    assert_false(rests(&schedule_continued, finest(sweeps, 10000), 0.004, 16));
+    at.levels = 1; /* one that is the coarsest as well */
+    at.level = 0;
+    at.sweeps = sweeps;
+    assert_false(rests(&schedule_multilevel, at, 0.004, 16));
+    at.levels = 3;
     at.level = 1; /* that is refined again needs no small steps */
     at.sweeps = sweeps;
     assert_true(rests(&schedule_multilevel, at, 1, 0));
