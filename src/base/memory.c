@@ -53,7 +53,7 @@ static const size_t LARGE = 256 * 1024;
 /* Arrays of so many bytes have pages of two megabytes: a process with gigabytes in small ones takes the
  * kernel a third of a second to end. Smaller arrays are often touched here and there only, and to zero all of
  * them costs more. */
-static const size_t VERY_LARGE = 32 << 20;
+static const size_t VERY_LARGE = 2 << 20;
 
 /* Whole pages are given back to the kernel, which zeroes them when they are first touched: arrays are often
  * larger than what comes to be used of them. */
