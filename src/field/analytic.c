@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <stdlib.h>
 
+#include "base/isa.h"
 #include "base/memory.h"
 
 /* Cells along the longest side of the domain unless the shape has finer features, and across a feature. The
@@ -11,10 +12,11 @@ static const double CELLS_COARSE = 32, CELLS_FEATURE = 6;
 /* Sharp edges are cut off within a cell: 0.1 % of a cube's area at this many cells along its side. */
 static const double CELLS_SHARP = 160;
 
-static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+/* Of each shape F and its gradient, without a branch where it can be, so that several are computed side by side; false where
+ * they are not defined. */
+ISA_INLINE bool sample_sphere(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double length = vec3_norm(d);
-    if (!(length > 0)) return false;
     vec3 n = vec3_scale(d, 1 / length);
     out->value = length - p->radius;
     out->gradient = n;
@@ -23,16 +25,15 @@ static bool sample_sphere(const analytic_params *p, vec3 d, field_order order, f
         out->hessian = (sym3){k * (1 - n.x * n.x), k * (1 - n.y * n.y), k * (1 - n.z * n.z),
                               -k * n.x * n.y,      -k * n.x * n.z,      -k * n.y * n.z};
     }
-    return true;
+    return length > 0;
 }
 
-static bool sample_torus(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+ISA_INLINE bool sample_torus(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     vec3 a = p->axis;
     double z = vec3_dot(d, a);
     vec3 q = vec3_axpy(-z, a, d);
     double rho = vec3_norm(q), u = rho - p->major_radius, length = sqrt(u * u + z * z);
-    if (!(rho > 0) || !(length > 0)) return false;
     double over = 1 / length;
     vec3 e = vec3_scale(q, 1 / rho);
     vec3 n = vec3_add(vec3_scale(e, u * over), vec3_scale(a, z * over));
@@ -46,11 +47,11 @@ static bool sample_torus(const analytic_params *p, vec3 d, field_order order, fi
                               kt * t.z * t.z + kw * w.z * w.z, kt * t.x * t.y + kw * w.x * w.y,
                               kt * t.x * t.z + kw * w.x * w.z, kt * t.y * t.z + kw * w.y * w.z};
     }
-    return true;
+    return (rho > 0) & (length > 0);
 }
 
 /* A box grown by `rounding` from a core: the distance to the core less the rounding. */
-static bool sample_box(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+ISA_INLINE bool sample_box(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     vec3 core = vec3_sub(p->half_size, vec3_make(p->rounding, p->rounding, p->rounding));
     vec3 q = {fabs(d.x) - core.x, fabs(d.y) - core.y, fabs(d.z) - core.z};
@@ -80,7 +81,7 @@ static bool sample_box(const analytic_params *p, vec3 d, field_order order, fiel
 }
 
 /* (|x / radii|^2 - 1) times half the smallest radius, so that F is near the distance at the surface */
-static bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+ISA_INLINE bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     vec3 w = {1 / (p->radii.x * p->radii.x), 1 / (p->radii.y * p->radii.y), 1 / (p->radii.z * p->radii.z)};
     double scale = 0.5 * fmin(p->radii.x, fmin(p->radii.y, p->radii.z));
@@ -92,7 +93,7 @@ static bool sample_ellipsoid(const analytic_params *p, vec3 d, field_order order
 }
 
 /* (15): sum x^4 - 10 r^2 sum x^2. The centre is a degenerate zero with no gradient. */
-static bool sample_quartic(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+ISA_INLINE bool sample_quartic(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double c = 10 * p->r * p->r;
     vec3 s = {d.x * d.x, d.y * d.y, d.z * d.z};
@@ -104,7 +105,7 @@ static bool sample_quartic(const analytic_params *p, vec3 d, field_order order, 
 }
 
 /* sin X cos Y + sin Y cos Z + sin Z cos X with X = 2 pi x / period */
-static bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
+ISA_INLINE bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, field_sample *out)
 {
     double k = 2 * M_PI / p->period;
     double sx = sin(k * d.x), cx = cos(k * d.x), sy = sin(k * d.y), cy = cos(k * d.y), sz = sin(k * d.z),
@@ -126,22 +127,69 @@ static bool sample_gyroid(const analytic_params *p, vec3 d, field_order order, f
 static bool analytic_sample(const field *f, vec3 x, field_order order, field_sample *out)
 {
     const analytic_params *p = &((const analytic *)f)->params;
-    vec3 d = vec3_sub(x, p->center);
+    const vec3 d = vec3_sub(x, p->center);
+    field_sample s;
+    bool defined = false;
     switch (p->shape) {
     case ANALYTIC_SPHERE:
-        return sample_sphere(p, d, order, out);
+        defined = sample_sphere(p, d, order, &s);
+        break;
     case ANALYTIC_TORUS:
-        return sample_torus(p, d, order, out);
+        defined = sample_torus(p, d, order, &s);
+        break;
     case ANALYTIC_BOX:
-        return sample_box(p, d, order, out);
+        defined = sample_box(p, d, order, &s);
+        break;
     case ANALYTIC_ELLIPSOID:
-        return sample_ellipsoid(p, d, order, out);
+        defined = sample_ellipsoid(p, d, order, &s);
+        break;
     case ANALYTIC_QUARTIC:
-        return sample_quartic(p, d, order, out);
+        defined = sample_quartic(p, d, order, &s);
+        break;
     case ANALYTIC_GYROID:
-        return sample_gyroid(p, d, order, out);
+        defined = sample_gyroid(p, d, order, &s);
+        break;
     }
-    return false;
+    if (!defined) return false;
+    out->value = s.value;
+    out->gradient = s.gradient;
+    if (order == FIELD_HESSIAN) out->hessian = s.hessian;
+    return true;
+}
+
+#define LANES(shape)                                                                                   \
+    ISA_CLONES static void shape##_lanes(const analytic_params *p, const vec3_lanes *x, bool *defined, \
+                                         double *value, vec3_lanes *gradient)                          \
+    {                                                                                                  \
+        for (int l = 0; l < VEC3_LANES; l++) {                                                         \
+            field_sample s;                                                                            \
+            bool good = sample_##shape(p, vec3_sub((vec3){x->x[l], x->y[l], x->z[l]}, p->center),      \
+                                       FIELD_GRADIENT, &s);                                            \
+            defined[l] &= good;                                                                        \
+            value[l] = s.value;                                                                        \
+            gradient->x[l] = s.gradient.x;                                                             \
+            gradient->y[l] = s.gradient.y;                                                             \
+            gradient->z[l] = s.gradient.z;                                                             \
+        }                                                                                              \
+    }
+LANES(sphere)
+LANES(torus)
+LANES(box)
+LANES(ellipsoid)
+LANES(quartic)
+LANES(gyroid)
+
+/* In double precision, like one after the other. */
+static void analytic_sample_lanes(const field *f, const vec3_lanes *x, bool *defined, double *value,
+                                  vec3_lanes *gradient)
+{
+    static void (*const lanes_of[])(const analytic_params *, const vec3_lanes *, bool *, double *,
+                                    vec3_lanes *) = {
+        [ANALYTIC_SPHERE] = sphere_lanes,   [ANALYTIC_TORUS] = torus_lanes,
+        [ANALYTIC_BOX] = box_lanes,         [ANALYTIC_ELLIPSOID] = ellipsoid_lanes,
+        [ANALYTIC_QUARTIC] = quartic_lanes, [ANALYTIC_GYROID] = gyroid_lanes};
+    const analytic_params *p = &((const analytic *)f)->params;
+    lanes_of[p->shape](p, x, defined, value, gradient);
 }
 
 /* A point without a derivative still has a side: the centre of a sphere or of a torus' tube is
@@ -203,7 +251,8 @@ static double analytic_side(const field *f, vec3 x)
     return analytic_sample(f, x, FIELD_GRADIENT, &s) ? 0 : corner_value(f, x);
 }
 
-static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell, analytic_side};
+static const field_ops analytic_ops = {analytic_sample, analytic_cell_count, analytic_cell, analytic_side,
+                                       analytic_sample_lanes};
 
 static vec3 half_extent(const analytic_params *p)
 {

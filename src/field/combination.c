@@ -89,7 +89,7 @@ static void combination_cell(const field *f, size_t k, field_cell *out)
 }
 
 static const field_ops combination_ops = {combination_sample, combination_cell_count, combination_cell,
-                                          combination_side};
+                                          combination_side, NULL};
 
 /* ---- making one */
 

@@ -45,7 +45,7 @@ static double placement_side(const field *f, vec3 x)
 }
 
 static const field_ops placement_ops = {placement_sample, placement_cell_count, placement_cell,
-                                        placement_side};
+                                        placement_side, NULL};
 
 /* Faces of the domain that cut the surface, after the map; false when it does not map axes to axes. */
 static bool map_boundary_faces(const placement *p, unsigned *faces)

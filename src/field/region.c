@@ -37,7 +37,14 @@ static double region_side(const field *f, vec3 x)
     return whole->ops->side(whole, x);
 }
 
-static const field_ops region_ops = {region_sample, region_cell_count, region_cell, region_side};
+static void region_sample_lanes(const field *f, const vec3_lanes *x, bool *defined, double *value,
+                                vec3_lanes *gradient)
+{
+    field_sample_lanes(((const region *)f)->whole, x, defined, value, gradient);
+}
+
+static const field_ops region_ops = {region_sample, region_cell_count, region_cell, region_side,
+                                     region_sample_lanes};
 
 static bbox box_of_cell(const field *f, size_t k)
 {

@@ -5,9 +5,9 @@
 #include <immintrin.h>
 #endif
 
-/* The arithmetic is in doubles whatever the coefficients are. In floats it is a quarter faster, but the
- * value then jitters by some 1e-7 of the coefficients, and a minimiser that compares energies to ten
- * digits and differences of values sees that jitter. */
+/* The arithmetic is in doubles whatever the coefficients are, but for lanes. In floats the value jitters by some
+ * 1e-7 of the coefficients: fast steps, which do not look at energies, are none the worse, but a minimiser that
+ * compares energies to ten digits and differences of values sees that jitter. */
 typedef double lanes __attribute__((vector_size(32)));
 typedef float narrow __attribute__((vector_size(16)));
 
@@ -19,11 +19,23 @@ typedef struct support {
     size_t row, slab;
 } support;
 
+/* Of a particle's four weights along an axis, or their derivatives: c[k] the coefficients of t^k. */
+typedef struct cubic {
+    narrow c[4];
+} cubic;
+static const cubic value_cubics = {{{1.0f / 6, 4.0f / 6, 1.0f / 6, 0},
+                                    {-0.5f, 0, 0.5f, 0},
+                                    {0.5f, -1, 0.5f, 0},
+                                    {-1.0f / 6, 0.5f, -0.5f, 1.0f / 6}}};
+static const cubic slope_cubics = {{{-0.5f, 0, 0.5f, 0}, {1, -2, 1, 0}, {-0.5f, 1.5f, -1.5f, 0.5f}, {0}}};
+
 #define VERSION(name) name##_portable
 #define VERSION_WIDEN(n) __builtin_convertvector(n, lanes)
+#define VERSION_ROWS 1
 #include "field/spline_cell.h"
 #undef VERSION
 #undef VERSION_WIDEN
+#undef VERSION_ROWS
 
 #ifdef __x86_64__
 #pragma GCC push_options
@@ -31,9 +43,11 @@ typedef struct support {
 #define VERSION(name) name##_avx2
 #define VERSION_WIDEN(n) \
     ((lanes)_mm256_cvtps_pd((__m128)(n))) /* the compiler makes five instructions of it */
+#define VERSION_ROWS 2
 #include "field/spline_cell.h"
 #undef VERSION
 #undef VERSION_WIDEN
+#undef VERSION_ROWS
 #pragma GCC pop_options
 
 /* A cell's rows have four coefficients: wider vectors have nothing to hold. But there are twice as many, so
@@ -42,9 +56,11 @@ typedef struct support {
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=256")
 #define VERSION(name) name##_avx512
 #define VERSION_WIDEN(n) ((lanes)_mm256_cvtps_pd((__m128)(n)))
+#define VERSION_ROWS 2
 #include "field/spline_cell.h"
 #undef VERSION
 #undef VERSION_WIDEN
+#undef VERSION_ROWS
 #pragma GCC pop_options
 #else
 #define version_avx2 version_portable

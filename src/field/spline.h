@@ -12,6 +12,7 @@
 #include <stddef.h>
 
 #include "base/isa.h"
+#include "geometry/vec3.h"
 
 /* A value with its derivatives along the grid's axes, per cell. */
 typedef struct spline_jet {
@@ -20,12 +21,21 @@ typedef struct spline_jet {
     double xx, yy, zz, xy, xz, yz;
 } spline_jet;
 
+/* Places in cells of their own, and what `gradient_lanes` makes of them. */
+typedef struct spline_lanes {
+    const float *corner[VEC3_LANES];
+    float t[3][VEC3_LANES];
+    float f[VEC3_LANES], d[3][VEC3_LANES]; /* as in spline_jet */
+} spline_lanes;
+
 /* The functions for one instruction set; the results are the same to the last bit with any. `gradient` leaves
  * the second derivatives untouched. */
 typedef struct spline {
     void (*gradient)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
     void (*hessian)(const float *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
-    /* the same for coefficients in doubles */
+    /* in single precision */
+    void (*gradient_lanes)(spline_lanes *lanes, size_t row, size_t slab);
+    /* the same as the first two for coefficients in doubles */
     void (*gradient_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
     void (*hessian_wide)(const double *corner, size_t row, size_t slab, const double t[3], spline_jet *out);
 } spline;

@@ -1,5 +1,5 @@
 /* spline_cell: what spline.c compiles once for each instruction set, with VERSION(name) the name that it
- * has there and VERSION_WIDEN(n) that turns four floats into doubles. Not a header for others, and without
+ * has there, VERSION_WIDEN(n) that turns four floats into doubles, and VERSION_ROWS the rows that a vector of floats holds. Not a header for others, and without
  * a guard: it is included again and again. A function that is inlined into one for a wider instruction set
  * would not do: its vectors have been cut into narrow ones by then. */
 
@@ -141,5 +141,109 @@ static void VERSION(hessian_wide)(const double *corner, size_t row, size_t slab,
     VERSION(hessian)(&(support){NULL, corner, row, slab}, t, out);
 }
 
+/* ---- lanes, in single precision: VERSION_ROWS of a layer's four rows in one vector */
+
+typedef float VERSION(rows) __attribute__((vector_size(16 * VERSION_ROWS)));
+
+static inline __attribute__((always_inline)) void VERSION(weigh)(const cubic *of, float t, narrow *out)
+{
+    narrow at = {t, t, t, t};
+    *out = ((of->c[3] * at + of->c[2]) * at + of->c[1]) * at + of->c[0];
+}
+
+/* Two times the weights along the last axis, and those along the second axis each as often as a row is long. */
+static inline __attribute__((always_inline)) void
+VERSION(spread)(const narrow *along_row, const narrow *across, VERSION(rows) * repeated, VERSION(rows) * each)
+{
+    const narrow a = *along_row, w = *across;
+#if VERSION_ROWS == 1
+    *repeated = a;
+    for (int k = 0; k < 4; k++) each[k] = (narrow){w[k], w[k], w[k], w[k]};
+#else
+    *repeated = __builtin_shufflevector(a, a, 0, 1, 2, 3, 4, 5, 6, 7);
+    each[0] = __builtin_shufflevector(w, w, 0, 0, 0, 0, 1, 1, 1, 1);
+    each[1] = __builtin_shufflevector(w, w, 2, 2, 2, 2, 3, 3, 3, 3);
+#endif
+}
+
+/* Rows j and, where vectors hold two, j + 1 of layer i. */
+static inline __attribute__((always_inline)) void VERSION(load_part)(const float *at, size_t row,
+                                                                     VERSION(rows) * out)
+{
+    narrow r[VERSION_ROWS];
+    for (size_t k = 0; k < VERSION_ROWS; k++) memcpy(&r[k], at + k * row, sizeof r[k]);
+#if VERSION_ROWS == 1
+    *out = r[0];
+#else
+    *out = __builtin_shufflevector(r[0], r[1], 0, 1, 2, 3, 4, 5, 6, 7);
+#endif
+}
+
+/* The sum over the four rows, which are in `part`; of the rows j + 0 2 and 1 3 first. */
+static inline __attribute__((always_inline)) void VERSION(fold)(const VERSION(rows) * part, narrow *out)
+{
+#if VERSION_ROWS == 1
+    *out = (part[0] + part[2]) + (part[1] + part[3]);
+#else
+    VERSION(rows) sum = part[0] + part[1];
+    *out = __builtin_shufflevector(sum, sum, 0, 1, 2, 3) + __builtin_shufflevector(sum, sum, 4, 5, 6, 7);
+#endif
+}
+
+/* Of four vectors the sums over their entries, pairs first. */
+static inline __attribute__((always_inline)) void VERSION(sum_each)(const narrow v[4], narrow *out)
+{
+    narrow low =
+        __builtin_shufflevector(v[0], v[1], 0, 2, 4, 6) + __builtin_shufflevector(v[0], v[1], 1, 3, 5, 7);
+    narrow high =
+        __builtin_shufflevector(v[2], v[3], 0, 2, 4, 6) + __builtin_shufflevector(v[2], v[3], 1, 3, 5, 7);
+    *out = __builtin_shufflevector(low, high, 0, 2, 4, 6) + __builtin_shufflevector(low, high, 1, 3, 5, 7);
+}
+
+/* F and its derivatives in one lane. */
+static inline __attribute__((always_inline)) void VERSION(lane)(const spline_lanes *in, int l, size_t row,
+                                                                size_t slab, narrow *out)
+{
+    enum { PARTS = 4 / VERSION_ROWS };
+    narrow w[3], s[3], sums[4];
+    VERSION(rows) wz, sz, wy[PARTS], sy[PARTS], sum[4][PARTS];
+    for (int axis = 0; axis < 3; axis++) {
+        VERSION(weigh)(&value_cubics, in->t[axis][l], &w[axis]);
+        VERSION(weigh)(&slope_cubics, in->t[axis][l], &s[axis]);
+    }
+    VERSION(spread)(&w[2], &w[1], &wz, wy);
+    VERSION(spread)(&s[2], &s[1], &sz, sy);
+#pragma GCC unroll 4
+    for (size_t p = 0; p < PARTS; p++) {
+        VERSION(rows) value = {0}, along_x = {0};
+#pragma GCC unroll 4
+        for (size_t i = 0; i < 4; i++) {
+            VERSION(rows) r;
+            VERSION(load_part)(in->corner[l] + i * slab + VERSION_ROWS * p * row, row, &r);
+            value += r * w[0][i];
+            along_x += r * s[0][i];
+        }
+        const VERSION(rows) yz = wy[p] * wz;
+        sum[0][p] = value * yz;
+        sum[1][p] = along_x * yz;
+        sum[2][p] = value * (sy[p] * wz);
+        sum[3][p] = value * (wy[p] * sz);
+    }
+#pragma GCC unroll 4
+    for (int k = 0; k < 4; k++) VERSION(fold)(sum[k], &sums[k]);
+    VERSION(sum_each)(sums, out);
+}
+
+static void VERSION(gradient_lanes)(spline_lanes *places, size_t row, size_t slab)
+{
+    for (int l = 0; l < VEC3_LANES; l++) {
+        narrow jet;
+        VERSION(lane)(places, l, row, slab, &jet);
+        places->f[l] = jet[0];
+        for (int axis = 0; axis < 3; axis++) places->d[axis][l] = jet[axis + 1];
+    }
+}
+
 static const spline VERSION(version) = {VERSION(gradient_single), VERSION(hessian_single),
-                                        VERSION(gradient_wide), VERSION(hessian_wide)};
+                                        VERSION(gradient_lanes), VERSION(gradient_wide),
+                                        VERSION(hessian_wide)};

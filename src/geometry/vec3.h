@@ -1,4 +1,4 @@
-/* vec3: three doubles, by value. Units are the caller's. Pure functions, safe in any thread. */
+/* vec3: three doubles, by value, and sixteen of them for kernels. Units are the caller's. Pure functions, safe in any thread. */
 #ifndef HEXAD_GEOMETRY_VEC3_H
 #define HEXAD_GEOMETRY_VEC3_H
 
@@ -7,6 +7,13 @@
 typedef struct vec3 {
     double x, y, z;
 } vec3;
+
+/* Vectors side by side, as many as a kernel handles together. */
+enum { VEC3_LANES = 16 };
+
+typedef struct vec3_lanes {
+    double x[VEC3_LANES], y[VEC3_LANES], z[VEC3_LANES];
+} vec3_lanes;
 
 static inline vec3 vec3_make(double x, double y, double z)
 {

@@ -17,18 +17,13 @@
 #include "base/isa.h"
 #include "packing/neighbours.h"
 
-#define FAST_KERNEL_LANES 16
+#define FAST_KERNEL_LANES VEC3_LANES
 
 /* Of every step, fast or general. The floor keeps the 2x2 system solvable when all neighbours lie on one
  * line; the share is what the step in the tangent plane may take of the longest displacement: the projection
  * adds its own. */
 #define FAST_KERNEL_HESSIAN_FLOOR 1e-9
 #define FAST_KERNEL_BOUND_SHARE 0.9
-
-/* A vector for each particle. */
-typedef struct fast_kernel_vec3 {
-    double x[FAST_KERNEL_LANES], y[FAST_KERNEL_LANES], z[FAST_KERNEL_LANES];
-} fast_kernel_vec3;
 
 /* Particles and their neighbours. As many entries of each list as the longest `count` says are read, and must
  * be points; those beyond its own do not count, so that it does not matter if another thread moves them. */
@@ -38,7 +33,7 @@ typedef struct fast_kernel_particles {
     int32_t x[FAST_KERNEL_LANES], y[FAST_KERNEL_LANES], z[FAST_KERNEL_LANES]; /* as in neighbours_place */
     float size[FAST_KERNEL_LANES];
     float allowed_step[FAST_KERNEL_LANES]; /* longest displacement that keeps the lists valid, world units */
-    fast_kernel_vec3 position, normal;
+    vec3_lanes position, normal;
 } fast_kernel_particles;
 
 /* Distances are in units of places. */
@@ -61,9 +56,8 @@ typedef struct fast_kernel_params {
 
 /* Where the particles are on their way: after the step in the tangent plane, then on the surface. */
 typedef struct fast_kernel_way {
-    fast_kernel_vec3 to;
-    fast_kernel_vec3
-        gradient; /* of the field at `to`, and its value: for `land` to read; the normal after it */
+    vec3_lanes to;
+    vec3_lanes gradient; /* of the field at `to`, and its value: for `land` to read; the normal after it */
     double value[FAST_KERNEL_LANES];
     double limit2[FAST_KERNEL_LANES]; /* squared longest displacement */
     double length[FAST_KERNEL_LANES]; /* of the displacement, after `land` */

@@ -63,8 +63,8 @@ struct relax {
     const energy_function *energy;
     const fast_kernel *fast; /* NULL: every particle goes the general way */
     neighbours *near;
-    bool *flat;        /* all of a particle's neighbours face its way, clearly */
-    float *moved;      /* length of a particle's way since the lists were built */
+    uint8_t *flat; /* 1: all of a particle's neighbours face its way, clearly; 2: and no sharp edge is near */
+    float *moved;  /* length of a particle's way since the lists were built */
     block_sums *parts; /* of the sweep */
     size_t part_capacity;
     double sigma, skin; /* of the lists */
@@ -153,7 +153,7 @@ static void look_chunk(void *context, int worker, size_t begin, size_t end)
             double cosine = vec3_dot(p->normal[i], p->normal[list[k]]);
             least = cosine < least ? cosine : least;
         }
-        job->r->flat[i] = least > FLAT_COSINE;
+        job->r->flat[i] = (uint8_t)((least > FLAT_COSINE) + (least > SMOOTH_COSINE));
         job->r->moved[i] = 0;
     }
 }
@@ -447,17 +447,8 @@ static size_t fast_step(const sweep_job *job, uint32_t *items, size_t count, blo
     line_up(job->r, job->p, items, count, &own);
     k->forces(job->r->near->place, &own, &params, &forces);
     k->step(&own, &forces, &params, &way);
-    for (size_t l = 0; l < count; l++) {
-        field_sample s = {0};
-        vec3 to = {way.to.x[l], way.to.y[l], way.to.z[l]};
-        way.ends_well[l] = way.ends_well[l] && field_sample_at(job->params->field, to, FIELD_GRADIENT, &s);
-        way.value[l] = s.value;
-        way.gradient.x[l] = s.gradient.x;
-        way.gradient.y[l] = s.gradient.y;
-        way.gradient.z[l] = s.gradient.z;
-    }
-    for (size_t l = count; l < FAST_KERNEL_LANES; l++)
-        way.value[l] = way.gradient.x[l] = way.gradient.y[l] = way.gradient.z[l] = 0;
+    for (size_t l = count; l < FAST_KERNEL_LANES; l++) way.ends_well[l] = false;
+    field_sample_lanes(job->params->field, &way.to, way.ends_well, way.value, &way.gradient);
     k->land(&own, &params, &way);
     size_t left = 0;
     for (size_t l = 0; l < count; l++) {
@@ -661,7 +652,8 @@ typedef struct steps_job {
     size_t counts[PARTS];
 } steps_job;
 
-/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. */
+/* The sum of the squared Newton steps of particles whose neighbours all face their way, each over its size. None is longer
+ * than the way to the nearest neighbour, as in a sweep: where the Hessian is all but singular a step says nothing. */
 static double squared_steps(const sweep_job *job, int worker, const uint32_t *items, size_t count)
 {
     const relax *r = job->r;
@@ -679,7 +671,8 @@ static double squared_steps(const sweep_job *job, int worker, const uint32_t *it
                                  .d2 = (double)forces.d2[l],
                                  .h11 = (double)forces.h11[l],
                                  .h12 = (double)forces.h12[l],
-                                 .h22 = (double)forces.h22[l]};
+                                 .h22 = (double)forces.h22[l],
+                                 .nearest2 = (double)forces.nearest2[l]};
         unit = r->near->unit;
     } else {
         for (size_t l = 0; l < count; l++) {
@@ -693,7 +686,7 @@ static double squared_steps(const sweep_job *job, int worker, const uint32_t *it
     for (size_t l = 0; l < count; l++) {
         double s1, s2, over = unit / p->size[items[l]];
         damped_step(&f[l], 0, &s1, &s2);
-        squares += (s1 * s1 + s2 * s2) * over * over;
+        squares += fmin(s1 * s1 + s2 * s2, f[l].nearest2) * over * over;
     }
     return squares;
 }
@@ -704,7 +697,8 @@ static bool is_smooth_at(const sweep_job *job, size_t i)
 {
     const particles *p = job->p;
     const uint32_t *list = neighbours_list(job->r->near, i);
-    for (uint32_t k = 0; k < job->r->near->list_count[i]; k++) {
+    const uint32_t count = job->r->flat[i] > 1 ? 0 : job->r->near->list_count[i];
+    for (uint32_t k = 0; k < count; k++) {
         uint32_t j = list[k];
         double support = 0.5 * job->sigma * (p->size[i] + p->size[j]);
         if (vec3_norm2(vec3_sub(p->position[i], p->position[j])) < support * support &&

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "field/spline.h"
 #include "geometry/affine.h"
 #include "mesh/levelset.h"
 #include "mesh/mesh_file.h"
@@ -20,35 +19,13 @@
 #include "volume/grid_view.h"
 #include "volume/samples.h"
 #include "volume/slope.h"
-
-/* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
- * that goes farther than this has left its surface anyway. */
-#define MARGIN 4
+#include "volume/volume_field.h"
 
 /* Voxels around the crossed cells that are read. A brick of the margin reaches up to 7 voxels beyond
  * it and its apron 1 more; smoothing may move the crossing by a cell. A run's end then lies 11 voxels
  * or more from a coefficient that a crossed cell uses, and 0.268^11 = 5e-7 of what is wrong at the end
  * arrives there. */
-#define REACH (MARGIN + 9)
-
-/* Voxels from a crossed cell within which a volume's spline is asked on which side a point lies. */
-#define NEAR (MARGIN - 1)
-
-struct volume {
-    field base; /* first: the field's functions get this pointer */
-    double to_index[3][4], to_world[3][4];
-    double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
-    block_map map;
-    float *coefficients; /* BRICK_SIZE a block of the map */
-    uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
-    uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
-    uint8_t *grazed;     /* likewise: those with a face that the surface passes between its corners */
-    const spline *spline;
-    crossed_cell *cells;
-    size_t cell_count;
-    bool loose; /* dense data whose faces are not aligned with the world's axes */
-    volume_info info;
-};
+#define REACH (VOLUME_FIELD_MARGIN + 9)
 
 /* What exists only while a volume is opened. */
 typedef struct loading {
@@ -64,107 +41,6 @@ typedef struct loading {
     bool smooth;
     threads *pool;
 } loading;
-
-/* ---- sampling */
-
-static bool sample(const field *f, vec3 x, field_order order, field_sample *out)
-{
-    const volume *v = (const volume *)f;
-    const vec3 at = affine_apply(v->to_index, x.x, x.y, x.z);
-    const double p[3] = {at.x, at.y, at.z};
-    int32_t block[3];
-    int cell[3];
-    double t[3];
-    for (int axis = 0; axis < 3; axis++) {
-        if (!(p[axis] >= v->low[axis] && p[axis] < v->high[axis])) return false; /* NaN as well */
-        int32_t i = (int32_t)p[axis];
-        i -= p[axis] < (double)i;
-        block[axis] = i >> 3;
-        cell[axis] = i & 7;
-        t[axis] = p[axis] - (double)i;
-    }
-    uint32_t n = block_map_find(&v->map, block[0], block[1], block[2]);
-    if (n == BLOCK_MAP_NONE) return false;
-    const float *corner = brick_cell(v->coefficients, n, cell[0], cell[1], cell[2]);
-    spline_jet jet;
-    if (order == FIELD_HESSIAN) {
-        v->spline->hessian(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
-        out->hessian =
-            affine_pull_hessian(v->to_index, (sym3){jet.xx, jet.yy, jet.zz, jet.xy, jet.xz, jet.yz});
-    } else {
-        v->spline->gradient(corner, BRICK_SIDE, BRICK_SLAB, t, &jet);
-    }
-    out->value = jet.f;
-    out->gradient = affine_pull_gradient(v->to_index, (vec3){jet.d[0], jet.d[1], jet.d[2]});
-    return true;
-}
-
-static size_t cell_count(const field *f)
-{
-    return ((const volume *)f)->cell_count;
-}
-
-static void cell(const field *f, size_t k, field_cell *out)
-{
-    const volume *v = (const volume *)f;
-    const crossed_cell *c = &v->cells[k];
-    for (int corner = 0; corner < 8; corner++) {
-        out->corner[corner] =
-            affine_apply(v->to_world, (double)c->at[0] + (corner & 1), (double)c->at[1] + (corner >> 1 & 1),
-                         (double)c->at[2] + (corner >> 2));
-        out->value[corner] = (double)c->value[corner];
-    }
-    size_t n = block_map_find(&v->map, c->at[0] >> 3, c->at[1] >> 3, c->at[2] >> 3);
-    out->grazed =
-        v->grazed[64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7)] >> (c->at[2] & 7) & 1;
-}
-
-/* Whether a cell within NEAR voxels of this one, which lies in a brick, is crossed. */
-static bool is_near(const volume *v, const int32_t cell[3])
-{
-    for (int32_t x = cell[0] - NEAR; x <= cell[0] + NEAR; x++)
-        for (int32_t y = cell[1] - NEAR; y <= cell[1] + NEAR; y++)
-            for (int32_t z = cell[2] - NEAR; z <= cell[2] + NEAR;) {
-                uint32_t n = block_map_find(&v->map, x >> 3, y >> 3, z >> 3);
-                int32_t end =
-                    (z | 7) < cell[2] + NEAR ? z | 7 : cell[2] + NEAR; /* the row's last in this block */
-                unsigned row = (2u << (end & 7)) - (1u << (z & 7));
-                if (n != BLOCK_MAP_NONE &&
-                    v->crossed[64 * (size_t)n + 8 * (size_t)(x & 7) + (size_t)(y & 7)] & row)
-                    return true;
-                z = end + 1;
-            }
-    return false;
-}
-
-/* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
- * on any straight way to one. Splines are no judge far from the surface, where the continuation of a band may
- * ring. */
-static double side(const field *f, vec3 x)
-{
-    const volume *v = (const volume *)f;
-    const vec3 from = affine_apply(v->to_index, x.x, x.y, x.z);
-    const int32_t *cell_to = v->cells[0].at;
-    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
-    for (int axis = 0; axis < 3; axis++) {
-        double at = vec3_get(from, axis);
-        if (!(fabs(at) < INT32_MAX / 2)) return 1;
-        if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
-    }
-    const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
-    for (double k = 0; k <= steps; k++) {
-        const vec3 p = vec3_axpy(k / steps, way, from);
-        const int32_t at[3] = {(int32_t)floor(p.x), (int32_t)floor(p.y), (int32_t)floor(p.z)};
-        uint32_t n = block_map_find(&v->map, at[0] >> 3, at[1] >> 3, at[2] >> 3);
-        if (n == BLOCK_MAP_NONE) continue;
-        if (k == 0 && is_near(v, at)) return 0;
-        int bit = 8 * (at[1] & 7) + (at[2] & 7);
-        return v->inside[8 * (size_t)n + (size_t)(at[0] & 7)] >> bit & 1 ? -1 : 1;
-    }
-    return 1;
-}
-
-static const field_ops volume_ops = {sample, cell_count, cell, side};
 
 /* ---- opening, step by step */
 
@@ -308,7 +184,8 @@ static bool plan(loading *l, volume *v, error *e)
 {
     if (!block_map_init(&v->map, 2 * l->crossings.count, e) ||
         !block_map_init(&l->reach, 4 * l->crossings.count, e) ||
-        !samples_plan(&l->crossings, MARGIN, &v->map, e) || !samples_plan(&l->crossings, REACH, &l->reach, e))
+        !samples_plan(&l->crossings, VOLUME_FIELD_MARGIN, &v->map, e) ||
+        !samples_plan(&l->crossings, REACH, &l->reach, e))
         return error_prefix(e, "%s", l->name);
     size_t grid = l->grid->leaf_count * (VDB_LEAF_VOXELS * sizeof(float) + 128) +
                   l->grid->tile_count * sizeof(vdb_tile);
@@ -337,7 +214,8 @@ static bool find_smooth_crossings(loading *l, volume *v, error *e)
     crossings_free(&l->crossings);
     l->crossings = found;
     block_map_free(&v->map);
-    if (!ok || !block_map_init(&v->map, 2 * found.count, e) || !samples_plan(&found, MARGIN, &v->map, e))
+    if (!ok || !block_map_init(&v->map, 2 * found.count, e) ||
+        !samples_plan(&found, VOLUME_FIELD_MARGIN, &v->map, e))
         return error_prefix(e, "%s", l->name);
     if (found.cells == 0)
         return error_set(
@@ -467,7 +345,7 @@ volume *volume_open(const volume_request *request, error *e)
     loading l = {0};
     volume *v = mem_alloc(sizeof *v);
     v->spline = spline_for(request->isa);
-    v->base.ops = &volume_ops;
+    v->base.ops = &volume_field_ops;
     bool ok = load_grid(request, &l, v, e) && build(&l, v, e);
     loading_free(&l);
     if (ok) return v;
@@ -527,7 +405,7 @@ static volume *try_mesh(const volume_mesh_request *r, const resolution *choice, 
     mesh_notes notes = {0};
     volume *v = mem_alloc(sizeof *v);
     v->spline = spline_for(r->isa);
-    v->base.ops = &volume_ops;
+    v->base.ops = &volume_field_ops;
     bool loaded = mesh_copy(whole, &m, e) && load_mesh(r, choice, &l, v, &m, &notes, e),
          ok = loaded && build(&l, v, e);
     for (size_t k = 0; k < notes.count; k++) warn(&v->info, "%s", notes.text[k]);
@@ -678,7 +556,7 @@ size_t volume_loose_ends(const volume *v, bbox box)
         if (!faces_met(v, &v->cells[k])) continue;
         field_cell c;
         bbox reach = bbox_empty();
-        cell(&v->base, k, &c);
+        v->base.ops->cell(&v->base, k, &c);
         for (int corner = 0; corner < 8; corner++) reach = bbox_include(reach, c.corner[corner]);
         count += bbox_overlap(reach, box);
     }
@@ -751,7 +629,7 @@ volume *volume_open_dense(const volume_dense_request *request, error *e)
     loading l = {0};
     volume *v = mem_alloc(sizeof *v);
     v->spline = spline_for(request->isa);
-    v->base.ops = &volume_ops;
+    v->base.ops = &volume_field_ops;
     bool ok = load_dense(request, &l, v, e) && build(&l, v, e);
     if (ok) set_ends(v);
     loading_free(&l);

@@ -123,12 +123,44 @@ static void cells_have_corners_of_both_signs(void **state)
     }
 }
 
+/* Sixteen side by side are the same as one by one, to the last bit; a lane that is not wanted stays out. */
+static void lanes_are_samples(void **state)
+{
+    (void)state;
+    rng r = rng_seed(test_seed(), 2);
+    for (int k = 0; k < SHAPE_COUNT; k++) {
+        analytic *a = make(k);
+        vec3_lanes x, gradient;
+        bool defined[VEC3_LANES];
+        double value[VEC3_LANES];
+        for (int l = 0; l < VEC3_LANES; l++) {
+            vec3 p = l ? random_between(&r, a->base.domain.min, a->base.domain.max) : shapes[k].center;
+            x.x[l] = p.x;
+            x.y[l] = p.y;
+            x.z[l] = p.z;
+            defined[l] = l != 3;
+        }
+        field_sample_lanes(&a->base, &x, defined, value, &gradient);
+        for (int l = 0; l < VEC3_LANES; l++) {
+            field_sample s;
+            bool there = field_sample_at(&a->base, (vec3){x.x[l], x.y[l], x.z[l]}, FIELD_GRADIENT, &s);
+            assert_int_equal(defined[l], there && l != 3);
+            if (!defined[l]) continue;
+            assert_true(value[l] == s.value);
+            assert_true(gradient.x[l] == s.gradient.x && gradient.y[l] == s.gradient.y &&
+                        gradient.z[l] == s.gradient.z);
+        }
+        analytic_free(a);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradient_matches_differences),
         cmocka_unit_test(hessian_matches_differences),
         cmocka_unit_test(inside_is_negative),
+        cmocka_unit_test(lanes_are_samples),
         cmocka_unit_test(cells_have_corners_of_both_signs),
     };
     return cmocka_run_group_tests_name("analytic", tests, NULL, NULL);

@@ -62,7 +62,7 @@ static void random_fixture(fixture *f, rng *r)
     }
 }
 
-static vec3 lane_of(const fast_kernel_vec3 *v, size_t lane)
+static vec3 lane_of(const vec3_lanes *v, size_t lane)
 {
     return (vec3){v->x[lane], v->y[lane], v->z[lane]};
 }

@@ -1,0 +1,33 @@
+/* volume_field: a volume once it is open, as a field. Between volume.c, which makes it, and the functions that sample it;
+ * others use volume.h. Reading is safe in any number of threads. */
+#ifndef HEXAD_VOLUME_VOLUME_FIELD_H
+#define HEXAD_VOLUME_VOLUME_FIELD_H
+
+#include "field/spline.h"
+#include "geometry/block_map.h"
+#include "volume/grazed.h"
+#include "volume/volume.h"
+
+/* Voxels around the crossed cells in which F is defined: a Newton step or a trial step of a particle
+ * that goes farther than this has left its surface anyway. */
+#define VOLUME_FIELD_MARGIN 4
+
+struct volume {
+    field base; /* first: the field's functions get this pointer */
+    double to_index[3][4], to_world[3][4];
+    double low[3], high[3]; /* the bricks' box in index space; outside of it no lookup is needed */
+    block_map map;
+    float *coefficients; /* BRICK_SIZE a block of the map */
+    uint64_t *inside;    /* 8 words a block: voxels that are inside, as in vdb.h's active flags */
+    uint8_t *crossed;    /* 64 bytes a block: crossed cells, as in crossing_block's rows */
+    uint8_t *grazed;     /* likewise: those with a face that the surface passes between its corners */
+    const spline *spline;
+    crossed_cell *cells;
+    size_t cell_count;
+    bool loose; /* dense data whose faces are not aligned with the world's axes */
+    volume_info info;
+};
+
+extern const field_ops volume_field_ops;
+
+#endif
