@@ -1,8 +1,17 @@
-/* points.ply: ply_read. What is accepted is written, must be verified, and read as the same again. */
+/* points.ply: ply_read. What is accepted, and has no column beside those of a set's arrays, is written, must be verified,
+ * and read as the same again. */
 #include <string.h>
 
 #include "formats/ply.h"
 #include "fuzz/target.h"
+
+static bool is_whole(const ply_file *f)
+{
+    bool whole = true;
+    for (size_t c = 0; c < f->columns.count; c++)
+        whole &= f->columns.list[c].values != NULL || f->columns.list[c].whole != NULL;
+    return whole;
+}
 
 static void write_again(const ply_file *f)
 {
@@ -13,11 +22,11 @@ static void write_again(const ply_file *f)
     threads *alone = threads_new(1, NULL, &e);
     FILE *stream = open_memstream(&text, &length);
     expect(alone && stream);
-    expect(ply_write(stream, &f->points, f->format, f->precision, alone, &e));
+    expect(ply_write(stream, &f->points, &f->columns, f->format, f->precision, alone, &e));
     fclose(stream);
     stream = fmemopen(text, length, "rb");
     expect(stream);
-    expect(ply_verify(stream, &f->points, f->format, f->precision, alone, &e));
+    expect(ply_verify(stream, &f->points, &f->columns, f->format, f->precision, alone, &e));
     expect(ply_read(stream, &again, &e));
     expect(again.points.count == f->points.count && again.format == f->format &&
            again.precision == f->precision);
@@ -35,7 +44,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     FILE *stream = fmemopen((void *)data, size, "rb");
     expect(stream);
     if (ply_read(stream, &f, &e)) {
-        write_again(&f);
+        if (is_whole(&f)) write_again(&f);
         ply_file_free(&f);
     } else {
         expect(e.code == ERROR_INPUT_DAMAGED && *e.message);

@@ -25,6 +25,7 @@
     ENTRY(prefix, INPUT_UNSUPPORTED, "input_unsupported")                                               \
     ENTRY(prefix, GRID_MISSING, "grid_missing")                                                         \
     ENTRY(prefix, GRID_AMBIGUOUS, "grid_ambiguous")                                                     \
+    ENTRY(prefix, ATTRIBUTE_MISSING, "attribute_missing")                                               \
     ENTRY(prefix, ISOVALUE_REQUIRED, "isovalue_required")                                               \
     ENTRY(prefix, NO_SURFACE, "no_surface")                                                             \
     ENTRY(prefix, LIMIT_MEMORY, "limit_memory")                                                         \

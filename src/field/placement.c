@@ -114,3 +114,8 @@ const field *placement_field(const placement *p)
 {
     return &p->base;
 }
+
+vec3 placement_to_part(const placement *p, vec3 x)
+{
+    return affine_apply(p->to_part, x.x, x.y, x.z);
+}

@@ -14,4 +14,7 @@ placement *placement_new(const field *part, const double matrix[16], error *e);
 void placement_free(placement *p);
 const field *placement_field(const placement *p);
 
+/* A place of the world in the part's own space. */
+vec3 placement_to_part(const placement *p, vec3 x);
+
 #endif

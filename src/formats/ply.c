@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 
-/* Points per block: 4096 * 13 * 8 bytes is what a second-level cache holds easily. */
+/* Points per block: with some twenty columns what a second-level cache holds easily. */
 enum { BLOCK_POINTS = 4096 };
 
 /* Longest text of a double with %.17g: sign, 17 digits, point, e-308. */
@@ -17,120 +17,99 @@ enum { NUMBER_TEXT_MAX = 26 };
 /* A header or ASCII line that ply_write makes is shorter. */
 enum { LINE_MAX_BYTES = 1024 };
 
-static const char *const property_names[PLY_PROPERTIES_MOST] = {"x",
-                                                                "y",
-                                                                "z",
-                                                                "nx",
-                                                                "ny",
-                                                                "nz",
-                                                                "kappa",
-                                                                "kappa1",
-                                                                "kappa2",
-                                                                "alpha",
-                                                                "energy",
-                                                                "spacing",
-                                                                "spacing_local",
-                                                                "kappa_scale",
-                                                                "id",
-                                                                "velocity_x",
-                                                                "velocity_y",
-                                                                "velocity_z"};
 static const char *const format_names[] = {"binary_little_endian", "ascii"};
 static const char *const precision_names[] = {"float", "double"};
-/* Properties that not every set has, by their places among all. The id is a whole number of 32 bits, whatever the others
- * are. */
-enum { KAPPA_SCALE = PLY_PROPERTIES, ID, VELOCITY };
-#define ALWAYS ((1u << PLY_PROPERTIES) - 1)
-#define IN_SEQUENCES (1u << ID | 7u << VELOCITY)
+/* Whole numbers have a type of their own, whatever the others are. */
+static const char *const type_names[COLUMN_TYPES] = {NULL, "uint", "int", "uchar"};
+static const size_t type_bytes[COLUMN_TYPES] = {0, 4, 4, 1};
+static const double type_least[COLUMN_TYPES] = {0, 0, INT32_MIN, 0},
+                    type_most[COLUMN_TYPES] = {0, UINT32_MAX, INT32_MAX, UINT8_MAX};
 static const char face_property[] = "property list uchar int vertex_indices";
 
 /* A triangle in binary: how many corners, and each. */
 enum { FACE_BYTES = 1 + 3 * 4, FACE_TEXT_LEAST = 8 };
 
-/* ---- writing ---- */
-
-/* The properties that a set has, a bit each. */
-static unsigned properties_of(const points *s)
+static const char *type_name(column_type type, ply_precision precision)
 {
-    return ALWAYS | (s->kappa_scale ? 1u << KAPPA_SCALE : 0) | (s->id ? IN_SEQUENCES : 0);
+    return type == COLUMN_REAL ? precision_names[precision] : type_names[type];
 }
 
-/* The next property after c, or PLY_PROPERTIES_MOST; the first is next_property(properties, -1). */
-static int next_property(unsigned properties, int c)
+static size_t bytes_of(column_type type, ply_precision precision)
 {
-    do c++;
-    while (c < PLY_PROPERTIES_MOST && !(properties >> c & 1));
-    return c;
-}
-
-static int count_properties(unsigned properties)
-{
-    return __builtin_popcount(properties);
-}
-
-static const char *type_name(int property, ply_precision precision)
-{
-    return property == ID ? "uint" : precision_names[precision];
+    return type != COLUMN_REAL ? type_bytes[type] : precision == PLY_FLOAT ? 4 : 8;
 }
 
 /* Bytes of a point in binary. */
-static size_t row_bytes(unsigned properties, ply_precision precision)
+static size_t row_bytes(const columns *what, ply_precision precision)
 {
-    size_t wide = precision == PLY_FLOAT ? 4 : 8, count = (size_t)count_properties(properties);
-    return properties >> ID & 1 ? (count - 1) * wide + 4 : count * wide;
+    size_t bytes = 0;
+    for (size_t c = 0; c < what->count; c++) bytes += bytes_of(what->list[c].type, precision);
+    return bytes;
 }
 
-/* A row has each property at its place among all. */
-static void load_row(const points *s, size_t i, double row[PLY_PROPERTIES_MOST])
+/* ---- writing ---- */
+
+static void load_row(const columns *what, size_t i, double *row)
 {
-    row[0] = s->position[i].x;
-    row[1] = s->position[i].y;
-    row[2] = s->position[i].z;
-    row[3] = s->normal[i].x;
-    row[4] = s->normal[i].y;
-    row[5] = s->normal[i].z;
-    row[6] = s->kappa[i];
-    row[7] = s->kappa1[i];
-    row[8] = s->kappa2[i];
-    row[9] = s->alpha[i];
-    row[10] = s->energy[i];
-    row[11] = s->spacing[i];
-    row[12] = s->spacing_local[i];
-    if (s->kappa_scale) row[KAPPA_SCALE] = s->kappa_scale[i];
-    if (!s->id) return;
-    row[ID] = s->id[i];
-    row[VELOCITY] = s->velocity[i].x;
-    row[VELOCITY + 1] = s->velocity[i].y;
-    row[VELOCITY + 2] = s->velocity[i].z;
+    for (size_t c = 0; c < what->count; c++) row[c] = column_value(&what->list[c], i);
 }
 
-static bool check_row(const double *row, unsigned properties, size_t i, ply_precision precision, error *e)
+static bool check_row(const double *row, const columns *what, size_t i, ply_precision precision, error *e)
 {
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
-        if (!isfinite(row[c]) || (precision == PLY_FLOAT && !isfinite((float)row[c])))
+    for (size_t c = 0; c < what->count; c++) {
+        const column_type type = what->list[c].type;
+        bool good = isfinite(row[c]) && (precision == PLY_DOUBLE || isfinite((float)row[c]));
+        if (type != COLUMN_REAL) good = row[c] >= type_least[type] && row[c] <= type_most[type];
+        if (!good)
             return error_set(e, ERROR_INTERNAL, "point %zu has %s = %g, which cannot be written as a %s", i,
-                             property_names[c], row[c], precision_names[precision]);
+                             what->list[c].name, row[c], type_name(type, precision));
+    }
     return true;
 }
 
-static size_t pack_row(const double *row, unsigned properties, ply_precision precision, char *out)
+/* The bytes of a number, whatever its type. */
+static void pack(double value, column_type type, ply_precision precision, char *out)
+{
+    const size_t bytes = bytes_of(type, precision);
+    const float single = (float)value;
+    uint64_t bits = 0;
+    uint32_t half = 0;
+    if (type == COLUMN_REAL && precision == PLY_DOUBLE)
+        memcpy(&bits, &value, sizeof value);
+    else if (type == COLUMN_REAL)
+        memcpy(&half, &single, sizeof single);
+    else
+        half = (uint32_t)(int64_t)value;
+    bits = htole64(bits | half);
+    memcpy(out, &bits, bytes);
+}
+
+static double unpack(const char *in, column_type type, ply_precision precision)
+{
+    uint64_t bits = 0;
+    memcpy(&bits, in, bytes_of(type, precision));
+    bits = le64toh(bits);
+    const uint32_t half = (uint32_t)bits;
+    double value;
+    float single;
+    memcpy(&value, &bits, sizeof value);
+    memcpy(&single, &half, sizeof single);
+    switch (type) {
+    case COLUMN_REAL:
+        return precision == PLY_DOUBLE ? value : (double)single;
+    case COLUMN_INT:
+        return (int32_t)half;
+    default:
+        return half;
+    }
+}
+
+static size_t pack_row(const double *row, const columns *what, ply_precision precision, char *out)
 {
     char *at = out;
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
-        if (c == ID || precision == PLY_FLOAT) {
-            float value = (float)row[c];
-            uint32_t bits = (uint32_t)row[ID];
-            if (c != ID) memcpy(&bits, &value, sizeof bits);
-            bits = htole32(bits);
-            memcpy(at, &bits, sizeof bits);
-            at += sizeof bits;
-        } else {
-            uint64_t bits;
-            memcpy(&bits, &row[c], sizeof bits);
-            bits = htole64(bits);
-            memcpy(at, &bits, sizeof bits);
-            at += sizeof bits;
-        }
+    for (size_t c = 0; c < what->count; c++) {
+        pack(row[c], what->list[c].type, precision, at);
+        at += bytes_of(what->list[c].type, precision);
     }
     return (size_t)(at - out);
 }
@@ -146,12 +125,12 @@ static size_t print_number(double value, ply_precision precision, char *out)
     return (size_t)n;
 }
 
-static size_t print_row(const double *row, unsigned properties, ply_precision precision, char *out)
+static size_t print_row(const double *row, const columns *what, ply_precision precision, char *out)
 {
     size_t n = 0;
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
-        if (c == ID)
-            n += (size_t)sprintf(out + n, "%" PRIu32, (uint32_t)row[c]);
+    for (size_t c = 0; c < what->count; c++) {
+        if (what->list[c].type != COLUMN_REAL)
+            n += (size_t)sprintf(out + n, "%.0f", row[c]);
         else
             n += print_number(precision == PLY_FLOAT ? (double)(float)row[c] : row[c], precision, out + n);
         out[n++] = ' ';
@@ -165,13 +144,14 @@ static bool write_failed(error *e)
     return error_set(e, error_code_of_errno(errno), "cannot write the PLY file: %s", strerror(errno));
 }
 
-static bool write_header(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
+static bool write_header(FILE *file, const points *set, const columns *what, ply_format format,
+                         ply_precision precision, error *e)
 {
     bool good = fprintf(file, "ply\nformat %s 1.0\ncomment hexad\nelement vertex %zu\n", format_names[format],
                         set->count) > 0;
-    const unsigned properties = properties_of(set);
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
-        good = good && fprintf(file, "property %s %s\n", type_name(c, precision), property_names[c]) > 0;
+    for (size_t c = 0; c < what->count; c++)
+        good = good && fprintf(file, "property %s %s\n", type_name(what->list[c].type, precision),
+                               what->list[c].name) > 0;
     if (set->triangle_count > 0)
         good = good && fprintf(file, "element face %zu\n%s\n", set->triangle_count, face_property) > 0;
     good = good && fputs("end_header\n", file) >= 0;
@@ -190,6 +170,7 @@ typedef struct block {
 
 typedef struct batch {
     const points *set;
+    const columns *what;
     ply_format format;
     ply_precision precision;
     size_t first; /* point of the first block */
@@ -207,14 +188,13 @@ static void fill_blocks(void *context, int worker, size_t begin, size_t end)
         b->bytes = 0;
         b->good = true;
         for (size_t i = from; b->good && i < to; i++) {
-            double row[PLY_PROPERTIES_MOST] = {0};
-            unsigned properties = properties_of(job->set);
-            load_row(job->set, i, row);
-            b->good = check_row(row, properties, i, job->precision, &b->e);
+            double row[COLUMNS_MAX];
+            load_row(job->what, i, row);
+            b->good = check_row(row, job->what, i, job->precision, &b->e);
             if (!b->good) break;
             b->bytes += job->format == PLY_ASCII
-                            ? print_row(row, properties, job->precision, b->text + b->bytes)
-                            : pack_row(row, properties, job->precision, b->text + b->bytes);
+                            ? print_row(row, job->what, job->precision, b->text + b->bytes)
+                            : pack_row(row, job->what, job->precision, b->text + b->bytes);
         }
     }
 }
@@ -249,15 +229,15 @@ static bool write_triangles(FILE *file, const points *set, ply_format format, er
     return good || write_failed(e);
 }
 
-bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
-               error *e)
+bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
+               threads *pool, error *e)
 {
     static const size_t all = (size_t)BATCH_BLOCKS * BLOCK_POINTS;
-    batch job = {set, format, precision, 0, {{0}}};
-    bool ok = write_header(file, set, format, precision, e);
+    batch job = {set, what, format, precision, 0, {{0}}};
+    bool ok = write_header(file, set, what, format, precision, e);
     for (int k = 0; ok && k < BATCH_BLOCKS; k++) {
         job.block[k].text =
-            mem_array(BLOCK_POINTS, PLY_PROPERTIES_MOST * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
+            mem_array(BLOCK_POINTS, what->count * NUMBER_TEXT_MAX, "the PLY file's buffer", e);
         ok = job.block[k].text != NULL;
     }
     for (; ok && job.first < set->count; job.first += all) {
@@ -317,25 +297,46 @@ static bool parse_count(const char *line, const char *name, size_t *count, error
     return true;
 }
 
-/* The line of a property. */
-static bool is_property(const char *line, int property, ply_precision precision)
+/* Adds the column of a line "property TYPE NAME"; false: it is no such line. */
+static bool parse_property(const char *line, ply_precision precision, columns *what)
 {
-    char expected[LINE_MAX_BYTES];
-    snprintf(expected, sizeof expected, "property %s %s", type_name(property, precision),
-             property_names[property]);
-    return strcmp(line, expected) == 0;
+    column *c = &what->list[what->count];
+    *c = (column){0};
+    if (what->count == COLUMNS_MAX) return false;
+    for (int type = 0; type < COLUMN_TYPES; type++) {
+        char start[32];
+        int length = snprintf(start, sizeof start, "property %s ", type_name((column_type)type, precision));
+        const char *name = line + length;
+        if (strncmp(line, start, (size_t)length) != 0) continue;
+        if (!*name || strlen(name) >= sizeof c->name || strpbrk(name, " \t\r") ||
+            !columns_suits(name, (column_type)type))
+            return false;
+        for (size_t k = 0; k < what->count; k++)
+            if (strcmp(what->list[k].name, name) == 0) return false;
+        c->type = (column_type)type;
+        strcpy(c->name, name);
+        what->count++;
+        return true;
+    }
+    return false;
 }
 
-/* The lines of the properties from `first` on to before `end`, of which `line` is the first; it receives the line after
- * them. */
-static bool expect_properties(FILE *file, ply_precision precision, int first, int end, char *line, error *e)
+/* The lines of the properties, of which `line` is the first; it receives the line after them. */
+static bool read_properties(FILE *file, ply_file *f, char *line, error *e)
 {
-    for (int c = first; c < end; c++) {
-        if (!is_property(line, c, precision))
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s', found '%.60s'",
-                             type_name(c, precision), property_names[c], line);
+    static const char *const first[] = {"x", "y", "z"};
+    f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
+    while (strncmp(line, "property ", 9) == 0) {
+        if (!parse_property(line, f->precision, &f->columns))
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected a property, found '%.60s'", line);
         if (!read_line(file, line, e)) return false;
     }
+    for (size_t k = 0; k < 3; k++)
+        if (f->columns.count < 3 || f->columns.list[k].type != COLUMN_REAL ||
+            strcmp(f->columns.list[k].name, first[k]) != 0)
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: expected 'property %s %s', found '%.60s'",
+                             precision_names[f->precision], first[k],
+                             k < f->columns.count ? f->columns.list[k].name : line);
     return true;
 }
 
@@ -352,17 +353,7 @@ static bool read_header(FILE *file, ply_file *f, error *e)
     if (!read_line(file, line, e) || !parse_count(line, "vertex", &f->points.count, e) ||
         !read_line(file, line, e))
         return false;
-    f->precision = strcmp(line, "property double x") == 0 ? PLY_DOUBLE : PLY_FLOAT;
-    if (!expect_properties(file, f->precision, 0, PLY_PROPERTIES, line, e)) return false;
-    f->properties = ALWAYS;
-    if (is_property(line, KAPPA_SCALE, f->precision)) {
-        f->properties |= 1u << KAPPA_SCALE;
-        if (!read_line(file, line, e)) return false;
-    }
-    if (is_property(line, ID, f->precision)) {
-        f->properties |= IN_SEQUENCES;
-        if (!expect_properties(file, f->precision, ID, PLY_PROPERTIES_MOST, line, e)) return false;
-    }
+    if (!read_properties(file, f, line, e)) return false;
     if (strcmp(line, "end_header") == 0) return true;
     return parse_count(line, "face", &f->points.triangle_count, e) && expect_line(file, face_property, e) &&
            expect_line(file, "end_header", e);
@@ -380,8 +371,7 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
         return error_set(e, ERROR_INTERNAL, "PLY file: it cannot be sought in");
     size_t left = (size_t)(end - at), vertices = f->points.count, faces = f->points.triangle_count;
     bool text = f->format == PLY_ASCII; /* of a number then a digit and a space at least */
-    size_t point =
-        text ? 2 * (size_t)count_properties(f->properties) : row_bytes(f->properties, f->precision);
+    size_t point = text ? 2 * f->columns.count : row_bytes(&f->columns, f->precision);
     size_t face = text ? FACE_TEXT_LEAST : FACE_BYTES;
     if (vertices > left / point || faces > left / face || vertices * point + faces * face > left ||
         (!text && vertices * point + faces * face != left))
@@ -391,112 +381,61 @@ static bool check_size(FILE *file, const ply_file *f, error *e)
     return true;
 }
 
-static void unpack_row(const char *in, unsigned properties, ply_precision precision, double *row)
+static void unpack_row(const char *in, const columns *what, ply_precision precision, double *row)
 {
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
-        if (c == ID || precision == PLY_FLOAT) {
-            uint32_t bits;
-            float value;
-            memcpy(&bits, in, sizeof bits);
-            in += sizeof bits;
-            bits = le32toh(bits);
-            memcpy(&value, &bits, sizeof value);
-            row[c] = c == ID ? (double)bits : (double)value;
-        } else {
-            uint64_t bits;
-            memcpy(&bits, in, sizeof bits);
-            in += sizeof bits;
-            bits = le64toh(bits);
-            memcpy(&row[c], &bits, sizeof bits);
-        }
+    for (size_t c = 0; c < what->count; c++) {
+        row[c] = unpack(in, what->list[c].type, precision);
+        in += bytes_of(what->list[c].type, precision);
     }
 }
 
-/* A whole number of 32 bits, as it is printed. */
-static bool is_id(const char *text, size_t length)
+/* A whole number of the type, as it is printed. */
+static bool is_whole(const char *text, size_t length, double value, column_type type)
 {
-    char *end;
-    bool digits = length > 0 && length <= 10 && strspn(text, "0123456789") >= length;
-    return digits && !(length > 1 && text[0] == '0') && strtoumax(text, &end, 10) <= UINT32_MAX;
+    char again[NUMBER_TEXT_MAX];
+    if (!(value >= type_least[type] && value <= type_most[type])) return false;
+    int n = snprintf(again, sizeof again, "%.0f", value);
+    return (size_t)n == length && memcmp(again, text, length) == 0;
 }
 
-static bool wrong_line(unsigned properties, error *e)
+static bool wrong_line(const columns *what, error *e)
 {
-    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %d numbers",
-                     count_properties(properties));
+    return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: a line is not %zu numbers", what->count);
 }
 
-static bool parse_row(FILE *file, unsigned properties, ply_precision precision, double *row, error *e)
+static bool parse_row(FILE *file, const columns *what, ply_precision precision, double *row, error *e)
 {
-    char line[LINE_MAX_BYTES], *at = line;
+    char line[COLUMNS_MAX * NUMBER_TEXT_MAX], *at = line;
     if (!fgets(line, sizeof line, file)) return damaged(e, "it ends too early");
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c)) {
+    for (size_t c = 0; c < what->count; c++) {
+        const column_type type = what->list[c].type;
         size_t n = strspn(at, "0123456789+-.eE");
-        char *end = at, stop = next_property(properties, c) < PLY_PROPERTIES_MOST ? ' ' : '\n';
-        if (n > 0) row[c] = c != ID && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
-        if (end != at + n || *end != stop || n == 0 || (c == ID && !is_id(at, n)))
-            return wrong_line(properties, e);
+        char *end = at, stop = c + 1 < what->count ? ' ' : '\n';
+        if (n > 0)
+            row[c] =
+                type == COLUMN_REAL && precision == PLY_FLOAT ? (double)strtof(at, &end) : strtod(at, &end);
+        if (end != at + n || *end != stop || n == 0 ||
+            (type != COLUMN_REAL && !is_whole(at, n, row[c], type)))
+            return wrong_line(what, e);
         at = end + 1;
     }
-    return !*at || wrong_line(properties, e);
-}
-
-/* The arrays of a point set inside one allocation of `count` rows. */
-static void store_row(const points *set, size_t i, const double *row)
-{
-    ((vec3 *)set->position)[i] = vec3_make(row[0], row[1], row[2]);
-    ((vec3 *)set->normal)[i] = vec3_make(row[3], row[4], row[5]);
-    ((double *)set->kappa)[i] = row[6];
-    ((double *)set->kappa1)[i] = row[7];
-    ((double *)set->kappa2)[i] = row[8];
-    ((double *)set->alpha)[i] = row[9];
-    ((double *)set->energy)[i] = row[10];
-    ((double *)set->spacing)[i] = row[11];
-    ((double *)set->spacing_local)[i] = row[12];
-    if (set->kappa_scale) ((double *)set->kappa_scale)[i] = row[KAPPA_SCALE];
-    if (!set->id) return;
-    ((uint32_t *)set->id)[i] = (uint32_t)row[ID];
-    ((vec3 *)set->velocity)[i] = vec3_make(row[VELOCITY], row[VELOCITY + 1], row[VELOCITY + 2]);
-}
-
-static void lay_out(ply_file *f)
-{
-    size_t n = f->points.count;
-    double *d = f->storage;
-    f->points.position = (const vec3 *)d;
-    f->points.normal = (const vec3 *)(d + 3 * n);
-    f->points.kappa = d + 6 * n;
-    f->points.kappa1 = d + 7 * n;
-    f->points.kappa2 = d + 8 * n;
-    f->points.alpha = d + 9 * n;
-    f->points.energy = d + 10 * n;
-    f->points.spacing = d + 11 * n;
-    f->points.spacing_local = d + 12 * n;
-    d += 13 * n;
-    if (f->properties >> KAPPA_SCALE & 1) {
-        f->points.kappa_scale = d;
-        d += n;
-    }
-    if (!(f->properties >> ID & 1)) return;
-    f->points.velocity = (const vec3 *)d;
-    f->points.id = (const uint32_t *)(d + 3 * n);
+    return !*at || wrong_line(what, e);
 }
 
 static bool read_row(FILE *file, const ply_file *f, size_t i, double *row, error *e)
 {
-    char packed[PLY_PROPERTIES_MOST * 8];
-    size_t bytes = row_bytes(f->properties, f->precision);
+    char packed[COLUMNS_MAX * 8];
+    size_t bytes = row_bytes(&f->columns, f->precision);
     if (f->format == PLY_ASCII) {
-        if (!parse_row(file, f->properties, f->precision, row, e)) return error_prefix(e, "point %zu", i);
+        if (!parse_row(file, &f->columns, f->precision, row, e)) return error_prefix(e, "point %zu", i);
     } else {
         if (fread_unlocked(packed, 1, bytes, file) != bytes) return damaged(e, "it ends too early");
-        unpack_row(packed, f->properties, f->precision, row);
+        unpack_row(packed, &f->columns, f->precision, row);
     }
-    const unsigned properties = f->properties;
-    for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
+    for (size_t c = 0; c < f->columns.count; c++)
         if (!isfinite(row[c]))
-            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i, property_names[c],
-                             row[c]);
+            return error_set(e, ERROR_INPUT_DAMAGED, "PLY file: point %zu has %s = %g", i,
+                             f->columns.list[c].name, row[c]);
     return true;
 }
 
@@ -549,17 +488,14 @@ static bool read_start(FILE *file, ply_file *f, error *e)
 bool ply_read(FILE *file, ply_file *out, error *e)
 {
     ply_file f = {0};
-    double row[PLY_PROPERTIES_MOST];
+    double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
-    f.storage = mem_array(f.points.count, (size_t)count_properties(f.properties) * sizeof(double),
-                          "the points of a PLY file", e);
     f.triangles = mem_array(f.points.triangle_count, sizeof *f.triangles, "the faces of a PLY file", e);
     f.points.triangle = (const uint32_t(*)[3])f.triangles;
-    bool ok = f.storage && f.triangles;
-    if (ok) lay_out(&f);
+    bool ok = f.triangles && columns_lay_out(&f.columns, &f.points, &f.storage, e);
     for (size_t i = 0; ok && i < f.points.count; i++) {
         ok = read_row(file, &f, i, row, e);
-        if (ok) store_row(&f.points, i, row);
+        for (size_t c = 0; ok && c < f.columns.count; c++) column_store(&f.columns.list[c], i, row[c]);
     }
     for (size_t k = 0; ok && k < f.points.triangle_count; k++) ok = read_face(file, &f, k, f.triangles[k], e);
     if (ok && read_end(file, e)) {
@@ -571,31 +507,38 @@ bool ply_read(FILE *file, ply_file *out, error *e)
 }
 
 /* Through memory: gcc 12 at -O3 drops the two conversions when it puts values into one vector. */
-static double as_written(double value, ply_precision precision)
+static double as_written(double value, column_type type, ply_precision precision)
 {
     volatile float single = (float)value;
-    return precision == PLY_FLOAT ? (double)single : value;
+    return type == COLUMN_REAL && precision == PLY_FLOAT ? (double)single : value;
 }
 
-bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
-                error *e)
+static bool same_columns(const columns *a, const columns *b)
+{
+    if (a->count != b->count) return false;
+    for (size_t c = 0; c < a->count; c++)
+        if (a->list[c].type != b->list[c].type || strcmp(a->list[c].name, b->list[c].name) != 0) return false;
+    return true;
+}
+
+bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
+                ply_precision precision, threads *pool, error *e)
 {
     ply_file f = {0};
-    double row[PLY_PROPERTIES_MOST], meant[PLY_PROPERTIES_MOST];
+    double row[COLUMNS_MAX];
     if (!read_start(file, &f, e)) return false;
     if (f.points.count != set->count || f.points.triangle_count != set->triangle_count ||
-        f.format != format || f.precision != precision || f.properties != properties_of(set))
+        f.format != format || f.precision != precision || !same_columns(&f.columns, what))
         return damaged(e, "it is not of the count and type that were written");
     for (size_t i = 0; i < set->count; i++) {
         if (i % BLOCK_POINTS == 0 && threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
         if (!read_row(file, &f, i, row, e)) return false;
-        load_row(set, i, meant);
-        const unsigned properties = f.properties;
-        for (int c = next_property(properties, -1); c < PLY_PROPERTIES_MOST; c = next_property(properties, c))
-            if (row[c] != (c == ID ? meant[c] : as_written(meant[c], precision)))
+        for (size_t c = 0; c < what->count; c++) {
+            const column *meant = &what->list[c];
+            if (row[c] != as_written(column_value(meant, i), meant->type, precision))
                 return error_set(e, ERROR_INPUT_DAMAGED,
-                                 "PLY file: the %s of point %zu is not what was written", property_names[c],
-                                 i);
+                                 "PLY file: the %s of point %zu is not what was written", meant->name, i);
+        }
     }
     for (size_t k = 0; k < set->triangle_count; k++) {
         uint32_t corner[3];

@@ -1,7 +1,7 @@
 /* ply: points.ply and mesh.ply, written and, for verification, read back.
  *
- * One element `vertex` with PLY_PROPERTIES properties of one type, for a set that has it
- * `kappa_scale` after them, and for a set with ids the unsigned `id` and a velocity; for a set with triangles a second, `face`, with the list `vertex_indices` of
+ * One element `vertex` with a property for each column; real numbers are all floats or all doubles. For a set with
+ * triangles a second, `face`, with the list `vertex_indices` of
  * three. The header holds neither a date nor a path: the same points give the same bytes. ASCII numbers are
  * the shortest text that reads back to the same value of the property's type; the bytes are the same for any
  * pool. Nothing here keeps state; a file belongs to one thread at a time. LC_NUMERIC must be the C locale.
@@ -14,9 +14,8 @@
 
 #include "base/error.h"
 #include "base/threads.h"
+#include "formats/column.h"
 #include "formats/points.h"
-
-enum { PLY_PROPERTIES = 13, PLY_PROPERTIES_MOST = 18 };
 
 typedef enum ply_format { PLY_BINARY_LITTLE_ENDIAN, PLY_ASCII } ply_format;
 typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
@@ -25,22 +24,22 @@ typedef enum ply_precision { PLY_FLOAT, PLY_DOUBLE } ply_precision;
  * A value that is not finite, or not as a float, is an error that names point and property, found
  * before anything is written beyond it: the file is then of no use. `cancelled` when the pool was told to
  * stop. */
-bool ply_write(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
-               error *e);
+bool ply_write(FILE *file, const points *set, const columns *what, ply_format format, ply_precision precision,
+               threads *pool, error *e);
 
 /* Reads a file as ply_read does, point after point, and compares it with the set that was written. Takes no
  * memory that grows with the set. Errors: those of ply_read, input_damaged where a value differs,
  * cancelled. */
-bool ply_verify(FILE *file, const points *set, ply_format format, ply_precision precision, threads *pool,
-                error *e);
+bool ply_verify(FILE *file, const points *set, const columns *what, ply_format format,
+                ply_precision precision, threads *pool, error *e);
 
 /* A point set as it stands in a file. */
 typedef struct ply_file {
-    points points; /* arrays owned by this struct */
+    points points; /* arrays owned by this struct; NULL where the file lacks a column of one */
     ply_format format;
     ply_precision precision;
-    unsigned properties; /* of a point, a bit each in the order of the file */
-    void *storage;       /* private, as triangles */
+    columns columns; /* of the file */
+    void *storage;   /* private, as triangles */
     uint32_t (*triangles)[3];
 } ply_file;
 

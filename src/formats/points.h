@@ -9,6 +9,24 @@
 
 #include "geometry/vec3.h"
 
+/* What values are: how formats call them, and how transforms change them. */
+typedef enum point_attribute_kind {
+    POINT_ATTRIBUTE_FLOAT,
+    POINT_ATTRIBUTE_INT,
+    POINT_ATTRIBUTE_VECTOR, /* three components, as are the next two; a color may have four */
+    POINT_ATTRIBUTE_NORMAL,
+    POINT_ATTRIBUTE_COLOR,
+    POINT_ATTRIBUTE_UV /* two */
+} point_attribute_kind;
+
+/* What points carry beside their own properties. */
+typedef struct point_attribute {
+    const char *name; /* letters, digits and _ */
+    point_attribute_kind kind;
+    int components;       /* 1 to 4 */
+    const double *values; /* so many a point, point after point; finite */
+} point_attribute;
+
 typedef struct points {
     size_t count;
     const vec3 *position;
@@ -24,7 +42,11 @@ typedef struct points {
     const double *kappa_scale;   /* curvature over a distance; or NULL */
     const uint32_t *id;          /* of coherent sequences, with velocity; or NULL, both */
     const vec3 *velocity;        /* world units per frame */
-    size_t triangle_count;       /* of a mesh whose vertices they are; 0: there is none */
+    size_t attribute_count;
+    const point_attribute *attributes;
+    const vec3 *color;     /* red, green and blue, 0 to 1; or NULL */
+    const double *uv;      /* texture coordinates, two a point; or NULL */
+    size_t triangle_count; /* of a mesh whose vertices they are; 0: there is none */
     const uint32_t (*triangle)[3];
 } points;
 

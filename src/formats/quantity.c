@@ -1,5 +1,7 @@
 #include "formats/quantity.h"
 
+#include "geometry/bbox.h"
+
 /* Whether the scale is of roots, and the least range that means anything. */
 typedef struct shown {
     const char *title;
@@ -49,4 +51,20 @@ bool quantity_scale(const points *set, quantity which, double extent, colormap_s
         return true;
     }
     return colormap_scale_of(quantity_values(set, which), set->count, s->root, s->least * unit, out, e);
+}
+
+bool quantity_colors(const points *set, quantity which, vec3 *out, error *e)
+{
+    const double *values = quantity_values(set, which);
+    bbox box = bbox_empty();
+    colormap_scale scale;
+    for (size_t i = 0; i < set->count; i++) box = bbox_include(box, set->position[i]);
+    double extent = 0.5 * vec3_norm(vec3_sub(box.max, box.min)); /* as pictures take it */
+    if (!quantity_scale(set, which, extent, &scale, e)) return false;
+    for (size_t i = 0; i < set->count; i++) {
+        double srgb[3];
+        colormap_color(colormap_scale_place(&scale, values[i]), srgb);
+        out[i] = vec3_make(srgb[0], srgb[1], srgb[2]);
+    }
+    return true;
 }

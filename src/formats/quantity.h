@@ -23,4 +23,7 @@ const char *quantity_title(quantity which);
 /* `extent`: of the set, to tell what range of a length or a curvature is nothing. False: no memory. */
 bool quantity_scale(const points *set, quantity which, double extent, colormap_scale *out, error *e);
 
+/* The colour that pictures give each point, as a screen shows it (sRGB, 0 to 1). False: no memory. */
+bool quantity_colors(const points *set, quantity which, vec3 *out, error *e);
+
 #endif

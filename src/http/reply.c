@@ -36,6 +36,7 @@ static const reply_problem problems[] = {
     {"input_unsupported", 422, "The format of the input is not supported"},
     {"input_damaged", 422, "The input cannot be read"},
     {"grid_missing", 422, "The input has no such grid"},
+    {"attribute_missing", 422, "The input has no such attribute"},
     {"grid_ambiguous", 422, "The input has more than one such grid"},
     {"isovalue_required", 422, "The input needs an isovalue"},
     {"no_surface", 422, "There is no surface"},

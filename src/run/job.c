@@ -39,12 +39,14 @@ double job_particle_memory(const job *j)
 
 double job_bytes_per_particle(const job *j)
 {
-    return plan_bytes_per_particle(j->spec, j->options->previous != NULL);
+    return plan_bytes_per_particle(j->spec, j->options->previous != NULL) +
+           attributes_bytes_per_point(&j->attributes);
 }
 
 static bool fits_memory(const job *j, double count, error *e)
 {
-    return plan_check_memory(j->spec, j->options->previous != NULL, count, job_particle_memory(j), e);
+    double left = job_particle_memory(j) - count * attributes_bytes_per_point(&j->attributes);
+    return plan_check_memory(j->spec, j->options->previous != NULL, count, left, e);
 }
 
 /* The instruction set that the spec asks for. */
@@ -79,7 +81,8 @@ bool job_load(job *j, error *e)
     j->pool = threads_new(workers, j->options->cancel, e);
     bool ok = j->pool && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
-              source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e);
+              source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
+              attributes_find(s, &j->source, &j->attributes, e);
     j->load_peak = peak_of(RUSAGE_SELF) + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
     return ok;
 }
@@ -341,28 +344,31 @@ bool job_write_points(job *j, error *e)
 {
     const solution *s = &j->solution;
     const sampler_points *p = sampler_result_points(s->sampler);
-    const points set = {.count = p->count,
-                        .position = p->position,
-                        .normal = p->normal,
-                        .kappa = p->kappa,
-                        .kappa1 = p->kappa1,
-                        .kappa2 = p->kappa2,
-                        .kappa_scale = p->kappa_scale,
-                        .alpha = p->alpha,
-                        .energy = p->energy,
-                        .spacing = p->spacing,
-                        .spacing_local = s->spacing_local,
-                        .degree = s->degree,
-                        .id = j->sequence.id,
-                        .velocity = j->sequence.velocity};
+    points set = {.count = p->count,
+                  .position = p->position,
+                  .normal = p->normal,
+                  .kappa = p->kappa,
+                  .kappa1 = p->kappa1,
+                  .kappa2 = p->kappa2,
+                  .kappa_scale = p->kappa_scale,
+                  .alpha = p->alpha,
+                  .energy = p->energy,
+                  .spacing = p->spacing,
+                  .spacing_local = s->spacing_local,
+                  .degree = s->degree,
+                  .id = j->sequence.id,
+                  .velocity = j->sequence.velocity};
     results_input in = {
         .spec = j->spec, .field = j->source.field, .set = &set, .h = sampler_spacing(s->sampler)};
     in.unresolved = 1 - s->quality.resolved_share > UNRESOLVED_PICTURE;
     in.sweeps = sampler_sweeps(s->sampler, &in.sweep_count);
     json_free(j->report);
     j->report = json_new_object();
-    return job_may_go_on(j, e) && results_write(j->options->output, &in, j->pool,
-                                                json_put_array(j->report, "outputs"), &j->results, e);
+    double left = job_particle_memory(j) - (double)p->count * job_bytes_per_particle(j);
+    return attributes_read(&j->attributes, &j->source, (size_t)fmax(left, 1), &set, e) &&
+           job_may_go_on(j, e) &&
+           results_write(j->options->output, &in, j->pool, json_put_array(j->report, "outputs"), &j->results,
+                         e);
 }
 
 /* The job is still busy; what it holds goes with the process. */
@@ -396,6 +402,7 @@ void job_free(job *j)
     sequence_free(&j->sequence);
     sizing_field_free(j->by_features);
     surface_free(j->scan);
+    attributes_free(&j->attributes);
     source_close(&j->source);
     threads_free(j->pool);
 }

@@ -4,6 +4,7 @@
 #define HEXAD_RUN_JOB_H
 
 #include "packing/quality.h"
+#include "run/attributes.h"
 #include "run/progress.h"
 #include "run/results.h"
 #include "run/run_options.h"
@@ -32,6 +33,7 @@ typedef struct job {
     threads *pool;
     isa isa;
     source source;
+    attributes attributes; /* that the points carry */
     int64_t
         load_peak; /* bytes of memory while inputs were loaded: of this process and of the largest of its readers */
     surface *scan;

@@ -71,6 +71,7 @@ static void put_surface(json *report, const report_facts *facts)
     report_put_box(object, facts->scan->box);
     json *warnings = json_put_array(object, "warnings");
     source_describe(facts->source, report, object, warnings);
+    attributes_describe(facts->attributes, report, warnings);
     if (facts->results->widened)
         json_append_string(warnings,
                            "points.ply is written in double: in single precision the points would be "

@@ -6,6 +6,7 @@
 #include "packing/quality.h"
 #include "run/progress.h"
 #include "run/results.h"
+#include "run/attributes.h"
 #include "run/source.h"
 #include "run/verdict.h"
 #include "sampler/sampler.h"
@@ -16,6 +17,7 @@
 typedef struct report_facts {
     const spec *spec;
     const source *source;
+    const attributes *attributes;
     const surface *scan;
     const sizing_field *sizing;        /* or NULL */
     const scaled_curvature *curvature; /* of sampling.alpha, or NULL */

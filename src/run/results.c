@@ -10,6 +10,7 @@
 
 #include "base/memory.h"
 #include "formats/chart.h"
+#include "formats/column.h"
 #include "formats/picture_png.h"
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
@@ -92,12 +93,15 @@ static double largest_residual(const field *f, const points *set, bool as_float,
 static bool write_ply(const char *directory, const char *name, const spec *s, const points *set,
                       bool as_float, threads *pool, json *outputs, error *e)
 {
+    columns what;
     ply_format format = s->ply_format == SPEC_PLY_ASCII ? PLY_ASCII : PLY_BINARY_LITTLE_ENDIAN;
     ply_precision precision = as_float ? PLY_FLOAT : PLY_DOUBLE;
     char *path = mem_printf("%s/%s", directory, name);
     store_file file = {0};
-    bool ok = store_file_begin(path, &file, e) && ply_write(file.stream, set, format, precision, pool, e);
-    if (ok && !ply_verify(file.stream, set, format, precision, pool, e))
+    bool ok = columns_choose(set, (const char *const *)s->ply_properties, s->ply_property_count, &what, e) &&
+              store_file_begin(path, &file, e) &&
+              ply_write(file.stream, set, &what, format, precision, pool, e);
+    if (ok && !ply_verify(file.stream, set, &what, format, precision, pool, e))
         ok = error_prefix(e, "%s does not read back as it was written", name);
     if (ok) ok = commit_output(&file, name, outputs, e);
     store_file_abort(&file);
@@ -122,17 +126,44 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     return ok;
 }
 
+/* As the readers of points grids call the attributes: v is a velocity, which a file's own is before that of the points
+ * from frame to frame, and Cd the color. */
+static vdb_point_values *name_values(const points *set, bool *has_velocity)
+{
+    vdb_point_values *values = mem_alloc((set->attribute_count + 1) * sizeof *values);
+    bool has_color = false;
+    *has_velocity = false;
+    for (size_t k = 0; k < set->attribute_count; k++) {
+        const point_attribute *a = &set->attributes[k];
+        bool velocity =
+            !*has_velocity && a->kind == POINT_ATTRIBUTE_VECTOR &&
+            (strcmp(a->name, "v") == 0 || strcmp(a->name, "vel") == 0 || strcmp(a->name, "velocity") == 0);
+        bool color = !has_color && a->kind == POINT_ATTRIBUTE_COLOR;
+        values[k] = (vdb_point_values){velocity ? "v"
+                                       : color  ? "Cd"
+                                                : a->name,
+                                       a->components, a->kind == POINT_ATTRIBUTE_INT, a->values};
+        *has_velocity |= velocity;
+        has_color |= color;
+    }
+    return values;
+}
+
 /* The voxels have some ten points where spacing is even. */
 static bool write_points_vdb(const char *directory, const results_input *in, json *outputs, error *e)
 {
     const points *set = in->set;
+    bool has_velocity;
+    vdb_point_values *values = name_values(set, &has_velocity);
     const vdb_points grid = {.count = set->count,
                              .position = &set->position[0].x,
                              .normal = &set->normal[0].x,
                              .spacing = set->spacing_local,
                              .voxel_size = POINTS_VOXEL * in->h,
                              .id = set->id,
-                             .velocity = set->velocity ? &set->velocity[0].x : NULL};
+                             .velocity = set->velocity && !has_velocity ? &set->velocity[0].x : NULL,
+                             .value_count = set->attribute_count,
+                             .values = values};
     char *path = mem_printf("%s/points.vdb", directory);
     store_file file = {0};
     bool ok = store_file_begin(path, &file, e) && vdb_write_points(fileno(file.stream), &grid, e);
@@ -140,6 +171,7 @@ static bool write_points_vdb(const char *directory, const results_input *in, jso
         ok = error_prefix(e, "points.vdb does not read back as it was written");
     ok = ok && commit_output(&file, "points.vdb", outputs, e);
     store_file_abort(&file);
+    free(values);
     free(path);
     return ok;
 }
@@ -202,19 +234,26 @@ static bool is_y_up(const spec *s)
            (first->kind == SPEC_SURFACE_MESH && !(ending && strcasecmp(ending, ".stl") == 0));
 }
 
+/* What pictures show. */
+static quantity quantity_of(const spec *s)
+{
+#define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
+    static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
+#undef SHOWN
+    if (!s->has_preview) return s->has_alpha ? QUANTITY_ALPHA : QUANTITY_CURVATURE;
+    return shown[s->preview_color];
+}
+
 static bool write_preview(const char *directory, const results_input *in, threads *pool, json *outputs,
                           error *e)
 {
     const spec *s = in->spec;
     const points *set = in->set;
-#define SHOWN(prefix, name, word) [SPEC_COLOR_##name] = prefix##_##name,
-    static const quantity shown[] = {SPEC_COLOR_LIST(SHOWN, QUANTITY)};
-#undef SHOWN
     const spec_camera *c = &s->camera;
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
-    const preview_options options = {
-        s->preview_width, s->preview_height, shown[s->preview_color], s->has_camera ? &place : NULL,
-        is_y_up(s),       in->unresolved};
+    const preview_options options = {s->preview_width, s->preview_height,
+                                     quantity_of(s),   s->has_camera ? &place : NULL,
+                                     is_y_up(s),       in->unresolved};
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
@@ -251,6 +290,12 @@ static bool write_convergence(const char *directory, const results_input *in, js
     return ok;
 }
 
+/* Whether a file has colors even where no attribute gives them: those of the preview then. */
+static bool needs_color(const spec *s)
+{
+    return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
+}
+
 bool results_write(const char *directory, const results_input *in, threads *pool, json *outputs,
                    results_facts *out, error *e)
 {
@@ -263,13 +308,26 @@ bool results_write(const char *directory, const results_input *in, threads *pool
         facts.max_residual = largest_residual(in->field, in->set, false, in->h, pool);
         facts.widened = true;
     }
-    if (!write_ply(directory, "points.ply", s, in->set, as_float, pool, outputs, e)) return false;
-    if (s->has_points_vdb && !write_points_vdb(directory, in, outputs, e)) return false;
-    if (s->has_mesh && !write_mesh(directory, in, as_float, pool, outputs, &facts.mesh, e)) return false;
-    if (s->has_preview && !write_preview(directory, in, pool, outputs, e)) return false;
-    if (s->has_convergence && !write_convergence(directory, in, outputs, e)) return false;
+    points colored = *in->set;
+    results_input with_color = *in;
+    vec3 *color = NULL;
+    with_color.set = &colored;
+    if (!colored.color && needs_color(s)) {
+        colored.color = color = mem_array(colored.count, sizeof *color, "colors", e);
+        if (!color || !quantity_colors(&colored, quantity_of(s), color, e)) goto failed;
+    }
+    if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
+    if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;
+    if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts.mesh, e))
+        goto failed;
+    if (s->has_preview && !write_preview(directory, &with_color, pool, outputs, e)) goto failed;
+    if (s->has_convergence && !write_convergence(directory, in, outputs, e)) goto failed;
     *out = facts;
+    free(color);
     return true;
+failed:
+    free(color);
+    return false;
 }
 
 bool results_write_report(const char *directory, const json *report, error *e)

@@ -58,6 +58,7 @@ static bool write_report(job *j, verdict_outcome *outcome, error *e)
     const report_facts facts = {
         .spec = j->spec,
         .source = &j->source,
+        .attributes = &j->attributes,
         .scan = j->scan,
         .sizing = s->sizing,
         .curvature = s->curvature,

@@ -35,6 +35,11 @@ static int open_input(void *context, const char *path, error *e)
     return fd;
 }
 
+int source_open_file(source *s, const char *path, error *e)
+{
+    return open_input(s, path, e);
+}
+
 static analytic_shape shape_of(spec_shape shape)
 {
 #define SHAPE(prefix, name, word) [SPEC_SHAPE_##name] = prefix##_##name,
@@ -475,4 +480,36 @@ size_t source_memory(const source *s)
 bool source_starts_in_cells(const source *s)
 {
     return !s->whole.analytic && !s->whole.bspline;
+}
+
+/* The outermost part of several, or of none; *x goes into its space. */
+static const source_part *find_combination(const source *s, vec3 *x)
+{
+    const source_part *p = &s->whole;
+    for (; p->part_count == 1; p = p->parts)
+        if (p->placement) *x = placement_to_part(p->placement, *x);
+    return p;
+}
+
+size_t source_part_count(const source *s)
+{
+    vec3 unused = {0, 0, 0};
+    size_t count = find_combination(s, &unused)->part_count;
+    return count > 0 ? count : 1;
+}
+
+size_t source_part_at(const source *s, vec3 x)
+{
+    const source_part *whole = find_combination(s, &x);
+    double nearest = INFINITY;
+    size_t found = 0;
+    for (size_t k = 0; k < whole->part_count; k++) {
+        field_sample sample;
+        if (!field_sample_at(whole->parts[k].field, x, FIELD_GRADIENT, &sample)) continue;
+        double distance = fabs(sample.value) / vec3_norm(sample.gradient);
+        if (!(distance < nearest)) continue;
+        nearest = distance;
+        found = k;
+    }
+    return found;
 }

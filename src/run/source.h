@@ -56,6 +56,13 @@ bool source_open(const spec *s, const store_roots *roots, size_t memory, isa ker
                  source *out, error *e);
 void source_close(source *s);
 
+/* Opens one more input, for reading, while the roots are there: -1 and an error if it cannot be. */
+int source_open_file(source *s, const char *path, error *e);
+
+/* Parts of the surface's first combination, 1 if it is none, and which of them a point of the surface lies on. */
+size_t source_part_count(const source *s);
+size_t source_part_at(const source *s, vec3 x);
+
 /* Adds `inputs` to the report, a volume's members to `surface`, and warnings. */
 void source_describe(const source *s, json *report, json *surface, json *warnings);
 

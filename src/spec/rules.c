@@ -310,6 +310,22 @@ static void check_transform(reading *r, const json_at *at)
     if (!isfinite(1 / affine_invert(to, back))) reading_add_fault(r, &matrix, "cannot be inverted");
 }
 
+/* The name in the outputs, which are of many kinds. */
+static void check_attribute(reading *r, const json_at *at)
+{
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789";
+    static const char *const computed[] = {"part", "direction1", "direction2"};
+    const spec_attribute *a = &r->s->attribute;
+    json_at as = json_member(at, "as"), name = json_member(at, "name");
+    if (a->as && (strspn(a->as, letters) != strlen(a->as) || (*a->as >= '0' && *a->as <= '9')))
+        reading_add_fault(r, &as, "must be letters, digits and _, a letter first (given \"%s\")", a->as);
+    if (!a->as && !a->name) reading_add_fault(r, &as, "is required where there is no name");
+    if (strcmp(a->from, SPEC_FROM_GEOMETRY) != 0) return;
+    for (size_t k = 0; k < sizeof computed / sizeof *computed; k++)
+        if (a->name && strcmp(a->name, computed[k]) == 0) return;
+    reading_add_fault(r, name.node ? &name : at, "the geometry has part, direction1 and direction2");
+}
+
 void rules_check_names(reading *r, const json_at *at, const char *group)
 {
     check_names(r, at, group);
@@ -329,17 +345,12 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
     static const struct {
         const char *group;
         void (*check)(reading *, const json_at *);
-    } rules[] = {{"/surface/analytic", check_analytic},
-                 {"/surface/bspline", check_bspline},
-                 {"/surface/bspline/domain", check_domain},
-                 {"/surface/exr", check_exr},
-                 {"/surface/transform", check_transform},
-                 {"/region", check_region},
-                 {"/sampling", check_sampling},
-                 {"/sampling/control", check_control},
-                 {"/solver", check_solver},
-                 {"/output/preview/camera", check_camera},
-                 {"/queue", check_queue}};
+    } rules[] = {{"/surface/analytic", check_analytic},     {"/surface/bspline", check_bspline},
+                 {"/surface/bspline/domain", check_domain}, {"/surface/exr", check_exr},
+                 {"/surface/transform", check_transform},   {"/region", check_region},
+                 {"/attributes", check_attribute},          {"/sampling", check_sampling},
+                 {"/sampling/control", check_control},      {"/solver", check_solver},
+                 {"/output/preview/camera", check_camera},  {"/queue", check_queue}};
     for (size_t k = 0; k < sizeof rules / sizeof rules[0]; k++)
         if (strcmp(group, rules[k].group) == 0) rules[k].check(r, at);
 }

@@ -96,6 +96,27 @@ static void put_frame_values(json *schema, const spec_row *row, schema_use use)
     }
 }
 
+/* From low to high of something; returns what each is. */
+static json *put_list(json *schema, const spec_row *row)
+{
+    json_put_string(schema, "type", "array");
+    json_put_number(schema, "minItems", row->low);
+    json_put_number(schema, "maxItems", row->high);
+    return json_put_object(schema, "items");
+}
+
+static void put_labels(json *schema, const spec_row *row)
+{
+    if (row->flags & SPEC_OR_ONE) {
+        json *list = json_put_array(schema, "oneOf");
+        put_length(json_append_object(list), 1, SPEC_LABEL_LENGTH_MAX);
+        schema = json_append_object(list);
+    }
+    json_put_string(schema, "type", "array");
+    json_put_number(schema, "maxItems", row->high);
+    put_length(json_put_object(schema, "items"), 1, SPEC_LABEL_LENGTH_MAX);
+}
+
 static void put_group(json *schema, const char *group, schema_use use);
 
 static void put_type(json *schema, const spec_row *row, schema_use use)
@@ -137,18 +158,16 @@ static void put_type(json *schema, const spec_row *row, schema_use use)
         json_put_string(schema, "$ref", surface_ref[use]);
         break;
     case SPEC_TYPE_SURFACES:
-        json_put_string(schema, "type", "array");
-        json_put_number(schema, "minItems", row->low);
-        json_put_number(schema, "maxItems", row->high);
-        json_put_string(json_put_object(schema, "items"), "$ref", surface_ref[use]);
+        json_put_string(put_list(schema, row), "$ref", surface_ref[use]);
+        break;
+    case SPEC_TYPE_GROUPS:
+        put_group(put_list(schema, row), row->pointer, use);
         break;
     case SPEC_TYPE_FRAME_VALUES:
         put_frame_values(schema, row, use);
         break;
     case SPEC_TYPE_LABELS:
-        json_put_string(schema, "type", "array");
-        json_put_number(schema, "maxItems", row->high);
-        put_length(json_put_object(schema, "items"), 1, SPEC_LABEL_LENGTH_MAX);
+        put_labels(schema, row);
         break;
     }
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/frames.h"
 #include "base/memory.h"
 #include "spec/reading.h"
 #include "spec/rules.h"
@@ -67,12 +68,43 @@ static void read_parts(reading *r, const json_at *at, const spec_row *row, json 
     }
 }
 
+static void note_attribute(spec *s, const json_at *at)
+{
+    json_at from = json_member(at, "from");
+    s->attribute.input_pointer = mem_alloc(sizeof((spec_fault *)0)->pointer);
+    json_pointer(&from, s->attribute.input_pointer, sizeof((spec_fault *)0)->pointer);
+}
+
+/* Each is read into spec.attribute and goes from there into the list. */
+static void read_attributes(reading *r, const json_at *at, const spec_row *row, json *normal)
+{
+    size_t count = json_size(*at);
+    spec *s = r->s;
+    if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
+        char given[READING_SHOWN_MAX + 8];
+        reading_describe(*at, given);
+        reading_add_fault(r, at, "must be an array of at most %.0f objects (given %s)", row->high, given);
+        return;
+    }
+    json *list = json_put_array(normal, spec_row_key(row));
+    s->attributes = mem_alloc(count * sizeof *s->attributes);
+    for (size_t k = 0; k < count; k++) {
+        json_at element = json_element(at, k);
+        read_group(r, &element, row->pointer, json_append_object(list));
+        note_attribute(s, &element);
+        s->attributes[s->attribute_count++] = s->attribute;
+        s->attribute = (spec_attribute){0};
+    }
+}
+
 static void read_member(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
     if (row->type == SPEC_TYPE_SURFACE)
         read_part(r, at, json_put_object(normal, spec_row_key(row)));
     else if (row->type == SPEC_TYPE_SURFACES)
         read_parts(r, at, row, normal);
+    else if (row->type == SPEC_TYPE_GROUPS)
+        read_attributes(r, at, row, normal);
     else
         values_read(r, at, row, normal);
 }
@@ -258,14 +290,31 @@ bool spec_check_frames(const spec *s, spec_faults *faults, error *e)
     return ok;
 }
 
+bool spec_attribute_has_file(const spec_attribute *a)
+{
+    return strcmp(a->from, SPEC_FROM_SURFACE) != 0 && strcmp(a->from, SPEC_FROM_GEOMETRY) != 0;
+}
+
 bool spec_input_at(const spec *s, size_t index, spec_input *out)
 {
-    return surface_input_at(&s->surface, &index, out);
+    if (surface_input_at(&s->surface, &index, out)) return true;
+    for (size_t k = 0; k < s->attribute_count; k++) {
+        const spec_attribute *a = &s->attributes[k];
+        if (!spec_attribute_has_file(a) || index-- > 0) continue;
+        *out = (spec_input){a->input_pointer, a->from};
+        return true;
+    }
+    return false;
 }
 
 void spec_set_frame(spec *s, int frame)
 {
     surface_set_frame(&s->surface, frame);
+    for (size_t k = 0; k < s->attribute_count; k++) {
+        char *pattern = s->attributes[k].from;
+        s->attributes[k].from = frames_path(pattern, frame);
+        free(pattern);
+    }
 }
 
 void spec_free(spec *s)
@@ -274,6 +323,15 @@ void spec_free(spec *s)
     free(s->name);
     surface_free_parts(&s->surface);
     free(s->grid.name);
+    for (size_t i = 0; i < s->attribute_count; i++) {
+        free(s->attributes[i].from);
+        free(s->attributes[i].name);
+        free(s->attributes[i].as);
+        free(s->attributes[i].input_pointer);
+    }
+    free(s->attributes);
+    for (size_t i = 0; i < s->ply_property_count; i++) free(s->ply_properties[i]);
+    free(s->ply_properties);
     for (size_t i = 0; i < s->label_count; i++) free(s->labels[i]);
     free(s->labels);
     for (size_t i = 0; i < s->depends_on_count; i++) free(s->depends_on[i]);

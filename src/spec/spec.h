@@ -141,6 +141,18 @@ typedef struct spec_witkin_heckbert { /* symbols of the paper of 1994 */
     double sigma_max; /* 0: from the surface's size */
 } spec_witkin_heckbert;
 
+#define SPEC_FROM_SURFACE "surface"
+#define SPEC_FROM_GEOMETRY "geometry"
+
+typedef struct spec_attribute { /* of points, from a file or from the surface's own geometry */
+    char *from;                 /* SPEC_FROM_SURFACE: the surface's file; SPEC_FROM_GEOMETRY; else a path */
+    char *name;                 /* in the file; NULL: all that a dense file holds at a place */
+    char *as;                   /* in the outputs; NULL: the name */
+    spec_attribute_type type;
+    spec_interpolation interpolation;
+    char *input_pointer; /* JSON Pointer of `from` */
+} spec_attribute;
+
 typedef struct spec_camera {
     vec3 position, target, up; /* up is no multiple of target - position, which is not zero */
     double fov;                /* along the picture's longer side, radians; 0: see orthographic */
@@ -153,6 +165,10 @@ typedef struct spec {
     spec_surface surface;
     bool has_region; /* only the surface inside of `region` */
     spec_box region;
+
+    spec_attribute attribute; /* the one that is being read */
+    spec_attribute *attributes;
+    size_t attribute_count;
 
     /* the target: one is given, the others are 0 */
     int64_t count;  /* sampling.count, 4 .. 1e8 */
@@ -188,6 +204,8 @@ typedef struct spec {
 
     spec_ply_format ply_format;
     spec_precision ply_precision;
+    char **ply_properties; /* names of properties or applications; NULL: all */
+    size_t ply_property_count;
     bool has_preview;                  /* true by default */
     int preview_width, preview_height; /* pixels */
     spec_color preview_color;          /* default: alpha with alpha, else curvature */
@@ -259,6 +277,9 @@ typedef struct spec_input {
     const char *pointer; /* JSON Pointer of the member */
     const char *path;    /* the spec's */
 } spec_input;
+
+/* Whether `from` is a path. */
+bool spec_attribute_has_file(const spec_attribute *a);
 
 /* The index-th of the files that a job reads; false when there are fewer. */
 bool spec_input_at(const spec *s, size_t index, spec_input *out);

@@ -1013,6 +1013,59 @@ const spec_row spec_rows[] = {
               "less, a disordered one 0.05 and more. The energy under the support that the solver found must "
               "be as close to the ideal."},
 
+    {.pointer = "/attributes",
+     .type = SPEC_TYPE_GROUPS,
+     .low = 0,
+     .high = 32,
+     UNSTORED,
+     .prose =
+         "What the points carry beside their own properties, in every output: temperature, velocity, colours. "
+         "doc/formats.md says under which names each format has them."},
+    {.pointer = "/attributes/from",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 4096,
+     .otherwise = "\"surface\"",
+     AT(attribute.from),
+     .prose =
+         "Where the values are. surface: in the file of the surface, of a combined surface in the first of its "
+         "files. geometry: in the surface itself. Anything else is the path of an OpenVDB, NRRD, NIfTI or mesh "
+         "file in the same space; it moves with the transforms of the surface."},
+    {.pointer = "/attributes/name",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 1000,
+     AT(attribute.name),
+     .prose =
+         "The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the component "
+         "of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent), or what the "
+         "vertices of a mesh have. Of geometry: part (the number of the part of a combined surface, from 0), "
+         "direction1 or direction2 (of the principal curvatures)."},
+    {.pointer = "/attributes/as",
+     .type = SPEC_TYPE_STRING,
+     .low = 1,
+     .high = 63,
+     AT(attribute.as),
+     .prose =
+         "The name in the outputs: letters, digits and _. Default: the name, with _ for other characters."},
+    {.pointer = "/attributes/type",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_ATTRIBUTE),
+     .otherwise = "\"auto\"",
+     AT(attribute.type),
+     .prose =
+         "What the values are. Transforms of the surface turn and stretch vectors, turn normals, and leave all "
+         "others. A color is also written as formats write colours, a uv as texture coordinates. auto: int for "
+         "whole numbers, vector for three components, float for others, and what a mesh says."},
+    {.pointer = "/attributes/interpolation",
+     .type = SPEC_TYPE_WORD,
+     WORDS(SPEC_INTERPOLATION),
+     .otherwise = "\"linear\"",
+     AT(attribute.interpolation),
+     .prose =
+         "Between the samples of a grid. cubic: Catmull and Rom's splines, which go through the samples. Whole "
+         "numbers are always those of the nearest sample."},
+
     GROUP("/output", 0, "The files to write."),
     GROUP("/output/ply", 0, "Options of points.ply."),
     {.pointer = "/output/ply/format",
@@ -1027,6 +1080,17 @@ const spec_row spec_rows[] = {
      .otherwise = "\"float\"",
      AT(ply_precision),
      .prose = "The type of all properties of points.ply except id."},
+    {.pointer = "/output/ply/properties",
+     .type = SPEC_TYPE_LABELS,
+     .flags = SPEC_OR_ONE,
+     .low = 0,
+     .high = 100,
+     AT_HAS(ply_properties, ply_property_count),
+     .prose =
+         "Which properties points.ply has, in this order; x, y and z come first. The name of an application "
+         "stands for what it reads: blender, houdini, meshlab, or minimal (positions and normals). Default: all "
+         "that doc/report.md lists, and the attributes; doc/formats.md has further names. red, green and blue "
+         "are those of an attribute of colours, else the colours of the preview."},
     {.pointer = "/output/preview",
      .type = SPEC_TYPE_GROUP,
      .flags = SPEC_SWITCH,
@@ -1313,6 +1377,7 @@ static void print_values(FILE *file, const spec_row *row)
         [SPEC_TYPE_SIZE] = "integer or [integer, integer]",
         [SPEC_TYPE_SURFACE] = "object, as /surface",
         [SPEC_TYPE_SURFACES] = "[object, as /surface, ...]",
+        [SPEC_TYPE_GROUPS] = "[object, ...]",
         [SPEC_TYPE_FRAME_VALUES] = "object",
         [SPEC_TYPE_LABELS] = "[string, ...]",
     };
@@ -1325,6 +1390,7 @@ static void print_values(FILE *file, const spec_row *row)
         const char *of = row->type == SPEC_TYPE_STRING         ? " characters"
                          : row->type == SPEC_TYPE_LABELS       ? " texts"
                          : row->type == SPEC_TYPE_SURFACES     ? " surfaces"
+                         : row->type == SPEC_TYPE_GROUPS       ? " objects"
                          : row->type == SPEC_TYPE_FRAME_VALUES ? " members"
                                                                : "";
         const char *from = row->flags & SPEC_LOW_OPEN  ? "above"

@@ -26,6 +26,7 @@ typedef enum spec_type {
     SPEC_TYPE_SIZE,     /* pixels: one integer or [width, height]; two ints */
     SPEC_TYPE_SURFACE,  /* an object with the members of /surface, one more part of the surface */
     SPEC_TYPE_SURFACES, /* an array of such, from low to high of them */
+    SPEC_TYPE_GROUPS,   /* an array of objects with members of their own, from low to high of them */
     SPEC_TYPE_FRAME_VALUES, /* members by frame, see spec/frame_values.h; a bool, whether it was given */
     SPEC_TYPE_LABELS        /* array of strings: char ** and, at `has`, their number */
 } spec_type;
@@ -49,7 +50,8 @@ enum {
     SPEC_LOW_OPEN = 2, /* the low bound itself is not allowed */
     SPEC_OPTIONAL = 4, /* group: has no defaults; `has` stores whether it was given */
     SPEC_SWITCH = 8,   /* group: may also be true or false; `has` stores which */
-    SPEC_OR_ZERO = 16  /* 0 is allowed, too, though it is below the low bound */
+    SPEC_OR_ZERO = 16, /* 0 is allowed, too, though it is below the low bound */
+    SPEC_OR_ONE = 32   /* strings: one string stands for an array of it */
 };
 
 #define SPEC_LABEL_LENGTH_MAX 100 /* characters */

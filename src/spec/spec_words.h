@@ -133,6 +133,30 @@ typedef enum spec_compression {
     SPEC_COMPRESSION_LIST(WORDS_ENUMERATOR, SPEC_COMPRESSION) SPEC_COMPRESSION_COUNT
 } spec_compression;
 
+/* /attributes/type: what the values are, which says how a transform changes them and how formats call them */
+#define SPEC_ATTRIBUTE_LIST(ENTRY, prefix) \
+    ENTRY(prefix, AUTO, "auto")            \
+    ENTRY(prefix, FLOAT, "float")          \
+    ENTRY(prefix, INT, "int")              \
+    ENTRY(prefix, VECTOR, "vector")        \
+    ENTRY(prefix, NORMAL, "normal")        \
+    ENTRY(prefix, COLOR, "color")          \
+    ENTRY(prefix, UV, "uv")
+
+typedef enum spec_attribute_type {
+    SPEC_ATTRIBUTE_LIST(WORDS_ENUMERATOR, SPEC_ATTRIBUTE) SPEC_ATTRIBUTE_COUNT
+} spec_attribute_type;
+
+/* /attributes/interpolation */
+#define SPEC_INTERPOLATION_LIST(ENTRY, prefix) \
+    ENTRY(prefix, LINEAR, "linear")            \
+    ENTRY(prefix, CUBIC, "cubic")              \
+    ENTRY(prefix, NEAREST, "nearest")
+
+typedef enum spec_interpolation {
+    SPEC_INTERPOLATION_LIST(WORDS_ENUMERATOR, SPEC_INTERPOLATION) SPEC_INTERPOLATION_COUNT
+} spec_interpolation;
+
 /* /solver/isa */
 #define SPEC_ISA_LIST(ENTRY, prefix) \
     ENTRY(prefix, AUTO, "auto")      \

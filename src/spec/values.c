@@ -184,8 +184,9 @@ static void read_string(reading *r, const json_at *at, const spec_row *row, json
 
 static void read_labels(reading *r, const json_at *at, const spec_row *row, json *normal)
 {
-    size_t count = json_size(*at);
-    if (json_type_of(*at) != JSON_ARRAY || (double)count > row->high) {
+    bool one = row->flags & SPEC_OR_ONE && json_type_of(*at) == JSON_STRING;
+    size_t count = one ? 1 : json_size(*at);
+    if (!one && (json_type_of(*at) != JSON_ARRAY || (double)count > row->high)) {
         char given[READING_SHOWN_MAX + 8];
         reading_describe(*at, given);
         reading_add_fault(r, at, "must be an array of at most %.16g strings (given %s)", row->high, given);
@@ -195,7 +196,7 @@ static void read_labels(reading *r, const json_at *at, const spec_row *row, json
     *(char ***)reading_target(r, row->offset) = labels; /* given to the spec at once, which frees them */
     json *list = json_put_array(normal, spec_row_key(row));
     for (size_t i = 0; i < count; i++) {
-        json_at element = json_element(at, i);
+        json_at element = one ? *at : json_element(at, i);
         const char *text = json_string(element, NULL);
         if (!text || !*text || characters(text) > SPEC_LABEL_LENGTH_MAX) {
             char given[READING_SHOWN_MAX + 8];
@@ -244,6 +245,7 @@ void values_read(reading *r, const json_at *at, const spec_row *row, json *norma
         break;
     case SPEC_TYPE_SURFACE:
     case SPEC_TYPE_SURFACES:
+    case SPEC_TYPE_GROUPS:
     case SPEC_TYPE_GROUP:
         break; /* have members, which spec.c reads */
     }

@@ -1,7 +1,7 @@
 /* vdb: OpenVDB files to and from plain arrays; the only C++ of the project is behind this header.
  *
  * Files are read through a stream over a descriptor, which fails at the first missing byte. A call reads all it needs
- * before it returns: nothing is loaded later or mapped, and no object of the library is kept. Sizes in the file are
+ * before it returns: nothing is loaded later or mapped, and no object of the library is kept afterwards. Sizes in the file are
  * checked against its length and a memory limit before they are used. No exception crosses this boundary. The library can still abort or fault on a hostile
  * file, so callers run it in a process of its own.
  *
@@ -32,6 +32,7 @@ typedef struct vdb_entry {
     char name[VDB_NAME_SIZE]; /* as written, without the suffix that tells equal names apart */
     char type[VDB_TYPE_SIZE]; /* of a value: "float", "double", "int32", "vec3s", "ptdataidx32", ... */
     bool scalar;              /* float or double: vdb_load_grid takes it */
+    bool numeric;             /* numbers, truth values or vectors of three: vdb_visit_grid takes it */
     vdb_class grid_class;
 } vdb_entry;
 
@@ -74,6 +75,25 @@ typedef struct vdb_grid {
 vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e);
 void vdb_grid_free(vdb_grid *grid);
 
+/* A grid of any numeric type while vdb_visit_grid holds it. */
+typedef struct vdb_voxels vdb_voxels;
+
+struct vdb_voxels {
+    int components; /* 1, or 3 of a vector */
+    bool whole;     /* integers or truth values */
+    vdb_class grid_class;
+    double index_to_world[16]; /* as in vdb_grid */
+    void *tree;                /* private */
+    /* The value of a voxel, the background's where there is none; whether it is active. */
+    bool (*read)(const vdb_voxels *v, const int32_t at[3], double value[3]);
+};
+
+typedef bool vdb_visitor(void *context, const vdb_voxels *voxels, error *e);
+
+/* Reads entry `index` of the listing and hands it to a visitor, whose answer is the call's. The visitor throws nothing,
+ * and the grid goes with the call. `memory_limit` bounds the library's tree. Errors: those of vdb_load_grid. */
+bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visit, void *context, error *e);
+
 /* One grid to write. Voxels are given one by one, tiles after them. */
 typedef struct vdb_draft {
     const char *name;
@@ -101,6 +121,14 @@ typedef enum vdb_layout {
 bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                      error *e);
 
+/* What points carry beside their own attributes. */
+typedef struct vdb_point_values {
+    const char *name; /* none of the names below, none twice */
+    int components; /* 1: float, or int64 if `whole`; more: vec3f, of which a third is 0 where there are two */
+    bool whole;
+    const double *values; /* so many a point, point after point */
+} vdb_point_values;
+
 /* Points to write as a points grid (what OpenVDB calls PointDataGrid). */
 typedef struct vdb_points {
     size_t count;           /* > 0 */
@@ -110,12 +138,14 @@ typedef struct vdb_points {
     double voxel_size;      /* of the grid, world, > 0; no more than 2^31 of them span the points */
     const uint32_t *id;     /* of each, none twice; NULL: their places in the arrays, from 0 */
     const double *velocity; /* 3 a point; NULL: none */
+    size_t value_count;
+    const vdb_point_values *values;
 } vdb_points;
 
 /* Writes a whole seekable file at the descriptor's offset: one grid "points" whose transform has its origin
  * at the corner of the points' box, with the attributes P (relative to its voxel's centre, so exact to 2^-24
  * voxels), N (vec3f), pscale (float, half the spacing), id (int64) and, when there are any, the velocities v
- * (vec3f). The same points give the same bytes: the format's identifier, random as the library has it, is
+ * (vec3f), then the other values. The same points give the same bytes: the format's identifier, random as the library has it, is
  * made of the contents. Errors: limit_memory; internal when writing fails. */
 bool vdb_write_points(int fd, const vdb_points *points, error *e);
 

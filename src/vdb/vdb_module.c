@@ -20,6 +20,12 @@ vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, error *e)
     return shim ? shim->load_grid(fd, index, memory_limit, e) : NULL;
 }
 
+bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visit, void *context, error *e)
+{
+    const vdb_exports *shim = load(e);
+    return shim && shim->visit_grid(fd, index, memory_limit, visit, context, e);
+}
+
 bool vdb_write_grids(int fd, const vdb_draft *drafts, size_t count, vdb_layout layout, bool compressed,
                      error *e)
 {

@@ -68,6 +68,18 @@ std::vector<place> places_of(const vdb_points &p, const vdb::math::Transform &tr
     return places;
 }
 
+const char *scalar_type(const vdb_point_values &v)
+{
+    return v.whole ? "int64" : "float";
+}
+
+/* Of two components and a zero, or of the first three. */
+vdb::Vec3f vector_of(const vdb_point_values &v, size_t i)
+{
+    const double *at = v.values + size_t(v.components) * i;
+    return vdb::Vec3f(float(at[0]), float(at[1]), v.components > 2 ? float(at[2]) : 0);
+}
+
 /* The attributes of a leaf as they are added: each entry has one more than that before it. */
 std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
 {
@@ -80,6 +92,9 @@ std::vector<descriptor::Ptr> attributes_of(const vdb_points &p)
     append("pscale", vdb::NamePair("float", "null"));
     append("id", vdb::NamePair("int64", "null"));
     if (p.velocity) append("v", vector);
+    for (size_t k = 0; k < p.value_count; k++)
+        append(p.values[k].name,
+               p.values[k].components > 1 ? vector : vdb::NamePair(scalar_type(p.values[k]), "null"));
     return made;
 }
 
@@ -115,6 +130,18 @@ void fill_leaf(leaf_node &leaf, std::vector<descriptor::Ptr> &attributes, const 
         leaf, "pscale", first, count, [&](const place &at) { return float(0.5 * p.spacing[at.point]); });
     fill<vdb::points::AttributeWriteHandle<int64_t>>(
         leaf, "id", first, count, [&](const place &at) { return int64_t(p.id ? p.id[at.point] : at.point); });
+    for (size_t k = 0; k < p.value_count; k++) {
+        const vdb_point_values &v = p.values[k];
+        if (v.components > 1)
+            fill<vector_writer>(leaf, v.name, first, count,
+                                [&](const place &at) { return vector_of(v, at.point); });
+        else if (v.whole)
+            fill<vdb::points::AttributeWriteHandle<int64_t>>(
+                leaf, v.name, first, count, [&](const place &at) { return int64_t(v.values[at.point]); });
+        else
+            fill<vdb::points::AttributeWriteHandle<float>>(
+                leaf, v.name, first, count, [&](const place &at) { return float(v.values[at.point]); });
+    }
 }
 
 vdb::GridBase::Ptr build(const vdb_points &p)
@@ -198,6 +225,29 @@ private:
     std::unordered_map<int64_t, size_t> of_id;
 };
 
+/* One attribute of a leaf's points, which have been found. */
+void verify_values(const leaf_node &leaf, const vdb_point_values &v, const finder &where)
+{
+    const auto &array = leaf.constAttributeArray(v.name);
+    vdb::points::AttributeHandle<int64_t> id(leaf.constAttributeArray("id"));
+    vdb::points::AttributeHandle<vdb::Vec3f>::Ptr vector;
+    vdb::points::AttributeHandle<int64_t>::Ptr whole;
+    vdb::points::AttributeHandle<float>::Ptr real;
+    if (v.components > 1)
+        vector = vdb::points::AttributeHandle<vdb::Vec3f>::create(array);
+    else if (v.whole)
+        whole = vdb::points::AttributeHandle<int64_t>::create(array);
+    else
+        real = vdb::points::AttributeHandle<float>::create(array);
+    for (auto point = leaf.beginIndexOn(); point; ++point) {
+        const size_t i = where.find(id.get(*point));
+        const bool same = vector  ? vector->get(*point) == vector_of(v, i)
+                          : whole ? whole->get(*point) == int64_t(v.values[i])
+                                  : real->get(*point) == float(v.values[i]);
+        if (!same) throw differs(v.name, i);
+    }
+}
+
 /* Of a leaf's points; notes those that are seen. */
 void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, const vdb_points &p,
                  const finder &where, std::vector<bool> &seen)
@@ -225,6 +275,7 @@ void verify_leaf(const leaf_node &leaf, const vdb::math::Transform &transform, c
         }
         if (scale.get(*point) != float(0.5 * p.spacing[i])) throw differs("pscale", i);
     }
+    for (size_t k = 0; k < p.value_count; k++) verify_values(leaf, p.values[k], where);
 }
 
 } // namespace

@@ -518,14 +518,13 @@ template <typename Tree> void copy_tiles(const Tree &tree, size_t limit, vdb_gri
     if (!tiles.empty()) std::memcpy(out->tiles, tiles.data(), tiles.size() * sizeof tiles[0]);
 }
 
+/* What stands in the file from the transform on. */
 template <typename Grid>
-void load(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int fd, size_t limit,
-          vdb_grid *out)
+typename Grid::Ptr read_tree(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int fd,
+                             size_t limit)
 {
     typename Grid::Ptr grid = vdb::gridPtrCast<Grid>(base);
     file.read_transform(*grid);
-    out->grid_class = class_of(*grid);
-    copy_transform(*grid, out->index_to_world);
     if (d.parent.empty()) {
         grid->readTopology(file.stream());
         check_topology(grid->tree(), limit);
@@ -543,10 +542,71 @@ void load(reader &file, size_t index, descriptor d, vdb::GridBase::Ptr base, int
         parent->readBuffers(again.stream());
         grid->setTree(parent->baseTreePtr());
     }
+    return grid;
+}
+
+template <typename Grid> void load(typename Grid::Ptr grid, size_t limit, vdb_grid *out)
+{
+    out->grid_class = class_of(*grid);
+    copy_transform(*grid, out->index_to_world);
     out->background = float(grid->background());
     out->active_voxels = grid->activeVoxelCount();
     copy_leaves(grid->tree(), out);
     copy_tiles(grid->tree(), limit, out);
+}
+
+template <typename T> void copy_value(const T &from, double to[3])
+{
+    to[0] = double(from);
+}
+
+template <typename T> void copy_value(const vdb::math::Vec3<T> &from, double to[3])
+{
+    for (int k = 0; k < 3; k++) to[k] = double(from[k]);
+}
+
+template <typename Grid> bool read_voxel(const vdb_voxels *v, const int32_t at[3], double value[3])
+{
+    typename Grid::ValueType found;
+    const auto *access = static_cast<const typename Grid::ConstAccessor *>(v->tree);
+    bool active = access->probeValue(vdb::Coord(at[0], at[1], at[2]), found);
+    copy_value(found, value);
+    return active;
+}
+
+/* A grid to be visited: where it stands, and who visits it. */
+struct visit {
+    reader &file;
+    size_t index;
+    const descriptor &d;
+    vdb::GridBase::Ptr base;
+    int fd;
+    size_t limit;
+    vdb_visitor *visitor;
+    void *context;
+    error *e;
+    bool done, answer;
+
+    template <typename Grid> void try_as(int components, bool whole)
+    {
+        if (done || d.type != Grid::gridType()) return;
+        typename Grid::Ptr grid = read_tree<Grid>(file, index, d, base, fd, limit);
+        typename Grid::ConstAccessor access = grid->getConstAccessor();
+        vdb_voxels v = {components, whole, class_of(*grid), {0}, &access, read_voxel<Grid>};
+        copy_transform(*grid, v.index_to_world);
+        answer = visitor(context, &v, e);
+        done = true;
+    }
+};
+
+bool is_numeric(const std::string &type)
+{
+    for (const auto &known :
+         {vdb::FloatGrid::gridType(), vdb::DoubleGrid::gridType(), vdb::Int32Grid::gridType(),
+          vdb::Int64Grid::gridType(), vdb::BoolGrid::gridType(), vdb::Vec3SGrid::gridType(),
+          vdb::Vec3DGrid::gridType(), vdb::Vec3IGrid::gridType()})
+        if (type == known) return true;
+    return false;
 }
 
 } // namespace
@@ -606,6 +666,7 @@ extern "C" bool vdb_list_grids(int fd, vdb_listing *out, error *e)
             copy_text(entry->name, d.name);
             copy_text(entry->type, value_type(d.type));
             entry->scalar = is_scalar(d.type);
+            entry->numeric = is_numeric(d.type);
             vdb::GridBase::Ptr grid = file.create(d);
             if (grid) {
                 file.read_metadata(*grid);
@@ -639,11 +700,39 @@ extern "C" vdb_grid *vdb_load_grid(int fd, size_t index, size_t memory_limit, er
             throw fault(ERROR_INPUT_UNSUPPORTED, "its values are of type " + value_type(d.type) +
                                                      "; only float and double can be sampled");
         if (d.type == vdb::FloatGrid::gridType())
-            load<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit, out);
+            load<vdb::FloatGrid>(read_tree<vdb::FloatGrid>(file, index, d, grid, fd, memory_limit),
+                                 memory_limit, out);
         else
-            load<vdb::DoubleGrid>(file, index, d, grid, fd, memory_limit, out);
+            load<vdb::DoubleGrid>(read_tree<vdb::DoubleGrid>(file, index, d, grid, fd, memory_limit),
+                                  memory_limit, out);
     });
     if (ok) return out;
     vdb_grid_free(out);
     return nullptr;
+}
+
+extern "C" bool vdb_visit_grid(int fd, size_t index, size_t memory_limit, vdb_visitor *visitor, void *context,
+                               error *e)
+{
+    bool answer = false;
+    bool ok = shim::guard(e, ERROR_INPUT_DAMAGED, "the voxels of the grid", [&] {
+        vdb::initialize();
+        reader file(fd);
+        descriptor d;
+        vdb::GridBase::Ptr grid = find(file, index, nullptr, &d);
+        visit v = {file, index, d, grid, fd, memory_limit, visitor, context, e, false, false};
+        v.try_as<vdb::FloatGrid>(1, false);
+        v.try_as<vdb::DoubleGrid>(1, false);
+        v.try_as<vdb::Int32Grid>(1, true);
+        v.try_as<vdb::Int64Grid>(1, true);
+        v.try_as<vdb::BoolGrid>(1, true);
+        v.try_as<vdb::Vec3SGrid>(3, false);
+        v.try_as<vdb::Vec3DGrid>(3, false);
+        v.try_as<vdb::Vec3IGrid>(3, true);
+        if (!v.done)
+            throw fault(ERROR_INPUT_UNSUPPORTED,
+                        "its values are of type " + value_type(d.type) + ", which are no numbers");
+        answer = v.answer;
+    });
+    return ok && answer;
 }

@@ -112,6 +112,16 @@ bool grid_selection_find(const vdb_listing *listing, const char *request, size_t
     return true;
 }
 
+bool grid_selection_find_numeric(const vdb_listing *listing, const char *request, size_t *index, error *e)
+{
+    bool ok = request ? by_name(listing, request, index, e) : only_scalar(listing, index, e);
+    if (!ok && e && e->code == ERROR_GRID_MISSING) e->code = ERROR_ATTRIBUTE_MISSING;
+    if (!ok || listing->entries[*index].numeric) return ok;
+    return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                     "grid \"%s\" holds values of type %s: attributes are numbers or vectors",
+                     listing->entries[*index].name, listing->entries[*index].type);
+}
+
 bool grid_selection_find_in_file(int fd, const char *request, size_t *index, vdb_class *grid_class,
                                  char unique[VDB_NAME_SIZE], error *e)
 {

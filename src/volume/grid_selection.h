@@ -22,6 +22,9 @@ void grid_selection_name(const vdb_listing *listing, size_t index, char out[VDB_
 bool grid_selection_find(const vdb_listing *listing, const char *request, size_t *index,
                          char unique[VDB_NAME_SIZE], error *e);
 
+/* The same for an attribute, which any grid of numbers or vectors may be; what is not there is attribute_missing. */
+bool grid_selection_find_numeric(const vdb_listing *listing, const char *request, size_t *index, error *e);
+
 /* The same of a file, with the grid's class. Errors: those of vdb_list_grids as well. */
 bool grid_selection_find_in_file(int fd, const char *request, size_t *index, vdb_class *grid_class,
                                  char unique[VDB_NAME_SIZE], error *e);

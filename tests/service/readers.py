@@ -37,6 +37,23 @@ class Points:
             setattr(self, name, table[:, k])
 
 
+def read_columns(data):
+    """{name: array} of the vertices of a points.ply with properties of any types."""
+    head, mark, body = data.partition(b"end_header\n")
+    assert mark, "a PLY header without an end"
+    words = [line.split() for line in head.decode("ascii").splitlines()]
+    count = int([w for w in words if w[:2] == ["element", "vertex"]][0][2])
+    kinds = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
+    types = [(w[2], kinds[w[1]]) for w in words if w[0] == "property"]
+    if words[1][1] == "ascii":
+        rows = [line.split() for line in body.decode("ascii").splitlines()]
+        assert len(rows) == count
+        return {name: numpy.array([float(row[k]) for row in rows]) for k, (name, _) in enumerate(types)}
+    table = numpy.frombuffer(body, types)
+    assert len(table) == count
+    return {name: table[name].astype(float) for name, _ in types}
+
+
 def read_mesh(data):
     """(names of the vertices' properties, vertices, triangles) of a mesh.ply."""
     head, mark, body = data.partition(b"end_header\n")

@@ -19,24 +19,46 @@ typedef struct bytes {
     size_t length;
 } bytes;
 
+/* All columns that a set has. */
+static columns all_of(const points *set)
+{
+    columns what;
+    error e = {0};
+    if (!columns_choose(set, NULL, 0, &what, &e)) fail_msg("%s", e.message);
+    return what;
+}
+
 static bool write_alone(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
 {
+    const columns what = all_of(set);
     threads *pool = threads_new(1, NULL, e);
-    bool good = pool && ply_write(file, set, format, precision, pool, e);
+    bool good = pool && ply_write(file, set, &what, format, precision, pool, e);
     threads_free(pool);
     return good;
 }
 
-static bytes write_set(const points *set, ply_format format, ply_precision precision)
+static bytes write_columns(const points *set, const columns *what, ply_format format, ply_precision precision)
 {
     bytes b = {NULL, 0};
     error e = {0};
     FILE *file = open_memstream(&b.data, &b.length);
     threads *pool = threads_new(3, NULL, &e);
-    if (!pool || !ply_write(file, set, format, precision, pool, &e)) fail_msg("%s", e.message);
+    if (!pool || !ply_write(file, set, what, format, precision, pool, &e)) fail_msg("%s", e.message);
     threads_free(pool);
     fclose(file);
     return b;
+}
+
+static bytes write_set(const points *set, ply_format format, ply_precision precision)
+{
+    const columns what = all_of(set);
+    return write_columns(set, &what, format, precision);
+}
+
+static bool verify(FILE *file, const points *set, ply_format format, ply_precision precision, error *e)
+{
+    const columns what = all_of(set);
+    return ply_verify(file, set, &what, format, precision, NULL, e);
 }
 
 static bool read_bytes(const char *data, size_t length, ply_file *out, error *e)
@@ -176,8 +198,11 @@ static void test_hostile_headers(void **state)
         refuse_with(&b, "vertex 3", "vertex ", "COUNT");
         refuse_with(&b, "vertex 3", "vertex 2", format == PLY_ASCII ? "after its last point" : "cannot be");
         refuse_with(&b, "vertex 3", "vertex 4", format == PLY_ASCII ? "" : "cannot be");
-        refuse_with(&b, "float kappa1", "float kappaX", "'property float kappa1'");
-        refuse_with(&b, "float kappa1", "double kappa1", "'property float kappa1'");
+        refuse_with(&b, "float y", "float Y", "expected 'property float y'");
+        refuse_with(&b, "float kappa1", "float kappa", "expected a property, found 'property float kappa'");
+        refuse_with(&b, "float kappa1", "double kappa1", "expected a property");
+        refuse_with(&b, "float kappa1", "float kappa 1", "expected a property");
+        refuse_with(&b, "float kappa1", "uchar kappa1", "expected a property");
         refuse_with(&b, "ply\n", "plx\n", "'ply'");
         refuse_with(&b, "1.0\n", "1.1\n", "its format");
         free(b.data);
@@ -242,20 +267,18 @@ static void test_verifying(void **state)
             error e = {0};
             FILE *file = tmpfile();
             assert_true(write_alone(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
-            assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
-            assert_false(
-                ply_verify(file, &s.points, (ply_format)!format, (ply_precision)precision, NULL, &e));
-            assert_false(
-                ply_verify(file, &s.points, (ply_format)format, (ply_precision)!precision, NULL, &e));
+            assert_true(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
+            assert_false(verify(file, &s.points, (ply_format)!format, (ply_precision)precision, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)!precision, &e));
             double kept = s.scalar[6][4999];
             s.scalar[6][4999] *= 1 + 1e-6;
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             assert_non_null(strstr(e.message, "the spacing_local of point 4999"));
             s.scalar[6][4999] = kept;
             fputc(' ', file);
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             s.points.count--;
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             s.points.count++;
             fclose(file);
         }
@@ -306,13 +329,13 @@ static void test_ids_and_velocities(void **state)
                                 (precision == PLY_FLOAT ? (float)velocity[i].x : velocity[i].x) &&
                             f.points.velocity[i].z == velocity[i].z);
             FILE *file = fmemopen(b.data, b.length, "rb");
-            assert_true(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_true(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             static const uint32_t other[3] = {7, 16777216, UINT32_MAX - 1};
             s.points.id = other;
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             assert_non_null(strstr(e.message, "the id of point 1"));
             s.points.id = NULL;
-            assert_false(ply_verify(file, &s.points, (ply_format)format, (ply_precision)precision, NULL, &e));
+            assert_false(verify(file, &s.points, (ply_format)format, (ply_precision)precision, &e));
             fclose(file);
             for (size_t n = 0; n < b.length; n++)
                 if (read_bytes(b.data, n, &f, NULL)) fail_msg("accepted %zu of %zu bytes", n, b.length);
@@ -326,6 +349,62 @@ static void test_ids_and_velocities(void **state)
             ply_file_free(&f);
             point_set_free(&s);
         }
+}
+
+/* Attributes of each kind, chosen by name, by application and all. */
+static void test_columns(void **state)
+{
+    (void)state;
+    static const double heat[3] = {0.5, -1, 3e5}, wind[9] = {1, 2, 3, 4, 5, 6, 7, 8, 9},
+                        label[3] = {-7, 0, 9}, uv[6] = {0, 1, 0.25, 0.75, 1, 0};
+    static const vec3 color[3] = {{0, 0.5, 1}, {-1, 2, 0.2}, {1, 1, 1}};
+    static const point_attribute carried[] = {{"heat", POINT_ATTRIBUTE_FLOAT, 1, heat},
+                                              {"wind", POINT_ATTRIBUTE_VECTOR, 3, wind},
+                                              {"label", POINT_ATTRIBUTE_INT, 1, label}};
+    static const char *const chosen[] = {"label", "red", "green", "blue", "wind", "s", "t", "radius"};
+    static const char *const blender[] = {"blender"}, *const unknown[] = {"heat", "cold"};
+    point_set s = point_set_sphere(3, vec3_make(0, 0, 0), 1);
+    s.points.attribute_count = 3;
+    s.points.attributes = carried;
+    s.points.color = color;
+    s.points.uv = uv;
+    columns what;
+    error e = {0};
+    assert_true(columns_choose(&s.points, chosen, 8, &what, &e));
+    bytes b = write_columns(&s.points, &what, PLY_ASCII, PLY_FLOAT);
+    assert_non_null(strstr(b.data,
+                           "property float z\nproperty int label\nproperty uchar red\nproperty uchar green\n"
+                           "property uchar blue\nproperty float wind_x\nproperty float wind_y\n"
+                           "property float wind_z\nproperty float s\nproperty float t\n"
+                           "property float radius\nend_header\n"));
+    assert_non_null(strstr(b.data, " -7 0 128 255 1 2 3 0 1 "));
+    assert_non_null(strstr(b.data, " 0 0 255 51 4 5 6 0.25 0.75 "));
+    FILE *file = fmemopen(b.data, b.length, "rb");
+    assert_true(ply_verify(file, &s.points, &what, PLY_ASCII, PLY_FLOAT, NULL, &e));
+    assert_true(columns_choose(&s.points, blender, 1, &what, &e));
+    assert_false(ply_verify(file, &s.points, &what, PLY_ASCII, PLY_FLOAT, NULL, &e));
+    fclose(file);
+    free(b.data);
+    for (int format = 0; format <= 1; format++) { /* read again, what has no array is passed over */
+        ply_file f = {0};
+        b = write_set(&s.points, (ply_format)format, PLY_DOUBLE);
+        if (!read_bytes(b.data, b.length, &f, &e)) fail_msg("%s", e.message);
+        check_equal(&s.points, &f.points, false);
+        assert_memory_equal(f.points.uv, uv, sizeof uv);
+        assert_null(f.points.color); /* no attribute has them: they are written when they are asked for */
+        if (format == PLY_ASCII) {
+            refuse_with(&b, " -7\n", " -7.5\n", "numbers");
+            refuse_with(&b, " -7\n", " -2147483649\n", "numbers");
+        }
+        free(b.data);
+        ply_file_free(&f);
+    }
+    assert_false(columns_choose(&s.points, unknown, 2, &what, &e));
+    assert_int_equal(e.code, ERROR_ATTRIBUTE_MISSING);
+    assert_non_null(strstr(e.message, "\"cold\""));
+    assert_non_null(strstr(e.message, "heat, wind, label"));
+    assert_true(columns_is_own("velocity_x") && columns_is_own("blender") && !columns_is_own("heat"));
+    point_set_free(&s);
 }
 
 static void test_triangles(void **state)
@@ -344,13 +423,13 @@ static void test_triangles(void **state)
         assert_int_equal(f.points.triangle_count, 2);
         assert_memory_equal(f.points.triangle, corner, sizeof corner);
         FILE *file = fmemopen(b.data, b.length, "rb");
-        assert_true(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        assert_true(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
         static const uint32_t other[2][3] = {{0, 1, 2}, {0, 3, 2}};
         s.points.triangle = other;
-        assert_false(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        assert_false(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
         assert_non_null(strstr(e.message, "face 1"));
         s.points.triangle_count = 1;
-        assert_false(ply_verify(file, &s.points, (ply_format)format, PLY_FLOAT, NULL, &e));
+        assert_false(verify(file, &s.points, (ply_format)format, PLY_FLOAT, &e));
         fclose(file);
         for (size_t n = 0; n < b.length; n++)
             if (read_bytes(b.data, n, &f, NULL) && n != b.length)
@@ -377,6 +456,7 @@ static void test_triangles(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_columns),
         cmocka_unit_test(test_triangles),
         cmocka_unit_test(test_ids_and_velocities),
         cmocka_unit_test(test_round_trips),

@@ -231,6 +231,12 @@ static bool is_bound_by_another(const spec_row *row)
            strcmp(key, "start_count") == 0 || strcmp(key, "matrix") == 0;
 }
 
+/* Members of the objects of a list, which have a test of their own. */
+static bool is_in_list(const spec_row *row)
+{
+    return strncmp(row->pointer, "/attributes/", strlen("/attributes/")) == 0;
+}
+
 static bool has_fractions(const spec_row *row)
 {
     return row->type == SPEC_TYPE_NUMBER || row->type == SPEC_TYPE_VECTOR || row->type == SPEC_TYPE_NUMBERS;
@@ -273,11 +279,11 @@ static void test_types_of_every_row(void **state)
         json *wrong[] = {number_of(1.5),   numbers(1.5, 2),  json_new_object(),
                          document("true"), document("null"), document("\"no such word\"")};
         for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
-            bool fits = (row->type == SPEC_TYPE_NUMBER && k == 0) ||
-                        (row->type == SPEC_TYPE_STRING && k == 5) ||
-                        (row->type == SPEC_TYPE_GROUP && k == 2) ||
-                        ((row->flags & SPEC_SWITCH || row->type == SPEC_TYPE_BOOL) && k == 3) ||
-                        is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
+            bool fits =
+                (row->type == SPEC_TYPE_NUMBER && k == 0) || (row->type == SPEC_TYPE_STRING && k == 5) ||
+                (row->type == SPEC_TYPE_GROUP && k == 2) || (row->flags & SPEC_OR_ONE && k == 5) ||
+                is_in_list(row) || ((row->flags & SPEC_SWITCH || row->type == SPEC_TYPE_BOOL) && k == 3) ||
+                is_bound_by_another(row) || strcmp(row->pointer, "/surface") == 0;
             if (fits)
                 json_free(wrong[k]);
             else
@@ -291,7 +297,7 @@ static void test_defaults_and_presence(void **state)
     (void)state;
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
-        if (row->type == SPEC_TYPE_GROUP) continue;
+        if (row->type == SPEC_TYPE_GROUP || is_in_list(row)) continue;
         json *root = document_for(row);
         if (row->choice == SPEC_CHOICE_TARGET) put_at(root, "/sampling/count", number_of(100));
         if (row->type == SPEC_TYPE_NUMBERS && !is_bound_by_another(row))
@@ -319,12 +325,63 @@ static void test_words_of_every_row(void **state)
     for (size_t i = 0; i < spec_row_count; i++) {
         const spec_row *row = &spec_rows[i];
         bool shape = strcmp(spec_row_key(row), "shape") == 0; /* other shapes need other members */
-        for (size_t k = 0; !shape && row->words && row->words[k]; k++) {
+        for (size_t k = 0; !shape && !is_in_list(row) && row->words && row->words[k]; k++) {
             char *quoted = mem_printf("\"%s\"", row->words[k]);
             try_value(row, document(quoted), true, NAN);
             free(quoted);
         }
     }
+}
+
+static void expect_attribute(const char *attribute, const char *pointer, const char *words)
+{
+    spec_faults faults = {0};
+    error e = {0};
+    char *text =
+        mem_printf("{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100},"
+                   "\"attributes\":[{\"name\":\"a\"},%s]}",
+                   attribute);
+    json *root = document(text);
+    assert_null(spec_parse(root, &faults, &e));
+    assert_string_equal(faults.item[0].pointer, pointer);
+    if (!strstr(faults.item[0].detail, words))
+        fail_msg("'%s' does not say '%s'", faults.item[0].detail, words);
+    json_free(root);
+    free(text);
+}
+
+static void test_attributes(void **state)
+{
+    (void)state;
+    json *root = document(
+        "{\"version\":1,\"surface\":{\"vdb\":{\"path\":\"a.vdb\"}},\"sampling\":{\"count\":100},"
+        "\"attributes\":[{\"name\":\"heat.1\"},{\"from\":\"b.####.nrrd\",\"as\":\"v\",\"type\":\"vector\","
+        "\"interpolation\":\"cubic\"},{\"from\":\"geometry\",\"name\":\"part\"}],"
+        "\"output\":{\"ply\":{\"properties\":\"blender\"}}}");
+    spec *s = spec_parse(root, NULL, NULL);
+    spec_input input;
+    assert_non_null(s);
+    assert_int_equal(s->attribute_count, 3);
+    assert_string_equal(s->attributes[0].from, "surface");
+    assert_int_equal(s->attributes[0].interpolation, SPEC_INTERPOLATION_LINEAR);
+    assert_int_equal(s->attributes[1].type, SPEC_ATTRIBUTE_VECTOR);
+    assert_int_equal(s->attributes[1].interpolation, SPEC_INTERPOLATION_CUBIC);
+    assert_true(spec_input_at(s, 1, &input)); /* after the surface's */
+    assert_string_equal(input.pointer, "/attributes/1/from");
+    spec_set_frame(s, 7);
+    assert_true(spec_input_at(s, 1, &input));
+    assert_string_equal(input.path, "b.0007.nrrd");
+    assert_false(spec_input_at(s, 2, &input));
+    assert_int_equal(s->ply_property_count, 1);
+    assert_string_equal(s->ply_properties[0], "blender");
+    spec_free(s);
+    json_free(root);
+    expect_attribute("{}", "/attributes/1/as", "is required where there is no name");
+    expect_attribute("{\"as\":\"a b\"}", "/attributes/1/as", "letters, digits and _");
+    expect_attribute("{\"from\":\"geometry\",\"name\":\"heat\"}", "/attributes/1/name", "direction1");
+    expect_attribute("{\"name\":\"b\",\"type\":\"words\"}", "/attributes/1/type", "must be one of");
+    expect_attribute("{\"name\":\"b\",\"kind\":1}", "/attributes/1/kind", "unknown member");
+    expect_attribute("7", "/attributes/1", "must be an object");
 }
 
 static void test_unknown_member_in_every_group(void **state)
@@ -999,6 +1056,7 @@ int main(void)
         cmocka_unit_test(test_types_of_every_row),
         cmocka_unit_test(test_defaults_and_presence),
         cmocka_unit_test(test_words_of_every_row),
+        cmocka_unit_test(test_attributes),
         cmocka_unit_test(test_frames),
         cmocka_unit_test(test_values_by_frame),
         cmocka_unit_test(test_faults_of_values_by_frame),

@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -109,6 +110,39 @@ static void ids_and_velocities_are_read_back(void **state)
     point_set_free(&s);
 }
 
+static void other_values_are_read_back(void **state)
+{
+    (void)state;
+    static double heat[300], wind[900], label[300], uv[600];
+    const vdb_point_values values[] = {
+        {"heat", 1, false, heat}, {"v", 3, false, wind}, {"label", 1, true, label}, {"uv", 2, false, uv}};
+    point_set s = point_set_sphere(300, vec3_make(1, 2, 3), 1);
+    vdb_points grid = points_of(&s, 0.1);
+    for (int i = 0; i < 300; i++) {
+        heat[i] = 0.25 * i;
+        label[i] = 4000000000.0 - i;
+        for (int k = 0; k < 3; k++) wind[3 * i + k] = k - 0.5 * i;
+        for (int k = 0; k < 2; k++) uv[2 * i + k] = 1.0 / (i + k + 1);
+    }
+    grid.value_count = 4;
+    grid.values = values;
+    int fd = write_points(&grid);
+    error e = {0};
+    if (!vdb_verify_points(fd, &grid, &e)) fail_msg("%s", e.message);
+    double *const changed[] = {&heat[7], &wind[22], &label[7], &uv[15]};
+    for (int k = 0; k < 4; k++) {
+        double kept = *changed[k];
+        char words[40];
+        snprintf(words, sizeof words, "%s of point 7", values[k].name);
+        *changed[k] += 1;
+        assert_false(vdb_verify_points(fd, &grid, &e));
+        assert_non_null(strstr(e.message, words));
+        *changed[k] = kept;
+    }
+    close(fd);
+    point_set_free(&s);
+}
+
 static void the_same_points_give_the_same_bytes(void **state)
 {
     (void)state;
@@ -135,6 +169,7 @@ int main(void)
         cmocka_unit_test(points_are_read_back),
         cmocka_unit_test(what_differs_is_told),
         cmocka_unit_test(ids_and_velocities_are_read_back),
+        cmocka_unit_test(other_values_are_read_back),
         cmocka_unit_test(the_same_points_give_the_same_bytes),
     };
     return cmocka_run_group_tests_name("vdb_points", tests, NULL, NULL);

@@ -1,0 +1,40 @@
+/* attribute: values that points take over from files: at each point, what a grid, a dense volume or a mesh has there.
+ *
+ * Two steps: attribute_find looks whether a file has what is asked for, before anything is computed; attribute_read
+ * fills in the values once the points are known. World space; a file lies in a space of its own where the surface
+ * is moved by transforms. Threads: one request at a time.
+ */
+#ifndef HEXAD_ATTRIBUTE_ATTRIBUTE_H
+#define HEXAD_ATTRIBUTE_ATTRIBUTE_H
+
+#include "attribute/stencil.h"
+#include "base/error.h"
+#include "formats/points.h"
+
+/* What is asked for, of which file. Texts are the caller's. */
+typedef struct attribute_request {
+    int fd;           /* open for reading, at any offset; stays the caller's */
+    const char *path; /* for messages and, of meshes, for the format */
+    const char *name; /* NULL: all that there is at a place */
+    bool has_kind;    /* otherwise the file says */
+    point_attribute_kind kind;
+    stencil_kind stencil;
+    double from_file[3][4]; /* the file's space to the world */
+    size_t memory_limit;
+} attribute_request;
+
+/* Where there is nothing: the background of a grid, the last sample of a dense volume. */
+typedef struct attribute_counts {
+    size_t outside;    /* points where there is nothing */
+    size_t not_finite; /* points whose value is not finite, for which 0 stands */
+} attribute_counts;
+
+/* What values there are, without reading them. Errors: attribute_missing, which names what the file holds, and
+ * those of its reader; each names the file. */
+bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
+
+/* The values at `count` places, `components` each. */
+bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
+                    attribute_counts *counts, error *e);
+
+#endif

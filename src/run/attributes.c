@@ -1,0 +1,343 @@
+#include "run/attributes.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/memory.h"
+#include "formats/column.h"
+#include "geometry/affine.h"
+
+struct attributes_entry {
+    const spec_attribute *spec;
+    char *name;
+    int fd; /* of its file, or -1 */
+    attribute_request request;
+    attribute_counts counts;
+    double least, most; /* of the components; vectors: of each */
+};
+
+/* ---- which file, and where it lies ---- */
+
+static const char *file_of(const spec_surface *s)
+{
+    return s->kind == SPEC_SURFACE_VDB      ? s->vdb.path
+           : s->kind == SPEC_SURFACE_MESH   ? s->mesh.path
+           : s->kind == SPEC_SURFACE_VOLUME ? s->volume.path
+                                            : NULL;
+}
+
+/* m becomes m times the transform's matrix. */
+static void append_transform(const spec_surface *s, double m[3][4])
+{
+    double product[3][4];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 4; j++) {
+            product[i][j] = j == 3 ? m[i][3] : 0;
+            for (int k = 0; k < 3; k++) product[i][j] += m[i][k] * s->matrix[4 * k + j];
+        }
+    memcpy(m, product, sizeof product);
+}
+
+/* The first part that has this file (NULL: any), and the map from its space to the world. */
+static const spec_surface *find_part(const spec_surface *s, const char *path, double m[3][4])
+{
+    const char *own = file_of(s);
+    if (own && (!path || strcmp(own, path) == 0)) return s;
+    if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
+    for (size_t k = 0; k < s->part_count; k++) {
+        double below[3][4];
+        memcpy(below, m, sizeof below);
+        const spec_surface *found = find_part(s->parts[k], path, below);
+        if (!found) continue;
+        memcpy(m, below, sizeof below);
+        return found;
+    }
+    return NULL;
+}
+
+/* A file that no part has moves with the surface as a whole: with the transforms outside of any combination. */
+static void place_beside(const spec_surface *s, double m[3][4])
+{
+    for (; s->part_count == 1; s = s->parts[0])
+        if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
+}
+
+static bool open_file(const spec_attribute *a, const spec *s, source *from, attributes_entry *out, error *e)
+{
+    static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+    bool beside = spec_attribute_has_file(a);
+    memcpy(out->request.from_file, world, sizeof world);
+    const spec_surface *part = find_part(&s->surface, beside ? a->from : NULL, out->request.from_file);
+    if (!part) memcpy(out->request.from_file, world, sizeof world);
+    if (!part && !beside)
+        return error_set(e, ERROR_ATTRIBUTE_MISSING,
+                         "the surface has no file that has an attribute \"%s\": give the file's path as from",
+                         a->name ? a->name : "");
+    if (!part) place_beside(&s->surface, out->request.from_file);
+    out->request.path = part ? file_of(part) : a->from;
+    out->fd = out->request.fd = source_open_file(from, out->request.path, e);
+    return out->fd >= 0;
+}
+
+/* ---- finding ---- */
+
+static char *name_of(const spec_attribute *a)
+{
+    char *name = mem_strdup(a->as ? a->as : a->name);
+    for (char *c = name; *c; c++)
+        if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9'))) *c = '_';
+    return name;
+}
+
+static bool check_name(const attributes *a, size_t index, error *e)
+{
+    const char *name = a->entries[index].name;
+    if (columns_is_own(name) || strlen(name) > 63 || (*name >= '0' && *name <= '9'))
+        return error_set(
+            e, ERROR_SPEC_INVALID,
+            "the attribute cannot be called \"%.80s\", which is a name of the points' own or none: "
+            "give another as",
+            name);
+    for (size_t k = 0; k < index; k++)
+        if (strcmp(a->entries[k].name, name) == 0)
+            return error_set(e, ERROR_SPEC_INVALID, "two attributes are called \"%s\": give another as",
+                             name);
+    return true;
+}
+
+static bool find_geometry(const spec_attribute *a, const source *from, point_attribute *out, error *e)
+{
+    bool part = strcmp(a->name, "part") == 0;
+    out->kind = part ? POINT_ATTRIBUTE_INT : POINT_ATTRIBUTE_VECTOR;
+    out->components = part ? 1 : 3;
+    return !part || source_part_count(from) > 1 ||
+           error_set(e, ERROR_ATTRIBUTE_MISSING,
+                     "the surface is no combination, so that its points belong to no part of it");
+}
+
+static bool find_one(const spec *s, source *from, attributes_entry *entry, point_attribute *out, error *e)
+{
+    static const stencil_kind stencils[] = {[SPEC_INTERPOLATION_LINEAR] = STENCIL_LINEAR,
+                                            [SPEC_INTERPOLATION_CUBIC] = STENCIL_CUBIC,
+                                            [SPEC_INTERPOLATION_NEAREST] = STENCIL_NEAREST};
+    static const point_attribute_kind kinds[] = {
+        [SPEC_ATTRIBUTE_FLOAT] = POINT_ATTRIBUTE_FLOAT,   [SPEC_ATTRIBUTE_INT] = POINT_ATTRIBUTE_INT,
+        [SPEC_ATTRIBUTE_VECTOR] = POINT_ATTRIBUTE_VECTOR, [SPEC_ATTRIBUTE_NORMAL] = POINT_ATTRIBUTE_NORMAL,
+        [SPEC_ATTRIBUTE_COLOR] = POINT_ATTRIBUTE_COLOR,   [SPEC_ATTRIBUTE_UV] = POINT_ATTRIBUTE_UV};
+    const spec_attribute *a = entry->spec;
+    attribute_request *r = &entry->request;
+    out->name = entry->name;
+    if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
+    if (!open_file(a, s, from, entry, e)) return false;
+    r->name = a->name;
+    r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
+    if (r->has_kind) r->kind = kinds[a->type];
+    r->stencil = r->has_kind && r->kind == POINT_ATTRIBUTE_INT ? STENCIL_NEAREST : stencils[a->interpolation];
+    if (!attribute_find(r, &out->kind, &out->components, e)) return false;
+    r->kind = out->kind;
+    return true;
+}
+
+/* Whether the points will have the columns that are asked for: of a set of no points, which has each array that the
+ * job's will have. */
+static bool check_columns(const spec *s, const attributes *a, error *e)
+{
+    static const vec3 vector;
+    static const double number;
+    static const uint32_t whole;
+    columns unused;
+    points set = {.position = &vector,
+                  .normal = &vector,
+                  .kappa = &number,
+                  .kappa1 = &number,
+                  .kappa2 = &number,
+                  .alpha = &number,
+                  .energy = &number,
+                  .spacing = &number,
+                  .spacing_local = &number,
+                  .color = &vector};
+    if (s->coherent) {
+        set.id = &whole;
+        set.velocity = &vector;
+    }
+    if (s->has_alpha && !(s->alpha.has_scale && s->alpha.scale.world == 0 && s->alpha.scale.spacings == 0))
+        set.kappa_scale = &number;
+    set.attribute_count = a->count;
+    set.attributes = a->values;
+    for (size_t k = 0; k < a->count; k++)
+        if (a->values[k].kind == POINT_ATTRIBUTE_UV) set.uv = &number;
+    return columns_choose(&set, (const char *const *)s->ply_properties, s->ply_property_count, &unused, e) ||
+           error_prefix(e, "/output/ply/properties");
+}
+
+bool attributes_find(const spec *s, source *from, attributes *out, error *e)
+{
+    out->count = s->attribute_count;
+    out->entries = mem_alloc(out->count * sizeof *out->entries);
+    out->values = mem_alloc(out->count * sizeof *out->values);
+    for (size_t k = 0; k < out->count; k++) {
+        out->entries[k] = (attributes_entry){.spec = &s->attributes[k], .fd = -1};
+        out->entries[k].name = name_of(&s->attributes[k]);
+    }
+    for (size_t k = 0; k < out->count; k++)
+        if (!check_name(out, k, e) || !find_one(s, from, &out->entries[k], &out->values[k], e))
+            return error_prefix(e, "/attributes/%zu", k);
+    return check_columns(s, out, e);
+}
+
+/* ---- values ---- */
+
+/* Unit vectors along the principal directions, of the larger curvature and of the smaller. They have no sense: of two
+ * opposite ones that with a positive first component that is not nearly zero. */
+static vec3 principal_direction(const field_sample *s, bool larger)
+{
+    static const double zero = 1e-9;
+    vec3 n = vec3_unit(s->gradient), u, v;
+    vec3_frame(n, &u, &v);
+    vec3 hu = sym3_apply(s->hessian, u), hv = sym3_apply(s->hessian, v);
+    double a = vec3_dot(u, hu), b = vec3_dot(u, hv), c = vec3_dot(v, hv);
+    double turn = 0.5 * atan2(2 * b, a - c) + (larger ? 0 : M_PI / 2);
+    vec3 d = vec3_add(vec3_scale(u, cos(turn)), vec3_scale(v, sin(turn)));
+    for (int axis = 0; axis < 3; axis++) {
+        double component = vec3_get(d, axis);
+        if (fabs(component) > zero) return component < 0 ? vec3_scale(d, -1) : d;
+    }
+    return d;
+}
+
+static void read_geometry(const char *name, const source *from, const points *set, double *values)
+{
+    for (size_t i = 0; i < set->count; i++) {
+        field_sample sample = {0};
+        vec3 d = {0, 0, 0};
+        if (strcmp(name, "part") == 0) {
+            values[i] = (double)source_part_at(from, set->position[i]);
+            continue;
+        }
+        if (field_sample_at(from->field, set->position[i], FIELD_HESSIAN, &sample))
+            d = principal_direction(&sample, strcmp(name, "direction1") == 0);
+        memcpy(values + 3 * i, &d, 3 * sizeof *values);
+    }
+}
+
+static void note_range(attributes_entry *entry, const double *values, size_t count)
+{
+    entry->least = INFINITY;
+    entry->most = -INFINITY;
+    for (size_t i = 0; i < count; i++) {
+        entry->least = fmin(entry->least, values[i]);
+        entry->most = fmax(entry->most, values[i]);
+    }
+}
+
+static bool read_one(attributes_entry *entry, const source *from, size_t memory_limit, const points *set,
+                     point_attribute *out, error *e)
+{
+    size_t numbers = set->count * (size_t)out->components;
+    double *values = mem_array(set->count, (size_t)out->components * sizeof *values, "an attribute", e);
+    free((double *)out->values);
+    out->values = values;
+    entry->counts = (attribute_counts){0};
+    entry->request.memory_limit = memory_limit;
+    if (!values) return false;
+    if (entry->fd < 0)
+        read_geometry(entry->spec->name, from, set, values);
+    else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
+        return false;
+    note_range(entry, values, numbers);
+    if (out->kind == POINT_ATTRIBUTE_INT && (entry->least < INT32_MIN || entry->most > INT32_MAX))
+        return error_set(e, ERROR_INPUT_UNSUPPORTED,
+                         "it has numbers beyond 32 bits, from %.0f to %.0f: give the type float",
+                         entry->least, entry->most);
+    return true;
+}
+
+/* What formats want as arrays of their own: the first of the kind. */
+static bool derive(attributes *a, points *set, error *e)
+{
+    free(a->color);
+    free(a->uv);
+    a->color = NULL;
+    a->uv = NULL;
+    for (size_t k = 0; k < a->count; k++) {
+        const point_attribute *v = &a->values[k];
+        bool color = v->kind == POINT_ATTRIBUTE_COLOR && !a->color;
+        if (!color && (v->kind != POINT_ATTRIBUTE_UV || a->uv)) continue;
+        size_t kept = color ? 3 : 2, stride = (size_t)v->components;
+        double *copy = mem_array(set->count, kept * sizeof *copy, "an attribute", e);
+        if (!copy) return false;
+        for (size_t i = 0; i < set->count; i++)
+            memcpy(copy + kept * i, v->values + stride * i, kept * sizeof *copy);
+        if (color)
+            a->color = (vec3 *)copy;
+        else
+            a->uv = copy;
+    }
+    set->attribute_count = a->count;
+    set->attributes = a->values;
+    set->color = a->color;
+    set->uv = a->uv;
+    return true;
+}
+
+bool attributes_read(attributes *a, const source *from, size_t memory_limit, points *set, error *e)
+{
+    for (size_t k = 0; k < a->count; k++)
+        if (!read_one(&a->entries[k], from, memory_limit, set, &a->values[k], e))
+            return error_prefix(e, "attribute \"%s\"", a->entries[k].name);
+    return derive(a, set, e);
+}
+
+/* ---- what the report says ---- */
+
+static void warn(json *warnings, const attributes_entry *entry, size_t count, const char *what)
+{
+    if (count == 0) return;
+    char *text = mem_printf("attribute \"%s\": %zu points %s", entry->name, count, what);
+    json_append_string(warnings, text);
+    free(text);
+}
+
+void attributes_describe(const attributes *a, json *report, json *warnings)
+{
+    static const char *const types[] = {"float", "int", "vector", "normal", "color", "uv"};
+    if (a->count == 0) return;
+    json *list = json_put_array(report, "attributes");
+    for (size_t k = 0; k < a->count; k++) {
+        const attributes_entry *entry = &a->entries[k];
+        json *object = json_append_object(list);
+        json_put_string(object, "name", entry->name);
+        json_put_string(object, "type", types[a->values[k].kind]);
+        json_put_integer(object, "components", a->values[k].components);
+        if (entry->fd >= 0) json_put_string(object, "path", entry->request.path);
+        json_put_number(object, "minimum", entry->least);
+        json_put_number(object, "maximum", entry->most);
+        json_put_integer(object, "outside", (int64_t)entry->counts.outside);
+        warn(warnings, entry, entry->counts.outside,
+             "lie where the file has no values of it: they have its background, or what is nearest");
+        warn(warnings, entry, entry->counts.not_finite, "have no finite value: 0 stands for it");
+    }
+}
+
+double attributes_bytes_per_point(const attributes *a)
+{
+    size_t numbers = 0;
+    for (size_t k = 0; k < a->count; k++) numbers += (size_t)a->values[k].components;
+    return (double)(numbers * sizeof(double));
+}
+
+void attributes_free(attributes *a)
+{
+    for (size_t k = 0; k < a->count; k++) {
+        free(a->entries[k].name);
+        if (a->entries[k].fd >= 0) close(a->entries[k].fd);
+        free((double *)a->values[k].values);
+    }
+    free(a->entries);
+    free(a->values);
+    free(a->color);
+    free(a->uv);
+    *a = (attributes){0};
+}
