@@ -22,6 +22,8 @@ static const double MISLED_LAMBDA = 2;
 static const double FLAT_COSINE = 0.5;
 /* Where normals within the support agree to 37 degrees there is no edge: across one they part by 45 at least. */
 static const double SMOOTH_COSINE = 0.8;
+/* With fewer neighbours a particle is free to move along some direction, and the Hessian is all but singular. */
+enum { HELD_BY = 3 };
 /* The potential's value is bounded at this fraction of sigma where it only scales a turning. */
 static const double TURNING_NEAREST = 0.05;
 /* A trial ends on the surface to within this fraction of h, or is refused. */
@@ -691,9 +693,9 @@ static double squared_steps(const sweep_job *job, int worker, const uint32_t *it
     return squares;
 }
 
-/* Whether the energy is smooth around particle i: where a sharp edge runs through its support the tangent plane does not
- * tell where a step would end. */
-static bool is_smooth_at(const sweep_job *job, size_t i)
+/* Whether Newton's step tells where particle i would go: not where a sharp edge runs through its support, and the tangent
+ * plane does not say where a step would end, nor where fewer than three neighbours leave it free to drift. */
+static bool is_held_at(const sweep_job *job, size_t i)
 {
     const particles *p = job->p;
     const uint32_t *list = neighbours_list(job->r->near, i);
@@ -705,7 +707,7 @@ static bool is_smooth_at(const sweep_job *job, size_t i)
             vec3_dot(p->normal[i], p->normal[j]) < SMOOTH_COSINE)
             return false;
     }
-    return !p->near_boundary[i];
+    return !p->near_boundary[i] && job->r->near->list_count[i] >= HELD_BY;
 }
 
 static void steps_chunk(void *context, int worker, size_t begin, size_t end)
@@ -714,7 +716,7 @@ static void steps_chunk(void *context, int worker, size_t begin, size_t end)
     uint32_t items[FAST_KERNEL_LANES];
     size_t held = 0, part = begin / job->grain;
     for (size_t i = begin; i < end; i++) {
-        if (job->sweep.r->flat[i] && is_smooth_at(&job->sweep, i)) items[held++] = (uint32_t)i;
+        if (job->sweep.r->flat[i] && is_held_at(&job->sweep, i)) items[held++] = (uint32_t)i;
         if (held < FAST_KERNEL_LANES && i + 1 < end) continue;
         job->squares[part] += squared_steps(&job->sweep, worker, items, held);
         job->counts[part] += held;
