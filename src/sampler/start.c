@@ -1,5 +1,7 @@
 #include "sampler/start.h"
 
+#include <stdatomic.h>
+
 #include "base/rng.h"
 #include "packing/packing.h"
 #include "sampler/random_streams.h"
@@ -52,13 +54,21 @@ static vec3 random_in_cells(const field *f, size_t cells, rng *r)
     return p;
 }
 
-/* Where particles are drawn from. */
+/* Where particles are drawn from, and what becomes of them. */
 typedef struct draw_job {
     const field *field;
     const surface *scan;
     const sampler_params *params;
     const levels *plan;
     int level;
+    double spacing;
+    bbox near; /* a point that ends outside ran off */
+    const boundary_request *boundary;
+    particles *p;
+    size_t first; /* the number of those on boundaries, which come before */
+    uint64_t seed;
+    threads *pool;
+    atomic_size_t drawn_again, lost; /* the first particle that never reached the surface, or the count */
 } draw_job;
 
 /* Draw number `draw` of particle i of `count`. The surface start takes its k-th stratum of area. */
@@ -122,34 +132,66 @@ static bool crowds_boundary(const field *f, const boundary_request *request, vec
     return false;
 }
 
+/* Draws particle i until it is on the surface; false when it never is, or the pool was told to stop. */
+static bool draw_particle(draw_job *job, size_t i)
+{
+    particles *p = job->p;
+    rng r = rng_seed(job->seed, i); /* of its own: who draws more changes nothing for the others */
+    for (size_t draw = 0; draw <= MAX_DRAWS && !threads_stopped(job->pool); draw++) {
+        vec3 x = draw_point(job, i - job->first, p->count - job->first, draw, &r);
+        bool settled = settle(job->field, job->params, job->spacing, job->near, &x, &p->normal[i]);
+        if (settled && !(job->first > 0 && draw < BOUNDARY_DRAWS &&
+                         crowds_boundary(job->field, job->boundary, x, p->normal[i]))) {
+            p->position[i] = x;
+            return true;
+        }
+        atomic_fetch_add(&job->drawn_again, !settled);
+    }
+    return false;
+}
+
+static void draw_chunk(void *context, int worker, size_t begin, size_t end)
+{
+    draw_job *job = context;
+    (void)worker;
+    for (size_t k = begin; k < end; k++) {
+        size_t i = job->first + k, lost = atomic_load(&job->lost);
+        if (draw_particle(job, i)) continue;
+        while (i < lost && !atomic_compare_exchange_weak(&job->lost, &lost, i)) continue;
+        return;
+    }
+}
+
 bool start_place(const field *f, const surface *scan, const sampler_params *params, const levels *plan,
                  int level, double spacing, threads *pool, particles *p, size_t *removed, error *e)
 {
-    const draw_job job = {f, scan, params, plan, level};
     rng r = rng_seed(params->seed, RANDOM_STREAM_START);
-    bbox near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size));
-    size_t drawn_again = 0, first = 0;
+    size_t first = 0;
     const boundary_request request = {spacing, params->sizing,
                                       packing_spacing(scan->area, (double)params->count), p->count};
     /* also before random draws, of which many end on the boundaries, run into them from outside, and stay */
     if (!place_boundary(scan, &request, p, &first, e)) return false;
-    for (size_t i = first; i < p->count; i++)
-        for (size_t draw = 0;; draw++) {
-            if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
-            vec3 x = draw_point(&job, i - first, p->count - first, draw, &r);
-            bool settled = settle(f, params, spacing, near, &x, &p->normal[i]);
-            if (settled &&
-                !(first > 0 && draw < BOUNDARY_DRAWS && crowds_boundary(f, &request, x, p->normal[i]))) {
-                p->position[i] = x;
-                break;
-            }
-            drawn_again += !settled;
-            if (draw == MAX_DRAWS)
-                return error_set(e, ERROR_NO_SURFACE,
-                                 "particle %zu of %zu does not reach the surface in %zu draws: the field "
-                                 "has no usable gradient near its isosurface",
-                                 i + 1, p->count, draw);
-        }
-    *removed = drawn_again;
+    draw_job job = {.field = f,
+                    .scan = scan,
+                    .params = params,
+                    .plan = plan,
+                    .level = level,
+                    .spacing = spacing,
+                    .near = bbox_grow(scan->box, FARTHEST * fmax(spacing, f->cell_size)),
+                    .boundary = &request,
+                    .p = p,
+                    .first = first,
+                    .seed = rng_next(&r),
+                    .pool = pool,
+                    .lost = p->count};
+    threads_run(pool, p->count - first, 256, draw_chunk, &job);
+    size_t lost = atomic_load(&job.lost);
+    if (threads_stopped(pool)) return error_set(e, ERROR_CANCELLED, "stopped");
+    if (lost < p->count)
+        return error_set(e, ERROR_NO_SURFACE,
+                         "particle %zu of %zu does not reach the surface in %zu draws: the field "
+                         "has no usable gradient near its isosurface",
+                         lost + 1, p->count, MAX_DRAWS);
+    *removed = atomic_load(&job.drawn_again);
     return true;
 }
