@@ -1,31 +1,51 @@
 #include "attribute/attribute.h"
 
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
+#include "attribute/dense.h"
 #include "attribute/grid.h"
 
 /* What reads a kind of file. */
 typedef struct reader {
     const char *magic;
     size_t magic_length;
+    const char *endings; /* each between blanks, where the first bytes do not tell */
     bool (*find)(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
     bool (*read)(const attribute_request *request, size_t count, const vec3 *position, double *values,
                  attribute_counts *counts, error *e);
 } reader;
 
-static const reader readers[] = {{" BDV\0\0\0\0", 8, grid_find, grid_read}};
+enum { GRIDS, VOLUMES, PAIRS, READERS };
+static const reader readers[READERS] = {
+    [GRIDS] = {" BDV\0\0\0\0", 8, "", grid_find, grid_read},
+    [VOLUMES] = {"NRRD", 4, "", dense_find, dense_read},
+    [PAIRS] = {"", 0, " .nii .nii.gz .hdr ", dense_find, dense_read},
+};
 
-/* By the file's first bytes. */
+static bool ends_with_one_of(const char *path, const char *endings)
+{
+    size_t length = strlen(path);
+    for (const char *at = endings; (at = strchr(at, '.')); at += strcspn(at, " ")) {
+        size_t n = strcspn(at, " ");
+        if (length > n && strncasecmp(path + length - n, at, n) == 0) return true;
+    }
+    return false;
+}
+
+/* By the file's first bytes, or its name. */
 static const reader *reader_of(const attribute_request *request, error *e)
 {
     char head[8] = "";
+    if (request->stack) return &readers[VOLUMES];
     ssize_t got = pread(request->fd, head, sizeof head, 0);
-    for (size_t k = 0; k < sizeof readers / sizeof *readers; k++)
-        if (got >= (ssize_t)readers[k].magic_length &&
-            memcmp(head, readers[k].magic, readers[k].magic_length) == 0)
-            return &readers[k];
-    error_set(e, ERROR_INPUT_UNSUPPORTED, "the file is none that attributes are read from: OpenVDB");
+    for (const reader *r = readers; r < readers + READERS; r++)
+        if (r->magic_length > 0
+                ? got >= (ssize_t)r->magic_length && memcmp(head, r->magic, r->magic_length) == 0
+                : ends_with_one_of(request->path, r->endings))
+            return r;
+    error_set(e, ERROR_INPUT_UNSUPPORTED, "attributes are read from OpenVDB, NRRD and NIfTI files");
     return NULL;
 }
 

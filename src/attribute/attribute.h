@@ -9,11 +9,12 @@
 
 #include "attribute/stencil.h"
 #include "base/error.h"
+#include "dense/exr_stack.h"
 #include "formats/points.h"
 
 /* What is asked for, of which file. Texts are the caller's. */
 typedef struct attribute_request {
-    int fd;           /* open for reading, at any offset; stays the caller's */
+    int fd;           /* open for reading, at any offset; stays the caller's; -1 of a stack */
     const char *path; /* for messages and, of meshes, for the format */
     const char *name; /* NULL: all that there is at a place */
     bool has_kind;    /* otherwise the file says */
@@ -21,6 +22,8 @@ typedef struct attribute_request {
     stencil_kind stencil;
     double from_file[3][4]; /* the file's space to the world */
     size_t memory_limit;
+    const slices_files *files;     /* opens files that a header names */
+    const exr_stack_params *stack; /* the images of a stack, whose channel `name` is; or NULL */
 } attribute_request;
 
 /* Where there is nothing: the background of a grid, the last sample of a dense volume. */

@@ -259,7 +259,7 @@ static bool span(exr_stack *s, error *e)
 static exr_stack *make(const exr_stack_params *params)
 {
     exr_stack *s = mem_alloc(sizeof *s);
-    *s = (exr_stack){.base = {.ops = &exr_ops, .format = "EXR"}, .params = *params};
+    *s = (exr_stack){.base = {.ops = &exr_ops, .components = 1, .format = "EXR"}, .params = *params};
     s->windows = mem_alloc(params->count * sizeof *s->windows);
     s->names = mem_printf("%s%s\n%s%s", params->channel ? "=" : "*", params->channel ? params->channel : "",
                           params->part ? "=" : "*", params->part ? params->part : "");

@@ -46,6 +46,9 @@ static bool check_values(const header *h, error *e)
                          (long long)h->size[1], (long long)h->size[2]);
     if (h->volumes < 0 || h->volumes > most_samples / (h->size[0] * h->size[1] * h->size[2]))
         return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld volumes", (long long)h->volumes);
+    if (h->components < 0 || h->components > 4)
+        return error_set(e, ERROR_INPUT_DAMAGED, "claims %lld values at each sample",
+                         (long long)h->components);
     if (h->byte_skip > most_samples || h->byte_skip < -most_samples)
         return error_set(e, ERROR_INPUT_DAMAGED, "claims that its data begin after %lld bytes",
                          (long long)h->byte_skip);

@@ -46,6 +46,8 @@ typedef struct header {
     int64_t
         byte_skip; /* bytes before them after lines and unpacking; -1 - n: they end n bytes before the end */
     int64_t size[3];           /* the first axis is the fastest */
+    int64_t components;        /* values at each sample, next to each other; 0 counts as 1 */
+    double vector_to_world[9]; /* what those of a vector are turned by, row by row; all 0: by nothing */
     int64_t volumes;           /* of that size, one after the other; 0 counts as 1 */
     double index_to_world[16]; /* row-major, column vectors; index (0, 0, 0) is the first sample's place */
     double slope, intercept;   /* value = slope * number + intercept */

@@ -167,15 +167,40 @@ static bool encoding_of_nrrd(answer *a, const NrrdIoState *io)
     return true;
 }
 
+/* Whether the fastest axis is of the values at a sample: its kind says so, or it alone has no direction. */
+static bool begins_with_values(const Nrrd *n)
+{
+    const NrrdAxisInfo *first = &n->axis[0];
+    if (n->dim < 2 || n->dim > 4 || first->size < 2 || first->size > 4) return false;
+    if (first->kind == nrrdKindUnknown)
+        return n->dim == 4 && isnan(first->spaceDirection[0]) && !isnan(n->axis[1].spaceDirection[0]);
+    return n->dim == 4 && first->kind >= nrrdKindList;
+}
+
+/* Of a vector: the file may say in which directions its components are. */
+static void values_of_nrrd(answer *a, const Nrrd *n)
+{
+    const NrrdAxisInfo *first = &n->axis[0];
+    bool vector = first->kind == nrrdKindUnknown || first->kind == nrrdKindVector ||
+                  first->kind == nrrdKind3Vector || first->kind == nrrdKindList;
+    a->head.components = (int64_t)first->size;
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; vector && column < 3 && n->spaceDim == 3; column++) {
+            double value = n->measurementFrame[column][row];
+            a->head.vector_to_world[3 * row + column] = isfinite(value) ? value : 0;
+        }
+}
+
 /* The three axes with more than one sample, fastest first: axes of one sample do not change the order. */
 static bool axes_of_nrrd(answer *a, const Nrrd *n, const NrrdAxisInfo *axis[3])
 {
-    unsigned found = 0;
+    unsigned found = 0, first = begins_with_values(n);
     char sizes[160] = "";
-    for (unsigned k = 0; k < n->dim; k++) {
+    if (first) values_of_nrrd(a, n);
+    for (unsigned k = first; k < n->dim; k++) {
         size_t used = strlen(sizes);
-        snprintf(sizes + used, sizeof sizes - used, "%s%zu", k ? " x " : "", n->axis[k].size);
-        if (n->dim > 3 && n->axis[k].size == 1) continue;
+        snprintf(sizes + used, sizeof sizes - used, "%s%zu", used ? " x " : "", n->axis[k].size);
+        if (n->dim > 3 + first && n->axis[k].size == 1) continue;
         if (found < 3) axis[found] = &n->axis[k];
         found++;
     }

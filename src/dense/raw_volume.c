@@ -170,7 +170,7 @@ static bool check_length(const raw_volume *s, int64_t values, error *e)
 
 static int64_t values_in_all(const raw_volume *s)
 {
-    return s->head.size[0] * s->head.size[1] * s->head.size[2];
+    return s->head.size[0] * s->head.size[1] * s->head.size[2] * s->base.components;
 }
 
 static bool open_data(raw_volume *s, uint32_t index, error *e)
@@ -291,7 +291,7 @@ static bool raw_volume_begin(slices *base, error *e)
 static bool raw_volume_next(slices *base, float *values, error *e)
 {
     raw_volume *s = (raw_volume *)base;
-    for (int64_t wanted = s->head.size[0] * s->head.size[1]; wanted > 0;) {
+    for (int64_t wanted = s->head.size[0] * s->head.size[1] * base->components; wanted > 0;) {
         if (s->left == 0 && !open_data(s, s->at + 1, e)) return false;
         int64_t some = wanted < s->left ? wanted : s->left;
         bool ok = s->head.encoding == HEADER_ASCII ? read_words(s, values, some, e)
@@ -354,19 +354,35 @@ static bool choose_volume(header *h, int64_t index, error *e)
     return true;
 }
 
-slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
-                        const slices_files *files, error *e)
+slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t index,
+                         const slices_files *files, error *e)
 {
     raw_volume *s = mem_alloc(sizeof *s);
     *s = (raw_volume){.base = {.ops = &raw_volume_ops}, .path = path, .files = files, .fd = fd, .data = -1};
-    if (!header_read(fd, path, program, &s->head, &s->text, e) || !choose_volume(&s->head, index, e) ||
-        !place_files(s, e) || !open_data(s, 0, e)) {
+    bool ok = header_read(fd, path, program, &s->head, &s->text, e);
+    s->base.components = s->head.components > 1 ? (int)s->head.components : 1;
+    if (!ok || !choose_volume(&s->head, index, e) || !place_files(s, e) || !open_data(s, 0, e)) {
         raw_volume_close(&s->base);
         return NULL;
     }
+    memcpy(s->base.vector_to_world, s->head.vector_to_world, sizeof s->base.vector_to_world);
     memcpy(s->base.size, s->head.size, sizeof s->base.size);
     memcpy(s->base.index_to_world, s->head.index_to_world, sizeof s->base.index_to_world);
     strcpy(s->base.format, s->head.format);
     strcpy(s->base.space, s->head.space);
     return &s->base;
+}
+
+slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
+                        const slices_files *files, error *e)
+{
+    slices *s = raw_vectors_open(fd, path, program, index, files, e);
+    if (!s || s->components == 1) return s;
+    error_set(
+        e, ERROR_INPUT_UNSUPPORTED,
+        "the file has %d values at each sample: a surface is taken from one (`unu slice -a 0 -p 0` takes "
+        "the first), and points may carry all of them as an attribute",
+        s->components);
+    s->ops->close(s);
+    return NULL;
 }

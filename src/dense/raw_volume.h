@@ -14,4 +14,8 @@
 slices *raw_volume_open(int fd, const char *path, const char *program, int64_t index,
                         const slices_files *files, error *e);
 
+/* The same of a file that may have several values at each sample. */
+slices *raw_vectors_open(int fd, const char *path, const char *program, int64_t index,
+                         const slices_files *files, error *e);
+
 #endif

@@ -1,7 +1,7 @@
 /* slices: a dense volume, read slice by slice (the source of volume/dense_grid.h).
  *
  * It is an interface: an implementation puts `slices` first in its own struct. Sample (i, j, k) is number
- * i + size[0] j of slice k; its place is index_to_world (i, j, k, 1). Threads: one at a time.
+ * i + size[0] j of slice k, with `components` values; its place is index_to_world (i, j, k, 1). Threads: one at a time.
  */
 #ifndef HEXAD_DENSE_SLICES_H
 #define HEXAD_DENSE_SLICES_H
@@ -23,7 +23,9 @@ typedef struct slices_ops {
 
 struct slices {
     const slices_ops *ops;
-    int64_t size[3];           /* samples along each axis, at least 2 */
+    int64_t size[3]; /* samples along each axis, at least 2 */
+    int components;  /* values at each sample, next to each other: 1, or up to 4 of raw_vectors_open */
+    double vector_to_world[9]; /* those of a vector, row by row */
     double index_to_world[16]; /* row-major, column vectors */
     char format[8], space[64]; /* as in header.h */
     char warning[256];         /* something odd about them, or "" */

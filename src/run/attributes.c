@@ -14,6 +14,8 @@ struct attributes_entry {
     char *name;
     int fd; /* of its file, or -1 */
     attribute_request request;
+    exr_stack_params stack; /* of a surface that is one */
+    slices_files files;
     attribute_counts counts;
     double least, most; /* of the components; vectors: of each */
 };
@@ -22,7 +24,8 @@ struct attributes_entry {
 
 static const char *file_of(const spec_surface *s)
 {
-    return s->kind == SPEC_SURFACE_VDB      ? s->vdb.path
+    return s->kind == SPEC_SURFACE_EXR      ? s->exr.path
+           : s->kind == SPEC_SURFACE_VDB    ? s->vdb.path
            : s->kind == SPEC_SURFACE_MESH   ? s->mesh.path
            : s->kind == SPEC_SURFACE_VOLUME ? s->volume.path
                                             : NULL;
@@ -64,6 +67,12 @@ static void place_beside(const spec_surface *s, double m[3][4])
         if (s->kind == SPEC_SURFACE_TRANSFORM) append_transform(s, m);
 }
 
+/* Files that other files name are opened beside them. */
+static int open_beside(void *context, const char *path, error *e)
+{
+    return source_open_file(context, path, e);
+}
+
 static bool open_file(const spec_attribute *a, const spec *s, source *from, attributes_entry *out, error *e)
 {
     static const double world[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
@@ -77,6 +86,13 @@ static bool open_file(const spec_attribute *a, const spec *s, source *from, attr
                          a->name ? a->name : "");
     if (!part) place_beside(&s->surface, out->request.from_file);
     out->request.path = part ? file_of(part) : a->from;
+    out->files = (slices_files){open_beside, from};
+    out->request.files = &out->files;
+    if (part && part->kind == SPEC_SURFACE_EXR) {
+        out->stack = source_stack(&part->exr, &out->files);
+        out->request.stack = &out->stack;
+        return true;
+    }
     out->fd = out->request.fd = source_open_file(from, out->request.path, e);
     return out->fd >= 0;
 }
@@ -117,7 +133,8 @@ static bool find_geometry(const spec_attribute *a, const source *from, point_att
                      "the surface is no combination, so that its points belong to no part of it");
 }
 
-static bool find_one(const spec *s, source *from, attributes_entry *entry, point_attribute *out, error *e)
+static bool find_one(const spec *s, source *from, size_t memory_limit, attributes_entry *entry,
+                     point_attribute *out, error *e)
 {
     static const stencil_kind stencils[] = {[SPEC_INTERPOLATION_LINEAR] = STENCIL_LINEAR,
                                             [SPEC_INTERPOLATION_CUBIC] = STENCIL_CUBIC,
@@ -131,6 +148,7 @@ static bool find_one(const spec *s, source *from, attributes_entry *entry, point
     out->name = entry->name;
     if (strcmp(a->from, SPEC_FROM_GEOMETRY) == 0) return find_geometry(a, from, out, e);
     if (!open_file(a, s, from, entry, e)) return false;
+    r->memory_limit = entry->stack.memory_limit = memory_limit;
     r->name = a->name;
     r->has_kind = a->type != SPEC_ATTRIBUTE_AUTO;
     if (r->has_kind) r->kind = kinds[a->type];
@@ -172,7 +190,7 @@ static bool check_columns(const spec *s, const attributes *a, error *e)
            error_prefix(e, "/output/ply/properties");
 }
 
-bool attributes_find(const spec *s, source *from, attributes *out, error *e)
+bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e)
 {
     out->count = s->attribute_count;
     out->entries = mem_alloc(out->count * sizeof *out->entries);
@@ -182,7 +200,7 @@ bool attributes_find(const spec *s, source *from, attributes *out, error *e)
         out->entries[k].name = name_of(&s->attributes[k]);
     }
     for (size_t k = 0; k < out->count; k++)
-        if (!check_name(out, k, e) || !find_one(s, from, &out->entries[k], &out->values[k], e))
+        if (!check_name(out, k, e) || !find_one(s, from, memory_limit, &out->entries[k], &out->values[k], e))
             return error_prefix(e, "/attributes/%zu", k);
     return check_columns(s, out, e);
 }
@@ -241,8 +259,9 @@ static bool read_one(attributes_entry *entry, const source *from, size_t memory_
     out->values = values;
     entry->counts = (attribute_counts){0};
     entry->request.memory_limit = memory_limit;
+    entry->stack.memory_limit = memory_limit;
     if (!values) return false;
-    if (entry->fd < 0)
+    if (!entry->request.path)
         read_geometry(entry->spec->name, from, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
@@ -311,7 +330,7 @@ void attributes_describe(const attributes *a, json *report, json *warnings)
         json_put_string(object, "name", entry->name);
         json_put_string(object, "type", types[a->values[k].kind]);
         json_put_integer(object, "components", a->values[k].components);
-        if (entry->fd >= 0) json_put_string(object, "path", entry->request.path);
+        if (entry->request.path) json_put_string(object, "path", entry->request.path);
         json_put_number(object, "minimum", entry->least);
         json_put_number(object, "maximum", entry->most);
         json_put_integer(object, "outside", (int64_t)entry->counts.outside);

@@ -22,7 +22,7 @@ typedef struct attributes {
 /* Looks for all attributes of the spec, and for the columns that output.ply.properties names. Errors:
  * attribute_missing, spec_invalid (two of one name, or a name that the points have of their own), those of
  * attribute_find and source_open_file. Free after failure, too. */
-bool attributes_find(const spec *s, source *from, attributes *out, error *e);
+bool attributes_find(const spec *s, source *from, size_t memory_limit, attributes *out, error *e);
 
 /* Fills in the values at the points of `set`, and sets its attributes, color and uv. */
 bool attributes_read(attributes *a, const source *from, size_t memory_limit, points *set, error *e);

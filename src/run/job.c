@@ -82,7 +82,7 @@ bool job_load(job *j, error *e)
     bool ok = j->pool && choose_isa(s, &j->isa, e) &&
               (!s->coherent || sequence_begin(&j->sequence, j->options->frame, j->options->previous, e)) &&
               source_open(s, j->options->roots, j->memory, j->isa, j->pool, &j->source, e) &&
-              attributes_find(s, &j->source, &j->attributes, e);
+              attributes_find(s, &j->source, j->memory, &j->attributes, e);
     j->load_peak = peak_of(RUSAGE_SELF) + peak_of(RUSAGE_CHILDREN); /* readers run one after the other */
     return ok;
 }

@@ -179,14 +179,23 @@ static volume *open_stored(const spec_volume *v, int fd, const opening *o, error
                       v->isovalue, v->reconstruction, o, e);
 }
 
+exr_stack_params source_stack(const spec_exr *x, const slices_files *files)
+{
+    return (exr_stack_params){.count = x->count,
+                              .paths = (const char *const *)x->files,
+                              .numbers = x->numbers,
+                              .part = x->part,
+                              .channel = x->channel,
+                              .voxel_size = x->voxel_size,
+                              .origin = x->origin,
+                              .files = files};
+}
+
 static volume *open_exr(const spec_exr *x, const opening *o, error *e)
 {
     const slices_files files = {open_input, o->source};
-    const exr_stack_params params = {x->count,       (const char *const *)x->files,
-                                     x->numbers,     x->part,
-                                     x->channel,     x->voxel_size,
-                                     x->origin,      NULL,
-                                     memory_left(o), &files};
+    exr_stack_params params = source_stack(x, &files);
+    params.memory_limit = memory_left(o);
     return open_dense(exr_stack_open(&params, e), x->path, x->isovalue, x->reconstruction, o, e);
 }
 

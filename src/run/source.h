@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "base/threads.h"
+#include "dense/exr_stack.h"
 #include "field/analytic.h"
 #include "field/bspline.h"
 #include "field/combination.h"
@@ -58,6 +59,9 @@ void source_close(source *s);
 
 /* Opens one more input, for reading, while the roots are there: -1 and an error if it cannot be. */
 int source_open_file(source *s, const char *path, error *e);
+
+/* A stack of images as it is opened, but for the limit of memory; `files` opens them. */
+exr_stack_params source_stack(const spec_exr *x, const slices_files *files);
 
 /* Parts of the surface's first combination, 1 if it is none, and which of them a point of the surface lies on. */
 size_t source_part_count(const source *s);

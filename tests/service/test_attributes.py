@@ -8,6 +8,7 @@ import pytest
 from scipy import ndimage
 
 from readers import read_columns
+from volumes import Part, write_exr, write_nifti, write_nrrd
 
 # Of the range of the values.
 TOLERANCE = 1e-5
@@ -218,6 +219,88 @@ def test_the_points_grid_has_the_attributes(carry, write_vdb, tmp_path):
     assert report, columns
     data = (tmp_path / "out" / "points.vdb").read_bytes()
     assert all(name in data for name in (b"\1\0\0\0v", b"temperature", b"Cd", b"pscale", b"id"))
+
+
+# ---- dense volumes
+
+def write_vectors(path, values, matrix, frame=None, kind="vector"):
+    """An NRRD file with the components of a vector next to each other; `frame`: the directions that they are in."""
+    columns = lambda m: " ".join("(" + ",".join(repr(float(v)) for v in m[:3, k]) + ")" for k in range(3))
+    lines = ["NRRD0005", "type: float", "dimension: 4", "sizes: " + " ".join(map(str, [values.shape[3], *values.shape[:3]])),
+             "encoding: raw", "endian: little", "space: left-posterior-superior", f"space directions: none {columns(matrix)}",
+             "space origin: (" + ",".join(repr(float(v)) for v in matrix[:3, 3]) + ")", f"kinds: {kind} domain domain domain"]
+    lines += [f"measurement frame: {columns(frame)}"] if frame is not None else []
+    data = numpy.moveaxis(values, 3, 0).astype("<f4").tobytes(order="F")
+    path.write_bytes(("\n".join(lines) + "\n\n").encode() + data)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_arrays_of_nrrd_and_nifti(carry, tmp_path, space):
+    """Scalars and vectors of other files in the space of the surface's, in slices one after the other."""
+    made = fields(numpy.random.default_rng(17))
+    matrix, frame = SPACES[space], rotation(0.9, 0)
+    write_nrrd(tmp_path / "ball.nrrd", ball(), matrix)
+    write_nrrd(tmp_path / "heat.nrrd", made["temperature"], matrix, encoding="gzip")
+    write_nifti(tmp_path / "heat.nii", made["temperature"], matrix)
+    write_vectors(tmp_path / "wind.nrrd", made["velocity"], matrix)
+    write_vectors(tmp_path / "turned.nrrd", made["velocity"], matrix, frame)
+    write_vectors(tmp_path / "tint.nrrd", made["velocity"] + 0.5, matrix, kind="RGB-color")
+    file = {name: str(tmp_path / name) for name in ("heat.nrrd", "heat.nii", "wind.nrrd", "turned.nrrd", "tint.nrrd")}
+    columns, report = carry({"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}, [
+        {"from": file["heat.nrrd"], "as": "heat"}, {"from": file["heat.nrrd"], "as": "smooth", "interpolation": "cubic"},
+        {"from": file["heat.nii"], "as": "nifti"}, {"from": file["wind.nrrd"], "as": "wind"},
+        {"from": file["wind.nrrd"], "name": "2", "as": "up", "interpolation": "nearest"},
+        {"from": file["turned.nrrd"], "as": "turned"}, {"from": file["tint.nrrd"], "as": "Cd", "type": "color"}])
+    assert report, columns
+    index = apply(numpy.linalg.inv(matrix), places(columns))
+    close(columns["heat"], linear(made["temperature"], index), 300)
+    close(columns["smooth"], cubic(made["temperature"], index), 300)
+    close(columns["nifti"], columns["heat"], 300)
+    wind = numpy.stack([linear(made["velocity"][..., axis], index) for axis in range(3)], -1)
+    close(vectors(columns, "wind"), wind, 1)
+    close(columns["up"], nearest(made["velocity"][..., 2], index), 1)
+    close(vectors(columns, "turned"), wind @ frame[:3, :3].T, 1)
+    for axis, (name, byte) in enumerate(zip("rgb", ("red", "green", "blue"))):
+        close(columns[f"Cd_{name}"], wind[:, axis] + 0.5, 1)
+        assert numpy.abs(columns[byte] - 255 * (wind[:, axis] + 0.5)).max() < 0.501
+    assert all(a["outside"] == 0 for a in report["attributes"])
+
+
+def test_a_second_channel_of_a_stack_of_images(carry, tmp_path):
+    made = fields(numpy.random.default_rng(19))["temperature"]
+    for k in range(SIZE):
+        write_exr(tmp_path / f"slice.{k:04d}.exr", Part({"A": ball()[:, :, k], "heat": made[:, :, k]}))
+    exr = {"path": str(tmp_path / "slice.####.exr"), "slices": f"0-{SIZE - 1}", "channel": "A", "isovalue": 0,
+           "voxel_size": [0.1, 0.2, 0.1], "origin": [1, 2, 3]}
+    columns, report = carry({"exr": exr}, [{"name": "heat"}, {"name": "A"}])
+    assert report, columns
+    index = (places(columns) - [1, 2, 3]) / [0.1, 0.2, 0.1]
+    close(columns["heat"], linear(made, index), 300)
+    close(columns["A"], linear(ball(), index), 12)
+    error, none = carry({"exr": exr}, [{"name": "cold"}])
+    assert none is None and error["code"] == "attribute_missing" and '"cold": its channels are A, heat' in error["message"]
+
+
+def test_what_a_dense_file_does_not_have(carry, tmp_path):
+    made = fields(numpy.random.default_rng(23))
+    write_nrrd(tmp_path / "ball.nrrd", ball(), SPACES["plain"])
+    write_vectors(tmp_path / "wind.nrrd", made["velocity"], SPACES["plain"])
+    surface = {"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}
+    for attribute, words in (({"from": str(tmp_path / "wind.nrrd"), "name": "3"}, 'no "3"'),
+                             ({"from": str(tmp_path / "wind.nrrd"), "name": "x"}, 'no "x"'),
+                             ({"name": "1"}, "no volume 1: it has 1")):
+        error, none = carry(surface, [{"as": "a", **attribute}])
+        assert none is None and error["code"] == "attribute_missing" and words in error["message"], error
+    error, none = carry({"volume": {"path": str(tmp_path / "wind.nrrd"), "isovalue": 0}}, [])
+    assert none is None and error["code"] == "input_unsupported" and "3 values at each sample" in error["message"]
+    # a smaller file beside: what is nearest stands beyond its ends, and is counted
+    part = SIZE // 2
+    write_nrrd(tmp_path / "half.nrrd", made["temperature"][:part], SPACES["plain"])
+    columns, report = carry(surface, [{"from": str(tmp_path / "half.nrrd"), "as": "heat"}])
+    assert report, columns
+    index = apply(numpy.linalg.inv(SPACES["plain"]), places(columns))
+    close(columns["heat"], linear(made["temperature"][:part], index), 300)
+    assert report["attributes"][0]["outside"] == (index[:, 0] >= part).sum() > 100
 
 
 # ---- the surface's own geometry

@@ -1,0 +1,12 @@
+/* dense: attributes of dense volumes, NRRD and NIfTI files and stacks of EXR images, read slice by slice: no more than four
+ * slices are held. As attribute.h. */
+#ifndef HEXAD_ATTRIBUTE_DENSE_H
+#define HEXAD_ATTRIBUTE_DENSE_H
+
+#include "attribute/attribute.h"
+
+bool dense_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
+bool dense_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
+                attribute_counts *counts, error *e);
+
+#endif
