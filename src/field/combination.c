@@ -10,6 +10,8 @@ static const double BULGE = 0.5;
 /* Cells along the longest side, at least: an edge where two parts meet is cut off in each cell that it
  * passes. At 32, as formulas have, the area of a sphere from which another is cut is 5e-3 too small. */
 static const double CELLS_LONGEST = 192;
+/* Where F is not defined no edge is near. The value there says so: it is farther, in cells, than edges are searched for. */
+static const double FAR = 2;
 /* Cells of a part whose slopes are averaged. */
 enum { SLOPES = 256 };
 /* Blocks of the grid that are marked one by one, in bytes: 256 MB. */
@@ -73,7 +75,7 @@ static double corner_value(const field *f, vec3 x)
 {
     field_sample s;
     if (combination_sample(f, x, FIELD_GRADIENT, &s)) return s.value;
-    return copysign(f->cell_size, combination_side(f, x));
+    return copysign(FAR * f->cell_size, combination_side(f, x));
 }
 
 static const cell_grid_oracle oracle = {corner_value, NULL};

@@ -1,5 +1,6 @@
 #include "volume/volume_field.h"
 
+#include <endian.h>
 #include <math.h>
 #include <string.h>
 
@@ -61,22 +62,69 @@ static void cell(const field *f, size_t k, field_cell *out)
         v->grazed[64 * n + 8 * (size_t)(c->at[0] & 7) + (size_t)(c->at[1] & 7)] >> (c->at[2] & 7) & 1;
 }
 
+/* Whether a cell of the box, ends included, is crossed. */
+static bool any_crossed(const volume *v, const int32_t low[3], const int32_t high[3])
+{
+    for (int32_t bx = low[0] >> 3; bx <= high[0] >> 3; bx++)
+        for (int32_t by = low[1] >> 3; by <= high[1] >> 3; by++)
+            for (int32_t bz = low[2] >> 3; bz <= high[2] >> 3; bz++) {
+                const uint32_t n = block_map_find(&v->map, bx, by, bz);
+                if (n == BLOCK_MAP_NONE) continue;
+                const int32_t block[3] = {bx, by, bz};
+                int first[3], last[3];
+                for (int axis = 0; axis < 3; axis++) {
+                    first[axis] = low[axis] >> 3 == block[axis] ? low[axis] & 7 : 0;
+                    last[axis] = high[axis] >> 3 == block[axis] ? high[axis] & 7 : 7;
+                }
+                const uint8_t row = (uint8_t)((2u << last[2]) - (1u << first[2]));
+                const uint64_t rows = ~UINT64_C(0) >> (56 - 8 * (last[1] - first[1])) << 8 * first[1];
+                const uint64_t wanted = htole64(rows & UINT64_C(0x0101010101010101) * row);
+                uint64_t layer;
+                for (int x = first[0]; x <= last[0]; x++) {
+                    memcpy(&layer, v->crossed + 64 * (size_t)n + 8 * (size_t)x, sizeof layer);
+                    if (layer & wanted) return true;
+                }
+            }
+    return false;
+}
+
 /* Whether a cell within NEAR voxels of this one, which lies in a brick, is crossed. */
 static bool is_near(const volume *v, const int32_t cell[3])
 {
-    for (int32_t x = cell[0] - NEAR; x <= cell[0] + NEAR; x++)
-        for (int32_t y = cell[1] - NEAR; y <= cell[1] + NEAR; y++)
-            for (int32_t z = cell[2] - NEAR; z <= cell[2] + NEAR;) {
-                uint32_t n = block_map_find(&v->map, x >> 3, y >> 3, z >> 3);
-                int32_t end =
-                    (z | 7) < cell[2] + NEAR ? z | 7 : cell[2] + NEAR; /* the row's last in this block */
-                unsigned row = (2u << (end & 7)) - (1u << (z & 7));
-                if (n != BLOCK_MAP_NONE &&
-                    v->crossed[64 * (size_t)n + 8 * (size_t)(x & 7) + (size_t)(y & 7)] & row)
-                    return true;
-                z = end + 1;
-            }
-    return false;
+    int32_t low[3], high[3];
+    for (int axis = 0; axis < 3; axis++) {
+        low[axis] = cell[axis] - NEAR;
+        high[axis] = cell[axis] + NEAR;
+    }
+    return any_crossed(v, cell, cell) || any_crossed(v, low, high);
+}
+
+/* How many more steps from p surely stay in the block of its voxel. */
+static double steps_within_block(vec3 p, const int32_t voxel[3], vec3 step)
+{
+    double steps = INFINITY;
+    for (int axis = 0; axis < 3; axis++) {
+        const double by = vec3_get(step, axis), low = (double)(voxel[axis] & ~7);
+        if (by != 0) steps = fmin(steps, ((by > 0 ? low + 8 : low) - vec3_get(p, axis)) / by);
+    }
+    return fmax(floor(steps) - 1, 0);
+}
+
+/* The voxel of a place, and the number of its brick. */
+static uint32_t brick_at(const volume *v, vec3 index, int32_t voxel[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const double at = vec3_get(index, axis);
+        voxel[axis] = (int32_t)at;
+        voxel[axis] -= at < (double)voxel[axis];
+    }
+    return block_map_find(&v->map, voxel[0] >> 3, voxel[1] >> 3, voxel[2] >> 3);
+}
+
+static double side_of_voxel(const volume *v, uint32_t brick, const int32_t voxel[3])
+{
+    const int bit = 8 * (voxel[1] & 7) + (voxel[2] & 7);
+    return v->inside[8 * (size_t)brick + (size_t)(voxel[0] & 7)] >> bit & 1 ? -1 : 1;
 }
 
 /* Every crossing lies in a brick, NEAR or more from its end, so the side is that of the first voxel of a brick
@@ -86,22 +134,22 @@ static double side(const field *f, vec3 x)
 {
     const volume *v = (const volume *)f;
     const vec3 from = affine_apply(v->to_index, x.x, x.y, x.z);
-    const int32_t *cell_to = v->cells[0].at;
-    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
+    int32_t voxel[3];
     for (int axis = 0; axis < 3; axis++) {
         double at = vec3_get(from, axis);
         if (!(fabs(at) < INT32_MAX / 2)) return 1;
         if (v->info.size[axis] > 0 && !(at >= 0 && at <= (double)(v->info.size[axis] - 1))) return 1;
     }
+    uint32_t brick = brick_at(v, from, voxel);
+    if (brick != BLOCK_MAP_NONE) return is_near(v, voxel) ? 0 : side_of_voxel(v, brick, voxel);
+    const int32_t *cell_to = v->cells[0].at;
+    const vec3 way = vec3_sub((vec3){cell_to[0] + 0.5, cell_to[1] + 0.5, cell_to[2] + 0.5}, from);
     const double steps = fmax(ceil(fmax(fabs(way.x), fmax(fabs(way.y), fabs(way.z)))), 1); /* a voxel each */
-    for (double k = 0; k <= steps; k++) {
+    for (double k = 1; k <= steps; k++) {
         const vec3 p = vec3_axpy(k / steps, way, from);
-        const int32_t at[3] = {(int32_t)floor(p.x), (int32_t)floor(p.y), (int32_t)floor(p.z)};
-        uint32_t n = block_map_find(&v->map, at[0] >> 3, at[1] >> 3, at[2] >> 3);
-        if (n == BLOCK_MAP_NONE) continue;
-        if (k == 0 && is_near(v, at)) return 0;
-        int bit = 8 * (at[1] & 7) + (at[2] & 7);
-        return v->inside[8 * (size_t)n + (size_t)(at[0] & 7)] >> bit & 1 ? -1 : 1;
+        brick = brick_at(v, p, voxel);
+        if (brick != BLOCK_MAP_NONE) return side_of_voxel(v, brick, voxel);
+        k += steps_within_block(p, voxel, vec3_scale(way, 1 / steps));
     }
     return 1;
 }
