@@ -19,6 +19,10 @@ def _tap(line):
         os.write(int(fd), (line + "\n").encode())
 
 
+def pytest_configure(config):
+    config.addinivalue_line("markers", "plain: left out of sanitized builds, since tests beside it run the same code there")
+
+
 def pytest_collection_finish(session):
     _tap(f"1..{len(session.items)}")
 
@@ -68,6 +72,17 @@ def build():
     if not where:
         pytest.fail("HEXAD_BUILD does not say where the programs are")
     return pathlib.Path(where).resolve()
+
+
+@pytest.fixture(scope="session")
+def sanitized(build):
+    return b"__asan_init" in (build / "hexad-worker").read_bytes()
+
+
+@pytest.fixture(autouse=True)
+def spare_sanitizers(request):
+    if request.node.get_closest_marker("plain") and request.getfixturevalue("sanitized"):
+        pytest.skip("in the plain build only: with sanitizers tests beside it run the same code")
 
 
 @pytest.fixture(scope="session")

@@ -102,6 +102,7 @@ def test_open_meshes_are_refused(data_service, jobs, name):
     assert name in done["error"]["message"] and OPEN[name] in done["error"]["message"]
 
 
+@pytest.mark.plain
 def test_the_dragon(data_service, folder, diagnose):
     """At the default resolution: seconds, and away from creases, which draw a row of points, within a twentieth of a voxel."""
     path = folder / "dragon_100k.obj"
@@ -133,6 +134,7 @@ def blade(path, sides=BLADE):
     return turn
 
 
+@pytest.mark.plain
 def test_a_blade_is_whole(worker, tmp_path, diagnose):
     """A two-thousandth of its length thick: voxels follow the thickness, and nothing of it is missing."""
     turn = blade(tmp_path / "blade.obj")
@@ -154,6 +156,7 @@ MALFORMED_BUT_GOOD = {"box_longline.obj", "box_without_lineending.obj", "cube_bi
                       "wallhole.obj", "whitespace.off"}
 
 
+@pytest.mark.plain
 def test_voxels_follow_the_features_that_are_to_be_resolved(worker, tmp_path):
     """The least feature that min_spacing allows to resolve is a voxel, unless a bound says otherwise, which the report names."""
     blade(tmp_path / "rod.obj", (1, 0.04, 0.04))

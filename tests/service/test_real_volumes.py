@@ -131,6 +131,7 @@ def test_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name):
 AREAS = [("bifrost_torus01.vdb", 0.005), ("densityAndHeat.vdb", 0.02)]
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("name, within", AREAS)
 def test_the_area_of_fog(data_service, shared_data, fog_jobs, pyopenvdb, diagnose, name, within):
     grid, isovalue, _ = FOG[name]
@@ -323,6 +324,7 @@ REPEATABLE = {
 }
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("name", REPEATABLE)
 def test_the_same_bytes_with_any_threads(data_service, shared_data, diagnose, name):
     jobs = []

@@ -11,13 +11,6 @@ from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, g
                         on_nodes, points, running_cluster, slurm, wait_running)
 
 pytestmark = needs_slurm
-ALSO_SANITIZED = {"test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine", "test_attempts_run_on_without_the_daemon"}
-
-
-@pytest.fixture(autouse=True)
-def spare_sanitizers(request, build):
-    if b"__asan_init" in (build / "hexad").read_bytes() and request.node.originalname not in ALSO_SANITIZED:
-        pytest.skip("without sanitizers only: Slurm would be waited for once more, for nothing")
 
 
 def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_farm, new_service):
@@ -36,6 +29,7 @@ def test_jobs_run_on_the_nodes_with_the_results_of_the_local_engine(slurm, new_f
     assert (farm.base / "work/instance").exists()
 
 
+@pytest.mark.plain
 def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
     where = front("sbatch", 'echo "$@" >"$where/words"; exec "$real" "$@"')
     farm = new_farm("--slurm_accounts", "somebody=other,*=film", "--slurm_options", "--comment=hexad",
@@ -54,6 +48,7 @@ def test_slurm_is_told_what_a_job_needs(slurm, new_farm, front):
 @pytest.mark.parametrize("fault", ['"$real" "$@" >/dev/null; echo "sbatch: error: Batch job submission failed: Socket '
                                    'timed out on send/recv operation" >&2; exit 1',
                                    '"$real" "$@"; sleep 100'])
+@pytest.mark.plain
 def test_a_submission_that_was_accepted_without_an_answer_is_found_again(slurm, new_farm, front, fault):
     front("sbatch", f'echo x >>"$where/calls"; {fault}')
     farm = new_farm("--slurm_command_s", "1")
@@ -89,6 +84,7 @@ def test_attempts_run_on_without_the_daemon(slurm, new_farm, gate, number):
     assert len(slurm.jobs()) == 3
 
 
+@pytest.mark.plain
 def test_a_paused_job_leaves_the_queue_of_slurm(slurm, new_farm):
     slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
     farm = new_farm()
@@ -103,6 +99,7 @@ def test_a_paused_job_leaves_the_queue_of_slurm(slurm, new_farm):
     assert [a["reason"][:8] for a in attempts(farm, job)] == ["paused: ", "exit sta"]
 
 
+@pytest.mark.plain
 def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, tmp_path):
     """`make farmtest` has 1000 of them."""
     footage = make_footage(tmp_path, (1, 2, 4, 5, 6))
@@ -115,6 +112,7 @@ def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, 
     assert attempts_of_frames(farm, job) == {1: 1, 2: 1, 3: 2, 4: 1, 5: 1, 6: 1}
 
 
+@pytest.mark.plain
 def test_a_job_that_slurm_refuses_says_why_and_is_not_tried_again(slurm, new_farm):
     farm = new_farm("--slurm_options", "--partition=nowhere")
     farm.post("/v1/admin/hold")
