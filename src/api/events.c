@@ -332,22 +332,23 @@ void events_of_job(const http_context *c, const http_request *request, reply *r)
     queue_job_clear(&job);
 }
 
-/* A missing job or one of another user is refused, as on its own route, since an empty stream would not
- * explain itself. */
-static bool may_select(const http_context *c, const http_request *request, const selection *s, reply *r)
+/* A missing job, or without `all` one of another user, is refused, since an empty stream would not explain itself. */
+static bool may_select(const http_context *c, const http_request *request, const selection *s, bool all,
+                       reply *r)
 {
     queue_job job = {0};
-    if (s->owner && !access_is_owner(request->caller, s->owner)) {
+    if (!all && s->owner && !access_is_owner(request->caller, s->owner)) {
         reply_set_problem(r, "forbidden", NULL,
-                          "only %s and administrators may read the events of these jobs", s->owner);
+                          "the events of these jobs are for %s and administrators; all=1 is for everybody",
+                          s->owner);
         return false;
     }
     if (!s->id) return true;
     http_request named = *request;
     named.parameter[0] = s->id;
-    bool own = job_lookup_find_own(c, &named, &job, r);
+    bool found = (all ? job_lookup_find : job_lookup_find_own)(c, &named, &job, r);
     queue_job_clear(&job);
-    return own;
+    return found;
 }
 
 void events_of_all(const http_context *c, const http_request *request, reply *r)
@@ -357,10 +358,11 @@ void events_of_all(const http_context *c, const http_request *request, reply *r)
                    .label = parameter_text(request, "label", NULL),
                    .progress = parameter_integer(request, "progress", 0) != 0,
                    .row = ROWS_FROM_NOW};
+    bool all = parameter_integer(request, "all", 0) != 0;
     if (!read_position(request, QUEUE_EVENTS_FROM_NOW, &s)) {
         refuse_position(r);
-    } else if (may_select(c, request, &s, r)) {
-        if (!(request->caller->scopes & SCOPE_ADMIN)) s.owner = request->caller->user;
+    } else if (may_select(c, request, &s, all, r)) {
+        if (!all && !(request->caller->scopes & SCOPE_ADMIN)) s.owner = request->caller->user;
         answer(c, request, &s, r);
     }
 }

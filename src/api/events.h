@@ -12,6 +12,9 @@
  * reached, because it was restored from an older backup; the stream continues after `seq`. Pages of JSON have
  * `position` and both members, too.
  *
+ * With the parameter `all` the events are those of the jobs of all users: they tell what lists and GET /v1/workers tell
+ * everyone.
+ *
  * The stream of one job also has events `progress`, one for each progress line of a worker; another stream has them with
  * the parameter `progress`. They are not stored, and a slow client misses some. The stream of one job ends with it.
  */

@@ -128,6 +128,12 @@ static const parameter parameters[] = {
      .otherwise = "0",
      .prose =
          "1: the stream has the progress of running attempts as well, whatever the label of their jobs."},
+    {.name = "all",
+     .type = PARAMETER_INTEGER,
+     .low = 0,
+     .high = 1,
+     .otherwise = "0",
+     .prose = "1: the events of the jobs of all users, as everyone may list these jobs."},
     {.name = "frame",
      .type = PARAMETER_INTEGER,
      .low = -2147483647,

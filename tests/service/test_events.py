@@ -57,7 +57,7 @@ def jobs_told(stream, last):
         if kind == "position":
             continue
         told.append(document["job"])
-        if document["job"] == last and document["state"] == "succeeded" and kind == "state":
+        if document["job"] == last and document.get("state") == "succeeded" and kind == "state":
             return told
     raise AssertionError("the stream has ended")
 
@@ -161,6 +161,23 @@ def test_filters(closed_service):
                                 ("job=01aaaaaaaaaaaaaaaaaaaaaaaa", 404, "not_found"), ("job=x", 400, "request_invalid")):
         expect_problem(with_token(service, alice, "GET", f"/v1/events?{query}"), status, code)
     assert with_token(service, root, "GET", "/v1/events?after=0&owner=nobody").json["events"] == []
+
+
+def test_everyone_may_follow_the_jobs_that_he_may_list(closed_service, tmp_path):
+    service = closed_service
+    service.end()
+    service.start("--worker", gated_worker(tmp_path))
+    alice, bob = new_token(service, "alice"), new_token(service, "bob")
+    streams = [Stream(service, f"/v1/events?all=1&progress=1{more}", token=alice) for more in ("", "&owner=bob")]
+    job = with_token(service, bob, "POST", "/v1/jobs", sphere()).json["id"]
+    streams.append(Stream(service, f"/v1/events?all=1&job={job}", token=alice))
+    line = next(document for _, kind, document in streams[0] if kind == "progress")
+    assert line["job"] == job and line["progress"]["phase"] == "relax"
+    service.open_gate(job)
+    for stream in streams:
+        assert set(jobs_told(stream, job)) == {job}
+    assert with_token(service, alice, "GET", f"/v1/events?after=0&all=1&job={job}").json["events"]
+    expect_problem(with_token(service, alice, "GET", "/v1/events?all=1&job=01aaaaaaaaaaaaaaaaaaaaaaaa"), 404, "not_found")
 
 
 def test_a_filter_that_leaves_out_much_is_told_how_far_it_has_got(service):
