@@ -188,7 +188,8 @@ static void inspect(const http_context *c, const char *path, reply *r)
     else if (verdict == ESTIMATOR_FAULT)
         reply_set_error(r, &e, NULL);
     else
-        reply_set_unavailable(r, e.message);
+        reply_set_problem(r, "unavailable", NULL, "%s", e.message);
+    if (verdict == ESTIMATOR_BUSY) reply_ask_again(r);
     free(text);
     json_free(asked);
 }
@@ -205,7 +206,7 @@ void inputs_inspect(const http_context *c, const http_request *request, reply *r
         reply_set_problem(r, "request_invalid", NULL,
                           "the body is an object with one member, path: the file");
     } else if (!c->estimator) {
-        reply_set_unavailable(r, "the service looks at no files (setting estimates)");
+        reply_set_problem(r, "unavailable", NULL, "the service looks at no files (setting estimates)");
     } else {
         char *mapped = path_map_apply(c->mappings, asked);
         const char *path = mapped ? mapped : asked;

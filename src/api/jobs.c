@@ -504,9 +504,10 @@ void jobs_submit(const http_context *c, const http_request *request, reply *r)
     order_clear(&o);
 }
 
-/* Adds the estimate to the document, for callers who may submit; false when *r says that the job would fail. */
+/* Adds the estimate to the document, for callers who may submit; *busy: it may be asked for again. False when *r says
+ * that the job would fail. */
 static bool put_estimate(const http_context *c, const http_request *request, const order *o, json *document,
-                         reply *r)
+                         bool *busy, reply *r)
 {
     error e = {0};
     int threads = o->s->threads;
@@ -531,9 +532,10 @@ static bool put_estimate(const http_context *c, const http_request *request, con
         error_set(&e, ERROR_NONE, "the service makes no estimates (setting estimates)");
     }
     job_json_put_stored(document, "estimate", found);
-    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_NONE ? e.message : NULL);
+    json_put_string(document, "estimate_missing", verdict == ESTIMATOR_MADE ? NULL : e.message);
     free(found);
     if (verdict == ESTIMATOR_FAULT) reply_set_error(r, &e, NULL);
+    *busy = verdict == ESTIMATOR_BUSY;
     return verdict != ESTIMATOR_FAULT;
 }
 
@@ -541,13 +543,15 @@ void jobs_validate(const http_context *c, const http_request *request, reply *r)
 {
     order o = {0};
     json *document = json_new_object();
+    bool busy = false;
     if (read_order(c, request, &o, r) && check_order(c, request, &o, r) &&
-        put_estimate(c, request, &o, document, r)) {
+        put_estimate(c, request, &o, document, &busy, r)) {
         json *asked = json_copy(o.s->normalised);
         paths_restore(o.paths, asked);
         json_put(document, "spec", asked);
         json_put(document, "paths", o.paths ? json_copy(o.paths) : json_new_array());
         reply_set_json(r, 200, document);
+        if (busy) reply_ask_again(r);
         document = NULL;
     }
     json_free(document);

@@ -148,6 +148,7 @@ void status_workers(const http_context *c, const http_request *request, reply *r
         const queue_task *task = &running[i].task;
         o = json_append_object(list);
         json_put_string(o, "job", running[i].job.id);
+        json_put_string(o, "name", running[i].job.name);
         json_put_string(o, "owner", running[i].job.owner);
         if (task->frame != QUEUE_NO_FRAME) json_put_integer(o, "frame", task->frame);
         json_put_integer(o, "attempt", task->attempt);

@@ -154,6 +154,7 @@ estimator_verdict estimator_ask(estimator *m, const char *command, const char *s
         input_permissions_free(roots, root_count);
         free(directory);
     } else {
+        verdict = ESTIMATOR_BUSY;
         error_set(e, ERROR_INTERNAL, "%d others are running (setting estimates)", m->at_once);
     }
     atomic_fetch_sub(&m->running, 1);

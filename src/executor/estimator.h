@@ -22,6 +22,7 @@ void estimator_close(estimator *m); /* after the last estimator_ask has returned
 typedef enum estimator_verdict {
     ESTIMATOR_MADE,
     ESTIMATOR_FAULT, /* the job would fail: the error tells why */
+    ESTIMATOR_BUSY,  /* none now: others are running */
     ESTIMATOR_NONE   /* no estimate could be made: the error tells why */
 } estimator_verdict;
 

@@ -174,6 +174,11 @@ void reply_add_member(reply *r, const char *name, json *value)
     json_free(document);
 }
 
+void reply_ask_again(reply *r)
+{
+    reply_add_header(r, "Retry-After", "1");
+}
+
 void reply_set_unavailable(reply *r, const char *why)
 {
     reply_set_problem(r, "unavailable", NULL, "%s", why);

@@ -26,7 +26,8 @@
  *     priority_forbidden 403      user_priorities or the token allows less
  *     too_many_requests 429       too many connections of one client or user; with Retry-After
  *     database_damaged 503        nothing can be changed until an operator has repaired it
- *     unavailable 503             draining, the queue cannot store, or too many connections in all; with Retry-After
+ *     unavailable 503             draining, the queue cannot store, or too many connections in all; with Retry-After. Or no
+ *                                 file is looked into; with Retry-After when others are being looked into
  */
 #ifndef HEXAD_HTTP_REPLY_H
 #define HEXAD_HTTP_REPLY_H
@@ -114,6 +115,8 @@ void reply_set_problem(reply *r, const char *code, json *errors, const char *for
     __attribute__((format(printf, 4, 5)));
 /* Adds a member to the document that was set. Takes the value over. */
 void reply_add_member(reply *r, const char *name, json *value);
+/* Adds Retry-After with a second: what is missing is there soon. */
+void reply_ask_again(reply *r);
 /* `unavailable`, with Retry-After. */
 void reply_set_unavailable(reply *r, const char *why);
 /* `storage_full`, with Retry-After. */

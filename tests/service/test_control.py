@@ -231,10 +231,10 @@ def test_attempts_and_log(service):
 
 
 def test_workers(gated):
-    job = gated.submit(sphere())
+    job = gated.submit(sphere(name="busy"))
     gated.wait_worker(job)
     seen = gated.get("/v1/workers").json
-    assert [w["job"] for w in seen["workers"]] == [job]
+    assert [(w["job"], w["name"]) for w in seen["workers"]] == [(job, "busy")]
     assert seen["load"]["attempts"] == 1 == seen["load"]["attempts_limit"]
 
 
