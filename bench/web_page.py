@@ -9,6 +9,7 @@ would be given, and the time of the script alone.
 """
 import argparse
 import concurrent.futures
+import contextlib
 import datetime
 import json
 import os
@@ -99,31 +100,44 @@ class Events(threading.Thread):
             self.sent += 1
 
 
-def status_reads(service, job, seconds=3):
-    connection, count, begun = service.connection(), 0, time.monotonic()
-    while time.monotonic() < begun + seconds:
-        ask(service, connection, "GET", f"/v1/jobs/{job}")
-        count += 1
-    return count / (time.monotonic() - begun)
-
-
-def effort(service, seconds=3):
-    """Processor time of the service in a second, in milliseconds."""
-    before, begun = cpu_seconds(service.process.pid)[0], time.monotonic()
-    time.sleep(seconds)
-    return 1000 * (cpu_seconds(service.process.pid)[0] - before) / (time.monotonic() - begun)
-
-
-def renderer_bytes(browser):
-    """Memory of the process that runs the page, with its share of what it shares."""
+def pids_of(browser):
+    """All processes of the browser."""
     parents = {pid: parent for pid, (parent, _, _) in processes().items()}
-    largest = 0
     for pid in parents:
         above = pid
         while above and above != browser.driver.service.process.pid:
             above = parents.get(above)
+        if above:
+            yield pid
+
+
+def browser_seconds(browser):
+    """Processor time of the browser so far, without what has ended."""
+    total = 0
+    for pid in pids_of(browser):
+        with contextlib.suppress(OSError):
+            total += cpu_seconds(pid)[0]
+    return total
+
+
+def efforts(service, browser, action, seconds=3):
+    """Repeats an action for a while. How often a second, and the processor time that service and browser took, in milliseconds a
+    second."""
+    before, begun, count = (cpu_seconds(service.process.pid)[0], browser_seconds(browser)), time.monotonic(), 0
+    while time.monotonic() < begun + seconds:
+        action()
+        count += 1
+    spent = time.monotonic() - begun
+    own, others = cpu_seconds(service.process.pid)[0] - before[0], browser_seconds(browser) - before[1]
+    return {"rate": count / spent, "service": 1000 * own / spent, "browser": 1000 * others / spent}
+
+
+def renderer_bytes(browser):
+    """Memory of the process that runs the page, with its share of what it shares."""
+    largest = 0
+    for pid in pids_of(browser):
         try:
-            if above and b"--type=renderer" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes():
+            if b"--type=renderer" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes():
                 pss = re.search(r"^Pss: *(\d+) kB", pathlib.Path(f"/proc/{pid}/smaps_rollup").read_text(), re.M)
                 largest = max(largest, 1024 * int(pss[1]))
         except OSError:
@@ -159,12 +173,15 @@ def measure_queue(service, browser, jobs, seconds, table):
     time.sleep(seconds)
     frames = sorted(browser.run("return window.frames"))
     objects, memory = browser.run("return performance.memory.usedJSHeapSize"), renderer_bytes(browser)
-    found = {"no page open": [], "the page open": []}
+    connection, found = service.connection(), {"no page open": [], "the page open": []}
     for _ in range(5):  # by turns: other work on this machine changes
-        browser.driver.get("about:blank")
-        found["no page open"].append((effort(service), status_reads(service, jobs[0])))
-        show_queue(service, browser)
-        found["the page open"].append((effort(service), status_reads(service, jobs[0])))
+        for words, show in (("no page open", lambda: browser.driver.get("about:blank")),
+                            ("the page open", lambda: show_queue(service, browser))):
+            show()
+            idle = efforts(service, browser, lambda: time.sleep(0.1))
+            read = efforts(service, browser, lambda: ask(service, connection, "GET", f"/v1/jobs/{jobs[0]}"))
+            found[words].append({"idle": idle["service"], "rate": read["rate"], "browser": read["browser"],
+                                 "cost": 1000 * (read["service"] - idle["service"]) / read["rate"]})
     events.stopped.set()
     events.join()
     table.add("waiting jobs", len(jobs), "jobs")
@@ -173,12 +190,12 @@ def measure_queue(service, browser, jobs, seconds, table):
     table.add("99th percentile of frames", frames[int(0.99 * len(frames))], "ms")
     table.add("memory of the process that shows the page", memory, "bytes", MOST_MEMORY)
     table.add("of that, objects of the page", objects, "bytes")
-    for words, pairs in found.items():
-        table.add(f"processor time of the service for these events, {words} (median of 5)",
-                  statistics.median(ms for ms, _ in pairs), "ms a second")
-    for words, pairs in found.items():
-        table.add(f"status reads of one client on {os.cpu_count()} processors, {words} (median of 5)",
-                  statistics.median(rate for _, rate in pairs), "reads/s")
+    for what, key, unit in (("processor time of the service for these events", "idle", "ms a second"),
+                            ("processor time of the service for a status read", "cost", "µs"),
+                            (f"status reads of one client on {os.cpu_count()} processors", "rate", "reads/s"),
+                            ("processor time of the browser meanwhile", "browser", "ms a second")):
+        for words, rounds in found.items():
+            table.add(f"{what}, {words} (median of 5)", statistics.median(r[key] for r in rounds), unit)
 
 
 def measure_points(service, browser, count, table):
