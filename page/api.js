@@ -6,14 +6,26 @@ export const urlOf = path => new URL(path.replace(/^\//, ""), root);
 
 /** An answer that says what is wrong: a problem document, or no answer at all (status 0). */
 export class Problem extends Error {
-  constructor(status, body) {
+  constructor(status, body, retryAfter = null) {
     super(body.detail || body.title || `The service answered ${status}.`);
     this.status = status;
+    this.retryAfter = retryAfter; // seconds, where asking again helps
     this.code = body.code;
     this.errors = body.errors || [];
     this.checks = body.checks;
   }
 }
+
+/** The seconds after which one may ask again for what is missing in the answer, or null. */
+export const retryAfterOf = response => Number(response.headers.get("Retry-After")) || null;
+
+export const wait = (seconds, signal) => new Promise((done, fail) => {
+  const timer = setTimeout(done, 1000 * seconds);
+  signal.addEventListener("abort", () => {
+    clearTimeout(timer);
+    fail(signal.reason);
+  });
+});
 
 /** Sends a request and returns the response; throws a Problem. */
 export async function send(method, path, {body, headers, signal} = {}) {
@@ -33,17 +45,17 @@ export async function send(method, path, {body, headers, signal} = {}) {
     problem = {detail: text};
   }
   if (response.status === 401) dispatchEvent(new Event("signed-out"));
-  throw new Problem(response.status, problem);
+  throw new Problem(response.status, problem, retryAfterOf(response));
 }
 
 export async function get(path, options) {
   return (await send("GET", path, options)).json();
 }
 
-export async function call(method, path, document) {
+export async function call(method, path, document, signal) {
   const options = document === undefined ? {} : {
     body: JSON.stringify(document), headers: {"Content-Type": "application/json"}};
-  const response = await send(method, path, options);
+  const response = await send(method, path, {...options, signal});
   return response.status === 204 ? null : response.json();
 }
 

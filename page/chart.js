@@ -3,7 +3,7 @@ import {html, useEffect, useRef} from "./preact.js";
 import uPlot from "./uplot.js";
 import {numberOf} from "./words.js";
 
-const HEIGHT = 190;
+const HEIGHT = 180;
 const LINEAR = 1, LOG = 3, ASINH = 4; // uPlot's numbers of scales
 
 /** What is plotted: of the sweeps of a report, and of the progress lines of a worker. */
@@ -25,13 +25,17 @@ export function rowsOfReport(report) {
 const colour = name => () => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const LINES = ["--accent", "--warn"];
 
+const isTen = tick => tick === 0 || Math.abs(Math.log10(Math.abs(tick)) % 1) < 1e-6;
+
 function optionsOf(quantity, words, width) {
-  const axis = {stroke: colour("--dim"), grid: {stroke: colour("--line"), width: 1}, ticks: {stroke: colour("--line"), width: 1}};
+  const line = {stroke: colour("--line"), width: 1};
+  const axis = {stroke: colour("--dim"), grid: line, ticks: line};
+  const tens = {...line, filter: (_, ticks) => ticks.map(tick => (quantity.scale.distr === LINEAR || isTen(tick) ? tick : null))};
   const values = (_, ticks) => ticks.map(tick => (tick === null ? "" : numberOf(tick)));
   return {
     width, height: HEIGHT, legend: {show: false}, cursor: {y: false},
     scales: {x: {time: false}, y: quantity.scale},
-    axes: [{...axis, values}, {...axis, values, size: 68}],
+    axes: [{...axis, values, size: 32}, {...axis, grid: tens, ticks: tens, values, size: 68}],
     series: [{}, ...words.map((word, i) => ({label: word, stroke: colour(LINES[i]), width: 1.5, dash: i ? [6, 4] : [], spanGaps: true, points: {show: false}}))],
   };
 }

@@ -1,5 +1,6 @@
 // A form made from a JSON Schema, as far as specs of jobs need it. What it cannot show is edited as JSON.
 import {html, useState} from "./preact.js";
+import {countOf} from "./words.js";
 
 const wordOf = name => (name ? name[0].toUpperCase() + name.slice(1).replace(/_/g, " ") : "");
 
@@ -43,7 +44,8 @@ const isNumber = schema => schema.type === "number" || schema.type === "integer"
 const rangeOf = ({minimum, exclusiveMinimum, maximum}) => {
   const low = minimum ?? exclusiveMinimum;
   const far = value => value === undefined || Math.abs(value) >= 1e9;
-  return far(low) && far(maximum) ? "" : `${far(low) ? "up" : `${exclusiveMinimum !== undefined ? "above " : "from "}${low}`}${far(maximum) ? "" : ` to ${maximum}`}`;
+  const show = value => (Number.isInteger(value) ? countOf(value) : value);
+  return far(low) && far(maximum) ? "" : `${far(low) ? "up" : `${exclusiveMinimum !== undefined ? "above " : "from "}${show(low)}`}${far(maximum) ? "" : ` to ${show(maximum)}`}`;
 };
 
 function NumberInput({schema, value, onChange, ...more}) {
@@ -107,8 +109,17 @@ function Variants({name, schema, value, pointer, faults, onChange, discriminator
     <${Members} key=${chosen.properties[discriminator].const} ...${{schema: chosen, value, pointer, faults, onChange}} />`;
 }
 
+/**
+ * The members of an object. What one need not give, and nobody has given when it appears, stands behind "More": there it
+ * stays, lest it moves while one types.
+ */
 function Members({schema, value = {}, pointer, faults, onChange}) {
   const choices = choicesOf(schema), given = choices.find(name => name in value) || choices[0];
+  const others = Object.keys(schema.properties).filter(name => !choices.includes(name));
+  const [late] = useState(() => {
+    const absent = others.filter(name => !(schema.required || []).includes(name) && !(name in value));
+    return choices.length || absent.length < others.length ? absent : [];
+  });
   const member = name => {
     const part = schema.properties[name], at = `${pointer}/${name}`;
     if ("const" in part) return null;
@@ -119,10 +130,12 @@ function Members({schema, value = {}, pointer, faults, onChange}) {
     return html`<${Optional} key=${name} name=${name} schema=${part} value=${value[name]} onChange=${set}>${node}<//>`;
   };
   const choose = name => onChange({...Object.fromEntries(Object.entries(value).filter(([key]) => !choices.includes(key))), [name]: blankOf(schema.properties[name])});
-  return html`${choices.length > 0 && html`<div class="field"><label for=${`c${pointer}`}>One of</label>
+  return html`${choices.length > 0 && html`<div class="field"><label for=${`c${pointer}`}>Given by</label>
       <select id=${`c${pointer}`} onChange=${e => choose(e.target.value)}>${choices.map(name => html`<option value=${name} selected=${name === given}>${wordOf(name)}</option>`)}</select>
       ${schema.properties[given].properties && html`<p class="hint">${schema.properties[given].description}</p>`}</div>${member(given)}`}
-    ${Object.keys(schema.properties).filter(name => !choices.includes(name)).map(member)}`;
+    ${others.filter(name => !late.includes(name)).map(member)}
+    ${late.length > 0 && html`<details class="group" open=${late.some(name => name in value)}><summary>More: ${late.map(name => wordOf(name)).join(", ")}</summary>
+      <div class="fields">${late.map(member)}</div></details>`}`;
 }
 
 /** A group that may be absent. */

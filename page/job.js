@@ -39,12 +39,12 @@ function useJob(id, frame, own) {
     if (rows.length > ROWS_MOST) live.rows = rows.filter((_, i) => i % 2 || i === rows.length - 1);
   }
 
-  const follows = job && !isFinal(job.state) && own(job);
+  const stream = job && !isFinal(job.state) && (own(job) ? `v1/jobs/${id}/events` : `v1/events?all=1&progress=1&job=${id}`);
   useEffect(() => {
-    if (!follows) return undefined;
+    if (!stream) return undefined;
     const readSoon = throttled(read, READ_MS);
     let drawing = null;
-    const stop = follow(`v1/jobs/${id}/events`, {
+    const stop = follow(stream, {
       onOpen: readSoon,
       onEvent(type, event) {
         if (type !== "progress") {
@@ -65,7 +65,7 @@ function useJob(id, frame, own) {
       readSoon.cancel();
       cancelAnimationFrame(drawing);
     };
-  }, [id, frame, follows]);
+  }, [id, frame, stream]);
   const progress = job && (!job.array && live.attempt === job.attempt && live.newest || job.progress);
   return {job: job && {...job, progress}, rows: live.rows, lines: live.lines, error, reload: read};
 }
@@ -81,9 +81,21 @@ export function useReport(job, frame) {
   return report;
 }
 
+/** What one can do when a job has failed for a reason that is not in its spec or its files. */
+const REMEDIES = {
+  limit_memory: "Submit a changed copy with fewer points, or with more memory under limits.",
+  limit_time: "Submit a changed copy with fewer points, or with more time under limits.",
+  stalled: "Retry runs it again; its log says where it stood.",
+  dependency_failed: "Retry the job that it depends on first.",
+  storage_full: "Retry it once the disk has room.",
+  storage_failed: "Retry it once the disk works.",
+  interrupted: "Retry runs it again.",
+  internal: "Retry runs it again; its log may say more.",
+};
+
 /** What the state means and what one can do, in sentences. */
 function explain(job, report) {
-  if (job.error) return [job.error.message];
+  if (job.error) return [REMEDIES[job.error.code] || "Submit a changed copy: with this spec it ends the same again."];
   const reasons = report && report.outcome_reasons || [];
   if (reasons.length) return reasons.map(reason => reason.message);
   switch (job.state) {
@@ -95,7 +107,7 @@ function explain(job, report) {
   }
 }
 
-function Buttons({job, onChange}) {
+function Buttons({job, frame, onChange}) {
   const [run, error, busy] = useAction(async (method, path) => {
     await call(method, `v1/jobs/${job.id}${path}`);
     if (method === "DELETE") location.hash = "#/";
@@ -104,7 +116,7 @@ function Buttons({job, onChange}) {
   const button = (word, path) => html`<button disabled=${busy} onClick=${() => run("POST", path)}>${word}</button>`;
   const ended = isFinal(job.state);
   return html`<div class="buttons">
-    ${job.links.results && html`<a class="button main" href=${`#/jobs/${job.id}/points`}>Points in 3-D</a>`}
+    ${job.links.results && html`<a class="button main" href=${`#/jobs/${job.id}/points${query({frame})}`}>Points in 3-D</a>`}
     ${!ended && button("Cancel", "/cancel")}
     ${!ended && (job.paused ? button("Resume", "/resume") : button("Pause", "/pause"))}
     ${ended && (job.state !== "succeeded") && button("Retry", "/retry")}
@@ -165,19 +177,25 @@ function Log({job, attempt, lines}) {
   return html`<${Trouble} error=${error} /><pre class="log" ref=${place} tabindex="0" aria-label="Log">${text === null ? "…" : text || "The log is empty."}</pre>`;
 }
 
-function Attempts({job, lines}) {
+/** How a worker ended, by its exit status. */
+const ENDS = {0: "at rest", 10: "not at rest", 11: "in disorder", 2: "spec refused", 3: "file refused", 4: "no surface", 5: "limit exceeded", 6: "stopped", 7: "disk failed"};
+
+/** The attempts of a job, or of one of its frames. */
+function Attempts({job, frame, lines}) {
   const [open, setOpen] = useState(null);
-  if (!job.attempts || !job.attempts.length) return null;
+  const attempts = (job.attempts || []).filter(attempt => frame === null || attempt.frame === frame);
+  if (!attempts.length) return null;
   const keyOf = attempt => `${attempt.frame ?? ""}.${attempt.number}`;
-  const endOf = attempt => (attempt.reason || (attempt.signal ? `signal ${attempt.signal}` : attempt.exit_status !== undefined ? `exit ${attempt.exit_status}` : "running"));
+  const endOf = ({reason, exit_status: status, finished}) =>
+    (reason === `exit status ${status}` && ENDS[status]) || reason || (finished ? `exit status ${status}` : "running");
   return html`<section aria-label="Attempts"><h2>Attempts</h2><div class="scroll" tabindex="0" role="region" aria-label="List of attempts"><table><thead><tr>
-    <th scope="col" class="number">No.</th><th scope="col">Started</th><th scope="col" class="number">Ran</th><th scope="col">End</th>
+    ${job.array && html`<th scope="col" class="number">Frame</th>`}<th scope="col" class="number">No.</th><th scope="col">Started</th><th scope="col" class="number">Ran</th><th scope="col">End</th>
     <th scope="col" class="number">Memory</th><th scope="col"><span class="hidden">Log</span></th></tr></thead><tbody>
-    ${job.attempts.map(attempt => html`<tr><td class="number">${attempt.frame !== undefined ? `${attempt.frame} / ` : ""}${attempt.number}</td>
+    ${attempts.map(attempt => html`<tr>${job.array && html`<td class="number">${attempt.frame}</td>`}<td class="number">${attempt.number}</td>
       <td>${timeOf(attempt.started)}</td><td class="number">${spentOf(attempt)}</td><td>${endOf(attempt)}</td>
       <td class="number">${bytesOf(attempt.peak_memory_bytes)}</td>
       <td><button aria-expanded=${open === keyOf(attempt)} onClick=${() => setOpen(open === keyOf(attempt) ? null : keyOf(attempt))}>Log</button></td></tr>
-      ${open === keyOf(attempt) && html`<tr><td colspan="6"><${Log} job=${job} attempt=${attempt} lines=${lines} /></td></tr>`}`)}
+      ${open === keyOf(attempt) && html`<tr><td colspan="7"><${Log} job=${job} attempt=${attempt} lines=${lines} /></td></tr>`}`)}
     </tbody></table></div></section>`;
 }
 
@@ -218,17 +236,18 @@ export function Job({ids: [id], search, session}) {
   return html`<p class="back"><a href="#/">Queue</a></p>
     <h1>${nameOf(job)} <${State} job=${job} /></h1>
     <${Trouble} error=${error} />
-    ${explain(job, report).map(text => html`<p class=${job.error ? "trouble" : "lead"}>${text}</p>`)}
+    ${job.error && html`<p class="trouble">${job.error.message}</p>`}
+    ${explain(job, report).map(text => html`<p class="lead">${text}</p>`)}
     ${progress && html`<div class="live" aria-live="off"><${Progress} fraction=${progress.fraction} label="Progress" />
       <span>${PHASES[progress.phase]}${progress.eta_s >= 1 ? `, about ${durationOf(progress.eta_s)} left` : ""}</span></div>`}
-    ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} onChange=${reload} />`}
+    ${own && session.scopes.includes("cancel") && html`<${Buttons} job=${job} frame=${frame} onChange=${reload} />`}
     <${Facts} job=${job} now=${now} />
-    ${job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
+    ${own && job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
     ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
     ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report && html`<${Report} report=${report} />`}
-    ${own && html`<${Attempts} job=${job} lines=${lines} />`}
+    ${own && html`<${Attempts} job=${job} frame=${frame} lines=${lines} />`}
     ${job.spec && html`<${Spec} spec=${job.spec} />`}`;
 }

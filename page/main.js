@@ -64,6 +64,8 @@ function App() {
     const show = () => findView(location.hash).then(found => {
       setView(found);
       scrollTo(0, 0);
+      const main = document.getElementById("main");
+      if (main) main.focus(); // keyboards and screen readers begin with what is new
     });
     ask();
     show();

@@ -56,8 +56,8 @@ class Scene {
     this.onStats({calls, ms: performance.now() - begun, bytes: this.discs.bytes || 0});
   }
 
-  /** Sees all that has come so far, unless somebody has moved the camera. */
-  frameAll() {
+  /** The box of all that has come so far, which the camera sees unless somebody has moved it, or `still`. */
+  frameAll(still = false) {
     const {columns: {x, y, z}, count} = this.points;
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     const step = Math.max(1, Math.floor(count / 50000));
@@ -67,6 +67,7 @@ class Scene {
         high[k] = Math.max(high[k], value);
       });
     this.box = {low, high};
+    if (still) return;
     const center = low.map((l, k) => (l + high[k]) / 2);
     let radius = 0;
     for (let i = 0; i < count; i += step) radius = Math.max(radius, Math.hypot(x[i] - center[0], y[i] - center[1], z[i] - center[2]));
@@ -173,7 +174,7 @@ export function PointCloud({job, frame, onShown}) {
     if (!now) return undefined;
     const more = points => {
       now.discs.extend(points);
-      now.frameAll();
+      now.frameAll(!alone); // in a film it is the surface that moves
       setProgress({count: points.count, points});
       now.change();
     };

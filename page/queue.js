@@ -24,7 +24,7 @@ async function forEach(jobs, action) {
 
 /** The jobs of the filter, the load and the readiness of the service: [data, reload]. */
 function useQueue(filter, sort, cursor) {
-  const [data, setData] = useState({jobs: null, next: null, load: null, checks: null, error: null});
+  const [data, setData] = useState({jobs: null, next: null, load: null, workers: [], checks: null, error: null});
   const [, redraw] = useState(0);
   const address = useRef();
   address.current = query({...filter, sort, limit: ROWS, cursor});
@@ -34,7 +34,7 @@ function useQueue(filter, sort, cursor) {
     try {
       const [page, workers, ready] = await Promise.all([
         get(`v1/jobs${address.current}`), get("v1/workers"), get("readyz").catch(problem => problem)]);
-      return {...page, load: workers.load, checks: ready.checks || {}, error: null};
+      return {...page, ...workers, checks: ready.checks || {}, error: null};
     } catch (error) {
       return {error};
     }
@@ -46,7 +46,7 @@ function useQueue(filter, sort, cursor) {
   useEffect(() => {
     const readSoon = throttled(read, READ_MS);
     let frame = null;
-    const stop = follow("v1/events?progress=1", {
+    const stop = follow("v1/events?all=1&progress=1", {
       onOpen() {
         newest.clear();
         readSoon();
@@ -98,8 +98,8 @@ function Meter({word, used, limit, show = String}) {
     <meter aria-labelledby=${`meter-${word}`} value=${used} max=${limit || 1}></meter><span>${show(used)} of ${show(limit)}</span></div>`;
 }
 
-/** What the machine is busy with, and the switches of administrators. */
-function Load({load, checks, admin, onChange}) {
+/** What the host or the farm is busy with, and the switches of administrators. */
+function Load({load, workers, checks, admin, now, onChange}) {
   const [turn, error, busy] = useAction(async action => {
     await call("POST", `v1/admin/${action}`);
     await onChange();
@@ -120,11 +120,16 @@ function Load({load, checks, admin, onChange}) {
     ${admin && html`<span class="buttons">
       <button disabled=${busy} onClick=${() => turn(held ? "release" : "hold")}>${held ? "Release" : "Hold"}</button>
       <button disabled=${busy} onClick=${() => turn(draining ? "resume" : "drain")}>${draining ? "Undrain" : "Drain"}</button></span>`}
+    ${workers.length > 0 && html`<details class="busy"><summary>Running now</summary><ul>${workers.slice(0, ROWS).map(({job: id, name, ...attempt}) =>
+      html`<li key=${`${id}.${attempt.frame}`}><a href=${`#/jobs/${id}`}>${nameOf({id, name})}</a>${attempt.frame !== undefined ? ` frame ${attempt.frame}` : ""}<span class="dim">
+        ${attempt.owner}, ${spentOf(attempt, now)}, ${attempt.threads} thread${attempt.threads === 1 ? "" : "s"}, ${bytesOf(attempt.memory_mb * 2 ** 20)}</span></li>`)}</ul>
+      ${workers.length > ROWS && html`<p class="dim">and ${workers.length - ROWS} more</p>`}</details>`}
     ${warnings.map(text => html`<p class="notice" role="status">${text}</p>`)}
     <${Trouble} error=${error} /></section>`;
 }
 
-function Actions({chosen, onDone}) {
+/** All of the page may be chosen here; two jobs with results may be compared by everyone. */
+function Actions({jobs, chosen, mayChange, onChooseAll, onDone}) {
   const [errors, setErrors] = useState([]);
   const [run, , busy] = useAction(async (method, path, body) => {
     setErrors(await forEach(chosen, job => call(method, `v1/jobs/${job.id}${path}`, body)));
@@ -137,11 +142,12 @@ function Actions({chosen, onDone}) {
   const remove = () => confirm(`Delete ${chosen.length} jobs and their results?`) && run("DELETE", "");
   const button = (word, path) => html`<button disabled=${busy || !chosen.length} onClick=${() => run("POST", path)}>${word}</button>`;
   return html`<div class="actions" role="toolbar" aria-label="Selected jobs">
-    <span role="status">${chosen.length} selected</span>
-    ${button("Cancel", "/cancel")}${button("Pause", "/pause")}${button("Resume", "/resume")}${button("Retry", "/retry")}
+    <label class="all"><input type="checkbox" aria-label="Select all" checked=${chosen.length > 0 && chosen.length === jobs.length}
+      onChange=${e => onChooseAll(e.target.checked)} /><span role="status">${chosen.length} selected</span></label>
+    ${mayChange && html`${button("Cancel", "/cancel")}${button("Pause", "/pause")}${button("Resume", "/resume")}${button("Retry", "/retry")}
     <button disabled=${busy || !chosen.length} onClick=${setPriority}>Priority …</button>
-    <button disabled=${busy || !chosen.length} onClick=${remove}>Delete …</button>
-    ${chosen.length === 2 && html`<a class="button" href=${`#/compare/${chosen[0].id}/${chosen[1].id}`}>Compare</a>`}
+    <button disabled=${busy || !chosen.length} onClick=${remove}>Delete …</button>`}
+    ${chosen.length === 2 && chosen.every(job => job.links.results) && html`<a class="button" href=${`#/compare/${chosen[0].id}/${chosen[1].id}`}>Compare</a>`}
     ${errors.length > 0 && html`<div class="trouble" role="alert"><ul>${errors.slice(0, 5).map(text => html`<li>${text}</li>`)}</ul>
       ${errors.length > 5 && html`<p>and ${errors.length - 5} more</p>`}</div>`}</div>`;
 }
@@ -182,7 +188,7 @@ export function Queue({session}) {
     if (!next.delete(job.id)) next.add(job.id);
     return next;
   });
-  const chooseAll = e => setSelection(new Set(e.target.checked ? jobs.map(job => job.id) : []));
+  const chooseAll = all => setSelection(new Set(all ? jobs.map(job => job.id) : []));
   const restart = set => next => {
     set(next);
     setCursors([null]);
@@ -193,16 +199,15 @@ export function Queue({session}) {
     return html`<th scope="col" class=${key === "priority" ? "number" : ""} aria-sort=${by ? (falls ? "descending" : "ascending") : null}>
       <button class="plain" onClick=${() => sortBy(by ? `${falls ? "" : "-"}${key}` : first + key)}>${word}</button></th>`;
   };
-  const mayChange = session.scopes.includes("cancel");
   return html`<h1>Queue</h1>
-    <${Load} load=${data.load} checks=${data.checks} admin=${session.scopes.includes("admin")} onChange=${reload} />
+    <${Load} load=${data.load} workers=${data.workers} now=${now} checks=${data.checks} admin=${session.scopes.includes("admin")} onChange=${reload} />
     <${Filter} filter=${filter} sort=${sort} onChange=${restart(setFilter)} onSort=${sortBy} />
     <${Trouble} error=${data.error} />
-    ${mayChange && html`<${Actions} chosen=${chosen} onDone=${reload} />`}
+    ${jobs.length > 0 && html`<${Actions} jobs=${jobs} chosen=${chosen} mayChange=${session.scopes.includes("cancel")} onChooseAll=${chooseAll} onDone=${reload} />
     <div class="scroll" tabindex="0" role="region" aria-label="Jobs"><table class="jobs"><thead><tr>
-      <th scope="col" class="choose"><input type="checkbox" aria-label="Select all" checked=${chosen.length > 0 && chosen.length === jobs.length} onChange=${chooseAll} /></th>
+      <td class="choose"></td>
       ${COLUMNS.map(heading)}<th scope="col" class="number">Ran</th></tr></thead>
-      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} onChoose=${choose} />`)}</tbody></table></div>
+      <tbody>${jobs.map(job => html`<${Row} key=${job.id} job=${job} now=${now} chosen=${selection.has(job.id)} onChoose=${choose} />`)}</tbody></table></div>`}
     ${data.jobs && !jobs.length && html`<p class="empty">No jobs${Object.values(filter).some(Boolean) ? " like these" : " yet"}.
       ${session.scopes.includes("submit") && html` <a href="#/submit">Submit one</a>`}</p>`}
     <nav class="pages" aria-label="Pages">

@@ -1,6 +1,6 @@
 // A new job: a form of the spec, checked by the service as one types, with the JSON beside it.
 import {html, useEffect, useRef, useState} from "./preact.js";
-import {call, get, send} from "./api.js";
+import {call, get, retryAfterOf, send, wait} from "./api.js";
 import {Files} from "./files.js";
 import {Node} from "./form.js";
 import {inspect, Inspection} from "./inspection.js";
@@ -21,10 +21,11 @@ function surfaceOf(name, path) {
 }
 
 /** Sends a file, unless the service has it; returns the path by which a spec names it. */
-async function upload(file, onProgress) {
+async function upload(file, signal, onProgress) {
   const hash = await sha256(file, share => onProgress(`Reading ${file.name}`, share));
   onProgress(`Sending ${file.name}`, null);
-  const {path} = await (await send("PUT", `v1/inputs/${hash}`, {body: file, headers: {"Content-Type": "application/octet-stream"}})).json();
+  const options = {body: file, headers: {"Content-Type": "application/octet-stream"}, signal};
+  const {path} = await (await send("PUT", `v1/inputs/${hash}`, options)).json();
   const ending = /\.[A-Za-z0-9]+$/.exec(file.name);
   return path + (ending ? ending[0] : "");
 }
@@ -34,22 +35,24 @@ function useCheck(spec) {
   const [answer, setAnswer] = useState({faults: new Map(), error: null, validation: null});
   const [busy, setBusy] = useState(false);
   useEffect(() => {
-    const stop = new AbortController();
-    const timer = setTimeout(async () => {
-      setBusy(true);
+    const stop = new AbortController(), {signal} = stop;
+    const options = {body: JSON.stringify(spec), headers: {"Content-Type": "application/json"}, signal};
+    setBusy(true);
+    (async () => {
       try {
-        const options = {method: "POST", body: JSON.stringify(spec), headers: {"Content-Type": "application/json"}, signal: stop.signal};
-        setAnswer({faults: new Map(), error: null, validation: await (await send("POST", "v1/jobs:validate", options)).json()});
+        for (let seconds = CHECK_MS / 1000; seconds;) { // again, when the estimate has to wait for those of others
+          await wait(seconds, signal);
+          const response = await send("POST", "v1/jobs:validate", options);
+          setAnswer({faults: new Map(), error: null, validation: await response.json()});
+          seconds = retryAfterOf(response);
+        }
       } catch (error) {
         if (error.name === "AbortError") return;
         setAnswer({faults: new Map((error.errors || []).map(({pointer, detail}) => [pointer, detail])), error, validation: null});
       }
       setBusy(false);
-    }, CHECK_MS);
-    return () => {
-      clearTimeout(timer);
-      stop.abort();
-    };
+    })();
+    return () => stop.abort();
   }, [JSON.stringify(spec)]);
   return [answer, busy];
 }
@@ -58,7 +61,7 @@ function Estimate({validation, busy}) {
   const estimate = validation && validation.estimate;
   return html`<div class="card estimate" role="status" aria-busy=${busy}>
     ${!validation ? html`<p class="dim">${busy ? "Checking …" : "Not checked yet"}</p>`
-      : !estimate ? html`<p>The spec is good. ${validation.estimate_missing}</p>`
+      : !estimate ? html`<p>The spec is good. ${busy ? "Its estimate comes after those of others …" : `There is no estimate: ${validation.estimate_missing}.`}</p>`
       : html`<dl><div><dt>Points</dt><dd>${countOf(estimate.count)}</dd></div><div><dt>Area</dt><dd>${numberOf(estimate.area)}</dd></div>
         <div><dt>Memory</dt><dd>${bytesOf(estimate.memory_bytes)}</dd></div><div><dt>Time, about</dt><dd>${durationOf(estimate.seconds)}</dd></div></dl>`}</div>`;
 }
@@ -105,22 +108,28 @@ export function Submit({search}) {
     // how many points it takes is not known of a surface that was not measured
     setSpec(old => ({...old, ...suggestion.spec, name: old.name, sampling: suggestion.count ? suggestion.spec.sampling : old.sampling}));
   };
-  const useFile = async (name, path) => {
+  const useFile = async (name, path, signal) => {
     setLook(null);
     setSending({word: `Looking into ${name}`, share: null});
-    const found = await inspect(path), first = found && found.suggestions.find(suggestion => suggestion.spec);
+    const found = await inspect(path, signal, () => setSending({word: `The service looks into other files; ${name} waits`, share: null}));
+    const first = found && found.suggestions.find(suggestion => suggestion.spec);
     setSpec(old => ({...old, name: old.name || name, surface: surfaceOf(name, path)}));
-    if (found) setLook({found, chosen: null});
+    if (found) setLook({name, found, chosen: null});
     if (first) suggest(first);
   };
+  const taking = useRef(new AbortController()); // the file that was chosen last; an earlier one is given up
+  useEffect(() => () => taking.current.abort(), []);
   const [take, takeError] = useAction(async (name, find) => {
+    taking.current.abort();
+    taking.current = new AbortController();
+    const {signal} = taking.current;
     try {
-      await useFile(name, await find());
+      await useFile(name, await find(signal), signal);
     } finally {
-      setSending(null);
+      if (!signal.aborted) setSending(null);
     }
   });
-  const takeFile = file => take(file.name, () => upload(file, (word, share) => setSending({word, share})));
+  const takeFile = file => take(file.name, signal => upload(file, signal, (word, share) => signal.throwIfAborted() || setSending({word, share})));
   const [submit, submitError, submitting] = useAction(async () => {
     const job = await call("POST", "v1/jobs", spec);
     location.hash = `#/jobs/${job.id}`;
@@ -154,7 +163,7 @@ export function Submit({search}) {
         onChange=${next => setSpec({...spec, name: next})} /></div></fieldset>
       ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
       <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
-    <aside aria-label="Check"><${Estimate} validation=${validation} busy=${busy} /><${Trouble} error=${fault} />
+    <aside aria-label="Check">${fault ? html`<${Trouble} error=${fault} />` : html`<${Estimate} validation=${validation} busy=${busy} />`}
       <button class="main" disabled=${submitting || Boolean(fault)}>Submit</button><${Trouble} error=${submitError} />
       <${Json} spec=${spec} onChange=${setSpec} /></aside></form></div>`;
 }

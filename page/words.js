@@ -36,13 +36,13 @@ export const timeOf = text => (text ? dateTime.format(new Date(text)) : "–");
 export function ageOf(text, now = Date.now()) {
   if (!text) return "–";
   const seconds = Math.max(0, (now - new Date(text)) / 1000);
-  return seconds < 5 ? "now" : `${durationOf(seconds)} ago`;
+  return seconds < 5 ? "now" : `${durationOf(Math.floor(seconds))} ago`;
 }
 
 export function durationOf(seconds) {
   if (seconds === null || seconds === undefined || !isFinite(seconds)) return "–";
   if (seconds < 1) return `${Math.round(seconds * 1000)} ms`;
-  if (seconds < 60) return `${seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)} s`;
+  if (seconds < 60) return `${seconds < 10 && seconds % 1 ? seconds.toFixed(1) : Math.round(seconds)} s`;
   const [minutes, hours, days] = [seconds / 60, seconds / 3600, seconds / 86400];
   if (minutes < 60) return `${Math.floor(minutes)} min`;
   if (hours < 48) return `${Math.floor(hours)} h ${Math.floor(minutes % 60)} min`;

@@ -10,8 +10,9 @@ try:
     from selenium.common.exceptions import StaleElementReferenceException
     from selenium.webdriver.chrome.service import Service as Driver
     from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
 except ImportError:
-    webdriver = None
+    webdriver = Keys = None
 
 # no traffic of its own; WebGL by the processor
 FLAGS = ("--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
@@ -79,6 +80,10 @@ class Browser:
             except StaleElementReferenceException:
                 return None  # the page has drawn it anew
         wait_until(press, f"something to press: {word}")
+
+    def keys(self, *keys):
+        """To whatever has the focus."""
+        webdriver.ActionChains(self.driver).send_keys(*keys).perform()
 
     def choose(self, value, select):
         self.run("arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change', {bubbles: true}))",

@@ -1,9 +1,11 @@
 """The web page in a real browser, headless Chromium, in front of a real daemon with real jobs. One browser for all tests."""
+import datetime
 import signal
+import threading
 
 import pytest
 
-from browser import Browser, is_there
+from browser import Browser, Keys, is_there
 from service import gated_worker, long_sphere, sphere, wait_until
 from test_access import closed_service, new_token, with_token  # noqa: F401
 from test_tls import Front, certificate  # noqa: F401
@@ -36,6 +38,15 @@ def gated(new_service, tmp_path):
     return new_service("--worker", gated_worker(tmp_path), "--workers", 1).start()
 
 
+def sign_in(browser, service, user="carol", secret=None):
+    secret = secret or new_token(service, user)
+    browser.open(service)
+    browser.one("#token").send_keys(secret)
+    browser.press("Sign in")
+    browser.one("header")
+    return secret
+
+
 def test_a_token_signs_in(closed_service, browser):  # noqa: F811
     browser.open(closed_service)
     browser.wait_text("Your token")
@@ -55,9 +66,7 @@ def test_a_token_signs_in(closed_service, browser):  # noqa: F811
 
 
 def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F811
-    browser.open(closed_service)
-    browser.one("#token").send_keys(new_token(closed_service, "carol"))
-    browser.press("Sign in")
+    sign_in(browser, closed_service)
     browser.wait_text("Queue", "h1")
     (closed_service.state / "tokens").write_text("")
     browser.run("location.hash = '#/submit'")  # whatever it asks for next
@@ -65,10 +74,7 @@ def test_a_revoked_token_ends_the_session(closed_service, browser):  # noqa: F81
 
 
 def test_a_session_that_is_over_asks_for_the_token_again(closed_service, browser):  # noqa: F811
-    secret = new_token(closed_service, "carol")
-    browser.open(closed_service)
-    browser.one("#token").send_keys(secret)
-    browser.press("Sign in")
+    secret = sign_in(browser, closed_service)
     browser.wait_text("Queue", "h1")
     browser.command("Network.clearBrowserCookies")  # as at the end of the session
     # nobody touches the page: the first event behind the end tells it
@@ -88,6 +94,27 @@ def test_the_queue_follows_what_happens(gated, browser):
     browser.wait_text("Done", "table")
     gated.open_gate(second)
     wait_until(lambda: browser.text("table").count("Done") == 2, "both to be done")
+
+
+def test_jobs_of_others_are_followed(closed_service, browser, tmp_path):  # noqa: F811
+    """In the queue, and on their own: as far as everyone may see them."""
+    closed_service.end()
+    closed_service.start("--worker", gated_worker(tmp_path))
+    sign_in(browser, closed_service)
+    browser.wait_text("No jobs yet")
+    array = {"frames": "1-2", "by_frame": {"/surface/analytic/radius": [1, 1.1]}}
+    first, second = (with_token(closed_service, closed_service.token, "POST", "/v1/jobs", spec).json["id"]
+                     for spec in (sphere(name="first"), sphere(name="second", queue=array)))
+    browser.wait_text("50 %", "table")
+    closed_service.open_gate(first)
+    browser.wait_text("Done", "table")
+    browser.press("second", "table")
+    browser.wait_text("Running", "h1")
+    browser.wait_text("Only root and administrators see the rest")
+    for frame in (1, 2):
+        closed_service.open_gate(f"{second}.{frame}")
+    browser.wait_text("Done", "h1")
+    assert not browser.all(".trouble")
 
 
 # Streams open, and answers with jobs arrive, when the test lets them; answers have no progress, as if they were made
@@ -192,12 +219,87 @@ def test_jobs_are_filtered_sorted_and_changed(gated, browser):
     browser.one("tbody tr:nth-child(3) input").click()
     browser.press("Cancel", ".actions")
     browser.wait_text("Cancelled", "tbody tr:nth-child(3)")
+    # all of them, at once
+    browser.one(".actions input").click()
+    browser.wait_text("3 selected", ".actions")
+
+    def all_rows_say(word, column=".row-state"):
+        wait_until(lambda: all(word in text for text in browser.texts(f"tbody {column}")), word)
+    for button, word in (("Cancel", "Cancelled"), ("Retry", "ing"), ("Pause", "Paused"), ("Resume", "ing")):
+        browser.press(button, ".actions")
+        all_rows_say(word)
+    browser.press("Priority …", ".actions")
+    prompt = browser.driver.switch_to.alert
+    prompt.send_keys("7")
+    prompt.accept()
+    all_rows_say("7", ".priority")
     text, _, label = browser.all(".filter input")
     text.send_keys("AM\n")
     wait_until(lambda: names() == ["gamma"], "the rows with that in their names")
     text.clear()
     label.send_keys("alpha\n")
     wait_until(lambda: names() == ["alpha"], "the rows of a label")
+
+
+def test_an_administrator_sees_what_runs_and_drains(closed_service, browser, tmp_path):  # noqa: F811
+    closed_service.end()
+    closed_service.start("--worker", gated_worker(tmp_path))
+    sign_in(browser, closed_service, secret=closed_service.token)
+    job = with_token(closed_service, closed_service.token, "POST", "/v1/jobs", sphere(name="busy")).json["id"]
+    wait_until(lambda: "busy" in browser.texts(".busy li a", "textContent"), "the job that runs")
+    for button, then, told in (("Hold", "Release", "somebody holds the queue"), ("Release", "Hold", None),
+                               ("Drain", "Undrain", "somebody drains it"), ("Undrain", "Drain", None)):
+        browser.press(button, ".load")
+        browser.wait_text(then, ".load .buttons")
+        assert browser.texts(".load .notice") == [] if told is None else told in browser.text(".load .notice")
+    closed_service.open_gate(job)
+    browser.wait_text("Done", "table")
+    wait_until(lambda: not browser.all(".busy"), "nothing to run")
+
+
+def test_a_keyboard_is_enough(service, browser):
+    """From the queue to a job and its points, and these turned."""
+    service.wait_state(service.submit(sphere(name="first")), "succeeded")
+    browser.open(service)
+    browser.wait_text("Done", "table")
+
+    def go_to(word):
+        for _ in range(60):
+            browser.keys(Keys.TAB)
+            if browser.run("const e = document.activeElement; return (e.innerText || e.className).trim()") == word:
+                return
+        raise AssertionError(f"no TAB leads to {word}")
+    go_to("first")
+    browser.keys(Keys.ENTER)
+    browser.wait_text("at rest and in order")
+    assert browser.run("return document.activeElement.id") == "main"  # what is new is read from its beginning
+    go_to("Points in 3-D")
+    browser.keys(Keys.ENTER)
+    browser.wait_text("200 points", ".stats")
+    go_to("points")
+    before = browser.run(PICTURE, "Home")[0]
+    browser.keys(Keys.ARROW_LEFT)
+    assert browser.run(PICTURE, "a key that does nothing")[0] != before
+
+
+def test_times_are_in_the_zone_of_the_viewer(service, browser):
+    """And numbers have one form, whatever the language of the browser."""
+    job = service.submit(sphere(count=1500, name="INFO"))
+    service.wait_state(job, "succeeded")
+    spacing = service.get(f"/v1/jobs/{job}/results/report.json").json["spacing"]
+    created = datetime.datetime.fromisoformat(service.job(job)["created"])
+    try:
+        for zone, locale in (("Asia/Tokyo", "tr-TR"), ("America/Bogota", "de-DE")):
+            browser.command("Emulation.setTimezoneOverride", timezoneId=zone)
+            browser.command("Emulation.setLocaleOverride", locale=locale)
+            browser.open(service, f"#/jobs/{job}")
+            browser.wait_text(f"{spacing:.4g}", ".measures")
+            assert "1\u202f500" in browser.text(".measures")
+            there = created + datetime.timedelta(hours={"Asia/Tokyo": 9, "America/Bogota": -5}[zone])
+            assert f"{there:%H:%M:%S}" in browser.text(".facts-list")
+    finally:
+        browser.command("Emulation.setTimezoneOverride", timezoneId="")
+        browser.command("Emulation.setLocaleOverride")
 
 
 def test_a_service_that_is_killed_and_comes_back(gated, browser):
@@ -336,19 +438,49 @@ CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1
 f 1 4 3\nf 1 3 2\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n"""
 
 
-def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa: F811
-    """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
-    closed_service.end()
-    closed_service.start("--estimate_timeout_s", 300)
-    browser.open(closed_service)
-    browser.one("#token").send_keys(new_token(closed_service, "dora"))
-    browser.press("Sign in")
-    browser.press("New job", "header")
-    browser.wait_text("Memory", ".estimate")  # an estimate at a time
+def drop(browser):
+    browser.one(".drop")
     browser.run("""
         const data = new DataTransfer();
         data.items.add(new File([arguments[0]], "cube.obj"));
         document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true}));""", CUBE)
+
+
+# a worker whose looks at specs and files begin when a file is there
+WAITING = """#!/bin/sh
+case "$1" in estimate | inspect) while ! [ -e "%s" ]; do sleep 0.01; done ;; esac
+exec "%s" "$@"
+"""
+
+
+def test_a_look_that_was_refused_is_asked_for_again(new_service, browser, tmp_path, build):
+    """The only estimate that the service makes at once is another client's; when that has ended, ours is made."""
+    gate, program = tmp_path / "gate", tmp_path / "waiting"
+    program.write_text(WAITING % (gate, build / "hexad-worker"))
+    program.chmod(0o700)
+    service = new_service("--worker", program, "--estimates", 1, "--estimate_timeout_s", 300).start()
+    other = threading.Thread(target=lambda: service.post("/v1/jobs:validate", sphere()))
+    other.start()
+    try:
+        wait_until(service.children, "the other's worker")
+        browser.open(service, "#/submit")
+        browser.wait_text("after those of others", ".estimate")
+        drop(browser)
+        browser.wait_text("cube.obj waits", ".drop")
+    finally:
+        gate.touch()
+        other.join()
+    browser.wait_text("area", ".inspection")
+    browser.wait_text("Memory", ".estimate")
+
+
+def test_a_mesh_is_dropped_and_becomes_points(closed_service, browser):  # noqa: F811
+    """The way of somebody who is new: sign in, drop a mesh, submit, watch, turn, download."""
+    closed_service.end()
+    closed_service.start("--estimate_timeout_s", 300)
+    sign_in(browser, closed_service, "dora")
+    browser.press("New job", "header")
+    drop(browser)
     browser.wait_text("area", ".inspection")
     assert "sha256:" in browser.text("#json", "value")
     browser.wait_text("Memory", ".estimate")
@@ -393,7 +525,6 @@ def test_files_of_the_input_roots_are_chosen(new_service, browser, tmp_path):
     (root / "shots" / "cube.obj").write_text(CUBE)
     service = new_service("--input_roots", root, "--estimate_timeout_s", 300).start()
     browser.open(service, "#/submit")
-    browser.wait_text("Memory", ".estimate")  # an estimate at a time
     browser.one("details summary").click()
     browser.press(f"{root}/", ".drop")
     browser.press("shots/", ".drop")
@@ -442,23 +573,38 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => done(found.violat
 """
 
 
-def test_an_audit_finds_no_barrier(service, browser, source):
-    """axe-core, on each view, light and dark; and none is wider than a narrow screen."""
-    audit = source / "page/node_modules/axe-core/axe.min.js"
-    if not audit.exists():
+@pytest.fixture
+def audit(browser, source):
+    """Holds what is shown against axe-core, light and dark, and its width against a narrow screen."""
+    program = source / "page/node_modules/axe-core/axe.min.js"
+    if not program.exists():
         pytest.skip("no axe-core: run npm ci in page")
-    job = service.submit(sphere(count=1000, name="audited", queue={"labels": ["x"]}))
-    service.wait_state(job, "succeeded")
-    for where, there in (("#/", "tbody tr"), (f"#/jobs/{job}", ".measures"), (f"#/jobs/{job}/points", ".stats"),
-                         (f"#/compare/{job}/{job}", ".measures"), ("#/submit", ".estimate dl")):
-        browser.open(service, where)
-        browser.one(there)
+
+    def run():
+        where = browser.driver.current_url
         # the page lets no text become a script: a tool of the browser brings it in
-        browser.command("Runtime.evaluate", expression=audit.read_text())
+        browser.command("Runtime.evaluate", expression=program.read_text())
         for theme in ("light", "dark"):
             browser.emulate(prefers_color_scheme=theme)
             assert browser.driver.execute_async_script(AUDIT) == [], (where, theme)
         browser.command("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=False)
         assert browser.run("return document.documentElement.scrollWidth") <= 390, where
         browser.command("Emulation.clearDeviceMetricsOverride")
+
+    yield run
     browser.emulate()
+
+
+def test_an_audit_finds_no_barrier(closed_service, browser, audit):  # noqa: F811
+    browser.open(closed_service)
+    browser.one("#token").send_keys("hexad_wrong")
+    browser.press("Sign in")
+    browser.wait_text("the token is unknown")
+    audit()
+    secret = sign_in(browser, closed_service, "dora")
+    job = with_token(closed_service, secret, "POST", "/v1/jobs", sphere(count=1000, name="audited", queue={"labels": ["x"]})).json["id"]
+    for where, there in ((f"#/jobs/{job}", ".measures"), ("#/", "tbody tr"), (f"#/jobs/{job}/points", ".stats"),
+                         (f"#/compare/{job}/{job}", ".measures"), ("#/submit", ".estimate dl")):
+        browser.open(closed_service, where)
+        browser.one(there)
+        audit()
