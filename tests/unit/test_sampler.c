@@ -74,8 +74,8 @@ static int compare_double(const void *a, const void *b)
 /* The paper's Figure 4 from random positions in the domain: sigma 0.125, 1000 particles. */
 static void quartic_from_random_starts(double d, double least_hex)
 {
-    double hex[5];
-    for (uint64_t seed = 1; seed <= 5; seed++) {
+    double hex[3];
+    for (uint64_t seed = 1; seed <= 3; seed++) {
         sampler_params params = even;
         params.start = SAMPLER_START_RANDOM;
         params.seed = seed;
@@ -98,9 +98,9 @@ static void quartic_from_random_starts(double d, double least_hex)
         if (d == 0) assert_close(x.points->sigma, 0.1257, 0.0008);
         release(&x);
     }
-    qsort(hex, 5, sizeof *hex, compare_double);
-    print_message("# d = %g: hex_fraction %.3f (median of 5 seeds)\n", d, hex[2]);
-    assert_true(hex[2] >= least_hex);
+    qsort(hex, 3, sizeof *hex, compare_double);
+    print_message("# d = %g: hex_fraction %.3f (median of 3 seeds)\n", d, hex[1]);
+    assert_true(hex[1] >= least_hex);
 }
 
 static void quartic_even(void **state)

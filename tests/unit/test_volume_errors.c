@@ -539,7 +539,7 @@ static void every_truncation_is_noticed(void **state)
         int whole = fixture_write(&d, 1, variant & 1 ? VDB_STREAM : VDB_SEEKABLE, variant & 2);
         size_t size = slurp(whole, &bytes);
         close(whole);
-        for (size_t cut = 0; cut < size; cut += size - cut <= 12 ? 1 : cut < 700 ? 13 : 397) {
+        for (size_t cut = 0; cut < size; cut += size - cut <= 12 ? 1 : cut < 700 ? 29 : 1201) {
             error e = {0};
             int fd = fixture_bytes(bytes, cut);
             volume *v = fixture_open(fd, NULL, NAN, VOLUME_INTERPOLATING, &e);
