@@ -1,0 +1,194 @@
+"""A service that is reached over REST."""
+from __future__ import annotations
+
+import hashlib
+import http.client
+import pathlib
+import ssl
+import time
+import urllib.parse
+import uuid
+from typing import Any, Iterator, Sequence
+
+from .errors import HexadError, WaitTimeout
+from .events import Event, follow
+from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, finished, hash_file, save, with_version
+from .problems import NotFound
+from .transport import Transport, body_of
+
+__all__ = ["Client", "RemoteJob"]
+
+LONGEST_WAIT_S = 30.0
+
+
+class RemoteJob(Job):
+    """A job of a service."""
+
+    def __init__(self, transport: Transport, document: dict[str, Any]) -> None:
+        super().__init__(document)
+        self.transport = transport
+        self.path = f"/v1/jobs/{self.id}"
+
+    @property
+    def spec(self) -> dict[str, Any] | None:
+        """With its defaults; None: of another user."""
+        if "spec" not in self.document:
+            self.refresh()
+        spec: dict[str, Any] | None = self.document["spec"]
+        return spec
+
+    def refresh(self) -> RemoteJob:
+        self.document = self.transport.get(self.path)
+        return self
+
+    def wait(self, timeout: float | None = None, check: bool = True) -> RemoteJob:
+        end = None if timeout is None else time.monotonic() + timeout
+        step = min(LONGEST_WAIT_S, self.transport.timeout / 2)
+        while not self.has_ended:
+            left = step if end is None else min(step, end - time.monotonic())
+            if left < 0:
+                raise WaitTimeout(f"job {self.id} is still {self.state} after {timeout} s")
+            self.document = self.transport.get(self.path, headers={"Prefer": f"wait={max(1, round(left))}"})
+        if check:
+            self.check()
+        return self
+
+    def events(self, after: str | None = None) -> Iterator[Event]:
+        return follow(self.transport, f"{self.path}/events", {}, after, whole_job=True)
+
+    def command(self, word: str, repeat: bool = True) -> RemoteJob:
+        self.document = self.transport.send("POST", f"{self.path}/{word}", repeat=repeat)
+        return self
+
+    def cancel(self) -> RemoteJob:
+        return self.command("cancel")
+
+    def pause(self) -> RemoteJob:
+        """Starts no attempt of it until it is resumed."""
+        return self.command("pause")
+
+    def resume(self) -> RemoteJob:
+        return self.command("resume")
+
+    def retry(self) -> RemoteJob:
+        """Runs what has failed of it again."""
+        return self.command("retry", repeat=False)
+
+    def edit(self, **members: Any) -> RemoteJob:
+        """Changes `priority`, `labels` or `retention_s`."""
+        self.document = self.transport.send("PATCH", self.path, members)
+        return self
+
+    def delete(self) -> None:
+        """Deletes a job that has ended, with its results."""
+        self.transport.send("DELETE", self.path, repeat=False)
+
+    def log(self, frame: int | None = None) -> str:
+        path = f"{self.path}/log" + ("" if frame is None else f"?frame={frame}")
+        return self.transport.ask("GET", path, read=lambda response: response.read().decode("utf-8", "replace"))
+
+    def tasks(self) -> Iterator[dict[str, Any]]:
+        """How far each frame is."""
+        after = None
+        while True:
+            page = self.transport.get(f"{self.path}/tasks", {"after": after, "limit": 500})
+            yield from page["tasks"]
+            after = page["next"]
+            if after is None:
+                return
+
+    def frames(self) -> Sequence[int | None]:
+        if not self.document["array"]:
+            return [None]
+        return [task["frame"] for task in self.tasks() if task["state"] == "succeeded"]
+
+    def results(self, frame: int | None = None) -> list[Result]:
+        listed = self.transport.get(f"{self.path}/results", {"frame": frame})["results"]
+        return [Result(r["name"], r["bytes"], r["sha256"], frame) for r in listed]
+
+    def fetch_file(self, result: Result, path: pathlib.Path) -> None:
+        # the service keeps results that nobody has fetched longer than others, so it is told of a file that is here
+        known = path.is_file() and path.stat().st_size == result.bytes and hash_file(path) == result.sha256
+        query = "" if result.frame is None else f"?frame={result.frame}"
+
+        def read(response: http.client.HTTPResponse) -> None:
+            if response.status != 304:
+                save(result, chunks_of(response), path)
+
+        self.transport.ask("GET", f"{self.path}/results/{urllib.parse.quote(result.name)}{query}",
+                           headers={"If-None-Match": f'"{result.sha256}"'} if known else {}, read=read)
+
+
+class Client(Service):
+    """A service.
+
+    server: unix:PATH, http://HOST:PORT or https://HOST:PORT; by default HEXAD_SERVER, or the socket of the system's service
+    token: for TCP, by default HEXAD_TOKEN
+    timeout: seconds of silence after which a connection is given up
+    patience: seconds for which a request whose answer is lost is repeated; a submission is repeated with a key, so that
+        there is one job
+    context: of TLS
+    """
+
+    def __init__(self, server: str | None = None, token: str | None = None, *, timeout: float = 60.0,
+                 patience: float = 60.0, context: ssl.SSLContext | None = None) -> None:
+        self.transport = Transport(server, token, timeout, patience, context)
+
+    def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> RemoteJob:
+        headers = {"Idempotency-Key": key or uuid.uuid4().hex}
+        job = RemoteJob(self.transport, self.transport.send("POST", "/v1/jobs", with_version(spec), headers))
+        finished(job, wait)
+        return job
+
+    def job(self, id: str) -> RemoteJob:
+        return RemoteJob(self.transport, self.transport.get(f"/v1/jobs/{urllib.parse.quote(id)}"))
+
+    def jobs(self, **filters: Any) -> Iterator[RemoteJob]:
+        """The jobs, the newest first. Filters are those of the list in REST: `state`, `owner`, `label`, `name`, `text`,
+        `created_after`, `created_before`; and `sort`."""
+        cursor = None
+        while True:
+            page = self.transport.get("/v1/jobs", {**filters, "limit": 500, "cursor": cursor})
+            for document in page["jobs"]:
+                yield RemoteJob(self.transport, document)
+            cursor = page["next"]
+            if cursor is None:
+                return
+
+    def events(self, after: str | None = None, **filters: Any) -> Iterator[Event]:
+        """What happens to the caller's jobs, from now on or after the event with this id; without an end. Filters: `job`,
+        `owner`, `label`, and `progress=1` for progress as well."""
+        return follow(self.transport, "/v1/events", filters, after, whole_job=False)
+
+    def upload(self, file: PathLike | bytes, suffix: str | None = None) -> str:
+        if isinstance(file, bytes):
+            return self.send(hashlib.sha256(file).hexdigest(), file) + (suffix or "")
+        path = pathlib.Path(file)
+        return self.send(hash_file(path), path) + (path.suffix if suffix is None else suffix)
+
+    def send(self, sha256: str, body: bytes | pathlib.Path) -> str:
+        try:
+            known = self.transport.get(f"/v1/inputs/{sha256}")
+        except NotFound:
+            known = self.transport.ask("PUT", f"/v1/inputs/{sha256}", body,
+                                       {"Content-Type": "application/octet-stream"}, read=body_of)
+        return str(known["path"])
+
+    def validate(self, spec: AnySpec) -> dict[str, Any]:
+        """Checks a spec as submit would: the spec with its defaults, and an estimate."""
+        answer: dict[str, Any] = self.transport.send("POST", "/v1/jobs:validate", with_version(spec))
+        return answer
+
+    def estimate(self, spec: AnySpec) -> dict[str, Any]:
+        answer = self.validate(spec)
+        if answer["estimate"] is None:
+            raise HexadError(f"there is no estimate: {answer['estimate_missing']}")
+        estimate: dict[str, Any] = answer["estimate"]
+        return estimate
+
+    def inspect(self, path: str) -> dict[str, Any]:
+        answer: dict[str, Any] = self.transport.send("POST", "/v1/inputs:inspect", {"path": path})
+        return answer
+
+    def version(self) -> str:
+        return str(self.transport.get("/version")["version"])

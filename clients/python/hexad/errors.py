@@ -1,0 +1,53 @@
+"""What may go wrong. All are HexadError. What the service refuses is a Problem, of a class for its code (hexad.problems)."""
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["Damaged", "HexadError", "JobFailed", "Problem", "Unreachable", "WaitTimeout"]
+
+
+class HexadError(Exception):
+    """Any fault."""
+
+
+class Unreachable(HexadError):
+    """There was no answer, however often the client asked (`patience`)."""
+
+
+class Damaged(HexadError):
+    """The bytes of a file do not have the hash that was announced."""
+
+
+class WaitTimeout(HexadError, TimeoutError):
+    """A job has not ended in the time that a caller wanted to wait."""
+
+
+class Problem(HexadError):
+    """The service refuses a request.
+
+    code: what is wrong, in a word that does not change; such as `spec_invalid`
+    status: of HTTP
+    detail: what is wrong here, and what to do
+    errors: of a spec, its faults: dicts with `pointer`, the place, and `detail`
+    """
+
+    def __init__(self, status: int, document: dict[str, Any]) -> None:
+        self.status = status
+        self.code: str = document.get("code", "unknown")
+        self.detail: str = document.get("detail", "")
+        self.errors: list[dict[str, str]] = document.get("errors", [])
+        super().__init__(f"{self.code}: {self.detail or document.get('title', status)}")
+
+
+class JobFailed(HexadError):
+    """A job has ended without a result.
+
+    job: its id
+    state: `failed`, `cancelled` or `timed_out`
+    code: of its error, such as `no_surface`; None of a job that was cancelled
+    """
+
+    def __init__(self, job: str, state: str, error: dict[str, Any] | None) -> None:
+        self.job, self.state = job, state
+        self.code: str | None = error["code"] if error else None
+        super().__init__(f"job {job} is {state}" + (f": {error['code']}: {error['message']}" if error else ""))

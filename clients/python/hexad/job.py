@@ -1,0 +1,206 @@
+"""What jobs of a service and of this machine have in common."""
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pathlib
+import tempfile
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence, Union
+
+from .errors import Damaged, HexadError, JobFailed
+from .events import ENDED, Event
+from .points import Points, read_ply
+from .spec import Spec
+
+__all__ = ["AnySpec", "Job", "PathLike", "Result", "Service"]
+
+PathLike = Union[str, "os.PathLike[str]"]
+AnySpec = Union[Spec, Mapping[str, Any]]
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Result:
+    """A file of a result; `frame` is None of a job without frames."""
+
+    name: str
+    bytes: int
+    sha256: str
+    frame: int | None
+
+
+def hash_file(path: pathlib.Path) -> str:
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        for chunk in iter(lambda: file.read(CHUNK), b""):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def save(result: Result, chunks: Iterable[bytes], path: pathlib.Path) -> None:
+    """Writes a file under a temporary name; it gets its own once its hash is the announced one."""
+    digest = hashlib.sha256()
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+        try:
+            for chunk in chunks:
+                digest.update(chunk)
+                file.write(chunk)
+            if digest.hexdigest() != result.sha256:
+                raise Damaged(f"{result.name}: the received bytes do not have the announced SHA-256")
+            file.flush()
+            os.replace(file.name, path)
+        except BaseException:
+            os.unlink(file.name)
+            raise
+
+
+def chunks_of(file: BinaryIO) -> Iterator[bytes]:
+    return iter(lambda: file.read(CHUNK), b"")
+
+
+class Job(ABC):
+    """A job. Its state is that of the last look; `refresh` and `wait` look again."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.document = document
+
+    @property
+    def id(self) -> str:
+        return str(self.document["id"])
+
+    @property
+    def state(self) -> str:
+        """`blocked`, `queued`, `running`, and at its end `succeeded`, `failed`, `cancelled` or `timed_out`."""
+        return str(self.document["state"])
+
+    @property
+    def outcome(self) -> str | None:
+        """Of a job that has succeeded: `converged`, `unresolved` or `not_converged`."""
+        outcome: str | None = self.document["outcome"]
+        return outcome
+
+    @property
+    def error(self) -> dict[str, Any] | None:
+        """Of a job that has failed: `code` and `message`."""
+        error: dict[str, Any] | None = self.document["error"]
+        return error
+
+    @property
+    def has_ended(self) -> bool:
+        return self.state in ENDED
+
+    def __repr__(self) -> str:
+        return f"<job {self.id}: {self.outcome or self.state}>"
+
+    def check(self) -> None:
+        """Raises JobFailed of a job that has ended without a result."""
+        if self.has_ended and self.state != "succeeded":
+            raise JobFailed(self.id, self.state, self.error)
+
+    @abstractmethod
+    def refresh(self) -> Job:
+        """Looks again."""
+
+    @abstractmethod
+    def wait(self, timeout: float | None = None, check: bool = True) -> Job:
+        """Waits until the job has ended. WaitTimeout: it has not in this time. JobFailed: it has no result, if `check`."""
+
+    @abstractmethod
+    def events(self, after: str | None = None) -> Iterator[Event]:
+        """What happens to the job, and its progress, until its end; `after`: the id of the last event that is known."""
+
+    @abstractmethod
+    def cancel(self) -> Job:
+        """Ends it."""
+
+    @abstractmethod
+    def log(self, frame: int | None = None) -> str:
+        """The end of the log of its worker."""
+
+    @abstractmethod
+    def frames(self) -> Sequence[int | None]:
+        """The frames that have results; of a job without frames None, once it has some."""
+
+    @abstractmethod
+    def results(self, frame: int | None = None) -> list[Result]:
+        """The files of a result."""
+
+    @abstractmethod
+    def fetch_file(self, result: Result, path: pathlib.Path) -> None:
+        """Brings one file here, verified by its hash, unless it is here."""
+
+    def fetch(self, directory: PathLike, frame: int | None = None) -> list[pathlib.Path]:
+        """Brings all files of a result here, each verified by its hash, report.json last. Frames go into directories of
+        their own below; files that are here already are not brought again."""
+        paths = []
+        for each in self.frames() if frame is None else [frame]:
+            where = pathlib.Path(directory) / ("" if each is None else str(each))
+            where.mkdir(parents=True, exist_ok=True)
+            for result in self.results(each):
+                if result.name.startswith(".") or "/" in result.name or "\\" in result.name:
+                    raise HexadError(f"the name of a result is none of a file: {result.name!r}")
+                self.fetch_file(result, where / result.name)
+                paths.append(where / result.name)
+        return paths
+
+    def fetch_named(self, name: str, frame: int | None, directory: str) -> pathlib.Path:
+        for result in self.results(frame):
+            if result.name == name:
+                path = pathlib.Path(directory) / "file"
+                self.fetch_file(result, path)
+                return path
+        raise HexadError(f"job {self.id} has no {name}")
+
+    def read(self, name: str, frame: int | None = None) -> bytes:
+        """The bytes of one file of a result."""
+        with tempfile.TemporaryDirectory() as directory:
+            return self.fetch_named(name, frame, directory).read_bytes()
+
+    def report(self, frame: int | None = None) -> dict[str, Any]:
+        """report.json: how good the points are."""
+        document: dict[str, Any] = json.loads(self.read("report.json", frame))
+        return document
+
+    def points(self, frame: int | None = None, name: str = "points.ply") -> Points:
+        """The points, as arrays; `mesh.ply` has triangles as well."""
+        with tempfile.TemporaryDirectory() as directory:
+            return read_ply(self.fetch_named(name, frame, directory))
+
+
+class Service(ABC):
+    """Where jobs run: hexad.Client or hexad.Local."""
+
+    @abstractmethod
+    def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> Job:
+        """Begins a job. `wait`: for its end, as Job.wait does, or for so many seconds. `key`: a name for this submission;
+        when it is repeated, it returns the same job. A spec with a fault is a Problem; its `errors` say where."""
+
+    @abstractmethod
+    def jobs(self) -> Iterator[Job]:
+        """The jobs, the newest first."""
+
+    @abstractmethod
+    def upload(self, file: PathLike | bytes, suffix: str | None = None) -> str:
+        """Makes a file readable for jobs; returns the path by which a spec names it. `suffix`: such as ".obj", of bytes."""
+
+    @abstractmethod
+    def estimate(self, spec: AnySpec) -> dict[str, Any]:
+        """The points, memory and time that a job takes."""
+
+    @abstractmethod
+    def inspect(self, path: str) -> dict[str, Any]:
+        """What lies in a file, and specs that sample it. `path`: as a spec names it."""
+
+
+def finished(job: Job, wait: bool | float) -> Job:
+    """Job after the wait that submit was asked for."""
+    if wait is False:
+        return job
+    return job.wait(None if wait is True else wait)
+
+
+def with_version(spec: AnySpec) -> dict[str, Any]:
+    return {"version": 1, **spec}

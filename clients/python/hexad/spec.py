@@ -1,0 +1,914 @@
+"""The members of a spec, for editors and type checkers. Written by generate.py; do not edit.
+
+Each class is a dict. A spec may be written with them or as plain dicts and lists; a member that is left out has its
+default. Ranges are of the service, which checks them.
+"""
+from typing import Any, Literal, Mapping, Sequence, TypedDict, Union
+
+__all__ = [
+    "AttributesItem",
+    "Box",
+    "Ellipsoid",
+    "Gyroid",
+    "Limits",
+    "Output",
+    "OutputPly",
+    "OutputPreview",
+    "OutputPreviewCamera",
+    "Quartic",
+    "Queue",
+    "QueueByFrameValue",
+    "Region",
+    "Sampling",
+    "SamplingAlpha",
+    "SamplingAlphaScale",
+    "SamplingControl",
+    "SamplingCurvature",
+    "SamplingCurvatureScale",
+    "SamplingFeature",
+    "SamplingGrid",
+    "Solver",
+    "SolverWitkinHeckbert",
+    "Spec",
+    "Sphere",
+    "Surface",
+    "SurfaceBspline",
+    "SurfaceBsplineDomain",
+    "SurfaceExr",
+    "SurfaceMesh",
+    "SurfaceOffset",
+    "SurfaceTransform",
+    "SurfaceVdb",
+    "SurfaceVolume",
+    "Torus",
+]
+
+
+class _SurfaceVdbNeeded(TypedDict):
+    path: str
+
+
+class _SurfaceVdbRest(TypedDict, total=False):
+    grid: str
+    isovalue: float
+    reconstruction: Literal["interpolating", "smoothing"]
+
+
+class SurfaceVdb(_SurfaceVdbNeeded, _SurfaceVdbRest):
+    """A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
+
+    path: The file. It must lie below one of the service's input roots.
+    grid: The name of the grid. If several grids have the same name, write "name[1]" for the second. Optional
+        if the file has only one scalar grid.
+    isovalue: The value on the surface. Default for a level set: 0. Required for a fog volume. (the grid's)
+    reconstruction: interpolating: the spline passes through the samples. smoothing: the samples are the
+        spline's coefficients; this blurs noise and moves the surface slightly. Default: 'interpolating'.
+    """
+
+
+class _SurfaceMeshNeeded(TypedDict):
+    path: str
+
+
+class _SurfaceMeshRest(TypedDict, total=False):
+    voxel_size: float
+    resolution: int
+    max_resolution: int
+    band_vox: int
+    weld: float
+
+
+class SurfaceMesh(_SurfaceMeshNeeded, _SurfaceMeshRest):
+    """A closed triangle mesh. hexad converts it into a level set with exact distances.
+
+    path: The file, in PLY, OBJ, STL, OFF or another format that assimp reads. It must lie below one of the
+        service's input roots. Other files that it names are not read.
+    voxel_size: The voxel size of the level set, between 1/8191 and 1/8 of the longest side of the mesh's
+        bounding box. Excludes resolution. (world)
+    resolution: The number of voxels along the longest side of the mesh's bounding box. If both this and
+        voxel_size are absent, hexad chooses: 256, or more where the spacing (of resolve, min_spacing over
+        feature.ratio: the least feature size) is smaller than such a voxel or more than half a percent of the
+        mesh is too thin to show. At 256, at least nine tenths of a scanned mesh lie within 0.05 voxel of the
+        sampled surface; creases deviate more. Twice the number needs three to four times the memory and time.
+        (voxels)
+    max_resolution: The most voxels along the longest side that hexad chooses by itself. limits.memory_mb
+        bounds them, too: thin parts may take an eighth of it. (voxels) Default: 4096.
+    band_vox: The half-width of the band of distances around the mesh. Particles use four voxels on either
+        side of the surface. Three give the same surface; more than four only cost time. (voxels) Default: 4.
+    weld: Vertices of open edges that are nearer to each other than this share of the longest side of the
+        mesh's box are one, and one as near to another open edge lies on it. 0: only vertices of equal
+        coordinates are one. (longest sides) Default: 1e-06.
+    """
+
+
+class _SphereNeeded(TypedDict):
+    shape: Literal["sphere"]
+    radius: float
+
+
+class _SphereRest(TypedDict, total=False):
+    center: Sequence[float]
+
+
+class Sphere(_SphereNeeded, _SphereRest):
+    """The shape 'sphere'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    radius: sphere: the radius. (world)
+    """
+
+
+class _TorusNeeded(TypedDict):
+    shape: Literal["torus"]
+    major_radius: float
+    minor_radius: float
+
+
+class _TorusRest(TypedDict, total=False):
+    center: Sequence[float]
+    axis: Sequence[float]
+
+
+class Torus(_TorusNeeded, _TorusRest):
+    """The shape 'torus'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    axis: torus: the direction of the axis of rotation. It must not be zero; its length does not matter.
+        Default: [0, 0, 1].
+    major_radius: torus: the distance from the centre to the middle of the tube. (world)
+    minor_radius: torus: the radius of the tube. It must be less than major_radius. (world)
+    """
+
+
+class _BoxNeeded(TypedDict):
+    shape: Literal["box"]
+    half_size: Sequence[float]
+
+
+class _BoxRest(TypedDict, total=False):
+    center: Sequence[float]
+    rounding: float
+
+
+class Box(_BoxNeeded, _BoxRest):
+    """The shape 'box'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    half_size: box: half of each side, including the rounding. (world)
+    rounding: box: the radius of edges and corners. It must not exceed the smallest half size. (world)
+        Default: 0.
+    """
+
+
+class _EllipsoidNeeded(TypedDict):
+    shape: Literal["ellipsoid"]
+    radii: Sequence[float]
+
+
+class _EllipsoidRest(TypedDict, total=False):
+    center: Sequence[float]
+
+
+class Ellipsoid(_EllipsoidNeeded, _EllipsoidRest):
+    """The shape 'ellipsoid'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    radii: ellipsoid: half of each axis. (world)
+    """
+
+
+class _QuarticNeeded(TypedDict):
+    shape: Literal["quartic"]
+
+
+class _QuarticRest(TypedDict, total=False):
+    center: Sequence[float]
+    r: float
+
+
+class Quartic(_QuarticNeeded, _QuarticRest):
+    """The shape 'quartic'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    r: quartic: r in equation (15). (world) Default: 0.13.
+    """
+
+
+class _GyroidNeeded(TypedDict):
+    shape: Literal["gyroid"]
+    period: float
+
+
+class _GyroidRest(TypedDict, total=False):
+    center: Sequence[float]
+    size: Sequence[float]
+
+
+class Gyroid(_GyroidNeeded, _GyroidRest):
+    """The shape 'gyroid'.
+
+    center: Every shape: the centre. (world) Default: [0.5, 0.5, 0.5].
+    size: gyroid: the sides of the box that cuts it. (world) Default: [1, 1, 1].
+    period: gyroid: the length of one period. (world)
+    """
+
+
+class _SurfaceBsplineDomainRest(TypedDict, total=False):
+    min: Sequence[float]
+    max: Sequence[float]
+
+
+class SurfaceBsplineDomain(_SurfaceBsplineDomainRest):
+    """The box in which the spline is defined.
+
+    min: The lowest corner. (world) Default: [0, 0, 0].
+    max: The highest corner. It must be above the lowest corner on every axis. (world) Default: [1, 1, 1].
+    """
+
+
+class _SurfaceBsplineNeeded(TypedDict):
+    dims: Sequence[int]
+
+
+class _SurfaceBsplineRest(TypedDict, total=False):
+    domain: SurfaceBsplineDomain
+    coefficients: Sequence[float]
+    path: str
+
+
+class SurfaceBspline(_SurfaceBsplineNeeded, _SurfaceBsplineRest):
+    """The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside. Along
+    an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient i, counted
+    from 0, belongs to the basis function centred on min + (i - 1) w, so the first and the last coefficient
+    lie one interval outside the domain.
+
+    dims: The number of coefficients along x, y and z.
+    domain: The box in which the spline is defined.
+    coefficients: The coefficients; x varies fastest, then y. Their number is the product of dims.
+    path: A file that contains only the coefficients, in the same order, as little-endian floats of 32 or 64
+        bits. The file size determines which. It must lie below one of the service's input roots.
+    """
+
+
+class _SurfaceVolumeNeeded(TypedDict):
+    path: str
+    isovalue: float
+
+
+class _SurfaceVolumeRest(TypedDict, total=False):
+    index: int
+    reconstruction: Literal["interpolating", "smoothing"]
+
+
+class SurfaceVolume(_SurfaceVolumeNeeded, _SurfaceVolumeRest):
+    """A dense volume. The surface is where the volume has the isovalue; larger values are inside. World space
+    is that of the file: for NRRD the space that the header names (left-posterior-superior is not converted),
+    for NIfTI right-anterior-superior.
+
+    path: The file: NRRD (raw, gzip or ascii data, attached or in separate files), NIfTI-1 or NIfTI-2. It and
+        the files that it names must lie below one of the service's input roots.
+    index: Which volume of a NIfTI file with more than three axes, counted from 0. Required if there are
+        several.
+    isovalue: The value on the surface. The surface is open where it meets the end of the data. (the volume's)
+    reconstruction: See /surface/vdb/reconstruction. Default: 'interpolating'.
+    """
+
+
+class _SurfaceExrNeeded(TypedDict):
+    path: str
+    slices: str
+    isovalue: float
+
+
+class _SurfaceExrRest(TypedDict, total=False):
+    part: str
+    channel: str
+    voxel_size: Sequence[float]
+    origin: Sequence[float]
+    reconstruction: Literal["interpolating", "smoothing"]
+
+
+class SurfaceExr(_SurfaceExrNeeded, _SurfaceExrRest):
+    """A stack of OpenEXR images as a dense volume. The surface is where the volume has the isovalue; larger
+    values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin + voxel_size (x, y, k). Rows
+    count downwards in the image. Pixels are numbered by the data window, not by the display window. The
+    volume covers the data windows of all slices; a pixel outside the data window of its slice is 0. In tiled
+    files with levels, the full-resolution level is read. Deep images are refused.
+
+    path: The files, with #### (at least as many digits) or %04d in place of the slice number. They must lie
+        below one of the service's input roots.
+    slices: The slices: "1-93", or every second one: "1-93x2". At least 2, at most 65536.
+    part: The name of the part. Optional if only one part has the channel.
+    channel: The name of the channel including its layer, such as "density" or "fog.Y". Optional if there is
+        only one.
+    voxel_size: The distance between columns, rows and slices. (world) Default: [1, 1, 1].
+    origin: The position of pixel (0, 0) of the first slice. (world) Default: [0, 0, 0].
+    isovalue: The value on the surface. The surface is open where it meets the end of the data. (the
+        channel's)
+    reconstruction: See /surface/vdb/reconstruction. Default: 'interpolating'.
+    """
+
+
+class _SurfaceOffsetNeeded(TypedDict):
+    surface: "Surface"
+    distance: float
+
+
+class SurfaceOffset(_SurfaceOffsetNeeded):
+    """A surface at a constant distance from another one. The other surface must have distances: spheres,
+    tori, boxes, level sets and meshes have them, and so have their combinations and their transforms that
+    keep angles. Other surfaces, such as fog volumes, are refused. Edges of a combination stay sharp. The band
+    of a level set must be wide enough for the offset.
+
+    surface: The surface to offset.
+    distance: The distance. Positive is outwards, negative is inwards. (world)
+    """
+
+
+class _SurfaceTransformNeeded(TypedDict):
+    surface: "Surface"
+    matrix: Sequence[float]
+
+
+class SurfaceTransform(_SurfaceTransformNeeded):
+    """A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie along
+    the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and translate.
+
+    surface: The surface to transform.
+    matrix: An invertible matrix as 16 numbers, row by row, for column vectors. The last row is 0, 0, 0, 1.
+    """
+
+
+class _SurfaceRest(TypedDict, total=False):
+    vdb: SurfaceVdb
+    mesh: SurfaceMesh
+    analytic: Union[Sphere, Torus, Box, Ellipsoid, Quartic, Gyroid]
+    bspline: SurfaceBspline
+    volume: SurfaceVolume
+    exr: SurfaceExr
+    union: Sequence["Surface"]
+    intersection: Sequence["Surface"]
+    difference: Sequence["Surface"]
+    offset: SurfaceOffset
+    transform: SurfaceTransform
+
+
+class Surface(_SurfaceRest):
+    """The surface to sample. Give exactly one of its members.
+
+    vdb: A scalar grid of an OpenVDB file. The surface is where the grid has the isovalue.
+    mesh: A closed triangle mesh. hexad converts it into a level set with exact distances.
+    analytic: A surface given by a formula.
+    bspline: The zero set of a uniform cubic B-spline, given by its coefficients. Negative values are inside.
+        Along an axis with n coefficients the domain has n - 3 knot intervals of equal length w. Coefficient
+        i, counted from 0, belongs to the basis function centred on min + (i - 1) w, so the first and the last
+        coefficient lie one interval outside the domain.
+    volume: A dense volume. The surface is where the volume has the isovalue; larger values are inside. World
+        space is that of the file: for NRRD the space that the header names (left-posterior-superior is not
+        converted), for NIfTI right-anterior-superior.
+    exr: A stack of OpenEXR images as a dense volume. The surface is where the volume has the isovalue; larger
+        values are inside. Pixel (x, y) of slice k, counted from 0, lies at origin + voxel_size (x, y, k).
+        Rows count downwards in the image. Pixels are numbered by the data window, not by the display window.
+        The volume covers the data windows of all slices; a pixel outside the data window of its slice is 0.
+        In tiled files with levels, the full-resolution level is read. Deep images are refused.
+    union: The union of the solids. Each member is a surface and may itself be a combination. The result has a
+        sharp edge where two surfaces meet.
+    intersection: The intersection of the solids.
+    difference: The first solid without the others.
+    offset: A surface at a constant distance from another one. The other surface must have distances: spheres,
+        tori, boxes, level sets and meshes have them, and so have their combinations and their transforms that
+        keep angles. Other surfaces, such as fog volumes, are refused. Edges of a combination stay sharp. The
+        band of a level set must be wide enough for the offset.
+    transform: A surface transformed by a matrix: moved, rotated, mirrored, scaled or sheared. Boundaries lie
+        along the world's axes, so the matrix of an open surface may only exchange, flip and scale axes, and
+        translate.
+    """
+
+
+class _RegionNeeded(TypedDict):
+    min: Sequence[float]
+    max: Sequence[float]
+
+
+class Region(_RegionNeeded):
+    """Only the part of the surface inside this box is sampled. Where the box cuts the surface, the surface is
+    open and points lie along the cut. The scale of curvature still comes from the bounding box of the whole
+    surface.
+
+    min: The lowest corner. (world)
+    max: The highest corner. It must be above the lowest corner on every axis. (world)
+    """
+
+
+class _SamplingControlNeeded(TypedDict):
+    min_count: int
+    max_sigma: float
+
+
+class _SamplingControlRest(TypedDict, total=False):
+    start_count: int
+    selection: Literal["biased", "random"]
+
+
+class SamplingControl(_SamplingControlNeeded, _SamplingControlRest):
+    """Finds the smallest count that is at least min_count and whose support at the ideal energy is at most
+    max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts and deletes
+    some between rounds. Method sized computes the count from sigma = sqrt(3) spacing.
+
+    min_count: The least number of points. (points)
+    max_sigma: The largest support of the potential. Points are inserted until the support is small enough.
+        (world)
+    start_count: The number of points that paper begins with, at least min_count; 0: min_count. A number near
+        the result saves rounds. If it is too large, points are deleted. (points) Default: 0.
+    selection: Which points are split or deleted. biased: points with little energy are more likely to be
+        split, points with much energy to be deleted. random: all points are equally likely. Only the method
+        paper inserts and deletes points. Default: 'biased'.
+    """
+
+
+class _SamplingFeatureRest(TypedDict, total=False):
+    ratio: float
+
+
+class SamplingFeature(_SamplingFeatureRest):
+    """Finer spacing where the surface is thin or sheets are close: at most ratio times the feature size,
+    which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not thin. The
+    job fails if the count is too small, and names the count that it needs.
+
+    ratio: The largest spacing, over the feature size. With 0.75, sheets are 2.7 spacings apart; above 1, they
+        may remain unresolved. Default: 0.75.
+    """
+
+
+class _SamplingAlphaScaleRest(TypedDict, total=False):
+    spacings: float
+    world: float
+
+
+class SamplingAlphaScale(_SamplingAlphaScaleRest):
+    """The distance over which the surface's curvature is taken: the bend of the shape instead of the facets
+    of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
+
+    spacings: The distance in spacings of the even packing. 0: the curvature of the field at the point itself.
+        (spacings)
+    world: The distance in world units. (world)
+    """
+
+
+class _SamplingAlphaRest(TypedDict, total=False):
+    d: float
+    gamma: float
+    nu: float
+    kappa_max: float
+    scale: SamplingAlphaScale
+
+
+class SamplingAlpha(_SamplingAlphaRest):
+    """Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
+    multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
+    surface of a volume or mesh, of the domain of a formula or B-spline. The report tells it.
+
+    d: The exponent. A larger one follows the curvature more strongly, one below 1 more weakly. Default: 2.
+    gamma: The lower bound of alpha, which alpha approaches where the curvature is strong. Default: 0.1.
+    nu: Where the surface is flat, alpha is gamma + 1/nu. Default: 0.75.
+    kappa_max: Larger values of the scale-free curvature are replaced by this one. Default: 20.
+    scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
+        facets of a mesh or the noise of a scan. Give one of its members. Default: two spacings.
+    """
+
+
+class _SamplingCurvatureScaleRest(TypedDict, total=False):
+    spacings: float
+    world: float
+
+
+class SamplingCurvatureScale(_SamplingCurvatureScaleRest):
+    """The distance over which the surface's curvature is taken: the bend of the shape instead of the facets
+    of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
+
+    spacings: The distance in spacings, as they are at the place. 0: the curvature of the field at the point
+        itself. (spacings)
+    world: The distance in world units. (world)
+    """
+
+
+class _SamplingCurvatureRest(TypedDict, total=False):
+    chord_error: float
+    ratio: float
+    exponent: float
+    scale: SamplingCurvatureScale
+
+
+class SamplingCurvature(_SamplingCurvatureRest):
+    """Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it needs
+    as many points as the target.
+
+    chord_error: Spacing sqrt(8 chord_error / max(|kappa1|, |kappa2|)): the chord between two neighbours
+        deviates from the surface by chord_error. The report states the error that the count achieves. (world)
+    ratio: The ratio of the largest to the smallest spacing. The spacing is proportional to kappa^-exponent.
+        Only 1 % of the area is more curved than the places of the smallest spacing.
+    exponent: How strongly the spacing follows the curvature. Belongs to ratio. Default: 1.
+    scale: The distance over which the surface's curvature is taken: the bend of the shape instead of the
+        facets of a mesh or the noise of a scan. Give one of its members. Default: 4 spacings of the place.
+    """
+
+
+class _SamplingGridNeeded(TypedDict):
+    name: str
+
+
+class _SamplingGridRest(TypedDict, total=False):
+    kind: Literal["spacing", "density"]
+
+
+class SamplingGrid(_SamplingGridNeeded, _SamplingGridRest):
+    """Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The requested
+    spacing is scaled so that it needs as many points as the target.
+
+    name: The name of the grid. If several grids have the same name, write "name[1]" for the second.
+    kind: spacing: values are distances between neighbours. density: values are points per unit of area; where
+        the density is 0, there are only the points that max_spacing and gradation require. Default:
+        'spacing'.
+    """
+
+
+class _SamplingRest(TypedDict, total=False):
+    count: int
+    spacing: float
+    density: float
+    control: SamplingControl
+    time_s: float
+    resolve: bool
+    feature: SamplingFeature
+    alpha: SamplingAlpha
+    curvature: SamplingCurvature
+    grid: SamplingGrid
+    min_spacing: float
+    max_spacing: float
+    gradation: float
+
+
+class Sampling(_SamplingRest):
+    """The number of points. Give exactly one target (count, spacing, density, control, time_s or resolve) and
+    at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or on its own,
+    feature makes thin parts finer.
+
+    count: The exact number of points. (points)
+    spacing: The mean distance between neighbours. The count is 2 A / (sqrt(3) spacing^2), where A is the
+        area. (world)
+    density: The number of points per unit of area. (1/world^2)
+    control: Finds the smallest count that is at least min_count and whose support at the ideal energy is at
+        most max_sigma (section 6.1 of the paper). Method paper starts with min_count points and inserts and
+        deletes some between rounds. Method sized computes the count from sigma = sqrt(3) spacing.
+    time_s: As many points as the whole job can relax, measure and write in this time on the machine that runs
+        it. Trial runs with increasing counts determine the number. The result is not reproducible and is
+        never cached. The job fails with limit_time if fewer than 200 points fit. (s)
+    resolve: As many points as it takes to resolve the surface: the spacing is what feature and grid ask for,
+        at most max_spacing. Give true. The report and the estimate state the count.
+    feature: Finer spacing where the surface is thin or sheets are close: at most ratio times the feature
+        size, which is half the thickness, half the gap, or the radius of a thin tube. Convex edges are not
+        thin. The job fails if the count is too small, and names the count that it needs.
+    alpha: Spacing by curvature with equations (13) and (14): alpha = gamma + 1 / (kappa^d + nu). kappa is
+        multiplied by a length L, so that it does not depend on scale: the longest side of the box around the
+        surface of a volume or mesh, of the domain of a formula or B-spline. The report tells it.
+    curvature: Spacing by curvature: finer where the surface bends. The requested spacing is scaled so that it
+        needs as many points as the target.
+    grid: Spacing from a second scalar grid of the surface's VDB file, such as a painted map. The requested
+        spacing is scaled so that it needs as many points as the target.
+    min_spacing: The smallest spacing. Belongs to curvature, grid and feature. Features ask for no spacing
+        below it, or by default below a quarter of a voxel (of a formula: of a cell). (world)
+    max_spacing: The largest spacing. Belongs to curvature, grid and feature. (world)
+    gradation: The largest increase of the spacing per unit of distance along the surface. Belongs to
+        curvature, grid and feature. Default: 0.2.
+    """
+
+
+class _SolverWitkinHeckbertRest(TypedDict, total=False):
+    alpha: float
+    e_hat: float
+    rho: float
+    phi: float
+    beta: float
+    dt: float
+    gamma: float
+    nu: float
+    delta: float
+    sigma_max: float
+
+
+class SolverWitkinHeckbert(_SolverWitkinHeckbertRest):
+    """Parameters of the method "witkin-heckbert", with the symbols and defaults of its paper (1994). The
+    target radius, sigma_hat, follows from the sampling target.
+
+    alpha: alpha: the amplitude of the repulsion, E_ij = alpha exp(-r^2 / (2 sigma_i^2)). It scales the speed.
+        Default: 6.
+    e_hat: E_hat divided by alpha: the energy that each particle aims at. A larger one gives a denser
+        sampling. At 0.8 neighbours are two sigma apart. Default: 0.8.
+    rho: rho: how fast the radius of a particle follows its energy, dD/dt = -rho (D - E_hat). Default: 15.
+    phi: phi: how fast a particle returns to the surface, dF/dt = -phi F: the feedback term of (2). Default:
+        15.
+    beta: beta: keeps the rate of a radius finite where a particle has no neighbours. In units of 1 / sigma_i;
+        the paper of 1994 uses 1 / length. Default: 10.
+    dt: Delta t: the time step of Euler's method. With the other defaults it is unstable above about 0.07.
+        (time) Default: 0.03.
+    gamma: gamma: a particle slower than gamma sigma_i is near its equilibrium and may be split or deleted.
+        Default: 4.
+    nu: nu: a particle whose radius exceeds its target is split when its energy exceeds nu E_hat. Default:
+        0.2.
+    delta: delta: a particle may be deleted when its radius is below delta times its target radius. The
+        smaller the radius, the more likely. Default: 0.7.
+    sigma_max: sigma_max: a particle with a larger radius is always split. 0: the larger of half the longest
+        side of the surface and 1.5 target radii. (world) Default: 0.
+    """
+
+
+class _SolverRest(TypedDict, total=False):
+    method: Literal["sized", "paper", "witkin-heckbert"]
+    energy: Literal["cotangent", "gaussian", "electrostatic"]
+    minimiser: Literal["lm", "gradient"]
+    step: float
+    sigma: float
+    witkin_heckbert: SolverWitkinHeckbert
+    init: Literal["surface", "random", "sized"]
+    seed: int
+    threads: int
+    isa: Literal["auto", "portable", "avx2", "avx512"]
+    max_sweeps: int
+    step_tolerance: float
+    energy_tolerance: float
+
+
+class Solver(_SolverRest):
+    """How the points are computed.
+
+    method: paper: the particle system of Meyer, Georgel and Whitaker (2005). sized: the same system, solved
+        from coarse to fine; it leaves fewer defects in less time. witkin-heckbert: the method that the paper
+        compares itself with. It has its own Gaussian energy, splits and deletes points at any time and does
+        not reach the requested count exactly. With sampling.alpha the default is paper. Default: 'sized'.
+    energy: cotangent: equations (6) and (7). gaussian and electrostatic are for comparison, see section 4.
+        The standard deviation of the Gaussian is a third of the support; the electrostatic energy is cut off
+        at the support. Default: 'cotangent'.
+    minimiser: lm: Levenberg-Marquardt with one lambda per particle, section 5. gradient: steepest descent (5)
+        with a fixed step, as in Table 1. Default: 'lm'.
+    step: The step of the gradient minimiser: a factor of the force, in units of sigma^2. The cotangent energy
+        overshoots above about 0.2. Belongs to gradient. (sigma^2) Default: 0.05.
+    sigma: The initial support of the potential. It adapts to the count. 0: computed from count and area.
+        (world) Default: 0.
+    witkin_heckbert: Parameters of the method "witkin-heckbert", with the symbols and defaults of its paper
+        (1994). The target radius, sigma_hat, follows from the sampling target.
+    init: surface: the first points are distributed over the surface by area. random: they are uniform in the
+        domain or, for volumes, in the voxels that the surface crosses. sized: they are an even packing by the
+        method sized, which other methods then relax their way; it counts as part of the start: its sweeps are
+        not in the report. Default: 'surface'.
+    seed: The seed of the random numbers. The same spec, seed and build give the same bytes. Default: 0.
+    threads: The number of threads; 0: those that the service gives to each worker. The result does not depend
+        on it. Default: 0.
+    isa: The instruction set of the numerical kernels; auto: the best one that the machine supports. The
+        result does not depend on it. Default: 'auto'.
+    max_sweeps: The solver stops after this many sweeps, whether it has converged or not. (sweeps) Default:
+        5000.
+    step_tolerance: Convergence requires an rms step below this. For witkin-heckbert it is the rms
+        displacement per unit of time. Below 0.003 only a few defects still move: 0.001 doubles the sweeps,
+        and changes the measures of quality less than another seed would. (spacings) Default: 0.003.
+    energy_tolerance: The outcome converged requires that quality.energy_excess is at most this: the mean
+        energy of the points with the support that belongs to their spacing. An ordered packing has 0.02 and
+        less, a disordered one 0.05 and more. The energy under the support that the solver found must be as
+        close to the ideal. Default: 0.05.
+    """
+
+
+_AttributesItemRest = TypedDict("_AttributesItemRest", {
+    "from": str,
+    "name": str,
+    "as": str,
+    "type": Literal["auto", "float", "int", "vector", "normal", "color", "uv"],
+    "interpolation": Literal["linear", "cubic", "nearest"],
+}, total=False)
+
+
+class AttributesItem(_AttributesItemRest):
+    """Members of a spec.
+
+    from: Where the values are. surface: in the file of the surface, of a combined surface in the first of its
+        files. geometry: in the surface itself. Anything else is the path of an OpenVDB, NRRD, NIfTI or mesh
+        file in the same space; it moves with the transforms of the surface. Default: 'surface'.
+    name: The grid of an OpenVDB file (any of numbers or vectors), the channel of a stack of images, the
+        component of an NRRD file with several values at a place (0, 1, ...; all of them if this is absent),
+        or what the vertices of a mesh have. Of geometry: part (the number of the part of a combined surface,
+        from 0), direction1 or direction2 (of the principal curvatures).
+    as: The name in the outputs: letters, digits and _. Default: the name, with _ for other characters.
+    type: What the values are. Transforms of the surface turn and stretch vectors, turn normals, and leave all
+        others. A color is also written as formats write colours, a uv as texture coordinates. auto: int for
+        whole numbers, vector for three components, float for others, and what a mesh says. Default: 'auto'.
+    interpolation: Between the samples of a grid. cubic: Catmull and Rom's splines, which go through the
+        samples. Whole numbers are always those of the nearest sample. Default: 'linear'.
+    """
+
+
+class _OutputPlyRest(TypedDict, total=False):
+    format: Literal["binary_little_endian", "ascii"]
+    precision: Literal["float", "double"]
+    properties: Union[str, Sequence[str]]
+
+
+class OutputPly(_OutputPlyRest):
+    """Options of points.ply.
+
+    format: The encoding of points.ply. Default: 'binary_little_endian'.
+    precision: The type of all properties of points.ply except id. Default: 'float'.
+    properties: Which properties points.ply has, in this order; x, y and z come first. The name of an
+        application stands for what it reads: blender, houdini, meshlab, or minimal (positions and normals).
+        Default: all that doc/report.md lists, and the attributes; doc/formats.md has further names. red,
+        green and blue are those of an attribute of colours, else the colours of the preview.
+    """
+
+
+class _OutputPreviewCameraNeeded(TypedDict):
+    position: Sequence[float]
+    target: Sequence[float]
+
+
+class _OutputPreviewCameraRest(TypedDict, total=False):
+    up: Sequence[float]
+    fov: float
+    orthographic: float
+
+
+class OutputPreviewCamera(_OutputPreviewCameraNeeded, _OutputPreviewCameraRest):
+    """The camera. Without it, the surface is seen from the right, the front and above, and fills the image.
+
+    position: The position of the eye. Points behind it are not visible, also in orthographic images. (world)
+    target: The point in the middle of the image. (world)
+    up: The direction that points up in the image. It must not be parallel to the line of sight. A turntable
+        rotates about it. Default: [0, 0, 1].
+    fov: The angle of view along the longer side of the image. 0.452 if neither fov nor orthographic is given.
+        (radians)
+    orthographic: Selects parallel projection: the length that the longer side of the image shows. (world)
+    """
+
+
+class _OutputPreviewRest(TypedDict, total=False):
+    size: Union[int, Sequence[int]]
+    color: Literal["alpha", "curvature", "energy", "spacing", "degree"]
+    compression: Literal["none", "rle", "zips"]
+    up: Literal["auto", "y", "z"]
+    camera: OutputPreviewCamera
+    turntable: int
+
+
+class OutputPreview(_OutputPreviewRest):
+    """Members of a spec.
+
+    size: The side of a square image, or [width, height]. (pixels) Default: [512, 512].
+    color: The quantity that the colours show: the amplitude alpha, the curvature kappa, the energy of a
+        particle, the achieved spacing, or the number of neighbours. Default: alpha if sampling.alpha is
+        given, otherwise curvature.
+    compression: The compression of preview.exr. At 512 x 512 pixels, none gives 12.6 MB; rle about 6 MB for
+        20 ms of processor time, zips about 3 MB for 130 ms. Default: 'none'.
+    up: The axis that points up where there is no camera. auto: y of OpenVDB files and of meshes but STL
+        files, z of all others. Default: 'auto'.
+    camera: The camera. Without it, the surface is seen from the right, the front and above, and fills the
+        image.
+    turntable: The number of images of one full rotation around the surface: preview.0001.png and so on; 0:
+        none. The axis is the camera's up direction through its target. Without a camera it is the axis that
+        is up, through the centre of the points. (frames) Default: 0.
+    """
+
+
+class _OutputRest(TypedDict, total=False):
+    ply: OutputPly
+    preview: Union[bool, OutputPreview]
+    convergence: bool
+    points_vdb: bool
+    mesh: bool
+    directory: str
+
+
+class Output(_OutputRest):
+    """The files to write.
+
+    ply: Options of points.ply.
+    preview: preview.png and preview.exr. false: they are not written. true or an object: they are; the object
+        has the members below.
+    convergence: Whether to write convergence.png: energy, lambda, step and count plotted against the sweeps.
+        Default: False.
+    points_vdb: Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved spacing)
+        and id (the index of the point in points.ply, from 0). Default: False.
+    mesh: Whether to write mesh.ply: triangles whose vertices are the points, with the order and properties of
+        points.ply. The member mesh of the report states whether the triangles close the surface. Default:
+        False.
+    directory: The service copies the results into this directory: an absolute path below one of its output
+        roots. It is created if missing. Files of the same name are replaced. In a sequence, #### or %04d
+        stands for the frame number.
+    """
+
+
+class _LimitsRest(TypedDict, total=False):
+    memory_mb: int
+    timeout_s: float
+    stall_s: float
+    max_attempts: int
+
+
+class Limits(_LimitsRest):
+    """The resources that the job may use. 0: the default of the service or of the worker.
+
+    memory_mb: The memory of the worker; 0: the service's setting. A job that would need more for its points,
+        grids or pictures ends with limit_memory before it takes it. Where systemd has delegated a control
+        group to the service, the kernel ends a worker that takes more all the same, also with limit_memory.
+        Elsewhere it may come to take more for a while: its address space is bounded to this, 512 MiB, and 80
+        MiB for each processor. (MiB) Default: 0.
+    timeout_s: The time that the job, or each frame of it, may run, summed over all attempts. Attempts that
+        the service itself stopped, as for a restart, do not count. (s) Default: 0.
+    stall_s: An attempt without progress for this long is stopped. (s) Default: 0.
+    max_attempts: How often the job is tried if its worker dies. (attempts) Default: 0.
+    """
+
+
+_QueueByFrameValueNeeded = TypedDict("_QueueByFrameValueNeeded", {
+    "from": float,
+    "to": float,
+})
+
+
+class QueueByFrameValue(_QueueByFrameValueNeeded):
+    """Members of a spec.
+
+    """
+
+
+class _QueueRest(TypedDict, total=False):
+    priority: int
+    labels: Sequence[str]
+    depends_on: Sequence[str]
+    after: Sequence[str]
+    frames: str
+    by_frame: Mapping[str, Union[Sequence[Any], QueueByFrameValue]]
+    coherent: bool
+    retention_s: int
+    webhook: str
+    slurm: Sequence[str]
+
+
+class Queue(_QueueRest):
+    """The job's place in the queue.
+
+    priority: Jobs of higher priority run first. Default: 0.
+    labels: Words by which the job can be found, each 1 to 100 characters long. Default: [].
+    depends_on: Identifiers of jobs that must succeed before this one starts. If one of them does not succeed,
+        this job fails. Default: [].
+    after: Identifiers of jobs that must end before this one starts, whether they succeed or not. Default: [].
+    frames: The frame numbers; the job has one task per frame: "1-100", "1-100x2", "1-10,20". The first ####
+        or %04d in each input path stands for the frame number.
+    by_frame: Members of the spec that change from frame to frame, by JSON Pointer. Each has a list of one
+        value for each frame, {"/solver/seed": [1, 2, 3]}, or a ramp over the frame numbers,
+        {"/surface/analytic/radius": {"from": 1, "to": 2}}. Members of surface, region, sampling, solver and
+        output may change, except paths, solver.threads and output.directory. At most 10000 frames.
+    coherent: Whether each frame starts with the points of the frame before. The points follow the motion of
+        the surface and keep their ids. Requires frames and the method sized. Default: False.
+    retention_s: How long the job and its results are kept after its end; 0: the service's setting. (s)
+        Default: 0.
+    webhook: An http or https address that the service calls when the job has ended. The service must allow
+        its host. The service repeats the call until the answer is 2xx or its retries are spent. A receiver
+        may be told of the same end more than once, with the same webhook-id, and is told again when a job
+        that was retried ends.
+    slurm: Options of sbatch for the job's attempts, as "--partition=gpu", where the service runs them in
+        Slurm. The service must allow each (its setting slurm_allow). Default: [].
+    """
+
+
+class _SpecNeeded(TypedDict):
+    surface: Surface
+    sampling: Sampling
+
+
+class _SpecRest(TypedDict, total=False):
+    version: int
+    name: str
+    region: Region
+    solver: Solver
+    attributes: Sequence[AttributesItem]
+    output: Output
+    limits: Limits
+    queue: Queue
+
+
+class Spec(_SpecNeeded, _SpecRest):
+    """What a job is to do; hexad-worker spec-help has the same at greater length.
+
+    version: The version of the spec's format.
+    name: A name for people. hexad does not interpret it.
+    surface: The surface to sample. Give exactly one of its members.
+    region: Only the part of the surface inside this box is sampled. Where the box cuts the surface, the
+        surface is open and points lie along the cut. The scale of curvature still comes from the bounding box
+        of the whole surface.
+    sampling: The number of points. Give exactly one target (count, spacing, density, control, time_s or
+        resolve) and at most one rule for the spacing (alpha, curvature or grid). Beside curvature or grid, or
+        on its own, feature makes thin parts finer.
+    solver: How the points are computed.
+    attributes: What the points carry beside their own properties, in every output: temperature, velocity,
+        colours. doc/formats.md says under which names each format has them.
+    output: The files to write.
+    limits: The resources that the job may use. 0: the default of the service or of the worker.
+    queue: The job's place in the queue.
+    """

@@ -1,0 +1,363 @@
+"""The client in Python (clients/python): against a real daemon, without one, and as its types say."""
+import ast
+import doctest
+import hashlib
+import pathlib
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from service import PATIENCE_S, Service, gated_worker, long_sphere, sphere
+
+PACKAGE = pathlib.Path(__file__).parents[2] / "clients/python"
+sys.path.insert(0, str(PACKAGE))
+
+import hexad  # noqa: E402
+from hexad import points as points_module, problems  # noqa: E402
+
+
+def on_a_socket(build, where, *options):
+    """A daemon on the Unix socket of its state directory, so that its address stays when it is started again."""
+    service = Service(build, where, *options)
+    for word in ("--listen", "--tcp_without_tokens"):
+        at = service.options.index(word)
+        del service.options[at:at + 2]
+    return service
+
+
+@pytest.fixture
+def socket_service(build, tmp_path):
+    made = []
+
+    def make(*options):
+        made.append(on_a_socket(build, tmp_path, *options))
+        return made[-1].start()
+
+    yield make
+    for service in made:
+        service.clean_up()
+
+
+@pytest.fixture(scope="module")
+def client(build, tmp_path_factory):
+    service = on_a_socket(build, tmp_path_factory.mktemp("client")).start()
+    made = hexad.Client(service.address)
+    made.service = service
+    yield made
+    service.clean_up()
+
+
+@pytest.fixture
+def local(build, tmp_path):
+    with hexad.Local(build / "hexad-worker", tmp_path / "local") as made:
+        yield made
+
+
+SPEC = sphere(300, output={"preview": False, "mesh": True})
+
+
+@pytest.mark.parametrize("arrays", [True, False], ids=["numpy", "plain"])
+def test_submit_wait_and_fetch(client, tmp_path, monkeypatch, arrays):
+    if not arrays:
+        monkeypatch.setattr(points_module, "numpy", None)
+    job = client.submit({**SPEC, "queue": {"labels": [f"arrays={arrays}"]}}, wait=True)
+    assert (job.state, job.outcome, job.error) == ("succeeded", "converged", None)
+    assert [j.id for j in client.jobs(label=f"arrays={arrays}", state="succeeded")] == [job.id]
+    assert client.job(job.id).spec["surface"] == SPEC["surface"]
+    paths = job.fetch(tmp_path / "out")
+    assert [p.name for p in paths] == ["points.ply", "mesh.ply", "report.json"]
+    for path, result in zip(paths, job.results()):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == result.sha256 and path.stat().st_size == result.bytes
+    written = [p.stat().st_ino for p in paths]
+    assert job.fetch(tmp_path / "out") == paths and [p.stat().st_ino for p in paths] == written  # not brought again
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {p.name for p in paths}
+    points, mesh = job.points(), job.points(name="mesh.ply")
+    assert points.count == 300 == job.report()["count"] and mesh.count == 300 and len(mesh.triangles) == 596
+    for position, normal in zip(points.positions, points.normals):
+        assert max(abs(a - b) for a, b in zip(position, normal)) < 1e-5  # of a unit ball
+    assert isinstance(points["x"], points_module.numpy.ndarray if arrays else points_module.array.array)
+
+
+def test_ascii_and_other_types_are_read(client, tmp_path, monkeypatch):
+    job = client.submit({**SPEC, "output": {"preview": False, "mesh": True, "ply": {"format": "ascii", "precision": "double"}}},
+                        wait=True)
+    other = tmp_path / "other.ply"
+    other.write_bytes(b"ply\nformat binary_little_endian 1.0\ncomment of another order\nelement vertex 2\nproperty uchar red\n"
+                      b"property double x\nproperty uint id\nend_header\n" + struct.pack("<BdIBdI", 255, 0.5, 7, 1, -2, 8))
+    for numpy in (points_module.numpy, None):
+        monkeypatch.setattr(points_module, "numpy", numpy)
+        assert len(job.points(name="mesh.ply").triangles) == 596 and job.points().count == 300
+        read = hexad.read_ply(other)
+        assert {name: list(read[name]) for name in read} == {"red": [255, 1], "x": [0.5, -2], "id": [7, 8]}
+        cut = tmp_path / "cut.ply"
+        cut.write_bytes(other.read_bytes()[:-1])
+        with pytest.raises(hexad.Damaged):
+            hexad.read_ply(cut)
+
+
+def test_events_across_a_crash_of_the_daemon(socket_service, tmp_path):
+    service = socket_service("--worker", gated_worker(tmp_path))
+    client = hexad.Client(service.address)
+    job = client.submit(sphere())
+    told, others = [], []
+    followers = [threading.Thread(target=lambda: told.extend(job.events()), daemon=True),
+                 threading.Thread(target=lambda: others.extend(e for e in all_events(client)), daemon=True)]
+    seen = threading.Event()
+
+    def all_events(client):
+        for event in client.events(after="0"):
+            if event.state == "running":
+                seen.set()
+            yield event
+            if event.is_end:
+                return
+
+    for thread in followers:
+        thread.start()
+    assert seen.wait(PATIENCE_S)
+    service.end(signal.SIGKILL)
+    service.start()
+    assert job.refresh().state in ("queued", "running")  # asked until the daemon was there
+    service.open_gate(job.id)
+    for thread in followers:
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive()
+    page = service.get("/v1/events?after=0").json["events"]
+    assert [e["state"] for e in page if e["type"] == "state"] == ["queued", "running", "queued", "running", "succeeded"]
+    assert [e.data for e in told if e.type != "progress"] == page
+    assert [e.data for e in others] == page
+    assert list(job.events(after=told[-1].id)) == []  # nothing more will come
+    assert job.wait().state == "succeeded"
+
+
+def read_message(connection):
+    """A request or an answer, as long as its head says."""
+    data = connection.recv(65536)
+    while b"\r\n\r\n" not in data:
+        data += connection.recv(65536)
+    head, _, body = data.partition(b"\r\n\r\n")
+    length = int(head.lower().partition(b"content-length: ")[2].partition(b"\r\n")[0] or 0)
+    while len(body) < length:
+        body += connection.recv(65536)
+    return head + b"\r\n\r\n" + body
+
+
+class LosesAnswers:
+    """A proxy to a Unix socket: it loses the first answer, once the daemon has given it."""
+
+    def __init__(self, where, target):
+        self.target, self.asked = target, 0
+        self.listener = socket.socket(socket.AF_UNIX)
+        self.listener.bind(str(where))
+        self.listener.listen()
+        threading.Thread(target=self.run, daemon=True).start()
+
+    def run(self):
+        while self.asked < 2:
+            connection, _ = self.listener.accept()
+            with connection, socket.socket(socket.AF_UNIX) as behind:
+                behind.connect(self.target)
+                behind.sendall(read_message(connection))
+                answer = read_message(behind)
+                self.asked += 1
+                if self.asked > 1:
+                    connection.sendall(answer)
+
+
+def test_a_submission_whose_answer_is_lost_makes_one_job(client, tmp_path):
+    proxy = LosesAnswers(tmp_path / "proxy", client.service.address.removeprefix("unix:"))
+    through = hexad.Client(f"unix:{tmp_path}/proxy")
+    job = through.submit(sphere(name="lost answer"))
+    assert proxy.asked == 2
+    assert [j.id for j in client.jobs(name="lost answer")] == [job.id]
+    proxy.listener.close()
+    again = [client.submit(sphere(name="by key"), key="key of mine").id for _ in range(2)]
+    assert again[0] == again[1]
+    with pytest.raises(problems.IdempotencyMismatch):
+        client.submit(sphere(201), key="key of mine")
+
+
+CUBE_OBJ = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)) + """f 1 2 4 3
+f 5 7 8 6
+f 1 5 6 2
+f 3 4 8 7
+f 1 3 7 5
+f 2 6 8 4
+"""
+
+
+def test_files_are_sent(client, tmp_path, monkeypatch):
+    asked = []
+    open_once = client.transport.open_once
+    monkeypatch.setattr(client.transport, "open_once", lambda *words: asked.append(words[0]) or open_once(*words))
+    (tmp_path / "cube.obj").write_text(CUBE_OBJ)
+    path = client.upload(tmp_path / "cube.obj")
+    assert client.upload(CUBE_OBJ.encode(), ".obj") == path
+    assert asked == ["GET", "PUT", "GET"]  # once
+    assert client.inspect(path)["mesh"]
+    spec = {"surface": {"mesh": {"path": path, "resolution": 32}}, "sampling": {"count": 200}, "output": {"preview": False}}
+    assert client.estimate(spec)["count"] == 200
+    assert client.submit(spec, wait=True).points().count == 200
+
+
+def test_errors_have_classes(client, tmp_path):
+    with pytest.raises(problems.SpecInvalid) as refused:
+        client.submit(sphere(2))
+    assert (refused.value.code, refused.value.status) == ("spec_invalid", 422)
+    assert [e["pointer"] for e in refused.value.errors] == ["/sampling/count"]
+    with pytest.raises(problems.NotFound):
+        client.job("0" * 26)
+    with pytest.raises(hexad.Unreachable):
+        hexad.Client(f"unix:{tmp_path}/nobody", patience=0.1).version()
+    for server in ("nonsense", "ftp://host", "http://"):
+        with pytest.raises(ValueError):
+            hexad.Client(server)
+    apart = {"intersection": [{"analytic": {"shape": "sphere", "center": [at, 0, 0], "radius": 1}} for at in (0, 9)]}
+    with pytest.raises(hexad.JobFailed) as failed:
+        client.submit(sphere(surface=apart), wait=True)
+    assert failed.value.code == "no_surface" and client.job(failed.value.job).state == "failed"
+    job = client.submit(sphere(), wait=True)
+    with pytest.raises(problems.Conflict):
+        job.cancel()
+
+
+def test_a_damaged_file_does_not_arrive(client, tmp_path):
+    job = client.submit(sphere(210, output={"preview": False}), wait=True)
+    stored = client.service.state / "results" / job.id / "points.ply"
+    data = bytearray(stored.read_bytes())
+    data[-1] ^= 1
+    stored.chmod(0o600)
+    stored.write_bytes(data)
+    with pytest.raises(hexad.Damaged):
+        job.fetch(tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_wait_has_an_end(socket_service, tmp_path):
+    service = socket_service("--worker", gated_worker(tmp_path))
+    job = hexad.Client(service.address).submit(sphere())
+    with pytest.raises(hexad.WaitTimeout):
+        job.wait(0.1)
+    assert job.cancel().wait(check=False).state == "cancelled"
+    with pytest.raises(hexad.JobFailed):
+        job.check()
+    job.delete()
+    with pytest.raises(problems.NotFound):
+        job.refresh()
+
+
+def test_tokens_over_tcp(build, new_service):
+    service = new_service()
+    at = service.options.index("--tcp_without_tokens")
+    del service.options[at:at + 2]
+    service.state.mkdir()
+    token = subprocess.run([build / "hexadctl", "token", "add", "alice", "--file", service.state / "tokens"], check=True,
+                           capture_output=True, text=True).stdout.split()[0]
+    service.start()
+    client = hexad.Client(f"http://{service.address}", token)
+    assert client.submit(sphere()).document["owner"] == "alice"
+    with pytest.raises(problems.Forbidden):
+        client.transport.send("POST", "/v1/admin/drain")
+    with pytest.raises(problems.Unauthorized):
+        hexad.Client(f"http://{service.address}", "wrong").submit(sphere())
+
+
+# which no other test computes: the daemon would give their results
+ALONE = {**SPEC, "solver": {"seed": 9}}
+FRAMES = sphere(200, output={"preview": False},
+                queue={"frames": "1-2", "by_frame": {"/surface/analytic/radius": {"from": 1, "to": 2}}})
+
+
+def test_without_a_daemon_all_is_the_same(client, local, tmp_path):
+    for spec in (ALONE, FRAMES):
+        ours, theirs = local.submit(spec, wait=True), client.submit(spec, wait=True)
+        assert (ours.state, ours.outcome, list(ours.frames())) == (theirs.state, theirs.outcome, list(theirs.frames()))
+        frame = ours.frames()[-1]
+        assert ours.read("points.ply", frame) == theirs.read("points.ply", frame)
+        names = [sorted(p.relative_to(tmp_path / w) for p in j.fetch(tmp_path / w)) for j, w in ((ours, "a"), (theirs, "b"))]
+        assert names[0] == names[1]
+        states = [[e.state for e in j.events() if e.type == "state" and "frame" not in e.data] for j in (ours, theirs)]
+        assert states[0] == states[1] == ["queued", "running", "succeeded"]
+    assert [j.id for j in local.jobs()][0] == ours.id
+    assert local.estimate(SPEC)["count"] == 300
+    with pytest.raises(problems.SpecInvalid) as refused:
+        local.submit(sphere(2))
+    assert refused.value.errors[0]["pointer"] == "/sampling/count"
+    assert local.submit(SPEC, key="k") is local.submit(SPEC, key="k")
+    path = local.upload(CUBE_OBJ.encode(), ".obj")
+    assert local.inspect(path)["mesh"]
+
+
+def test_frames_without_a_daemon_fail_as_with_one(client, local):
+    """One frame has no surface: the others have results, and the job says why it failed."""
+    spec = {**FRAMES, "surface": {"offset": {"surface": FRAMES["surface"], "distance": 0}},
+            "queue": {"frames": "1-3", "by_frame": {"/surface/offset/distance": [0.1, -2, 0.2]}}}
+    for job in (local.submit(spec).wait(check=False), client.submit(spec).wait(check=False)):
+        assert (job.state, job.error["code"], list(job.frames())) == ("failed", "no_surface", [1, 3])
+
+
+def test_a_local_job_is_cancelled(local):
+    job = local.submit(long_sphere())
+    with pytest.raises(hexad.WaitTimeout):
+        job.wait(0.1)
+    assert job.cancel().state == "cancelled"
+    with pytest.raises(hexad.HexadError):
+        job.results()
+
+
+def python_files():
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def test_the_syntax_is_of_python_3_9():
+    assert len(python_files()) >= 9
+    for path in python_files():
+        ast.parse(path.read_text(), feature_version=(3, 9))
+
+
+MISTAKES = """
+import hexad
+from hexad import spec
+
+good: spec.Spec = {"surface": {"union": [{"analytic": {"shape": "sphere", "radius": 1}}, {"vdb": {"path": "a.vdb"}}]},
+                   "sampling": {"count": 100}, "queue": {"by_frame": {"/solver/seed": {"from": 1, "to": 2}}}}
+hexad.Client().submit(good)
+bad1: spec.Spec = {"surface": {"union": [{"analytic": {"shape": "sphere", "radius": "1"}}]}, "sampling": {}}  # wrong
+bad2: spec.Spec = {"surface": {"vdb": {"path": "a.vdb"}}, "sampling": {"cuont": 100}}  # wrong
+bad3 = spec.Sampling(count=1.5)  # wrong
+bad4 = spec.Solver(method="newton")  # wrong
+bad5 = spec.SurfaceMesh(resolution=64)  # wrong
+bad6: str = hexad.Client().submit(good).points().count  # wrong
+"""
+
+
+def test_the_types_are_strict_and_find_mistakes(source, tmp_path):
+    pytest.importorskip("mypy", reason="no python3-mypy")
+    mypy = [sys.executable, "-m", "mypy", "--config-file", PACKAGE / "pyproject.toml", "--cache-dir", tmp_path / "cache"]
+    (tmp_path / "mistakes.py").write_text(MISTAKES)
+    done = subprocess.run([*mypy, "hexad", "generate.py", tmp_path / "mistakes.py"], cwd=PACKAGE, capture_output=True,
+                          text=True, timeout=PATIENCE_S)
+    found = {int(line.split(":")[1]) for line in done.stdout.splitlines() if "mistakes.py" in line and "error" in line}
+    assert found == {i for i, line in enumerate(MISTAKES.splitlines(), 1) if line.endswith("# wrong")}, done.stdout
+    assert done.stdout.count("error:") == len(found) and "in 1 file (checked" in done.stdout, done.stdout
+
+
+def test_what_is_generated_is_current(build, tmp_path):
+    subprocess.run([sys.executable, PACKAGE / "generate.py", build, tmp_path], check=True, timeout=PATIENCE_S)
+    for name in ("spec.py", "problems.py"):
+        assert (tmp_path / name).read_text() == (PACKAGE / "hexad" / name).read_text(), "run make python-client"
+
+
+@pytest.mark.parametrize("page", ["doc/python.md", "clients/python/README.md"])
+def test_the_examples_of_the_pages(client, build, source, tmp_path, monkeypatch, page):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HEXAD_SERVER", client.service.address)
+    monkeypatch.setenv("HEXAD_WORKER", str(build / "hexad-worker"))
+    (tmp_path / "cube.obj").write_text(CUBE_OBJ)
+    failed, tried = doctest.testfile(str(source / page), module_relative=False, optionflags=doctest.ELLIPSIS)
+    assert failed == 0 and tried >= 3
