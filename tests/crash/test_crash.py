@@ -66,7 +66,7 @@ def test_damage(build, tmp_path, diagnose):
 
 
 def test_faults(supervision, build, tmp_path, diagnose):
-    figures = faults.run(build, tmp_path, SEED, diagnose, every=25)
+    figures = faults.run(build, tmp_path, SEED, diagnose, every=50)
     assert figures["faults"] > 10 and any("went on" in row for row in figures["table"].values())
 
 
