@@ -33,7 +33,7 @@ typedef struct config {
     int64_t slurm_most_jobs, slurm_small, slurm_together;
     config_list slurm_options, slurm_allow, slurm_accounts;
     char *slurm_node; /* "": beside the worker */
-    double slurm_interval_s, slurm_command_s, slurm_lost_s;
+    double slurm_more_s, slurm_interval_s, slurm_command_s, slurm_lost_s;
     char *worker; /* "": config_find_worker looks for it */
     config_list unix_users, unix_groups, unix_admins;
     char *token_file; /* "": in the state directory */

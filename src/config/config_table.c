@@ -85,7 +85,11 @@ const config_row config_table[] = {
      .help = "Attempts of at most so many points share a Slurm job when many wait. 0: none do."},
     {SETTING(slurm_together), .type = CONFIG_INTEGER, .default_text = "16", .low = 1, .high = 1000,
      .unit = "attempts",
-     .help = "How many of these share a Slurm job at most; they run one after the other."},
+     .help = "How many of these a Slurm job is given at most; it runs them one after the other."},
+    {SETTING(slurm_more_s), .type = CONFIG_REAL, .default_text = "60", .low = 0, .high = 86400, .unit = "s",
+     .help =
+         "For how long after its start such a Slurm job goes on with small attempts of others that have not "
+         "begun: Slurm takes a second to start a job, and a node has nothing to do meanwhile."},
     {SETTING(slurm_interval_s), .type = CONFIG_REAL, .default_text = "1", .low = 0.1, .high = 3600,
      .unit = "s",
      .help = "How often squeue is called, for all attempts at once; less often when it takes long."},

@@ -38,6 +38,9 @@
 /* Between two checks whether a full disk has space again. */
 #define ROOM_WAIT_MS 1000
 
+/* Between two looks at the attempts that run: thousands may be claimed, and those that end meanwhile are to be settled. */
+#define CLAIMS_A_TURN 16
+
 /* The share of the machine's memory for attempts when host_memory_mb is not set. */
 #define HOST_MEMORY_SHARE 0.9
 
@@ -193,7 +196,8 @@ static void fill_slots(executor *x)
     if (x->due_ms <= clock_wall_ms()) x->look = true;
     if (!x->look) return;
     queue_room room = find_room(x);
-    for (size_t i = 0; x->look && i < x->workers; i++) {
+    int claims = 0;
+    for (size_t i = 0; x->look && i < x->workers && claims < CLAIMS_A_TURN; i++) {
         slot *s = x->slots[i];
         if (!slot_is_free(s)) continue;
         if (!executor_takes_jobs(x) || clock_monotonic_ms() < x->claim_ms) return;
@@ -202,6 +206,7 @@ static void fill_slots(executor *x)
             return;
         }
         if (claim(x, s, &room)) {
+            claims++;
             serve(x, s);
             if (slot_is_free(s)) room = find_room(x);
         } else {

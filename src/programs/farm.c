@@ -42,6 +42,7 @@ bool farm_open(config *c, const char *work_dir, slurm **farm, error *e)
         .lost_s = c->slurm_lost_s,
         .small_count = c->slurm_small,
         .together = (int)c->slurm_together,
+        .more_s = c->slurm_more_s,
     };
     *farm = slurm_open(&settings, e);
     return *farm != NULL;

@@ -1,11 +1,24 @@
 /* hexad-node: runs attempts of a service on a node of its farm; a Slurm job of the service calls it. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
 #include "config.h"
 
 #include "slurm/node.h"
+
+/* The names on standard input, one a line. */
+static void read_names(node_task *task)
+{
+    char *line = NULL;
+    size_t room = 0;
+    for (ssize_t length; (length = getline(&line, &room, stdin)) > 1;) {
+        if (line[length - 1] == '\n') length--;
+        attempt_files_add_name(&task->names, line, (size_t)length);
+    }
+    free(line);
+}
 
 int main(int argc, char **argv)
 {
@@ -14,14 +27,22 @@ int main(int argc, char **argv)
         puts(PACKAGE_STRING);
         return 0;
     }
-    if (argc < 3 || argv[1][0] != '/') {
+    if (argc != 7 || argv[1][0] != '/') {
         fprintf(stderr,
-                "usage: hexad-node WORK_DIR/farm NAME...\n"
-                "Runs the attempts that hexad has written there. Slurm starts it; see doc/farm.md.\n");
+                "usage: hexad-node WORK_DIR/farm JOB TASK OWN SECONDS LIST\n"
+                "Runs attempts that hexad has written there; their names are on standard input. Those of\n"
+                "this task of the Slurm job are OWN, from TASK * OWN on. For SECONDS others follow, and\n"
+                "those that LIST names. Slurm starts it; see doc/farm.md.\n");
         return 2;
     }
     umask(0077); /* jobs and results are the service's own */
-    if (node_run(argv[1], argv + 2, (size_t)argc - 2, &e)) return 0;
-    fprintf(stderr, "hexad-node: %s\n", e.message);
-    return 1;
+    node_task task = {.own = strtoul(argv[4], NULL, 10), .more_s = strtod(argv[5], NULL), .list = argv[6]};
+    snprintf(task.self.name, sizeof task.self.name, "%s", argv[2]);
+    task.self.task = atoi(argv[3]);
+    task.first = (size_t)task.self.task * task.own;
+    read_names(&task);
+    bool ok = node_run(argv[1], &task, &e);
+    if (!ok) fprintf(stderr, "hexad-node: %s\n", e.message);
+    attempt_files_clear_names(&task.names);
+    return ok ? 0 : 1;
 }

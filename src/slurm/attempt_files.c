@@ -22,6 +22,7 @@
 /* A spec has at most body_limit_bytes; a request repeats it with escapes. */
 #define REQUEST_BYTES ((size_t)1 << 31)
 #define SMALL_BYTES 65536
+#define LIST_BYTES ((size_t)1 << 26)
 /* Progress that is read at once: some hundred lines. What is more comes with the next look. */
 #define PROGRESS_BYTES 65536
 
@@ -150,37 +151,97 @@ void attempt_files_clear_request(engine_request *r)
     *r = (engine_request){0};
 }
 
+static char *print_batch(const attempt_files_batch *batch)
+{
+    return mem_printf("%s %d %d\n", batch->name, batch->task, batch->number);
+}
+
 bool attempt_files_write_batch(const char *directory, const attempt_files_batch *batch, error *e)
 {
-    char *text = mem_printf("%s %d\n", batch->name, batch->task);
+    char *text = print_batch(batch);
     bool ok = write_text(directory, BATCH, text, e);
     free(text);
     return ok;
 }
 
-bool attempt_files_read_batch(const char *directory, attempt_files_batch *batch)
+/* False when there is no such file; *batch is empty when it does not say all. */
+static bool read_batch(const char *directory, const char *name, attempt_files_batch *batch)
 {
     size_t length = 0;
-    char *path = path_of(directory, BATCH), *text = store_file_read(path, SMALL_BYTES, &length, NULL);
-    bool ok = text && sscanf(text, "%191s %d", batch->name, &batch->task) == 2;
+    char *path = path_of(directory, name), *text = store_file_read(path, SMALL_BYTES, &length, NULL);
+    bool found = text;
+    *batch = (attempt_files_batch){0};
+    if (text &&
+        (!strchr(text, '\n') || sscanf(text, "%191s %d %d", batch->name, &batch->task, &batch->number) != 3 ||
+         batch->task < 0))
+        *batch = (attempt_files_batch){0};
     free(text);
     free(path);
+    return found;
+}
+
+bool attempt_files_read_batch(const char *directory, attempt_files_batch *batch)
+{
+    return read_batch(directory, BATCH, batch) && *batch->name;
+}
+
+void attempt_files_add_name(attempt_files_names *names, const char *name, size_t length)
+{
+    names->name = mem_resize(names->name, (names->count + 1) * sizeof *names->name);
+    names->name[names->count++] = mem_strndup(name, length);
+}
+
+void attempt_files_clear_names(attempt_files_names *names)
+{
+    for (size_t i = 0; i < names->count; i++) free(names->name[i]);
+    free(names->name);
+    *names = (attempt_files_names){0};
+}
+
+bool attempt_files_write_list(const char *farm, const char *list, const attempt_files_names *names, error *e)
+{
+    size_t room = 1, used = 0;
+    for (size_t i = 0; i < names->count; i++) room += strlen(names->name[i]) + 1;
+    char *text = mem_alloc(room);
+    for (size_t i = 0; i < names->count; i++) used += (size_t)sprintf(text + used, "%s\n", names->name[i]);
+    bool ok = write_text(farm, list, text, e);
+    free(text);
     return ok;
 }
 
-attempt_files_claim attempt_files_take(const char *directory)
+attempt_files_names attempt_files_read_list(const char *farm, const char *list)
 {
-    char *path = path_of(directory, CLAIM);
-    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), why = errno;
+    attempt_files_names names = {0};
+    size_t length = 0;
+    char *path = path_of(farm, list), *text = store_file_read(path, LIST_BYTES, &length, NULL);
+    for (const char *line = text; line && *line;) {
+        size_t one = strcspn(line, "\n");
+        attempt_files_add_name(&names, line, one);
+        line += one + (line[one] == '\n');
+    }
+    free(text);
     free(path);
+    return names;
+}
+
+attempt_files_claim attempt_files_take(const char *directory, const attempt_files_batch *by)
+{
+    char *path = path_of(directory, CLAIM), *text = by ? print_batch(by) : NULL;
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), why = errno;
+    if (fd >= 0 && text) {
+        ssize_t written = write(fd, text, strlen(text));
+        (void)written; /* that the claim is there counts; the service can do without its words */
+    }
     if (fd >= 0) close(fd);
+    free(path);
+    free(text);
     if (fd >= 0) return ATTEMPT_FILES_WON;
     return why == EEXIST ? ATTEMPT_FILES_TAKEN : why == ENOENT ? ATTEMPT_FILES_GONE : ATTEMPT_FILES_UNCLEAR;
 }
 
-bool attempt_files_is_taken(const char *directory)
+bool attempt_files_read_claim(const char *directory, attempt_files_batch *by)
 {
-    return has(directory, CLAIM);
+    return read_batch(directory, CLAIM, by);
 }
 
 bool attempt_files_note_requeue(const char *directory, error *e)

@@ -7,12 +7,15 @@
  * job is over; then a node that runs on finds the directory gone, and nobody reads what it writes.
  *
  *     request.json   the service, before it submits: what to run
- *     batch          the service, before it submits: the name of the Slurm job, and the number in its array
- *     claim          whoever decides; its contents do not matter
+ *     batch          the service, before it submits: the Slurm job, and the task of its array that is to run the attempt
+ *     claim          whoever decides; of a node: the Slurm job and the task that run it
  *     out/           the worker: what becomes attempts/NAME when the attempt has an ending
  *     progress       the node: progress lines, appended
  *     cancel         the service: the worker is to end
  *     ending.json    the node, last of all and by rename
+ *
+ * Beside them, work_dir/farm/.list-HEX is a list of small attempts that need the same of a node: those that no node was
+ * known to have when the service submitted the last of them. It is a hint; the claims decide.
  *
  * Only the ending is flushed to disk: what a power failure takes of the others costs an attempt and no result.
  *
@@ -28,6 +31,7 @@
 #include "executor/engine.h"
 
 #define ATTEMPT_FILES_FARM "farm"
+#define ATTEMPT_FILES_LIST ".list-"
 #define ATTEMPT_FILES_PROGRESS "progress"
 #define ATTEMPT_FILES_OUT "out"
 
@@ -41,14 +45,28 @@ bool attempt_files_exist(const char *directory);
 bool attempt_files_read_request(const char *directory, engine_request *request, error *e);
 void attempt_files_clear_request(engine_request *request);
 
-/* The Slurm job that runs the attempt. */
+/* A task of a Slurm job, which is an array. */
 typedef struct attempt_files_batch {
-    char name[192];
+    char name[192]; /* of the job */
     int task;
+    int number; /* in `batch`: 1 if any task of the job may run the attempt, else 0; in `claim`: how many attempts this
+                   task had run before */
 } attempt_files_batch;
 
 bool attempt_files_write_batch(const char *directory, const attempt_files_batch *batch, error *e);
 bool attempt_files_read_batch(const char *directory, attempt_files_batch *batch);
+
+/* Names of attempts, each of which, and the array, is to be freed. */
+typedef struct attempt_files_names {
+    char **name;
+    size_t count;
+} attempt_files_names;
+
+void attempt_files_add_name(attempt_files_names *names, const char *name, size_t length);
+void attempt_files_clear_names(attempt_files_names *names);
+bool attempt_files_write_list(const char *farm, const char *list, const attempt_files_names *names, error *e);
+/* Empty when it cannot be read. */
+attempt_files_names attempt_files_read_list(const char *farm, const char *list);
 
 typedef enum attempt_files_claim {
     ATTEMPT_FILES_WON,
@@ -57,8 +75,11 @@ typedef enum attempt_files_claim {
     ATTEMPT_FILES_UNCLEAR /* the file system fails: ask again */
 } attempt_files_claim;
 
-attempt_files_claim attempt_files_take(const char *directory);
-bool attempt_files_is_taken(const char *directory);
+/* `by` is NULL: the service. */
+attempt_files_claim attempt_files_take(const char *directory, const attempt_files_batch *by);
+/* Whether there is a claim. *by is the task that has it; without a name: the service, or a node that could not write
+ * more, or has not yet. */
+bool attempt_files_read_claim(const char *directory, attempt_files_batch *by);
 
 /* By a node that Slurm started again with an attempt that was taken before. */
 bool attempt_files_note_requeue(const char *directory, error *e);

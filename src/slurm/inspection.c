@@ -27,12 +27,47 @@ typedef struct view {
     bool waits; /* it is not submitted */
     bool refused, cancelled, forced, told;
     slurm_task task; /* as Slurm says */
-    bool gone;       /* Slurm answers, and has not known it for long enough */
-    bool began;
+    bool began, taken, late;
     int64_t over_ms, stopped_ms, offset;
 } view;
 
-static view take_view(slurm *s, engine_attempt *a)
+/* ---- what Slurm says */
+
+/* Slurm answers, and has not known the task for long enough. */
+static bool is_gone(const slurm *s, const slurm_task *t)
+{
+    return s->listing >= t->listing + 2 &&
+           clock_monotonic_ms() - t->seen_ms >= (int64_t)(s->settings.lost_s * 1000);
+}
+
+/* With the mutex. */
+static void survey(slurm *s, slurm_batch *b)
+{
+    b->runs = false;
+    b->waiter = b->task_count;
+    for (size_t i = 0; i < b->task_count; i++) {
+        const slurm_task *t = &b->tasks[i];
+        if (is_gone(s, t) || (t->state && t->state->over)) continue;
+        if (t->state && t->state->waits)
+            b->waiter = i;
+        else
+            b->runs = true;
+    }
+    s->sharing |= b->shared && b->runs;
+}
+
+/* With the mutex. An attempt that any task may take has the state of the one that may take it first. */
+static slurm_task find_task(const slurm *s, const engine_attempt *a)
+{
+    const slurm_batch *b = a->batch;
+    bool open = b->shared && !a->taken, waits = open && b->waiter < b->task_count;
+    if (open && (b->runs || (waits && s->sharing))) return (slurm_task){.seen_ms = clock_monotonic_ms()};
+    slurm_task task = b->tasks[waits ? b->waiter : a->task];
+    if (is_gone(s, &task)) task.state = &slurm_state_gone;
+    return task;
+}
+
+static view take_view(const slurm *s, engine_attempt *a)
 {
     view v = {.a = a,
               .directory = a->directory,
@@ -42,15 +77,16 @@ static view take_view(slurm *s, engine_attempt *a)
               .forced = a->forced,
               .told = a->told,
               .began = a->began_ms != INT64_MAX,
+              .taken = a->taken,
+              .late = a->late,
               .over_ms = a->over_ms,
               .stopped_ms = a->stopped_ms,
               .offset = a->offset};
-    if (a->batch) v.task = a->batch->tasks[a->task];
-    v.gone = a->batch && s->listing >= v.task.listing + 2 &&
-             clock_monotonic_ms() - v.task.seen_ms >= (int64_t)(s->settings.lost_s * 1000);
-    if (v.gone) v.task.state = &slurm_state_gone;
+    if (a->batch) v.task = find_task(s, a);
     return v;
 }
+
+/* ---- what is decided */
 
 /* With the mutex. */
 static void wake(const engine_attempt *a)
@@ -104,17 +140,41 @@ static void tell_waiting(view *v)
     json_free(line);
 }
 
+/* Whether it has begun, and where. */
+static void look_for_claim(view *v)
+{
+    slurm *s = v->a->place;
+    engine_attempt *a = v->a;
+    attempt_files_batch by;
+    if (v->taken || !attempt_files_read_claim(v->directory, &by)) return;
+    pthread_mutex_lock(&s->mutex);
+    if (!v->began) a->began_ms = clock_monotonic_ms();
+    v->began = true;
+    if (a->batch && strncmp(by.name, s->prefix, strlen(s->prefix)) == 0 && by.task < SLURM_TASKS_MOST) {
+        slurm_take(a, &by);
+        v->taken = true;
+        v->late = a->late;
+        v->task = find_task(s, a);
+    }
+    pthread_mutex_unlock(&s->mutex);
+}
+
 static void keep_progress(view *v)
 {
     slurm *s = v->a->place;
     char *line = attempt_files_read_progress(v->directory, &v->offset);
-    if (!line && (v->began || !attempt_files_is_taken(v->directory))) return;
+    if (!line) return;
     pthread_mutex_lock(&s->mutex);
-    if (!v->began) v->a->began_ms = clock_monotonic_ms();
-    v->began = true;
     v->a->offset = v->offset;
     pthread_mutex_unlock(&s->mutex);
-    if (line) put_progress(v, line);
+    put_progress(v, line);
+}
+
+/* Of a worker that has begun. A time limit that other attempts have used up says nothing of this one. */
+static engine_loss find_loss(const view *v)
+{
+    engine_loss loss = v->task.state->begun;
+    return loss == ENGINE_OUT_OF_TIME && v->late ? ENGINE_INTERRUPTED : loss;
 }
 
 /* A worker that was stopped does not know why; Slurm may. False: it has not said so yet. */
@@ -138,7 +198,7 @@ static bool explain(view *v, engine_ending *ending)
         return true;
     }
     if (state && state->speaks) {
-        ending->loss = state->begun;
+        ending->loss = find_loss(v);
         ending->out_of_memory = strcmp(state->name, "OUT_OF_MEMORY") == 0;
         snprintf(ending->why, sizeof ending->why, "%s, node %s", state->words, ending->host);
         if (!ending->out_of_memory) return true;
@@ -171,7 +231,7 @@ static bool read_ending(view *v)
 static void follow_cancel(view *v)
 {
     error e = {0};
-    attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory);
+    attempt_files_claim claim = v->began ? ATTEMPT_FILES_TAKEN : attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_WON || claim == ATTEMPT_FILES_GONE) {
         end_lost(v, ENGINE_GIVEN_BACK, "its worker had not begun");
     } else if (!v->told && attempt_files_cancel(v->directory, &e)) {
@@ -206,7 +266,7 @@ static void follow_over(view *v)
         return;
     }
     if (now - v->over_ms < LATE_MS) return;
-    attempt_files_claim claim = attempt_files_take(v->directory);
+    attempt_files_claim claim = attempt_files_take(v->directory, NULL);
     if (claim == ATTEMPT_FILES_UNCLEAR) return;
     if (claim == ATTEMPT_FILES_TAKEN) attempt_files_cancel(v->directory, &e); /* its worker may run on */
     if (claim == ATTEMPT_FILES_TAKEN && strcmp(state->name, "OUT_OF_MEMORY") == 0) {
@@ -216,7 +276,7 @@ static void follow_over(view *v)
     }
     if (claim == ATTEMPT_FILES_WON && strcmp(state->name, "FAILED") == 0 && *v->task.host)
         avoid_host(v->a->place, v->task.host);
-    end_lost(v, claim == ATTEMPT_FILES_TAKEN ? state->begun : state->not_begun, state->words);
+    end_lost(v, claim == ATTEMPT_FILES_TAKEN ? find_loss(v) : state->not_begun, state->words);
 }
 
 static void inspect(view *v)
@@ -235,11 +295,16 @@ static void inspect(view *v)
         tell_waiting(v);
         return;
     }
-    keep_progress(v);
-    if (read_ending(v)) return;
+    look_for_claim(v);
+    state = v->task.state;
+    bool over = state && state->over;
+    if (v->began || over) { /* else it has neither, and the storage is spared */
+        keep_progress(v);
+        if (read_ending(v)) return;
+    }
     if (v->cancelled)
         follow_cancel(v);
-    else if (state && state->over)
+    else if (over)
         follow_over(v);
 }
 
@@ -248,6 +313,8 @@ void slurm_inspect(slurm *s)
     pthread_mutex_lock(&s->mutex);
     size_t count = 0;
     view *views = mem_alloc((s->attempt_count + 1) * sizeof *views);
+    s->sharing = false;
+    for (slurm_batch *b = s->batches; b; b = b->next) survey(s, b);
     for (engine_attempt *a = s->first; a; a = a->next)
         if (!a->ended) views[count++] = take_view(s, a);
     pthread_mutex_unlock(&s->mutex);

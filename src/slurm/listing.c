@@ -37,73 +37,64 @@ static bool next_row(char **text, row *r)
     return true;
 }
 
-typedef struct names {
-    char **name;
-    size_t count;
-} names;
-
-static void add_name(names *n, char *name)
+/* Takes it over. The same one after the other is one. */
+static void add_name(attempt_files_names *n, char *name)
 {
+    if (n->count && strcmp(n->name[n->count - 1], name) == 0) {
+        free(name);
+        return;
+    }
     n->name = mem_resize(n->name, (n->count + 1) * sizeof *n->name);
     n->name[n->count++] = name;
 }
 
-static void names_clear(names *n)
+static bool has_name(const attempt_files_names *n, const char *name)
 {
-    for (size_t i = 0; i < n->count; i++) free(n->name[i]);
-    free(n->name);
-    *n = (names){0};
-}
-
-static bool has_name(char *const *list, size_t count, const char *name)
-{
-    for (size_t i = 0; i < count; i++)
-        if (strcmp(list[i], name) == 0) return true;
+    for (size_t i = 0; i < n->count; i++)
+        if (strcmp(n->name[i], name) == 0) return true;
     return false;
-}
-
-/* All attempts of a task were cancelled, or none is left. */
-static bool is_unwanted(const slurm *s, const slurm_batch *b, size_t task)
-{
-    if (b->tasks[task].members == 0) return true;
-    for (const engine_attempt *a = s->first; a; a = a->next)
-        if (a->batch == b && a->task == task && !a->ended && !a->cancelled) return false;
-    return true;
 }
 
 typedef struct listing {
     slurm_batch *last; /* of the row before: arrays come in a piece */
-    names strays; /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again */
-    names doomed; /* to be cancelled now */
+    attempt_files_names
+        strays; /* "NAME NUMBER" or "NAME NUMBER_TASK": to be cancelled if the next listing says so again */
+    attempt_files_names doomed; /* to be cancelled now */
 } listing;
 
+/* What to cancel because nobody wants what the task runs or may run: the task or all of its array; NULL: nothing. A task
+ * that runs may have taken one of those that are open. */
+static char *find_unwanted(const slurm *s, const slurm_batch *b, const row *r, const slurm_state *state)
+{
+    bool any_open = s->open && (!b || b->shared);
+    if (state->over || strcmp(r->state, "COMPLETING") == 0 || (any_open && !state->waits)) return NULL;
+    if (b && (b->open || b->tasks[strtoul(r->element, NULL, 10)].wanted)) return NULL;
+    return any_open || (b && b->wanted) ? mem_printf("%s %s_%s", r->name, r->number, r->element)
+                                        : mem_printf("%s %s", r->name, r->number);
+}
+
 /* With the mutex. */
-static void take_row(slurm *s, listing *l, const row *r, bool any_cancelled)
+static void take_row(slurm *s, listing *l, const row *r)
 {
     if (strncmp(r->name, s->prefix, strlen(s->prefix)) != 0) return;
     const slurm_state *state = slurm_state_of(r->state);
     if (!l->last || strcmp(l->last->name, r->name) != 0) l->last = slurm_batch_find(s, r->name);
     size_t number = strtoul(r->element, NULL, 10);
     if (!l->last) {
-        if (state->over || strcmp(r->state, "COMPLETING") == 0) return;
-        char *id = mem_printf("%s %s", r->name, r->number);
-        if (!has_name(s->stray, s->stray_count, id))
-            add_name(&l->strays, id);
-        else if (!has_name(l->doomed.name, l->doomed.count, id))
-            add_name(&l->doomed, id);
-        else
-            free(id);
+        char *id = find_unwanted(s, NULL, r, state);
+        if (!id) return;
+        add_name(has_name(&s->strays, id) ? &l->doomed : &l->strays, id);
         return;
     }
-    if (number >= l->last->task_count) return;
-    slurm_task *task = &l->last->tasks[number];
+    if (number >= SLURM_TASKS_MOST) return;
+    slurm_task *task = slurm_batch_task(s, l->last, number);
     task->state = state;
     task->listing = s->listing;
     task->seen_ms = clock_monotonic_ms();
     snprintf(task->host, sizeof task->host, "%s", r->host);
     snprintf(task->reason, sizeof task->reason, "%s", r->reason);
-    if (any_cancelled && !state->over && is_unwanted(s, l->last, number))
-        add_name(&l->doomed, mem_printf("%s %s_%s", r->name, r->number, r->element));
+    char *id = find_unwanted(s, l->last, r, state);
+    if (id) add_name(&l->doomed, id);
 }
 
 /* Cancels those from the first on that are of one job, and returns how many. The name goes along: a number alone may
@@ -146,17 +137,11 @@ static bool ask(const slurm *s, command_result *said)
 static void take_listing(slurm *s, char *text, listing *l)
 {
     row r;
-    bool any_cancelled = false;
     s->listing++;
-    for (const engine_attempt *a = s->first; a && !any_cancelled; a = a->next) any_cancelled = a->cancelled;
-    for (const slurm_batch *b = s->batches; b && !any_cancelled; b = b->next)
-        for (size_t i = 0; i < b->task_count && !any_cancelled; i++) any_cancelled = !b->tasks[i].members;
-    while (next_row(&text, &r)) take_row(s, l, &r, any_cancelled);
-    names old = {s->stray, s->stray_count};
-    names_clear(&old);
-    s->stray = l->strays.name;
-    s->stray_count = l->strays.count;
-    s->quiet = s->attempt_count || s->stray_count || l->doomed.count ? 0 : s->quiet + 1;
+    while (next_row(&text, &r)) take_row(s, l, &r);
+    attempt_files_clear_names(&s->strays);
+    s->strays = l->strays;
+    s->quiet = s->attempt_count || s->strays.count || l->doomed.count ? 0 : s->quiet + 1;
 }
 
 void slurm_list(slurm *s)
@@ -171,7 +156,7 @@ void slurm_list(slurm *s)
     pthread_mutex_unlock(&s->mutex);
     command_clear(&said);
     for (size_t i = 0; i < l.doomed.count;) i += cancel_some(s, l.doomed.name + i, l.doomed.count - i);
-    names_clear(&l.doomed);
+    attempt_files_clear_names(&l.doomed);
     int64_t pause_ms = (int64_t)(s->settings.interval_s * 1000), took_ms = clock_monotonic_ms() - began_ms;
     if (pause_ms < PAUSE_TIMES * took_ms) pause_ms = PAUSE_TIMES * took_ms;
     pthread_mutex_lock(&s->mutex);

@@ -13,7 +13,6 @@
 #include "base/memory.h"
 #include "executor/host.h"
 #include "executor/local.h"
-#include "slurm/attempt_files.h"
 #include "store/file.h"
 
 /* Between two looks for a cancellation, and between two writes of progress, which others read over the network. */
@@ -121,35 +120,86 @@ static bool run_attempt(const char *directory, int signals, bool *stopped, error
     return ok;
 }
 
-/* Slurm has stopped the job and started it again: sooner, it may be, than anybody has seen it wait. */
 static bool is_restart(void)
 {
     const char *count = getenv("SLURM_RESTART_COUNT");
     return count && atoi(count) > 0;
 }
 
-bool node_run(const char *farm, char *const *names, size_t count, error *e)
+/* Slurm has started this task again, which had taken the attempt: nobody may have seen it wait. */
+static bool note_restart(const char *directory, const attempt_files_batch *self, error *e)
 {
+    attempt_files_batch by;
+    return !is_restart() || !attempt_files_read_claim(directory, &by) || by.task != self->task ||
+           strcmp(by.name, self->name) != 0 || attempt_files_note_requeue(directory, e);
+}
+
+typedef struct node {
+    const char *farm;
+    attempt_files_batch self;
+    int64_t end_ms; /* no others are taken from then on */
+    int signals;
+    bool stopped;
+} node;
+
+static bool take_and_run(node *n, const char *name, error *e)
+{
+    char *directory = mem_printf("%s/%s", n->farm, name);
+    attempt_files_claim claim = attempt_files_take(directory, &n->self);
+    bool ok = true;
+    if (claim == ATTEMPT_FILES_UNCLEAR || access(n->farm, F_OK) != 0) {
+        ok = error_set(e, ERROR_INTERNAL, "%s cannot be written by this node: is work_dir mounted?",
+                       directory);
+    } else if (claim == ATTEMPT_FILES_WON) {
+        ok = run_attempt(directory, n->signals, &n->stopped, e);
+        n->self.number++;
+    } else if (claim == ATTEMPT_FILES_TAKEN) {
+        ok = note_restart(directory, &n->self, e);
+    }
+    free(directory);
+    return ok;
+}
+
+static bool may_take_more(const node *n)
+{
+    return !n->stopped && clock_monotonic_ms() < n->end_ms;
+}
+
+/* Those of the list from `first` on, and round: `own` of them in any case. */
+static bool run_list(node *n, const attempt_files_names *names, size_t first, size_t own, error *e)
+{
+    for (size_t i = 0; i < names->count && !n->stopped && (i < own || may_take_more(n)); i++)
+        if (!take_and_run(n, names->name[(first + i) % names->count], e)) return false;
+    return true;
+}
+
+/* Until nothing of the list is to be had. */
+static bool run_others(node *n, const char *list, error *e)
+{
+    int before = -1;
+    bool ok = true;
+    while (ok && before < n->self.number && may_take_more(n)) {
+        attempt_files_names names = attempt_files_read_list(n->farm, list);
+        before = n->self.number;
+        ok = run_list(n, &names, 0, 0, e);
+        attempt_files_clear_names(&names);
+    }
+    return ok;
+}
+
+bool node_run(const char *farm, const node_task *task, error *e)
+{
+    node n = {
+        .farm = farm, .self = task->self, .end_ms = clock_monotonic_ms() + (int64_t)(task->more_s * 1000)};
     sigset_t wanted;
     sigemptyset(&wanted);
     sigaddset(&wanted, SIGTERM);
     sigaddset(&wanted, SIGINT);
     sigprocmask(SIG_BLOCK, &wanted, NULL);
     signal(SIGXFSZ, SIG_IGN);
-    int signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
-    bool ok = signals >= 0 || error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno)), stopped = false;
-    for (size_t i = 0; ok && !stopped && i < count; i++) {
-        char *directory = mem_printf("%s/%s", farm, names[i]);
-        attempt_files_claim claim = attempt_files_take(directory);
-        if (claim == ATTEMPT_FILES_UNCLEAR || access(farm, F_OK) != 0)
-            ok = error_set(e, ERROR_INTERNAL, "%s cannot be written by this node: is work_dir mounted?",
-                           directory);
-        else if (claim == ATTEMPT_FILES_WON)
-            ok = run_attempt(directory, signals, &stopped, e);
-        else if (claim == ATTEMPT_FILES_TAKEN && is_restart())
-            ok = attempt_files_note_requeue(directory, e);
-        free(directory);
-    }
-    if (signals >= 0) close(signals);
+    n.signals = signalfd(-1, &wanted, SFD_CLOEXEC | SFD_NONBLOCK);
+    if (n.signals < 0) return error_set(e, ERROR_INTERNAL, "signals: %s", strerror(errno));
+    bool ok = run_list(&n, &task->names, task->first, task->own, e) && run_others(&n, task->list, e);
+    close(n.signals);
     return ok;
 }

@@ -14,21 +14,31 @@
 #include "slurm/slurm.h"
 #include "slurm/state.h"
 
-/* One task of a job array, which runs one attempt, or several small ones. */
+/* Tasks of an array: one less than Slurm's default of MaxArraySize. */
+#define SLURM_TASKS_MOST 1000
+
+/* One task of a job array. */
 typedef struct slurm_task {
     const slurm_state *state; /* NULL: not seen yet */
     uint64_t listing;         /* when it was seen last, or submitted */
     int64_t seen_ms;          /* the same, monotonic */
     char host[65];
     char reason[64]; /* why it waits */
-    size_t members;  /* attempts that have not ended */
+    size_t wanted;   /* attempts that only it runs, and that somebody wants: neither ended nor cancelled */
 } slurm_task;
 
 typedef struct slurm_batch {
     char *name;
     size_t task_count;
     slurm_task *tasks;
-    size_t users; /* attempts, and a submission under way */
+    bool shared; /* any task may run any attempt, also of other such batches of equal needs */
+    char *
+        list; /* of these attempts (slurm/attempt_files); NULL: of none, or an earlier daemon has submitted it */
+    size_t open;   /* shared: attempts that somebody wants, and that no task is known to have taken */
+    size_t wanted; /* these, and those of all tasks */
+    size_t users;  /* attempts, and a submission under way */
+    bool runs;     /* a task runs, for all that is known; as of the last inspection */
+    size_t waiter; /* a task that waits, likewise; task_count: none does */
     struct slurm_batch *next;
 } slurm_batch;
 
@@ -41,7 +51,9 @@ struct engine_attempt {
     int64_t since_ms;             /* monotonic: when it came */
     int64_t not_before_ms;        /* monotonic: when to submit again; 0: at once */
     slurm_batch *batch;           /* NULL: it waits here */
-    size_t task;
+    size_t task;                  /* that has it, or was given it */
+    bool taken;                   /* the task is known to have it */
+    bool late;                    /* the task ran others before */
     bool refused;                 /* by sbatch, as ending.why says */
     bool cancelled, forced, told; /* asked to end; to be killed; its node was told so */
     int64_t began_ms;             /* monotonic; INT64_MAX: not yet */
@@ -70,15 +82,16 @@ struct slurm {
     engine_attempt *first, **last;
     slurm_batch *batches;
     size_t attempt_count;
-    uint64_t listing;    /* number of the last one */
-    uint64_t serial;     /* of names */
-    int64_t newest_ms;   /* monotonic: when the last attempt came */
-    bool news;           /* for the commands thread, since it last looked */
-    int64_t list_due_ms; /* monotonic */
-    int quiet;           /* listings since there was something to look for */
-    bool away;           /* Slurm did not answer the last command */
-    char **stray;        /* jobs of ours that nobody wants, as of the last listing */
-    size_t stray_count;
+    uint64_t listing;           /* number of the last one */
+    size_t open;                /* of all batches together */
+    bool sharing;               /* a task of a shared batch runs, as of the last inspection */
+    uint64_t serial;            /* of names */
+    int64_t newest_ms;          /* monotonic: when the last attempt came */
+    bool news;                  /* for the commands thread, since it last looked */
+    int64_t list_due_ms;        /* monotonic */
+    int quiet;                  /* listings since there was something to look for */
+    bool away;                  /* Slurm did not answer the last command */
+    attempt_files_names strays; /* jobs of ours that nobody wants, as of the last listing */
     slurm_avoided avoided[AVOIDED_MOST];
     size_t avoided_next; /* the oldest */
     char **trash;        /* directories to be removed */
@@ -91,11 +104,19 @@ struct slurm {
 
 /* ---- all with the mutex held */
 
+/* The attempt is one of the batch, to be run by this task. */
+void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task);
+/* This task has taken it, of its batch or of another. */
+void slurm_take(engine_attempt *a, const attempt_files_batch *by);
+/* Nobody wants it any more. */
+void slurm_forsake(engine_attempt *a);
 /* The attempt leaves its batch, which is freed with its last user. */
 void slurm_leave(engine_attempt *a);
 void slurm_batch_release(slurm *s, slurm_batch *b);
 slurm_batch *slurm_batch_find(slurm *s, const char *name);
-slurm_batch *slurm_batch_new(slurm *s, const char *name);
+slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared);
+/* The next listing is due at once: there may be tasks to cancel. */
+void slurm_list_soon(slurm *s);
 /* Makes room for a task with this number. */
 slurm_task *slurm_batch_task(slurm *s, slurm_batch *b, size_t number);
 

@@ -30,10 +30,11 @@ slurm_batch *slurm_batch_find(slurm *s, const char *name)
     return b;
 }
 
-slurm_batch *slurm_batch_new(slurm *s, const char *name)
+slurm_batch *slurm_batch_new(slurm *s, const char *name, bool shared)
 {
     slurm_batch *b = mem_alloc(sizeof *b);
     b->name = mem_strdup(name);
+    b->shared = shared;
     b->next = s->batches;
     s->batches = b;
     return b;
@@ -54,24 +55,67 @@ void slurm_batch_release(slurm *s, slurm_batch *b)
     while (*link != b) link = &(*link)->next;
     *link = b->next;
     free(b->name);
+    free(b->list);
     free(b->tasks);
     free(b);
 }
 
-static void enter_batch(engine_attempt *a, slurm_batch *b, size_t task)
+/* Counts the attempt among those of its batch that somebody wants, if it is one. */
+static void count(const engine_attempt *a, size_t change)
 {
-    slurm_batch_task(a->place, b, task)->members++;
+    slurm_batch *b = a->batch;
+    if (!b || a->cancelled) return;
+    bool open = b->shared && !a->taken;
+    *(open ? &b->open : &b->tasks[a->task].wanted) += change;
+    b->wanted += change;
+    if (open) a->place->open += change;
+}
+
+void slurm_enter(engine_attempt *a, slurm_batch *b, size_t task)
+{
+    slurm_batch_task(a->place, b, task);
     b->users++;
     a->batch = b;
     a->task = task;
+    a->taken = a->late = false;
+    count(a, 1);
+}
+
+void slurm_take(engine_attempt *a, const attempt_files_batch *by)
+{
+    slurm *s = a->place;
+    slurm_batch *own = a->batch, *b = slurm_batch_find(s, by->name);
+    if (!b) b = slurm_batch_new(s, by->name, true);
+    own->users++;
+    slurm_leave(a);
+    slurm_enter(a, b, (size_t)by->task);
+    count(a, (size_t)-1);
+    a->taken = true;
+    a->late = by->number > 0;
+    count(a, 1);
+    if (own->shared && !own->open) slurm_list_soon(s); /* tasks that wait have nothing to do */
+    slurm_batch_release(s, own);
+}
+
+void slurm_forsake(engine_attempt *a)
+{
+    count(a, (size_t)-1); /* nothing when it is so already */
+    a->cancelled = true;
 }
 
 void slurm_leave(engine_attempt *a)
 {
     if (!a->batch) return;
-    a->batch->tasks[a->task].members--;
+    count(a, (size_t)-1);
     slurm_batch_release(a->place, a->batch);
     a->batch = NULL;
+}
+
+void slurm_list_soon(slurm *s)
+{
+    s->list_due_ms = 0;
+    s->news = true;
+    pthread_cond_signal(&s->commands_due);
 }
 
 /* ---- attempts */
@@ -154,7 +198,8 @@ static void take_up(slurm *s, engine_attempt *a, const engine_request *r, const 
     s->wake_fd = r->wake_fd;
     if (batch) {
         slurm_batch *b = slurm_batch_find(s, batch->name);
-        enter_batch(a, b ? b : slurm_batch_new(s, batch->name), (size_t)batch->task);
+        if (!b) b = slurm_batch_new(s, batch->name, batch->number);
+        slurm_enter(a, b, (size_t)batch->task);
     }
     *s->last = a;
     s->last = &a->next;
@@ -229,7 +274,8 @@ static void sweep(void *place)
     if (!farm) return;
     pthread_mutex_lock(&s->mutex);
     for (const struct dirent *d; (d = readdir(farm));)
-        if (*d->d_name != '.' && !has_attempt(s, d->d_name))
+        if ((*d->d_name != '.' && !has_attempt(s, d->d_name)) ||
+            strncmp(d->d_name, ATTEMPT_FILES_LIST, strlen(ATTEMPT_FILES_LIST)) == 0)
             put_trash(s, mem_printf("%s/%s", s->farm, d->d_name));
     pthread_mutex_unlock(&s->mutex);
     closedir(farm);
@@ -273,12 +319,10 @@ static void cancel(engine_attempt *a, bool force)
 {
     slurm *s = a->place;
     pthread_mutex_lock(&s->mutex);
-    a->cancelled = true;
+    slurm_forsake(a);
     a->forced |= force;
-    s->list_due_ms = 0;
-    s->news = true;
+    slurm_list_soon(s);
     pthread_cond_signal(&s->files_due);
-    pthread_cond_signal(&s->commands_due);
     pthread_mutex_unlock(&s->mutex);
 }
 
@@ -393,8 +437,7 @@ static void place_free(slurm *s)
         slurm_leave(a);
         attempt_free(a);
     }
-    for (size_t i = 0; i < s->stray_count; i++) free(s->stray[i]);
-    free(s->stray);
+    attempt_files_clear_names(&s->strays);
     free(s->farm);
     free(s->prefix);
     free(s);

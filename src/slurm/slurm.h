@@ -3,7 +3,8 @@
  * Slurm is spoken to by its commands, sbatch, squeue and scancel, in a thread of the engine and with a time limit. An
  * attempt is known by the name of its job, never by a number: the name holds the instance, the first attempt of the
  * batch and a serial number, and no name is submitted twice. Attempts that wait at the same time and need the same are
- * submitted together, as an array; small ones share a task of the array. A second thread looks at the files that the
+ * submitted together, as an array. Small ones share the tasks of the array: each task runs its part, and then what others
+ * have not begun (slurm/node). A second thread looks at the files that the
  * nodes write (slurm/attempt_files). What Slurm says ends an attempt only when the node has left no ending, or cannot
  * know why it was stopped. While Slurm does not answer, nothing is decided but by files.
  */
@@ -27,7 +28,8 @@ typedef struct slurm_settings {
     double command_s;    /* the time limit of a command */
     double lost_s;       /* how long Slurm must not know a job before it is given up */
     int64_t small_count; /* a job of at most so many points shares a Slurm job with others */
-    int together;        /* so many small jobs at most in one */
+    int together;        /* so many small jobs at most are given to one */
+    double more_s;       /* how long it goes on with those of others that have not begun */
 } slurm_settings;
 
 typedef struct slurm slurm;

@@ -1,5 +1,6 @@
 /* Submission of the attempts that wait: which go together, and what sbatch says. */
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,18 +10,19 @@
 #include "base/memory.h"
 #include "slurm/command.h"
 #include "slurm/place.h"
+#include "store/file.h"
 
-/* Tasks of an array: one less than Slurm's default of MaxArraySize. */
-#define MOST_TASKS 1000
 /* Attempts of an array, whose names are in its script; Slurm takes scripts of 4 MB. */
 #define MOST_MEMBERS 8000
 /* Small attempts share a task only when more wait than would fill so many tasks. */
 #define SPREAD 16
 /* The wait before Slurm is asked again after it could not be reached. */
 #define AWAY_MS 2000
-/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. */
+/* Attempts are gathered until none has come for a while, and no longer than this: a call costs Slurm more. While more
+ * small ones than these wait in Slurm, there is less hurry. */
 #define PAUSE_MS 100
 #define GATHER_MS 2000
+#define GATHER_MORE_MS 10000
 
 /* Of Slurm's client commands: complaints after which nothing was submitted, and the same may work later ... */
 static const char *const away[] = {
@@ -49,8 +51,10 @@ typedef struct load {
     slurm_batch *batch;
     char *needs;
     char **names;
-    size_t *tasks; /* of each name */
     size_t count, task_count;
+    attempt_files_names open;        /* what the list names from now on */
+    size_t together;                 /* attempts that are given to a task */
+    double more_s;                   /* how long it goes on with those of others */
     double timeout_s;                /* of a task; 0: none */
     char avoided[AVOIDED_MOST * 66]; /* nodes, separated by commas */
 } load;
@@ -59,8 +63,8 @@ static void load_clear(load *l)
 {
     for (size_t i = 0; i < l->count; i++) free(l->names[i]);
     free(l->names);
-    free(l->tasks);
     free(l->needs);
+    attempt_files_clear_names(&l->open);
 }
 
 static bool waits(const engine_attempt *a, int64_t now)
@@ -84,6 +88,21 @@ static void list_avoided(const slurm *s, int64_t now, load *l)
                                      s->avoided[i].host);
 }
 
+/* With the mutex: finds what nodes may run after their own, with as much time for each. */
+static void share(slurm *s, load *l)
+{
+    char hex[STORE_HASH_SIZE];
+    char *alike = mem_printf("%s\n%.0f", l->needs, l->timeout_s);
+    store_hash(alike, strlen(alike), hex);
+    free(alike);
+    l->batch->list = mem_printf(ATTEMPT_FILES_LIST "%.16s", hex);
+    l->more_s = s->settings.more_s;
+    for (const engine_attempt *a = s->first; a; a = a->next)
+        if (a->batch && a->batch->list && !a->taken && !a->ended && !a->cancelled &&
+            strcmp(a->batch->list, l->batch->list) == 0)
+            attempt_files_add_name(&l->open, a->name, strlen(a->name));
+}
+
 /* With the mutex: takes the first attempt that waits and those that go with it. False: none waits. *due_ms: when the
  * next one may. */
 static bool gather(slurm *s, load *l, int64_t *due_ms)
@@ -99,43 +118,44 @@ static bool gather(slurm *s, load *l, int64_t *due_ms)
         waiting += goes_with(head, a);
     }
     if (!head) return false;
-    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < GATHER_MS) { /* more are coming */
+    int64_t patience_ms = head->small && s->open > waiting ? GATHER_MORE_MS : GATHER_MS;
+    if (now - s->newest_ms < PAUSE_MS && now - head->since_ms < patience_ms) { /* more are coming */
         if (s->newest_ms + PAUSE_MS < *due_ms) *due_ms = s->newest_ms + PAUSE_MS;
         return false;
     }
     size_t together = head->small ? 1 + waiting / SPREAD : 1, most = (size_t)s->settings.together;
     if (together > most) together = most;
     if (waiting > MOST_MEMBERS) waiting = MOST_MEMBERS;
-    if (waiting > MOST_TASKS * together) waiting = MOST_TASKS * together;
+    if (waiting > SLURM_TASKS_MOST * together) waiting = SLURM_TASKS_MOST * together;
     char *name = mem_printf("%s%s-%" PRIx64, s->prefix, head->name, s->serial++);
-    *l = (load){.batch = slurm_batch_new(s, name), .needs = mem_strdup(head->needs)};
+    *l = (load){.batch = slurm_batch_new(s, name, together > 1),
+                .needs = mem_strdup(head->needs),
+                .together = together};
     free(name);
     l->batch->users++;
     l->names = mem_alloc(waiting * sizeof *l->names);
-    l->tasks = mem_alloc(waiting * sizeof *l->tasks);
     for (engine_attempt *a = head; a && l->count < waiting; a = a->next) {
         if (!waits(a, now) || !goes_with(head, a)) continue;
-        l->tasks[l->count] = l->count / together;
+        slurm_enter(a, l->batch, l->count / together);
         l->names[l->count++] = mem_strdup(a->name);
         if (a->timeout_s > l->timeout_s) l->timeout_s = a->timeout_s;
-        a->batch = l->batch;
-        a->task = (l->count - 1) / together;
-        slurm_batch_task(s, l->batch, a->task)->members++;
-        l->batch->users++;
     }
     l->task_count = l->batch->task_count;
     list_avoided(s, now, l);
-    l->timeout_s *= (double)together;
+    if (together > 1) share(s, l);
+    if (l->timeout_s > 0) l->timeout_s = fmax(l->timeout_s * (double)together, l->timeout_s + l->more_s);
     return true;
 }
 
+/* Before it is submitted. */
 static bool note_batch(slurm *s, const load *l, error *e)
 {
-    attempt_files_batch note = {0};
+    if (l->batch->list && !attempt_files_write_list(s->farm, l->batch->list, &l->open, e)) return false;
+    attempt_files_batch note = {.number = l->together > 1};
     snprintf(note.name, sizeof note.name, "%s", l->batch->name);
     for (size_t i = 0; i < l->count; i++) {
         char *directory = mem_printf("%s/%s", s->farm, l->names[i]);
-        note.task = (int)l->tasks[i];
+        note.task = (int)(i / l->together);
         bool ok = attempt_files_write_batch(directory, &note, e);
         free(directory);
         if (!ok) return false;
@@ -145,18 +165,15 @@ static bool note_batch(slurm *s, const load *l, error *e)
 
 static char *write_script(const slurm *s, const load *l)
 {
-    size_t room = strlen(s->settings.node) + strlen(s->farm) + 256, used = 0;
-    for (size_t i = 0; i < l->count; i++) room += strlen(l->names[i]) + 32;
+    size_t room = strlen(s->settings.node) + strlen(s->farm) + strlen(l->batch->name) + 256;
+    for (size_t i = 0; i < l->count; i++) room += strlen(l->names[i]) + 1;
     char *script = mem_alloc(room);
-    used += (size_t)sprintf(
-        script, "#!/bin/sh\n# attempts of hexad, by task of the array\ncase $SLURM_ARRAY_TASK_ID in\n");
-    for (size_t i = 0; i < l->count; i++) {
-        bool first = i == 0 || l->tasks[i] != l->tasks[i - 1];
-        bool last = i + 1 == l->count || l->tasks[i] != l->tasks[i + 1];
-        if (first) used += (size_t)sprintf(script + used, "%zu) set --", l->tasks[i]);
-        used += (size_t)sprintf(script + used, " %s%s", l->names[i], last ? ";;\n" : "");
-    }
-    sprintf(script + used, "esac\nexec '%s' '%s' \"$@\"\n", s->settings.node, s->farm);
+    size_t used = (size_t)sprintf(
+        script, "#!/bin/sh\n# attempts of hexad\nexec '%s' '%s' %s $SLURM_ARRAY_TASK_ID %zu %.3f %s <<END\n",
+        s->settings.node, s->farm, l->batch->name, l->together, l->more_s,
+        l->batch->list ? l->batch->list : "-");
+    for (size_t i = 0; i < l->count; i++) used += (size_t)sprintf(script + used, "%s\n", l->names[i]);
+    sprintf(script + used, "END\n");
     return script;
 }
 

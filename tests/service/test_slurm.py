@@ -1,5 +1,6 @@
 """The engine slurm, with a real Slurm of two nodes on this machine. What goes wrong on clusters is in test_farm.py, for
 `make farmtest`."""
+import collections
 import os
 import shutil
 import signal
@@ -110,6 +111,31 @@ def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, 
     farm.post(f"/v1/jobs/{job}/retry")
     farm.wait_state(job, "succeeded")
     assert attempts_of_frames(farm, job) == {1: 1, 2: 1, 3: 2, 4: 1, 5: 1, 6: 1}
+
+
+@pytest.mark.plain
+def test_a_slurm_job_goes_on_with_small_attempts_that_others_have_not_begun(slurm, new_farm, gate, front):
+    """There is one processor for a batch of several Slurm jobs."""
+    where = front("sbatch", 'touch "$where/here"; while ! [ -e "$where/back" ]; do sleep 0.02; done; exec "$real" "$@"')
+    farm = new_farm("--worker", gate, "--slurm_more_s", "3600", "--slurm_command_s", "300", "--user_running", "0")
+    slurm.submit("--nodelist=n1", "--exclusive", script="exec sleep 1000")
+    opener = farm.submit(sphere())
+    wait_until((where / "here").exists, "sbatch")
+    ids = [farm.submit(sphere(300 + i)) for i in range(40)]
+    for job in ids:
+        farm.wait_state(job, "running")
+    for job in ids[:-1]:
+        farm.open_gate(job)
+    (where / "back").touch()
+    for job in ids[:-1]:
+        farm.wait_state(job, "succeeded")
+    states = collections.Counter(slurm.jobs("%T"))
+    assert states["RUNNING"] == 3 and states["COMPLETED"] == 0, states
+    for job in (opener, ids[-1]):
+        farm.open_gate(job)
+        farm.wait_state(job, "succeeded")
+    wait_until(lambda: "PENDING" not in slurm.jobs("%T"), "an empty queue of Slurm")
+    assert all(len(attempts(farm, job)) == 1 for job in ids)
 
 
 @pytest.mark.plain
