@@ -147,6 +147,8 @@ void job_json_append_attempt(json *list, const queue_job *job, const queue_attem
     if (a->signal >= 0) json_put_integer(o, "signal", a->signal);
     if (a->peak_memory_bytes > 0) json_put_integer(o, "peak_memory_bytes", a->peak_memory_bytes);
     if (job->memory_mb > 0) json_put_integer(o, "memory_limit_bytes", job->memory_mb << 20);
+    if (a->waited_ms > 0) json_put_integer(o, "waited_ms", a->waited_ms);
+    if (a->processor_ms > 0) json_put_integer(o, "processor_ms", a->processor_ms);
     if (a->host) json_put_string(o, "host", a->host);
     if (a->reason) json_put_string(o, "reason", a->reason);
 }

@@ -94,7 +94,7 @@ void job_table_add(table *t, json_at job)
 
 table job_table_new_attempts(void)
 {
-    static const char *const titles[] = {"FRAME", "ATTEMPT", "STARTED", "TIME",
+    static const char *const titles[] = {"FRAME", "ATTEMPT", "STARTED", "TIME",  "WAITED",
                                          "EXIT",  "MEMORY",  "HOST",    "REASON"};
     return table_new(titles, sizeof titles / sizeof *titles);
 }
@@ -102,12 +102,14 @@ table job_table_new_attempts(void)
 void job_table_add_attempt(table *t, json_at attempt)
 {
     json_at frame = json_member(&attempt, "frame"), status = json_member(&attempt, "exit_status"),
-            killed = json_member(&attempt, "signal"), memory = json_member(&attempt, "peak_memory_bytes");
+            killed = json_member(&attempt, "signal"), memory = json_member(&attempt, "peak_memory_bytes"),
+            waited = json_member(&attempt, "waited_ms");
     char took[24];
     table_add(t, frame.node ? mem_printf("%.0f", json_number(frame, 0)) : mem_strdup("-"));
     table_add(t, mem_printf("%.0f", number_of(attempt, "number")));
     table_add(t, mem_strdup(text_of(attempt, "started", "-")));
     table_add(t, mem_strdup(print_duration(attempt, took, sizeof took)));
+    table_add(t, waited.node ? mem_printf("%.1f s", json_number(waited, 0) / 1000) : mem_strdup("-"));
     table_add(t, killed.node   ? mem_printf("signal %.0f", json_number(killed, 0))
                  : status.node ? mem_printf("%.0f", json_number(status, 0))
                                : mem_strdup("-"));

@@ -143,6 +143,8 @@
     "CREATE INDEX job_leaving_of ON job"                                                                 \
     "  (owner, (delivered_ms IS NULL), coalesce(delivered_ms, finished_ms)) WHERE " SCHEMA_KEPT ";"      \
     "CREATE INDEX job_unmeasured ON job (seq) WHERE " SCHEMA_UNMEASURED ";"
+#define WAITED_MS "waited_ms INTEGER"
+#define PROCESSOR_MS "processor_ms INTEGER"
 #define RESULT_BYTES "result_bytes INTEGER DEFAULT 0"    /* NULL: not known yet */
 #define DELIVERED "delivered INTEGER NOT NULL DEFAULT 0" /* tasks */
 #define DELIVERED_MS "delivered_ms INTEGER"
@@ -245,6 +247,8 @@ static const char tables[] =
     "  peak_memory_bytes INTEGER,"
     "  host TEXT,"
     "  reason TEXT,"
+    "  " WAITED_MS ","
+    "  " PROCESSOR_MS ","
     "  PRIMARY KEY (job, task, number),"
     "  FOREIGN KEY (job, task) REFERENCES task (job, number) ON DELETE CASCADE"
     ") STRICT, WITHOUT ROWID;"
@@ -412,21 +416,36 @@ static const char find_usage[] =
 /* Migration from version 9, in which lists were not sorted. */
 static const char add_sorted[] = "DROP INDEX job_by_name;" SORTED;
 
+/* Migration from version 10, in which nothing was known of an attempt's time but when it began and ended. */
+static const char add_times_of_attempts[] = "ALTER TABLE attempt ADD COLUMN " WAITED_MS ";"
+                                            "ALTER TABLE attempt ADD COLUMN " PROCESSOR_MS ";";
+
 /* What a database of the versions `first` to `last` needs, in this order. Version 0: it is empty. */
 static const struct step {
     int first, last;
     const char *sql;
 } steps[] = {
-    {1, 1, set_old_aside},        {0, 1, tables},
-    {1, 1, carry_over},           {2, 2, add_paths},
-    {2, 3, add_times_and_inputs}, {2, 4, add_removed_events},
-    {2, 4, add_storage},          {2, 4, add_instance},
-    {2, 4, add_execution},        {1, 4, read_execution},
-    {1, 4, leave_unnamed},        {2, 5, add_outbox_event},
-    {2, 5, add_state_count},      {2, 6, add_turns},
-    {1, 6, find_owners},          {2, 7, add_any_end},
-    {2, 7, add_unresolved},       {2, 8, add_usage},
-    {1, 8, find_usage},           {8, 9, add_sorted},
+    {1, 1, set_old_aside},
+    {0, 1, tables},
+    {1, 1, carry_over},
+    {2, 2, add_paths},
+    {2, 3, add_times_and_inputs},
+    {2, 4, add_removed_events},
+    {2, 4, add_storage},
+    {2, 4, add_instance},
+    {2, 4, add_execution},
+    {1, 4, read_execution},
+    {1, 4, leave_unnamed},
+    {2, 5, add_outbox_event},
+    {2, 5, add_state_count},
+    {2, 6, add_turns},
+    {1, 6, find_owners},
+    {2, 7, add_any_end},
+    {2, 7, add_unresolved},
+    {2, 8, add_usage},
+    {1, 8, find_usage},
+    {8, 9, add_sorted},
+    {2, 10, add_times_of_attempts},
 };
 
 bool schema_error_is_damage(int code)

@@ -57,9 +57,11 @@ typedef enum engine_loss {
 typedef struct engine_ending {
     int exit_status, signal; /* one of them -1; both when the attempt is lost */
     engine_loss loss;
-    char why[256];             /* of a loss, in words */
-    char host[65];             /* where it ran; "": here, or not known */
-    int64_t ran_ms;            /* how long the worker ran; 0: as the caller measured */
+    char why[256];     /* of a loss, in words */
+    char host[65];     /* where it ran; "": here, or not known */
+    int64_t ran_ms;    /* how long the worker ran; 0: as the caller measured */
+    int64_t waited_ms; /* in the engine's queue before the worker began; 0: it has none, or it is not known */
+    int64_t processor_ms;      /* of the worker and its readers; 0: not known */
     int64_t peak_memory_bytes; /* 0: not known */
     bool out_of_memory;        /* the kernel ended it at its limit of memory */
     char *last_words;          /* last line of standard error, "" when there is none; to be freed */

@@ -437,6 +437,11 @@ static void write_log(const engine_attempt *a)
     free(path);
 }
 
+static int64_t milliseconds(struct timeval t)
+{
+    return (int64_t)t.tv_sec * 1000 + t.tv_usec / 1000;
+}
+
 static void settle(engine_attempt *a, engine_ending *ending)
 {
     int status = 0;
@@ -449,6 +454,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
     ending->signal = WIFSIGNALED(status) ? WTERMSIG(status) : -1;
     control_group_use use = control_group_end(a->group);
     ending->peak_memory_bytes = use.peak_bytes ? use.peak_bytes : (int64_t)usage.ru_maxrss * 1024;
+    ending->processor_ms = milliseconds(usage.ru_utime) + milliseconds(usage.ru_stime);
     ending->out_of_memory = use.exceeded;
     ending->last_words = find_last_words(a);
     write_log(a);

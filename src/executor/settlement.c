@@ -352,6 +352,8 @@ static queue_ending make_ending(const settlement_place *place, const queue_claim
         .exit_status = ending ? ending->exit_status : -1,
         .signal = ending ? ending->signal : -1,
         .peak_memory_bytes = ending ? ending->peak_memory_bytes : 0,
+        .waited_ms = ending ? ending->waited_ms : 0,
+        .processor_ms = ending ? ending->processor_ms : 0,
         .ran_ms = s->ran_ms,
         .interrupted = s->verdict == SETTLEMENT_RETRY_INTERRUPTED,
         .storage_fault = s->verdict == SETTLEMENT_RETRY_STORAGE,

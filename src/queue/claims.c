@@ -223,10 +223,13 @@ static bool end_attempt(database *d, const settling *s, const job_state *j, int 
     const queue_ending *x = s->ending;
     return RUN(d, e,
                "UPDATE attempt SET finished_ms = ?4, exit_status = ?5, signal = ?6, peak_memory_bytes = ?7,"
-               " host = ?8, reason = ?9 WHERE job = ?1 AND task = ?2 AND number = ?3",
+               " host = ?8, reason = ?9, waited_ms = ?10, processor_ms = ?11"
+               " WHERE job = ?1 AND task = ?2 AND number = ?3",
                integer(j->seq), integer(s->fence->task), integer(s->fence->attempt), integer(now),
                integer_if(x->exit_status, x->exit_status >= 0), integer_if(x->signal, x->signal >= 0),
-               integer_if(x->peak_memory_bytes, x->peak_memory_bytes > 0), text(x->host), text(x->reason)) &&
+               integer_if(x->peak_memory_bytes, x->peak_memory_bytes > 0), text(x->host), text(x->reason),
+               integer_if(x->waited_ms, x->waited_ms > 0),
+               integer_if(x->processor_ms, x->processor_ms > 0)) &&
            job_state_add_event(d, j->seq, QUEUE_EVENT_ENDED, s->back ? QUEUE_QUEUED : x->state,
                                s->back ? QUEUE_NO_OUTCOME : x->outcome, frame, s->fence->attempt, now, e);
 }

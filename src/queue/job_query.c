@@ -216,7 +216,7 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
     sqlite3_stmt *s =
         ASK(q->database, e,
             "SELECT a.task, t.frame, a.number, a.started_ms, a.finished_ms, exit_status, signal,"
-            " peak_memory_bytes, host, reason FROM attempt a"
+            " peak_memory_bytes, host, reason, waited_ms, processor_ms FROM attempt a"
             " JOIN task t ON t.job = a.job AND t.number = a.task"
             " WHERE a.job = (SELECT seq FROM job WHERE id = ?1) AND (a.task, a.number) > (?2, ?3)"
             " ORDER BY a.task, a.number LIMIT ?4",
@@ -234,6 +234,8 @@ bool queue_list_attempts(queue *q, const char *id, int after_task, int after, in
             .peak_memory_bytes = sqlite3_column_int64(s, 7),
             .host = database_text(s, 8),
             .reason = database_text(s, 9),
+            .waited_ms = sqlite3_column_int64(s, 10),
+            .processor_ms = sqlite3_column_int64(s, 11),
         };
     }
     database_unlock(q->database);

@@ -306,8 +306,9 @@ typedef struct queue_attempt {
     int64_t started_ms, finished_ms; /* 0: runs */
     int exit_status, signal;         /* -1: none */
     int64_t peak_memory_bytes;
-    char *host;   /* where it ran; may be NULL */
-    char *reason; /* may be NULL */
+    int64_t waited_ms, processor_ms; /* 0: not known, or none */
+    char *host;                      /* where it ran; may be NULL */
+    char *reason;                    /* may be NULL */
 } queue_attempt;
 
 /* Sorted by task and number, from the one behind attempt `after` of the task `after_task` (-1: all). The list is empty
@@ -368,6 +369,8 @@ typedef struct queue_ending {
     const char *error_code, *error_message; /* may be NULL */
     int exit_status, signal;                /* -1: not known or none */
     int64_t peak_memory_bytes;              /* 0: not known */
+    int64_t waited_ms;                      /* in the queue of a farm, before its worker began; likewise */
+    int64_t processor_ms;                   /* of its worker; likewise */
     int64_t ran_ms;                         /* likewise; for queue_requeue */
     bool interrupted;                       /* for queue_requeue: by the end of the daemon or of its host */
     const char *host;                       /* may be NULL */

@@ -270,6 +270,7 @@ bool attempt_files_write_ending(const char *directory, const engine_ending *endi
     json_put_integer(document, "exit_status", ending->exit_status);
     json_put_integer(document, "signal", ending->signal);
     json_put_integer(document, "peak_memory_bytes", ending->peak_memory_bytes);
+    json_put_integer(document, "processor_ms", ending->processor_ms);
     json_put_integer(document, "ran_ms", ending->ran_ms);
     json_put_string(document, "host", ending->host);
     json_put_string(document, "last_words", ending->last_words);
@@ -292,6 +293,7 @@ bool attempt_files_read_ending(const char *directory, engine_ending *ending, boo
         .exit_status = (int)json_number(json_member(&root, "exit_status"), -1),
         .signal = (int)json_number(json_member(&root, "signal"), -1),
         .peak_memory_bytes = (int64_t)json_number(json_member(&root, "peak_memory_bytes"), 0),
+        .processor_ms = (int64_t)json_number(json_member(&root, "processor_ms"), 0),
         .ran_ms = (int64_t)json_number(json_member(&root, "ran_ms"), 0),
         .last_words = mem_strdup(json_string(json_member(&root, "last_words"), "")),
     };

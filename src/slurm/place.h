@@ -49,6 +49,7 @@ struct engine_attempt {
     double timeout_s;             /* 0: none */
     bool small, alone;            /* may share a task; is not submitted with others any more */
     int64_t since_ms;             /* monotonic: when it came */
+    bool resumed;                 /* it came to an earlier daemon */
     int64_t not_before_ms;        /* monotonic: when to submit again; 0: at once */
     slurm_batch *batch;           /* NULL: it waits here */
     size_t task;                  /* that has it, or was given it */

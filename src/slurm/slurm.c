@@ -239,6 +239,7 @@ static engine_attempt *resume(void *place, const engine_request *request, error 
     (void)e;
     attempt_files_batch batch = {0};
     engine_attempt *a = make(place, request);
+    a->resumed = true;
     take_up(place, a, request, attempt_files_read_batch(a->directory, &batch) ? &batch : NULL);
     return a;
 }
@@ -332,6 +333,7 @@ static void settle(engine_attempt *a, engine_ending *ending)
     error e = {0};
     *ending = a->ending;
     a->ending.last_words = NULL;
+    if (a->began_ms != INT64_MAX && !a->resumed) ending->waited_ms = a->began_ms - a->since_ms;
     if (!ending->last_words) ending->last_words = mem_strdup("");
     if (!ending->loss && !attempt_files_deliver(a->directory, a->out, &e)) {
         ending->loss = ENGINE_INTERRUPTED;

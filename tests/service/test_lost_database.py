@@ -337,6 +337,7 @@ def test_a_state_directory_of_version_0_1(new_service, footage):
                                + "".join(f"ALTER TABLE job DROP COLUMN {name};"
                                          for name in ("result_bytes", "delivered", "delivered_ms"))
                                + "ALTER TABLE task DROP COLUMN is_delivered; DROP TABLE usage;"
+                               + "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
                                + "DROP TABLE state_count; DROP TABLE service; DROP INDEX job_by_name;"
                                + "DROP INDEX job_by_priority; DROP INDEX job_by_time;"
                                + "ALTER TABLE dependency DROP COLUMN any_end; PRAGMA user_version = 4;")

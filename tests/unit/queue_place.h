@@ -247,6 +247,8 @@ static const queue_ending success = {.state = QUEUE_SUCCEEDED,
                                      .exit_status = 0,
                                      .signal = -1,
                                      .peak_memory_bytes = 4096,
+                                     .waited_ms = 70,
+                                     .processor_ms = 90,
                                      .host = "farm1",
                                      .reason = "ended"};
 static const queue_ending crash = {.state = QUEUE_FAILED,

@@ -223,8 +223,12 @@ static void test_an_older_schema_is_carried_over(void **state)
     expect_listed(p, &(queue_filter){.state = -1, .limit = 9, .label = "x"}, (const char *[]){"queued"}, 1);
 }
 
+/* What version 10 had not. */
+#define BEFORE_11 "ALTER TABLE attempt DROP COLUMN waited_ms; ALTER TABLE attempt DROP COLUMN processor_ms;"
+
 /* What version 9 had not. */
 #define BEFORE_10                                         \
+    BEFORE_11                                             \
     "DROP INDEX job_by_priority; DROP INDEX job_by_name;" \
     "CREATE INDEX job_by_name ON job (name) WHERE name IS NOT NULL;"
 

@@ -96,6 +96,8 @@ static void test_only_the_current_attempt_settles(void **state)
     assert_string_equal(attempts[0].reason, "signal 9");
     assert_int_equal(attempts[1].exit_status, 0);
     assert_int_equal(attempts[1].peak_memory_bytes, 4096);
+    assert_int_equal(attempts[1].waited_ms, 70);
+    assert_int_equal(attempts[1].processor_ms, 90);
     assert_string_equal(attempts[1].host, "farm1");
     queue_attempts_free(attempts, count);
 }
