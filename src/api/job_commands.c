@@ -109,6 +109,7 @@ static void apply(const http_context *c, const http_request *request, const queu
                           "the job %s has changed in the meantime: get it again and repeat the change",
                           job->id);
     } else {
+        if (edit->priority) executor_move(c->x, job->id, *edit->priority);
         executor_wake(c->x);
         jobs_answer(c, request, job->id, 200, r);
     }

@@ -573,6 +573,14 @@ bool executor_tell(executor *x, const char *id, queue_command command, bool *fou
     return ok;
 }
 
+void executor_move(executor *x, const char *id, int priority)
+{
+    pthread_mutex_lock(&x->order);
+    for (size_t i = 0; i < x->slot_count; i++) slot_move(x->slots[i], id, priority);
+    pthread_mutex_unlock(&x->order);
+    executor_wake(x);
+}
+
 void executor_offer(executor *x, const char *id)
 {
     if (!x->settings.cache) return;

@@ -75,6 +75,9 @@ uint64_t executor_count_evicted(const executor *x);
 /* Call it after a job was put into the queue or edited. */
 void executor_wake(executor *x);
 
+/* The job has this priority now. Attempts that wait in an engine's own queue are given back to be claimed again. */
+void executor_move(executor *x, const char *id, int priority);
+
 /* Replaces the threads (*width) and memory that a job asks for by what its attempt takes of the host. 0 becomes the
  * default: the threads of the host divided by the workers, the default memory. More threads than the host has become
  * all of them. An error (limit_memory) when the host has less memory than that. */

@@ -202,7 +202,12 @@ void settlement_decide(const queue_claimed *c, settlement_stop stop, double limi
         return;
     case SETTLEMENT_DRAINED:
     case SETTLEMENT_PAUSED:
-        describe(ending, stop == SETTLEMENT_PAUSED ? "paused: " : "drained: ", s);
+    case SETTLEMENT_MOVED:
+        describe(ending,
+                 stop == SETTLEMENT_PAUSED  ? "paused: "
+                 : stop == SETTLEMENT_MOVED ? "priority changed: "
+                                            : "drained: ",
+                 s);
         if (is_success(ending)) break;
         s->verdict = SETTLEMENT_RETRY;
         return;

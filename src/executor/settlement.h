@@ -21,7 +21,8 @@ typedef enum settlement_stop {
     SETTLEMENT_TIMED_OUT,
     SETTLEMENT_STALLED,
     SETTLEMENT_DRAINED,
-    SETTLEMENT_PAUSED /* before its worker began */
+    SETTLEMENT_PAUSED, /* before its worker began */
+    SETTLEMENT_MOVED   /* likewise; the job has another priority now */
 } settlement_stop;
 
 /* What becomes of the task. */

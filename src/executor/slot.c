@@ -31,8 +31,8 @@ typedef struct work {
     queue_claimed claimed;
     int threads; /* what the attempt takes of the host */
     int64_t memory_mb;
-    char *progress;                   /* the newest progress line */
-    bool cancel_wanted, pause_wanted; /* written by any thread */
+    char *progress;                                /* the newest progress line */
+    bool cancel_wanted, pause_wanted, move_wanted; /* written by any thread */
 
     /* the supervisor's own */
     bool repeat;     /* no worker is to be started */
@@ -368,10 +368,11 @@ static int64_t stall_ms(const slot *s)
 static settlement_stop find_wish(slot *s)
 {
     pthread_mutex_lock(&s->mutex);
-    bool cancel = s->w.cancel_wanted, pause = s->w.pause_wanted;
+    bool cancel = s->w.cancel_wanted, pause = s->w.pause_wanted, move = s->w.move_wanted;
     pthread_mutex_unlock(&s->mutex);
     if (cancel) return SETTLEMENT_CANCELLED;
-    return pause && began_ms(s) == INT64_MAX ? SETTLEMENT_PAUSED : SETTLEMENT_NOT_STOPPED;
+    if (!(pause || move) || began_ms(s) != INT64_MAX) return SETTLEMENT_NOT_STOPPED;
+    return pause ? SETTLEMENT_PAUSED : SETTLEMENT_MOVED;
 }
 
 /* Why the worker has to be stopped now, if it has to. */
@@ -563,6 +564,13 @@ void slot_pause(slot *s, const char *id, bool paused)
 {
     pthread_mutex_lock(&s->mutex);
     if (holds(s, id)) s->w.pause_wanted = paused;
+    pthread_mutex_unlock(&s->mutex);
+}
+
+void slot_move(slot *s, const char *id, int priority)
+{
+    pthread_mutex_lock(&s->mutex);
+    if (holds(s, id)) s->w.move_wanted = s->w.claimed.job.priority != priority;
     pthread_mutex_unlock(&s->mutex);
 }
 

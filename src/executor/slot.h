@@ -108,6 +108,9 @@ void slot_cancel(slot *s, const char *id);
  * time. */
 void slot_pause(slot *s, const char *id, bool paused);
 
+/* Likewise if it was claimed with another priority: the next claim tells the engine the new one. */
+void slot_move(slot *s, const char *id, int priority);
+
 /* The newest progress if the slot holds a task of this job, to be freed; NULL: none. */
 char *slot_progress(slot *s, const char *id);
 

@@ -101,6 +101,20 @@ def test_a_paused_job_leaves_the_queue_of_slurm(slurm, new_farm):
 
 
 @pytest.mark.plain
+def test_a_priority_that_is_changed_reaches_slurm(slurm, new_farm):
+    slurm.call("scontrol", "update", "partition=farm", "state=DOWN")
+    farm = new_farm()
+    job = farm.submit(sphere())
+    wait_until(lambda: "1000 PENDING" in slurm.jobs("%y %T"), "the job in Slurm's queue")
+    done = farm.request("PATCH", f"/v1/jobs/{job}", '{"priority": 50}', {"Content-Type": "application/json"})
+    assert done.status == 200
+    wait_until(lambda: [j for j in slurm.jobs("%y %T") if "PENDING" in j] == ["950 PENDING"], "its new priority there")
+    slurm.call("scontrol", "update", "partition=farm", "state=UP")
+    farm.wait_state(job, "succeeded")
+    assert [a["reason"][:8] for a in attempts(farm, job)] == ["priority", "exit sta"]
+
+
+@pytest.mark.plain
 def test_frames_are_one_job_and_a_retry_runs_those_that_failed(slurm, new_farm, tmp_path):
     """`make farmtest` has 1000 of them."""
     footage = make_footage(tmp_path, (1, 2, 4, 5, 6))
