@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures the engine slurm on a Slurm of four nodes on this machine, beside the local engine, and writes a page.
 
-    farm.py BUILD PAGE [--small N] [--large N] [--queued N]
+    farm.py BUILD PAGE [--small N] [--large N] [--queued N]     (--queued 0: only the jobs, and no page)
 
 --small: jobs of 1000 points, through Slurm and locally; --large: of a million, besides. --queued: tasks of an array that
 wait in Slurm while its partition is down; then all are cancelled. How late progress and cancellation are is measured with
@@ -35,22 +35,31 @@ def machine_s():
     return (sum(fields) - fields[3] - fields[4]) / TICK
 
 
+def await_idle(service):
+    """Asks little, so that this takes no time of what is measured."""
+    while any(service.get(f"/v1/jobs?limit=1&state={state}").json["jobs"] for state in ("queued", "running")):
+        time.sleep(0.25)
+
+
+def worker_s(service, job):
+    """Processor time of its workers, as the nodes tell."""
+    assert service.job(job)["state"] == "succeeded"
+    return sum(a.get("processor_ms", 0) for a in service.get(f"/v1/jobs/{job}/attempts").json["attempts"]) / 1000
+
+
 def run_jobs(service, given, slurm=None):
-    """Wall time; processor time of the daemon itself, of Slurm's daemons, of the workers (of the local engine: only
-    these have the daemon as their parent), and of the whole machine."""
-    service.post("/v1/admin/hold")
+    """Wall time; processor time of the daemon itself, of Slurm's daemons, of the workers, and of the whole machine."""
+    assert service.post("/v1/admin/hold").status == 200
     jobs = [service.submit(sphere(count, solver={"seed": n, "threads": 1}, output={"preview": False}, limits={"memory_mb": memory}))
             for count, memory, many in ((1000000, 2000, given.large), (1000, 300, given.small)) for n in range(many)]
     daemons = [p.pid for p in slurm.running.values()] if slurm else []
     own, theirs, begin = cpu_seconds(service.process.pid)[0], sum(cpu_seconds(pid)[0] for pid in daemons), time.monotonic()
-    all_s, workers = machine_s(), sum(cpu_seconds(service.process.pid))
+    all_s = machine_s()
     service.post("/v1/admin/release")
-    service.wait_state(jobs[-1], "succeeded", seconds=3600)
-    for job in jobs:
-        service.wait_state(job, "succeeded", seconds=3600)
-    own = cpu_seconds(service.process.pid)[0] - own
-    return (time.monotonic() - begin, own, sum(cpu_seconds(pid)[0] for pid in daemons) - theirs,
-            sum(cpu_seconds(service.process.pid)) - workers - own, machine_s() - all_s)
+    await_idle(service)
+    wall, all_s = time.monotonic() - begin, machine_s() - all_s
+    own, theirs = cpu_seconds(service.process.pid)[0] - own, sum(cpu_seconds(pid)[0] for pid in daemons) - theirs
+    return wall, own, theirs, sum(worker_s(service, job) for job in jobs), all_s
 
 
 # Says every third of a second what time it is, ten seconds long; then waits to be cancelled.
@@ -107,33 +116,34 @@ def main():
     words.add_argument("page", type=pathlib.Path)
     words.add_argument("--small", type=int, default=2000)
     words.add_argument("--large", type=int, default=20)
-    words.add_argument("--queued", type=int, default=10000)
+    words.add_argument("--queued", type=int, default=10000, help="0: only the jobs, and no page")
     given = words.parse_args()
     base = pathlib.Path(tempfile.mkdtemp(prefix="farm."))
     slurm = Cluster(nodes=4, cpus=1, memory_mb=4000, most_jobs=100000)
     common = ("--memory_mb", "300", "--cache", "0", "--log_level", "info", "--user_running", "0", "--user_queued", "0")
-    local = Service(given.build.resolve(), base / "local", *common)
+    local = Service(given.build.resolve(), base / "local", "--listen", f"unix:{base}/local.sock", *common)
     farm = Service(given.build.resolve(), base / "farm", "--engine", "slurm", "--work_dir", base / "farm/work",
-                   "--slurm_most_jobs", str(given.queued), *common)
+                   "--slurm_most_jobs", str(max(given.queued, 2000)), "--listen", f"unix:{base}/farm.sock", *common)
     clock = base / "clock"
     clock.write_text(CLOCK)
     clock.chmod(0o755)
     watched = Service(given.build.resolve(), base / "watched", "--engine", "slurm", "--work_dir", base / "watched/work",
                       "--worker", str(clock), *common)
-    rows, workers = [], 0
+    rows = []
     try:
         slurm.start()
         os.environ.update(SLURM_CONF=slurm.environment["SLURM_CONF"], PATH=slurm.environment["PATH"])
         for name, service, of in (("local, 2 workers", local, None), ("slurm, 4 nodes of 1 core", farm, slurm)):
             service.base.mkdir()
             service.start()
-            wall, own, theirs, of_workers, whole = run_jobs(service, given, of)
-            workers = workers or of_workers
-            count = given.small + given.large
+            wall, own, theirs, workers, whole = run_jobs(service, given, of)
+            count, there_was = given.small + given.large, wall * os.cpu_count()
             rows.append(f"| {name} | {count} | {wall:.1f} | {1000 * own / count:.2f} | {1000 * theirs / count:.2f} | "
-                        f"{workers / wall / os.cpu_count():.2f} | {(whole - workers) / wall / os.cpu_count():.2f} |")
+                        f"{workers / there_was:.2f} | {(whole - workers) / there_was:.2f} | {1 - whole / there_was:.2f} |")
             print(rows[-1], flush=True)
         local.end()
+        if not given.queued:
+            return
         watched.base.mkdir()
         late = run_clock(watched.start(), slurm)
         watched.end()
@@ -157,13 +167,12 @@ scales.
 
 ## Jobs: {small} of 1000 points, {large} of a million
 
-| engine | jobs | wall s | processor ms of the daemon a job | of Slurm's daemons a job | workers' share of the cores | all others' |
-|---|---|---|---|---|---|---|
+| engine | jobs | wall s | processor ms of the daemon a job | of Slurm's daemons a job | workers' share of the cores | all others' | idle |
+|---|---|---|---|---|---|---|---|
 {rows}
 
 The daemon's time is its own, without the commands that it calls and without workers. The workers' share is their processor
-time by wall time and cores; it is measured locally, and Slurm's workers do the same. The rest of the machine was taken by what
-the last column tells: daemons, Slurm, and others.
+time (`processor_ms` of the attempts) by wall time and cores. All others are daemons, Slurm, and who else used the machine.
 
 ## What users wait for
 

@@ -1,5 +1,6 @@
 """A Slurm of its own: munge, a controller and node daemons, as ordinary processes of this machine, in their own
 directories and on their own ports. Each is ended by its process number."""
+import contextlib
 import os
 import pathlib
 import shutil
@@ -27,10 +28,10 @@ SlurmdPidFile={base}/slurmd.%n.pid
 SlurmctldLogFile={base}/slurmctld.log
 SlurmdLogFile={base}/slurmd.%n.log
 ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
+TaskPlugin={task_plugin}
 JobAcctGatherType=jobacct_gather/linux
 JobAcctGatherFrequency=task=1
-JobAcctGatherParams=OverMemoryKill
+{over_memory}
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 SlurmdParameters=config_overrides
@@ -64,6 +65,20 @@ def missing():
     return None if os.geteuid() == 0 else "node daemons need root"
 
 
+# The kernel keeps the memory limits of jobs. Slurm makes and removes groups of its own.
+MEMORY_GROUPS = pathlib.Path("/sys/fs/cgroup/memory")
+CGROUP_CONF = """CgroupPlugin=cgroup/v1
+CgroupMountpoint=/sys/fs/cgroup
+CgroupAutomount=no
+ConstrainRAMSpace=yes
+"""
+
+
+def lacks_groups():
+    """Why Slurm cannot limit memory by control groups here; None: it can."""
+    return None if os.access(MEMORY_GROUPS / "cgroup.procs", os.W_OK) else "no control groups of version 1 for memory"
+
+
 def free_port():
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
@@ -71,7 +86,7 @@ def free_port():
 
 
 class Cluster:
-    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300, most_jobs=10000):
+    def __init__(self, nodes=2, cpus=2, memory_mb=4000, node_timeout=300, most_jobs=10000, groups=False):
         self.base = pathlib.Path(tempfile.mkdtemp(prefix="slurm."))  # short: sockets are made below it
         self.base.chmod(0o755)
         self.nodes = [f"n{i}" for i in range(nodes)]
@@ -82,7 +97,11 @@ class Cluster:
                  f" CPUs={cpus} RealMemory={memory_mb} State=UNKNOWN" for n in self.nodes]
         (self.base / "slurm.conf").write_text(CONF.format(
             host=socket.gethostname().split(".")[0], controller=free_port(), base=self.base,
-            node_timeout=node_timeout, most_jobs=most_jobs, nodes="\n".join(lines)))
+            node_timeout=node_timeout, most_jobs=most_jobs, nodes="\n".join(lines),
+            task_plugin="task/cgroup" if groups else "task/none",
+            over_memory="" if groups else "JobAcctGatherParams=OverMemoryKill"))
+        if groups:
+            (self.base / "cgroup.conf").write_text(CGROUP_CONF)
 
     def begin(self, name, *words):
         """A process in a session of its own."""
@@ -170,4 +189,8 @@ class Cluster:
                 pass
         if "munged" in self.running:
             self.end("munged", signal.SIGTERM)
+        for node in self.nodes:
+            for group in sorted(MEMORY_GROUPS.glob(f"slurm_{node}/**/"), reverse=True):
+                with contextlib.suppress(OSError):
+                    group.rmdir()
         shutil.rmtree(self.base)

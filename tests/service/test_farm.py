@@ -12,6 +12,7 @@ import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "crash"))
 import calls  # noqa: E402
+import cluster  # noqa: E402
 import farm as crash_farm  # noqa: E402
 from service import long_sphere, sphere, wait_until
 from slurm_farm import (all_ended, array, attempts, attempts_of_frames, front, gate, make_footage, needs_slurm, new_cluster,
@@ -220,6 +221,28 @@ def test_a_job_that_slurm_kills_for_its_memory_is_not_tried_for_ever(slurm, new_
     job = farm.submit(sphere())
     farm.wait_state(job, "failed")
     assert "FAILED" in attempts(farm, job)[0]["reason"]
+
+
+def test_a_memory_limit_that_the_kernel_keeps_for_slurm_is_told(new_cluster, new_farm, tmp_path):
+    if cluster.lacks_groups():
+        pytest.skip(cluster.lacks_groups())
+    greedy = tmp_path / "greedy-worker"
+    greedy.write_text("#!/bin/sh\nexec tail /dev/zero\n")
+    greedy.chmod(0o755)
+    new_cluster(nodes=1, groups=True)
+    farm = new_farm("--worker", greedy, "--max_attempts", "1")
+    job = farm.submit(sphere())
+    assert farm.wait_state(job, "failed")["error"]["code"] == "limit_memory"
+
+
+def test_the_deadline_of_a_job_that_waits_has_passed(slurm, new_farm):
+    """It can be no sooner than the time limit, a minute."""
+    for node in slurm.nodes:
+        slurm.submit(f"--nodelist={node}", "--exclusive", script="exec sleep 1000")
+    farm = new_farm("--slurm_options", "--time=1,--deadline=now+62seconds")
+    job = farm.submit(sphere())
+    assert farm.wait_state(job, "timed_out")["error"]["code"] == "limit_time"
+    assert "(DEADLINE)" in attempts(farm, job)[0]["reason"]
 
 
 def test_a_held_job_says_so_and_waits(slurm, new_farm):
