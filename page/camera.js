@@ -10,6 +10,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export class Camera {
   constructor() {
     this.target = [0, 0, 0];
+    this.up = "z"; // or "y"
     this.moved = false; // by hand; before that it follows what it shows
     this.reset(1);
   }
@@ -28,7 +29,8 @@ export class Camera {
   /** Unit vectors to the right, up and back to the eye. */
   axes() {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const back = [cy * cp, sy * cp, sp], right = [-sy, cy, 0];
+    const stand = ([x, y, z]) => (this.up === "y" ? [y, z, x] : [x, y, z]);
+    const back = stand([cy * cp, sy * cp, sp]), right = stand([-sy, cy, 0]);
     return {right, up: cross(back, right), back};
   }
 

@@ -1,4 +1,5 @@
 // Draws points with WebGL 2 as discs in their tangent planes: one call for all of them, a quad for each.
+import {spacingOf} from "./ply.js";
 
 const DISC_VERTEX = `#version 300 es
 layout(location = 0) in vec3 position;
@@ -153,11 +154,12 @@ export class Discs {
     const {columns, count} = points, first = this.count;
     if (count <= first) return;
     const block = new Float32Array((count - first) * GEOMETRY);
-    const names = ["x", "y", "z", "nx", "ny", "nz", columns.spacing_local ? "spacing_local" : "spacing"];
-    names.forEach((name, k) => {
+    ["x", "y", "z", "nx", "ny", "nz"].forEach((name, k) => {
       const column = columns[name];
-      for (let i = first, to = k; i < count; i++, to += GEOMETRY) block[to] = column ? column[i] : 0;
+      for (let i = first, to = k; i < count; i++, to += GEOMETRY) block[to] = column[i];
     });
+    const spacing = spacingOf(points);
+    for (let i = first, to = 6; i < count; i++, to += GEOMETRY) block[to] = spacing(i);
     this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.geometry);
     this.gl.bufferSubData(this.gl.ARRAY_BUFFER, first * GEOMETRY * 4, block);
     this.count = count;

@@ -244,9 +244,9 @@ export function Job({ids: [id], search, session}) {
     <${Facts} job=${job} now=${now} />
     ${own && job.array && html`<${Tasks} job=${job} frame=${frame} onChoose=${setFrame} />`}
     ${!own && html`<p class="hint">Only ${job.owner} and administrators see the rest of this job.</p>`}
+    ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report ? html`<h2>Convergence</h2><${Charts} key="whole" runs=${[rowsOfReport(report)]} words=${[nameOf(job)]} />`
       : rows.length > 1 && html`<h2>Convergence</h2><${Charts} key="live" live=${true} runs=${[rows]} words=${[nameOf(job)]} />`}
-    ${own && job.links.results && html`<${Results} job=${job} frame=${frame} />`}
     ${report && html`<${Report} report=${report} />`}
     ${own && html`<${Attempts} job=${job} frame=${frame} lines=${lines} />`}
     ${job.spec && html`<${Spec} spec=${job.spec} />`}`;

@@ -1,5 +1,6 @@
 // How many neighbours points have: edges of the Voronoi cell of each in its tangent plane, from the points near it.
 // An estimate for the eye: the report counts on the surface itself.
+import {spacingOf} from "./ply.js";
 
 const REACH = 2.2; // in local spacings: farther points do not touch the cell of a point in a good packing
 const SLICE_MS = 12; // of the browser's time, before it may do other things
@@ -55,8 +56,8 @@ function degreeOf(i, columns, grid, spacing) {
 
 /** The number of neighbours of each point, as a column; `wanted()` false ends it with null. */
 export async function countNeighbours(points, wanted) {
-  const {columns, count} = points, spacing = columns.spacing_local || columns.spacing;
-  const median = spacing.slice(0, count).sort()[count >> 1];
+  const {columns, count} = points, at = spacingOf(points), spacing = Float32Array.from({length: count}, (_, i) => at(i));
+  const median = spacing.slice().sort()[count >> 1];
   const grid = gridOf(columns, count, 2 * median);
   const degrees = new Float32Array(count);
   for (let i = 0; i < count;) {

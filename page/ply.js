@@ -25,6 +25,17 @@ function parseHeader(bytes) {
   return {bytes: end + "end_header\n".length, elements};
 }
 
+/** Properties that tell the spacing, with how often they are in it. A spec may leave them all out. */
+const SPACINGS = [["spacing_local", 1], ["spacing", 1], ["radius", 2], ["pscale", 2]];
+
+export const hasSpacing = ({columns}) => SPACINGS.some(([name]) => columns[name]);
+
+/** The spacing at a point, as a function of its index: of its file, or `even`, the same at all. */
+export function spacingOf({columns, even}) {
+  const found = SPACINGS.find(([name]) => columns[name]);
+  return found ? i => found[1] * columns[found[0]][i] : () => even;
+}
+
 /** The pieces of a body, joined so that no record is cut. */
 async function* piecesOf(response) {
   const reader = response.body.getReader();
@@ -44,7 +55,7 @@ function join(a, b) {
 }
 
 /**
- * Loads the points of a file: `onStart(points)` when the header has come, `onMore(points)` as points arrive. Of more
+ * Loads the points of a file: `onStart(points)`, which may take time, when the header has come, `onMore(points)` as points arrive. Of more
  * than `most` points every so manieth is kept. `points` has the `total` of the file, the `step`, the `count` so far, an
  * `origin`, and `columns`: a Float32Array for each property, x, y and z less the origin.
  */
@@ -70,7 +81,7 @@ export async function loadPoints(path, most, {signal, onStart, onMore}) {
       points = {total: vertex.count, step, kept, count: 0, origin: null,
         columns: Object.fromEntries(fields.map(({name}) => [name, new Float32Array(kept)]))};
       rest = rest.subarray(header.bytes);
-      onStart(points);
+      await onStart(points);
     }
     const whole = Math.min(Math.floor(rest.length / stride), points.total - read);
     const view = new DataView(rest.buffer, rest.byteOffset);

@@ -5,8 +5,8 @@ import {Camera, steer} from "./camera.js";
 import {coloursOf, MAPS, rangeOf} from "./colours.js";
 import {Discs} from "./discs.js";
 import {countNeighbours} from "./neighbours.js";
-import {Trouble, useTitle} from "./parts.js";
-import {loadEdges, loadPoints} from "./ply.js";
+import {recall, remember, Trouble, useTitle} from "./parts.js";
+import {hasSpacing, loadEdges, loadPoints} from "./ply.js";
 import {bytesOf, countOf, nameOf, numberOf} from "./words.js";
 
 /** Of more points, a part is shown and said to be one: two million are 64 MiB on the graphics card. */
@@ -151,6 +151,7 @@ export function PointCloud({job, frame, onShown}) {
   const [counting, setCounting] = useState(false);
   const [wire, setWire] = useState("none"); // none, wire, only
   const [cut, setCut] = useState({axis: "", part: 0.5, other: false});
+  const [up, setUp] = useState(recall("up") || "z");
 
   useEffect(() => {
     try {
@@ -182,7 +183,11 @@ export function PointCloud({job, frame, onShown}) {
     const alone = now.points === null; // the first file is shown while it comes, frames of a film when they are whole
     loadPoints(`v1/jobs/${job.id}/results/points.ply${query({frame})}`, MOST, {
       signal: stop.signal,
-      onStart: points => {
+      onStart: async points => {
+        if (!points.columns.nx || !points.columns.ny || !points.columns.nz)
+          throw new Error("points.ply has no normals: submit a changed copy whose output.ply.properties name nx, ny and nz.");
+        if (!hasSpacing(points))
+          points.even = (await get(`v1/jobs/${job.id}/results/report.json${query({frame})}`, {signal: stop.signal})).spacing;
         if (!alone) return;
         now.points = points;
         now.discs.allocate(points.kept);
@@ -204,11 +209,12 @@ export function PointCloud({job, frame, onShown}) {
   }, [job.id, frame]);
 
   const points = progress && progress.points;
+  const names = points ? [...Object.keys(points.columns).filter(name => !NO_COLOURS.includes(name) && name !== NEIGHBOURS), ...(points.step === 1 ? [NEIGHBOURS] : [])] : [];
   useEffect(() => {
     if (!points || !points.count) return;
     const {discs} = scene.current, column = points.columns[colouring.by];
     if (!column) {
-      if (colouring.by !== NEIGHBOURS) setColouring({...colouring, by: "spacing", range: null});
+      if (colouring.by !== NEIGHBOURS) setColouring({...colouring, by: names[0], range: null});
       else if (progress.whole && !counting) {
         setCounting(true);
         addNeighbours(scene.current).then(() => {
@@ -230,6 +236,13 @@ export function PointCloud({job, frame, onShown}) {
   useEffect(() => {
     if (scene.current) scene.current.cut(cut.axis, cut.part, cut.other);
   }, [cut, progress && progress.whole]);
+
+  useEffect(() => {
+    if (!scene.current) return;
+    scene.current.camera.up = up;
+    scene.current.change();
+    remember("up", up);
+  }, [up]);
 
   const mesh = points && points.step === 1 && job.spec && job.spec.output && job.spec.output.mesh;
   useEffect(() => {
@@ -257,7 +270,6 @@ export function PointCloud({job, frame, onShown}) {
     scene.current.frameAll();
     scene.current.change();
   };
-  const names = points ? [...Object.keys(points.columns).filter(name => !NO_COLOURS.includes(name) && name !== NEIGHBOURS), ...(points.step === 1 ? [NEIGHBOURS] : [])] : [];
   return html`<div class="cloud">
     <${Trouble} error=${error} />
     <div class="stage"><canvas ref=${canvas} tabindex="0" role="img" class="points"
@@ -272,6 +284,8 @@ export function PointCloud({job, frame, onShown}) {
       ${counting && html`<p class="loading-points" role="status">Counting neighbours …</p>`}</div>
     ${points && points.step > 1 && html`<p class="notice">One of ${points.step} points is shown: ${countOf(points.kept)} of ${countOf(points.total)}. Gaps between discs are no gaps in the packing.</p>`}
     ${points && html`<div class="controls"><${ColourControls} colouring=${colouring} names=${names} onChange=${setColouring} />
+      <label>Up<select value=${up} onChange=${e => setUp(e.target.value)}>
+        ${["z", "y"].map(axis => html`<option value=${axis} selected=${axis === up}>${axis}</option>`)}</select></label>
       <label>Cut along<select value=${cut.axis} onChange=${e => setCut({...cut, axis: e.target.value})}>
         ${Object.entries(AXES).map(([key, word]) => html`<option value=${key} selected=${key === cut.axis}>${word}</option>`)}</select></label>
       ${cut.axis && html`<label>Where<input type="range" min="0" max="1" step="0.005" value=${cut.part} onInput=${e => setCut({...cut, part: Number(e.target.value)})} /></label>

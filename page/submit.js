@@ -164,6 +164,6 @@ export function Submit({search}) {
       ${group("surface", html`<${Sketch} formula=${spec.surface && spec.surface.analytic} />`)}${group("sampling")}
       <details class="more"><summary>More: ${rest.join(", ")}</summary>${rest.map(name => group(name))}</details></div>
     <aside aria-label="Check">${fault ? html`<${Trouble} error=${fault} />` : html`<${Estimate} validation=${validation} busy=${busy} />`}
-      <button class="main" disabled=${submitting || Boolean(fault)}>Submit</button><${Trouble} error=${submitError} />
+      <button class="main" disabled=${submitting || Boolean(fault || sending)}>Submit</button><${Trouble} error=${submitError} />
       <${Json} spec=${spec} onChange=${setSpec} /></aside></form></div>`;
 }

@@ -279,7 +279,7 @@ def test_a_keyboard_is_enough(service, browser):
     go_to("points")
     before = browser.run(PICTURE, "Home")[0]
     browser.keys(Keys.ARROW_LEFT)
-    assert browser.run(PICTURE, "a key that does nothing")[0] != before
+    wait_until(lambda: browser.run(PICTURE, "no key")[0] != before, "the points to be turned")
 
 
 def test_times_are_in_the_zone_of_the_viewer(service, browser):
@@ -407,6 +407,10 @@ def test_a_hundred_thousand_points_are_turned(service, browser):
     assert drawn > 0.1
     after, _ = browser.run(PICTURE, "ArrowLeft")
     assert after != before
+    up = next(s for s in browser.all(".controls select") if s.text.split() == ["z", "y"])
+    browser.choose("y", up)
+    wait_until(lambda: browser.run(PICTURE, "no key")[0] != after, "another side to be up")
+    browser.choose("z", up)
     canvas = browser.one("canvas.points")
     canvas.click()
     browser.wait_text("kappa1", ".picked")
@@ -432,6 +436,15 @@ def test_neighbours_are_counted_as_in_the_report(service, browser):
         import(new URL("page/ply.js", document.baseURI)).then(ply => ply.loadPoints(path, 300, {onStart() {}, onMore() {}}))
           .then(({step, count, total, columns}) => done([step, count, total, columns.x.length]));""",
         f"v1/jobs/{job}/results/points.ply") == [4, 250, 1000, 250]
+
+
+def test_points_without_their_spacing_are_drawn(service, browser):
+    """A spec chooses what is in the file; the report has the spacing of all."""
+    job = service.submit(sphere(count=300, output={"preview": False, "ply": {"properties": ["minimal"]}}))
+    service.wait_state(job, "succeeded")
+    browser.open(service, f"#/jobs/{job}/points")
+    browser.wait_text("six:", ".legend")
+    assert browser.run(PICTURE, "Home")[1] > 0.1
 
 
 CUBE = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
