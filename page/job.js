@@ -227,7 +227,7 @@ export function Job({ids: [id], search, session}) {
   const asked = search.get("frame");
   const [frame, setFrame] = useState(asked === null ? null : Number(asked));
   const {job, rows, lines, error, reload} = useJob(id, frame, owns);
-  const report = useReport(job, frame);
+  const report = useReport(job && owns(job) ? job : null, frame);
   const now = useClock(1000);
   useTitle(job ? nameOf(job) : "Job");
   if (!job) return error ? html`<${Trouble} error=${error} />` : html`<p class="loading" role="status">Loading …</p>`;

@@ -93,7 +93,7 @@ export function Submit({search}) {
   const [spec, setSpec] = useState(search.has("from") ? null : FIRST);
   const [error, setError] = useState(null);
   const [sending, setSending] = useState(null);
-  const [look, setLook] = useState(null); // into the file that was chosen: {found, chosen}
+  const [look, setLook] = useState(null); // into the file that was chosen: {name, found, chosen}
   const [over, setOver] = useState(false);
   const [{faults, error: fault, validation}, busy] = useCheck(spec || FIRST);
   useTitle("New job");
