@@ -243,7 +243,7 @@ def test_a_wait_has_an_end(socket_service, tmp_path):
     job = hexad.Client(service.address).submit(sphere())
     with pytest.raises(hexad.WaitTimeout):
         job.wait(0.1)
-    assert job.cancel().wait(check=False).state == "cancelled"
+    assert job.cancel().wait(check=False).state == "cancelled" == job.cancel().state
     with pytest.raises(hexad.JobFailed):
         job.check()
     job.delete()
@@ -274,7 +274,8 @@ FRAMES = sphere(200, output={"preview": False},
 
 
 def test_without_a_daemon_all_is_the_same(client, local, tmp_path):
-    for spec in (ALONE, FRAMES):
+    coherent = {**FRAMES, "queue": {**FRAMES["queue"], "coherent": True}}
+    for spec in (ALONE, FRAMES, coherent):
         ours, theirs = local.submit(spec, wait=True), client.submit(spec, wait=True)
         assert (ours.state, ours.outcome, list(ours.frames())) == (theirs.state, theirs.outcome, list(theirs.frames()))
         frame = ours.frames()[-1]
@@ -305,9 +306,12 @@ def test_a_local_job_is_cancelled(local):
     job = local.submit(long_sphere())
     with pytest.raises(hexad.WaitTimeout):
         job.wait(0.1)
-    assert job.cancel().state == "cancelled"
+    assert job.cancel().state == "cancelled" == job.cancel().state
     with pytest.raises(hexad.HexadError):
         job.results()
+    ended = local.submit(SPEC, wait=True)
+    with pytest.raises(problems.Conflict):
+        ended.cancel()
 
 
 def python_files():

@@ -12,8 +12,8 @@ from typing import Any, Iterator, Sequence
 
 from .errors import HexadError, WaitTimeout
 from .events import Event, follow
-from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, finished, hash_file, save, with_version
-from .problems import NotFound
+from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, hash_file, save, wait_as_asked, with_version
+from .problems import Conflict, NotFound
 from .transport import Transport, body_of
 
 __all__ = ["Client", "RemoteJob"]
@@ -61,7 +61,12 @@ class RemoteJob(Job):
         return self
 
     def cancel(self) -> RemoteJob:
-        return self.command("cancel")
+        try:
+            return self.command("cancel")
+        except Conflict:
+            if self.refresh().state != "cancelled":  # before, perhaps by a request whose answer was lost
+                raise
+            return self
 
     def pause(self) -> RemoteJob:
         """Starts no attempt of it until it is resumed."""
@@ -137,7 +142,7 @@ class Client(Service):
     def submit(self, spec: AnySpec, wait: bool | float = False, key: str | None = None) -> RemoteJob:
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
         job = RemoteJob(self.transport, self.transport.send("POST", "/v1/jobs", with_version(spec), headers))
-        finished(job, wait)
+        wait_as_asked(job, wait)
         return job
 
     def job(self, id: str) -> RemoteJob:

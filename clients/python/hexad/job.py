@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import tempfile
+import threading
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Iterable, Iterator, Mapping, Sequence, Union
@@ -43,18 +44,18 @@ def hash_file(path: pathlib.Path) -> str:
 def save(result: Result, chunks: Iterable[bytes], path: pathlib.Path) -> None:
     """Writes a file under a temporary name; it gets its own once its hash is the announced one."""
     digest = hashlib.sha256()
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-        try:
+    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+    try:
+        with open(part, "wb") as file:
             for chunk in chunks:
                 digest.update(chunk)
                 file.write(chunk)
-            if digest.hexdigest() != result.sha256:
-                raise Damaged(f"{result.name}: the received bytes do not have the announced SHA-256")
-            file.flush()
-            os.replace(file.name, path)
-        except BaseException:
-            os.unlink(file.name)
-            raise
+        if digest.hexdigest() != result.sha256:
+            raise Damaged(f"{result.name}: the received bytes do not have the announced SHA-256")
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def chunks_of(file: BinaryIO) -> Iterator[bytes]:
@@ -114,7 +115,7 @@ class Job(ABC):
 
     @abstractmethod
     def cancel(self) -> Job:
-        """Ends it."""
+        """Ends it. hexad.problems.Conflict: it has ended otherwise."""
 
     @abstractmethod
     def log(self, frame: int | None = None) -> str:
@@ -195,11 +196,10 @@ class Service(ABC):
         """What lies in a file, and specs that sample it. `path`: as a spec names it."""
 
 
-def finished(job: Job, wait: bool | float) -> Job:
-    """Job after the wait that submit was asked for."""
-    if wait is False:
-        return job
-    return job.wait(None if wait is True else wait)
+def wait_as_asked(job: Job, wait: bool | float) -> None:
+    """What `wait` of submit means."""
+    if wait is not False:
+        job.wait(None if wait is True else wait)
 
 
 def with_version(spec: AnySpec) -> dict[str, Any]:

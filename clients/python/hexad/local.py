@@ -15,8 +15,8 @@ from typing import Any, Iterator, Sequence
 
 from .errors import HexadError, Problem, WaitTimeout
 from .events import Event
-from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, finished, hash_file, save, with_version
-from .problems import BY_CODE, IdempotencyMismatch
+from .job import AnySpec, Job, PathLike, Result, Service, chunks_of, hash_file, save, wait_as_asked, with_version
+from .problems import BY_CODE, Conflict, IdempotencyMismatch
 
 __all__ = ["Local", "LocalJob"]
 
@@ -183,6 +183,8 @@ class LocalJob(Job):
 
     def cancel(self) -> LocalJob:
         with self.changed:
+            if self.has_ended and self.state != "cancelled":
+                raise Conflict(409, {"code": "conflict", "detail": f"job {self.id} is {self.state}"})
             process = self.process
             if process and process.poll() is None:
                 process.terminate()
@@ -257,7 +259,7 @@ class Local(Service):
             job = self.start(whole)
             if key:
                 self.keys[key] = job
-        finished(job, wait)
+        wait_as_asked(job, wait)
         return job
 
     def start(self, spec: dict[str, Any]) -> LocalJob:

@@ -129,13 +129,16 @@ def read_faces(file: BinaryIO, form: str, element: Element) -> Any:
     """The lists of an element that has one, of three numbers each."""
     _, code, length_code = element.properties[0]
     if len(element.properties) != 1 or length_code is None:
-        raise Damaged(f"the PLY file has {element.name} of another form than triangles")
+        raise Damaged(f"the PLY file has {element.name}s that are no triangles")
     if numpy and form != "ascii":
         kind = numpy.dtype([("n", form + length_code), ("corners", form + code, 3)])
         data = file.read(kind.itemsize * element.count)
         if len(data) != kind.itemsize * element.count:
             raise Damaged("the PLY file is cut off")
-        return numpy.ascontiguousarray(numpy.frombuffer(data, kind)["corners"])
+        table = numpy.frombuffer(data, kind)
+        if (table["n"] != 3).any():
+            raise Damaged(f"the PLY file has {element.name}s that are no triangles")
+        return numpy.ascontiguousarray(table["corners"])
     faces = [read_list(file, form, length_code, code) for _ in range(element.count)]
     return numpy.array(faces, code) if numpy else faces
 
