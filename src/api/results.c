@@ -21,10 +21,9 @@ static const char *content_type_of(const char *name)
     static const struct {
         const char *ending, *type;
     } types[] = {
-        {".json", "application/json"},
-        {".png", "image/png"},
-        {".exr", "image/x-exr"},
-        {".ply", "model/ply"},
+        {".json", "application/json"}, {".png", "image/png"},       {".exr", "image/x-exr"},
+        {".ply", "model/ply"},         {".npz", "application/zip"}, {".glb", "model/gltf-binary"},
+        {".usda", "model/vnd.usda"},
     };
     size_t length = strlen(name);
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {

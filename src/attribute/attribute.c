@@ -4,6 +4,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "attribute/corners.h"
 #include "attribute/dense.h"
 #include "attribute/grid.h"
 
@@ -11,17 +12,18 @@
 typedef struct reader {
     const char *magic;
     size_t magic_length;
-    const char *endings; /* each between blanks, where the first bytes do not tell */
+    const char *endings; /* each between blanks, where the first bytes do not tell; NULL: all other files */
     bool (*find)(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
     bool (*read)(const attribute_request *request, size_t count, const vec3 *position, double *values,
                  attribute_counts *counts, error *e);
 } reader;
 
-enum { GRIDS, VOLUMES, PAIRS, READERS };
+enum { GRIDS, VOLUMES, PAIRS, MESHES, READERS };
 static const reader readers[READERS] = {
     [GRIDS] = {" BDV\0\0\0\0", 8, "", grid_find, grid_read},
     [VOLUMES] = {"NRRD", 4, "", dense_find, dense_read},
     [PAIRS] = {"", 0, " .nii .nii.gz .hdr ", dense_find, dense_read},
+    [MESHES] = {"", 0, NULL, corners_find, corners_read}, /* whose reader knows the formats */
 };
 
 static bool ends_with_one_of(const char *path, const char *endings)
@@ -35,18 +37,18 @@ static bool ends_with_one_of(const char *path, const char *endings)
 }
 
 /* By the file's first bytes, or its name. */
-static const reader *reader_of(const attribute_request *request, error *e)
+static const reader *reader_of(const attribute_request *request)
 {
     char head[8] = "";
+    const reader *r = readers;
     if (request->stack) return &readers[VOLUMES];
     ssize_t got = pread(request->fd, head, sizeof head, 0);
-    for (const reader *r = readers; r < readers + READERS; r++)
+    for (; r->endings; r++)
         if (r->magic_length > 0
                 ? got >= (ssize_t)r->magic_length && memcmp(head, r->magic, r->magic_length) == 0
                 : ends_with_one_of(request->path, r->endings))
-            return r;
-    error_set(e, ERROR_INPUT_UNSUPPORTED, "attributes are read from OpenVDB, NRRD and NIfTI files");
-    return NULL;
+            break;
+    return r;
 }
 
 static bool suits(point_attribute_kind kind, int components)
@@ -67,9 +69,9 @@ static bool suits(point_attribute_kind kind, int components)
 bool attribute_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e)
 {
     static const char *const needs[] = {"", "", "three", "three", "three or four", "two"};
-    const reader *r = reader_of(request, e);
+    const reader *r = reader_of(request);
     point_attribute_kind own;
-    if (!r || !r->find(request, &own, components, e)) return error_prefix(e, "%s", request->path);
+    if (!r->find(request, &own, components, e)) return error_prefix(e, "%s", request->path);
     *kind = request->has_kind ? request->kind : own;
     return suits(*kind, *components) ||
            error_set(e, ERROR_INPUT_UNSUPPORTED,
@@ -80,7 +82,6 @@ bool attribute_find(const attribute_request *request, point_attribute_kind *kind
 bool attribute_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
                     attribute_counts *counts, error *e)
 {
-    const reader *r = reader_of(request, e);
-    return (r && r->read(request, count, position, values, counts, e)) ||
+    return reader_of(request)->read(request, count, position, values, counts, e) ||
            error_prefix(e, "%s", request->path);
 }

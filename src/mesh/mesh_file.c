@@ -32,13 +32,16 @@ static void ending_of(const char *path, char out[16])
 }
 
 /* Starts the process with the file as its input. */
-static bool start(const mesh_file *file, off_t size, reader *out, error *e)
+static bool start(const mesh_file *file, const char *command, off_t size, reader *out, error *e)
 {
     char ending[16];
     ending_of(file->path, ending);
-    const reader_params params = {
-        file->program, MESH_READER_COMMAND, ending,
-        file->fd,      file->memory_limit,  seconds_at_least + (unsigned)(size / bytes_per_second)};
+    const reader_params params = {file->program,
+                                  command,
+                                  ending,
+                                  file->fd,
+                                  file->memory_limit,
+                                  seconds_at_least + (unsigned)(size / bytes_per_second)};
     return reader_start(&params, out, e);
 }
 
@@ -109,7 +112,49 @@ static bool read_triangles(FILE *stream, mesh *m, error *e)
     return true;
 }
 
-bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e)
+static bool read_array(FILE *stream, const mesh *m, mesh_reader_values *head, float **value, error *e)
+{
+    if (!read_all(stream, head, sizeof *head, 1, e)) return false;
+    if (!memchr(head->name, 0, sizeof head->name) || head->kind >= MESH_VALUES_KINDS ||
+        head->components < 1 || head->components > MESH_VALUES_COMPONENTS)
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+    for (char *p = head->name; *p; p++) /* it is the file's */
+        if (*p < ' ' || *p > '~') *p = '?';
+    *value = mem_array(m->vertex_count, head->components * sizeof **value, "what the vertices have", e);
+    return *value && read_all(stream, *value, head->components * sizeof **value, m->vertex_count, e);
+}
+
+static bool read_values(FILE *stream, const mesh *m, size_t limit, mesh_values *out, error *e)
+{
+    uint32_t count;
+    if (!read_all(stream, &count, sizeof count, 1, e)) return false;
+    if (count > MESH_VALUES_MOST)
+        return error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return an invalid answer");
+    if (m->vertex_count > limit / ((count + 1) * MESH_VALUES_COMPONENTS * sizeof(float)))
+        return error_set(e, ERROR_LIMIT_MEMORY,
+                         "what its %zu vertices have needs more memory than is left: raise limits.memory_mb",
+                         m->vertex_count);
+    out->head = mem_alloc(count * sizeof *out->head);
+    out->value = mem_alloc(count * sizeof *out->value);
+    for (; out->count < count; out->count++)
+        if (!read_array(stream, m, &out->head[out->count], &out->value[out->count], e)) {
+            free(out->value[out->count]);
+            return false;
+        }
+    return true;
+}
+
+void mesh_values_free(mesh_values *values)
+{
+    for (size_t k = 0; k < values->count; k++) free(values->value[k]);
+    free(values->value);
+    free(values->head);
+    *values = (mesh_values){0};
+}
+
+/* `values` may be NULL: none are to come. */
+static bool parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out,
+                  mesh_values *values, error *e)
 {
     mesh m = {0};
     bool ok = read_header(stream, header, e) && check_counts(header, memory_limit, e);
@@ -118,7 +163,8 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
         m.triangle_count = header->triangles;
         m.vertex = mem_array(m.vertex_count, sizeof *m.vertex, "the mesh", e);
         m.triangle = m.vertex ? mem_array(m.triangle_count, sizeof *m.triangle, "the mesh", e) : NULL;
-        ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e);
+        ok = m.triangle && read_vertices(stream, &m, e) && read_triangles(stream, &m, e) &&
+             (!values || read_values(stream, &m, memory_limit, values, e));
     }
     if (ok && fgetc(stream) != EOF)
         ok = error_set(e, ERROR_INPUT_DAMAGED, "the file made its reader return more data than announced");
@@ -129,21 +175,46 @@ bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *head
     return ok;
 }
 
-bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
+bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e)
+{
+    return parse(stream, memory_limit, header, out, NULL, e);
+}
+
+static bool read_file(const mesh_file *file, mesh_reader_header *header, mesh *out, mesh_values *values,
+                      error *e)
 {
     mesh m = {0};
-    mesh_reader_header header = {0};
     off_t size = 0;
     reader r;
-    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, size, &r, e)) return false;
-    bool ok = mesh_file_parse(r.stream, file->memory_limit, &header, &m, e);
-    ok = reader_end(&r, header.magic == MESH_READER_MAGIC, ok, e);
-    if (ok && header.others)
-        mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
-                  (unsigned long long)header.others);
+    const char *command = values ? MESH_VALUES_COMMAND : MESH_READER_COMMAND;
+    if (!reader_check_file(file->fd, "mesh", &size, e) || !start(file, command, size, &r, e)) return false;
+    bool ok = parse(r.stream, file->memory_limit, header, &m, values, e);
+    ok = reader_end(&r, header->magic == MESH_READER_MAGIC, ok, e);
     if (ok)
         *out = m;
     else
         mesh_free(&m);
     return ok;
+}
+
+bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e)
+{
+    mesh_reader_header header = {0};
+    if (!read_file(file, &header, out, NULL, e)) return false;
+    if (header.others)
+        mesh_note(notes, "the mesh has %llu points or lines beside its triangles: left out",
+                  (unsigned long long)header.others);
+    return true;
+}
+
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e)
+{
+    mesh_reader_header header = {0};
+    mesh_values read = {0};
+    if (read_file(file, &header, out, &read, e)) {
+        *values = read;
+        return true;
+    }
+    mesh_values_free(&read);
+    return false;
 }

@@ -21,6 +21,17 @@ typedef struct mesh_file {
  * limit_memory. They do not name the file. *out is untouched on failure, otherwise for mesh_free. */
 bool mesh_file_read(const mesh_file *file, mesh *out, mesh_notes *notes, error *e);
 
+/* What all vertices of a mesh have beside their places. */
+typedef struct mesh_values {
+    size_t count;
+    mesh_reader_values *head; /* of each array */
+    float **value;            /* head.components a vertex */
+} mesh_values;
+
+/* The same with these; the mesh is as the file has it. Free *values after success. */
+bool mesh_file_read_values(const mesh_file *file, mesh *out, mesh_values *values, error *e);
+void mesh_values_free(mesh_values *values);
+
 /* Of that the answer alone, from its first byte to its end: what is checked. *header is what was read of it. */
 bool mesh_file_parse(FILE *stream, size_t memory_limit, mesh_reader_header *header, mesh *out, error *e);
 

@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/reader.h"
 #include "mesh/ply_strips.h"
+#include "mesh/ply_values.h"
 
 /* What assimp takes for a byte of the file, at most: measured at 30 for binary STL (three vertices of their
  * own for each triangle of 50 bytes, with lists of faces), less for text. More means a size that the file
@@ -146,7 +147,112 @@ static void visit(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, int 
     for (unsigned n = 0; n < node->mNumChildren; n++) visit(w, node->mChildren[n], m, depth + 1);
 }
 
-static int answer_scene(const struct aiScene *scene)
+/* ---- what vertices have beside their places */
+
+/* An array: what of a mesh it is, and which of several. */
+typedef struct values {
+    enum { OF_COLOR, OF_UV, OF_NORMAL, OF_MATERIAL } what;
+    unsigned slot;
+    mesh_reader_values head;
+} values;
+
+static bool mesh_has(const struct aiMesh *mesh, const values *v)
+{
+    return v->what == OF_COLOR    ? mesh->mColors[v->slot] != NULL
+           : v->what == OF_UV     ? mesh->mTextureCoords[v->slot] != NULL
+           : v->what == OF_NORMAL ? mesh->mNormals != NULL
+                                  : true;
+}
+
+/* Of a vertex; zeros where this mesh of several has none. */
+static void value_at(const struct aiMesh *mesh, const struct aiMatrix4x4 *m, const values *v, unsigned n,
+                     float out[MESH_VALUES_COMPONENTS])
+{
+    memset(out, 0, MESH_VALUES_COMPONENTS * sizeof *out);
+    if (!mesh_has(mesh, v)) return;
+    if (v->what == OF_COLOR) {
+        const struct aiColor4D c = mesh->mColors[v->slot][n];
+        memcpy(out, (const float[]){c.r, c.g, c.b, c.a}, 4 * sizeof *out);
+    } else if (v->what == OF_UV) {
+        const struct aiVector3D t = mesh->mTextureCoords[v->slot][n];
+        memcpy(out, (const float[]){t.x, t.y}, 2 * sizeof *out);
+    } else if (v->what == OF_NORMAL) { /* by the cofactors of the node's matrix, which keep it normal */
+        const struct aiVector3D k = mesh->mNormals[n];
+        out[0] = (m->b2 * m->c3 - m->b3 * m->c2) * k.x + (m->b3 * m->c1 - m->b1 * m->c3) * k.y +
+                 (m->b1 * m->c2 - m->b2 * m->c1) * k.z;
+        out[1] = (m->c2 * m->a3 - m->c3 * m->a2) * k.x + (m->c3 * m->a1 - m->c1 * m->a3) * k.y +
+                 (m->c1 * m->a2 - m->c2 * m->a1) * k.z;
+        out[2] = (m->a2 * m->b3 - m->a3 * m->b2) * k.x + (m->a3 * m->b1 - m->a1 * m->b3) * k.y +
+                 (m->a1 * m->b2 - m->a2 * m->b1) * k.z;
+    } else {
+        out[0] = (float)mesh->mMaterialIndex;
+    }
+}
+
+static void add_values(const struct aiScene *scene, const char *name, values v, values *list, uint32_t *count)
+{
+    bool any = false;
+    for (unsigned k = 0; k < scene->mNumMeshes; k++) any |= mesh_has(scene->mMeshes[k], &v);
+    if (!any || *count == MESH_VALUES_MOST) return;
+    if (v.slot > 0)
+        snprintf(v.head.name, sizeof v.head.name, "%s%u", name, v.slot);
+    else
+        snprintf(v.head.name, sizeof v.head.name, "%s", name);
+    list[(*count)++] = v;
+}
+
+static uint32_t list_values(const struct aiScene *scene, values *list)
+{
+    uint32_t count = 0;
+    for (unsigned k = 0; k < AI_MAX_NUMBER_OF_COLOR_SETS; k++)
+        add_values(scene, "color", (values){OF_COLOR, k, {"", MESH_VALUES_COLOR, 4}}, list, &count);
+    for (unsigned k = 0; k < AI_MAX_NUMBER_OF_TEXTURECOORDS; k++)
+        add_values(scene, "uv", (values){OF_UV, k, {"", MESH_VALUES_UV, 2}}, list, &count);
+    add_values(scene, "normal", (values){OF_NORMAL, 0, {"", MESH_VALUES_NORMAL, 3}}, list, &count);
+    add_values(scene, "material", (values){OF_MATERIAL, 0, {"", MESH_VALUES_WHOLE, 1}}, list, &count);
+    return count;
+}
+
+static void visit_values(walk *w, const struct aiNode *node, struct aiMatrix4x4 m, const values *v)
+{
+    aiMultiplyMatrix4(&m, &node->mTransformation); /* no deeper than the walks before */
+    for (unsigned n = 0; n < node->mNumMeshes; n++) {
+        if (node->mMeshes[n] >= w->scene->mNumMeshes) continue;
+        const struct aiMesh *mesh = w->scene->mMeshes[node->mMeshes[n]];
+        for (unsigned k = 0; !w->failed && k < mesh->mNumVertices; k++) {
+            float value[MESH_VALUES_COMPONENTS];
+            value_at(mesh, &m, v, k, value);
+            w->failed = fwrite(value, sizeof *value, v->head.components, stdout) != v->head.components;
+        }
+    }
+    for (unsigned n = 0; n < node->mNumChildren; n++) visit_values(w, node->mChildren[n], m, v);
+}
+
+/* And, of a PLY file, the properties of its vertices that the library does not know. */
+static void answer_values(walk *w, const ply_values *own)
+{
+    values list[MESH_VALUES_MOST];
+    uint32_t count = list_values(w->scene, list), more = 0;
+    struct aiMatrix4x4 identity;
+    aiIdentityMatrix4(&identity);
+    if (own->vertices == w->header.vertices) more = own->count;
+    if (more > MESH_VALUES_MOST - count) more = MESH_VALUES_MOST - count;
+    const uint32_t all = count + more;
+    w->failed |= fwrite(&all, sizeof all, 1, stdout) != 1;
+    for (uint32_t k = 0; k < count && !w->failed; k++) {
+        w->failed = fwrite(&list[k].head, sizeof list[k].head, 1, stdout) != 1;
+        visit_values(w, w->scene->mRootNode, identity, &list[k]);
+    }
+    for (uint32_t k = 0; k < more && !w->failed; k++) {
+        mesh_reader_values head = {"", MESH_VALUES_NUMBER, 1};
+        memcpy(head.name, own->name[k], sizeof head.name);
+        w->failed = fwrite(&head, sizeof head, 1, stdout) != 1 ||
+                    fwrite(own->value[k], sizeof(float), own->vertices, stdout) != own->vertices;
+    }
+}
+
+/* `own`: what a PLY file has beside what the library knows; NULL: values are not asked for. */
+static int answer_scene(const struct aiScene *scene, const ply_values *own)
 {
     walk w = {.scene = scene, .header = {.magic = MESH_READER_MAGIC}};
     struct aiMatrix4x4 identity;
@@ -156,6 +262,7 @@ static int answer_scene(const struct aiScene *scene)
         visit(&w, scene->mRootNode, identity, 0);
         if (w.pass == COUNT && fwrite(&w.header, sizeof w.header, 1, stdout) != 1) w.failed = true;
     }
+    if (own && !w.failed) answer_values(&w, own);
     return w.failed || fflush(stdout) != 0 ? 1 : 0;
 }
 
@@ -237,9 +344,14 @@ __attribute__((visibility("default"))) int mesh_reader_main(int argc, char **arg
         (strcasecmp(argv[1], "ply") == 0 && !ply_strips_expand(&b.data, &b.size)))
         return answer_fault(ERROR_LIMIT_MEMORY,
                             "the file is larger than the memory limit: raise limits.memory_mb");
+    ply_values own = {0};
+    bool wants_values = strcmp(argv[0], MESH_VALUES_COMMAND) == 0;
+    if (wants_values && strcasecmp(argv[1], "ply") == 0 && !ply_values_read(b.data, b.size, &own))
+        return answer_fault(ERROR_LIMIT_MEMORY,
+                            "the file is larger than the memory limit: raise limits.memory_mb");
     struct aiFileIO io = {open_file, close_file, (aiUserData)&b};
     const struct aiScene *scene = aiImportFileEx(b.name, aiProcess_Triangulate, &io);
-    int status =
-        scene && scene->mRootNode ? answer_scene(scene) : answer_refusal(&b, memory, aiGetErrorString());
+    int status = scene && scene->mRootNode ? answer_scene(scene, wants_values ? &own : NULL)
+                                           : answer_refusal(&b, memory, aiGetErrorString());
     _exit(status); /* nothing is left to do but to free what the library built */
 }

@@ -24,6 +24,25 @@ typedef struct mesh_reader_header {
     uint64_t others; /* points and lines, which were left out */
 } mesh_reader_header;
 
+/* What each vertex has beside its place. The command below answers as the other and then, of what all vertices have, with a
+ * uint32_t, how many arrays follow, and of each one of these and the numbers, floats, vertex after vertex. */
+#define MESH_VALUES_COMMAND "read-mesh-values"
+enum { MESH_VALUES_MOST = 64, MESH_VALUES_NAME_SIZE = 64, MESH_VALUES_COMPONENTS = 4 };
+
+typedef enum mesh_values_kind {
+    MESH_VALUES_NUMBER,
+    MESH_VALUES_WHOLE, /* the same at all corners of a triangle */
+    MESH_VALUES_NORMAL,
+    MESH_VALUES_COLOR,
+    MESH_VALUES_UV,
+    MESH_VALUES_KINDS
+} mesh_values_kind;
+
+typedef struct mesh_reader_values {
+    char name[MESH_VALUES_NAME_SIZE];
+    uint32_t kind, components;
+} mesh_reader_values;
+
 /* The program `read-mesh EXTENSION MEMORY CPU_SECONDS`: reads the file on descriptor 0, writes to
  * descriptor 1, takes at most so many bytes beyond what it starts with. Returns the exit status, 0 when the
  * answer, good or bad, was written whole. */

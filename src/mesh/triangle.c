@@ -40,3 +40,33 @@ double triangle_distance2(const triangle *t, vec3 p)
     const double height = vec3_dot(normal, ap);
     return height * height / vec3_norm2(normal);
 }
+
+/* Of the place on an edge that is nearest to p, if that is nearer than *best. */
+static void try_edge(const vec3 corner[3], int from, vec3 p, double *best, double weight[3])
+{
+    int to = (from + 1) % 3;
+    vec3 way = vec3_sub(corner[to], corner[from]), ahead = vec3_sub(p, corner[from]);
+    double length2 = vec3_norm2(way), s = length2 > 0 ? vec3_dot(ahead, way) / length2 : 0;
+    s = s < 0 ? 0 : s > 1 ? 1 : s;
+    double distance2 = square_along(ahead, way, s);
+    if (!(distance2 < *best)) return;
+    *best = distance2;
+    weight[0] = weight[1] = weight[2] = 0;
+    weight[from] = 1 - s;
+    weight[to] = s;
+}
+
+void triangle_weights(const triangle *t, vec3 p, double weight[3])
+{
+    const vec3 corner[3] = {t->a, t->b, t->c};
+    const vec3 ab = vec3_sub(t->b, t->a), ac = vec3_sub(t->c, t->a), ap = vec3_sub(p, t->a);
+    const vec3 normal = vec3_cross(ab, ac);
+    double area2 = vec3_norm2(normal), best = INFINITY;
+    if (area2 > least_sine2 * vec3_norm2(ab) * vec3_norm2(ac)) {
+        weight[1] = vec3_dot(vec3_cross(ap, ac), normal) / area2;
+        weight[2] = vec3_dot(vec3_cross(ab, ap), normal) / area2;
+        weight[0] = 1 - weight[1] - weight[2];
+        if (weight[0] >= 0 && weight[1] >= 0 && weight[2] >= 0) return;
+    }
+    for (int edge = 0; edge < 3; edge++) try_edge(corner, edge, p, &best, weight);
+}

@@ -18,4 +18,7 @@ static inline bbox triangle_box(const triangle *t)
  * without area has no face. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5. */
 double triangle_distance2(const triangle *t, vec3 p);
 
+/* The weights of the corners, which add up to 1, at the place of the triangle that is nearest to p. */
+void triangle_weights(const triangle *t, vec3 p, double weight[3]);
+
 #endif

@@ -521,7 +521,8 @@ static int print_schema(void)
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "--help";
-    if (strcmp(name, MESH_READER_COMMAND) == 0) return mesh_reader_main(argc - 1, argv + 1);
+    if (strcmp(name, MESH_READER_COMMAND) == 0 || strcmp(name, MESH_VALUES_COMMAND) == 0)
+        return mesh_reader_main(argc - 1, argv + 1);
     if (strcmp(name, HEADER_COMMAND) == 0) return header_reader_main(argc - 1, argv + 1);
     if (strcmp(name, EXR_READER_COMMAND) == 0) return exr_reader_main(argc - 1, argv + 1);
     if (argc > 2 && strcmp(argv[2], "--help") == 0) name = "--help";

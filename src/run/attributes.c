@@ -265,6 +265,7 @@ static bool read_one(attributes_entry *entry, const source *from, size_t memory_
         read_geometry(entry->spec->name, from, set, values);
     else if (!attribute_read(&entry->request, set->count, set->position, values, &entry->counts, e))
         return false;
+    for (size_t k = 0; out->kind == POINT_ATTRIBUTE_INT && k < numbers; k++) values[k] = round(values[k]);
     note_range(entry, values, numbers);
     if (out->kind == POINT_ATTRIBUTE_INT && (entry->least < INT32_MIN || entry->most > INT32_MAX))
         return error_set(e, ERROR_INPUT_UNSUPPORTED,

@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "formats/chart.h"
 #include "formats/column.h"
+#include "formats/format.h"
 #include "formats/picture_png.h"
 #include "formats/ply.h"
 #include "formats/preview_exr.h"
@@ -20,8 +21,9 @@
 /* The frames of a turntable are numbered from 1. */
 #define FRAME_NAME "preview.%04d.png"
 
-static const char *const names[] = {"report.json", "points.ply",  "points.vdb",     "mesh.ply",
-                                    "preview.png", "preview.exr", "convergence.png"};
+static const char *const names[] = {"report.json", "points.ply",     "points.vdb", "points.npz",
+                                    "points.glb",  "points.usda",    "mesh.ply",   "preview.png",
+                                    "preview.exr", "convergence.png"};
 enum { NAMES = sizeof names / sizeof names[0] };
 
 /* Voxels of points.vdb, in spacings. */
@@ -109,6 +111,20 @@ static bool write_ply(const char *directory, const char *name, const spec *s, co
     return ok;
 }
 
+static bool write_format(const char *directory, const point_format *f, const points *set, bool y_up, json *outputs,
+                         error *e)
+{
+    char *path = mem_printf("%s/%s", directory, f->file);
+    store_file file = {0};
+    bool ok = store_file_begin(path, &file, e) && f->write(file.stream, set, y_up, e);
+    if (ok && !f->verify(file.stream, set, y_up, e))
+        ok = error_prefix(e, "%s does not read back as it was written", f->file);
+    ok = ok && commit_output(&file, f->file, outputs, e);
+    store_file_abort(&file);
+    free(path);
+    return ok;
+}
+
 static bool write_mesh(const char *directory, const results_input *in, bool as_float, threads *pool,
                        json *outputs, triangulation_facts *out, error *e)
 {
@@ -121,6 +137,9 @@ static bool write_mesh(const char *directory, const results_input *in, bool as_f
     vertices.triangle_count = made.facts.triangles;
     vertices.triangle = (const uint32_t(*)[3])made.corner;
     ok = ok && write_ply(directory, "mesh.ply", in->spec, &vertices, as_float, pool, outputs, e);
+    if (in->spec->has_mesh_usda)
+        ok = ok && write_format(directory, &formats[FORMAT_MESH_USDA], &vertices, results_y_up(in->spec),
+                                outputs, e);
     if (ok) *out = made.facts;
     triangulation_free(&made);
     return ok;
@@ -224,7 +243,7 @@ static bool write_turntable(const char *directory, int frames, const points *set
 
 /* Assets of films and games stand along y, models of CAD and medical volumes along z. Of a combination the first part
  * tells. */
-static bool is_y_up(const spec *s)
+bool results_y_up(const spec *s)
 {
     const spec_surface *first = &s->surface;
     if (s->preview_up != SPEC_UP_AUTO) return s->preview_up == SPEC_UP_Y;
@@ -253,7 +272,7 @@ static bool write_preview(const char *directory, const results_input *in, thread
     const camera_place place = {c->position, c->target, c->up, c->fov, c->orthographic};
     const preview_options options = {s->preview_width, s->preview_height,
                                      quantity_of(s),   s->has_camera ? &place : NULL,
-                                     is_y_up(s),       in->unresolved};
+                                     results_y_up(s),  in->unresolved};
     image *picture;
     if (!preview_render(set, &options, pool, &picture, e)) return false;
     const canvas visible = {picture->rgb, picture->width, picture->height, 1};
@@ -290,9 +309,21 @@ static bool write_convergence(const char *directory, const results_input *in, js
     return ok;
 }
 
+/* The rows of the table that the spec asks for. */
+static bool has_format(const spec *s, format_name which)
+{
+    const bool asked[FORMATS] = {[FORMAT_NPZ] = s->has_points_npz,
+                                 [FORMAT_GLB] = s->has_points_glb,
+                                 [FORMAT_USDA] = s->has_points_usda,
+                                 [FORMAT_MESH_USDA] = s->has_mesh_usda};
+    return asked[which];
+}
+
 /* Whether a file has colors even where no attribute gives them: those of the preview then. */
 static bool needs_color(const spec *s)
 {
+    for (int k = 0; k < FORMATS; k++)
+        if (formats[k].colored && has_format(s, (format_name)k)) return true;
     return columns_need_color((const char *const *)s->ply_properties, s->ply_property_count);
 }
 
@@ -318,6 +349,10 @@ bool results_write(const char *directory, const results_input *in, threads *pool
     }
     if (!write_ply(directory, "points.ply", s, &colored, as_float, pool, outputs, e)) goto failed;
     if (s->has_points_vdb && !write_points_vdb(directory, &with_color, outputs, e)) goto failed;
+    for (int k = 0; k < FORMAT_MESH_USDA; k++)
+        if (has_format(s, (format_name)k) &&
+            !write_format(directory, &formats[k], &colored, results_y_up(s), outputs, e))
+            goto failed;
     if (s->has_mesh && !write_mesh(directory, &with_color, as_float, pool, outputs, &facts.mesh, e))
         goto failed;
     if (s->has_preview && !write_preview(directory, &with_color, pool, outputs, e)) goto failed;

@@ -238,6 +238,12 @@ static void check_camera(reading *r, const json_at *at)
                           "up must not be zero, nor point along the line from position to target");
 }
 
+static void check_output(reading *r, const json_at *at)
+{
+    json_at usda = json_member(at, "mesh_usda");
+    if (r->s->has_mesh_usda && !r->s->has_mesh) reading_add_fault(r, &usda, "requires mesh: true");
+}
+
 static void check_coherent(reading *r, const json_at *at)
 {
     const spec *s = r->s;
@@ -345,12 +351,19 @@ void rules_check_values(reading *r, const json_at *at, const char *group)
     static const struct {
         const char *group;
         void (*check)(reading *, const json_at *);
-    } rules[] = {{"/surface/analytic", check_analytic},     {"/surface/bspline", check_bspline},
-                 {"/surface/bspline/domain", check_domain}, {"/surface/exr", check_exr},
-                 {"/surface/transform", check_transform},   {"/region", check_region},
-                 {"/attributes", check_attribute},          {"/sampling", check_sampling},
-                 {"/sampling/control", check_control},      {"/solver", check_solver},
-                 {"/output/preview/camera", check_camera},  {"/queue", check_queue}};
+    } rules[] = {{"/surface/analytic", check_analytic},
+                 {"/surface/bspline", check_bspline},
+                 {"/surface/bspline/domain", check_domain},
+                 {"/surface/exr", check_exr},
+                 {"/surface/transform", check_transform},
+                 {"/region", check_region},
+                 {"/attributes", check_attribute},
+                 {"/sampling", check_sampling},
+                 {"/sampling/control", check_control},
+                 {"/solver", check_solver},
+                 {"/output", check_output},
+                 {"/output/preview/camera", check_camera},
+                 {"/queue", check_queue}};
     for (size_t k = 0; k < sizeof rules / sizeof rules[0]; k++)
         if (strcmp(group, rules[k].group) == 0) rules[k].check(r, at);
 }

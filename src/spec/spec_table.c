@@ -1199,6 +1199,23 @@ const spec_row spec_rows[] = {
      AT(has_points_vdb),
      .prose = "Whether to write points.vdb: an OpenVDB points grid with N, pscale (half the achieved "
               "spacing) and id (the index of the point in points.ply, from 0)."},
+    {.pointer = "/output/points_npz",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_points_npz),
+     .prose =
+         "Whether to write points.npz: an array of NumPy for each property and attribute, in double precision."},
+    {.pointer = "/output/points_glb",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_points_glb),
+     .prose = "Whether to write points.glb: the points as glTF, with normals, colours and all attributes."},
+    {.pointer = "/output/points_usda",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_points_usda),
+     .prose =
+         "Whether to write points.usda: UsdGeomPoints as text, with widths, normals, colours and all attributes."},
     {.pointer = "/output/mesh",
      .type = SPEC_TYPE_BOOL,
      .otherwise = "false",
@@ -1206,6 +1223,11 @@ const spec_row spec_rows[] = {
      .prose = "Whether to write mesh.ply: triangles whose vertices are the points, with the order and "
               "properties of points.ply. The member mesh of the report states whether the triangles close "
               "the surface."},
+    {.pointer = "/output/mesh_usda",
+     .type = SPEC_TYPE_BOOL,
+     .otherwise = "false",
+     AT(has_mesh_usda),
+     .prose = "Whether to write the mesh as mesh.usda, too: a UsdGeomMesh as text. Requires mesh."},
     {.pointer = "/output/directory",
      .type = SPEC_TYPE_STRING,
      .low = 1,

@@ -303,6 +303,131 @@ def test_what_a_dense_file_does_not_have(carry, tmp_path):
     assert report["attributes"][0]["outside"] == (index[:, 0] >= part).sum() > 100
 
 
+# ---- meshes
+
+def patchwork(n=10):
+    """The cube from -1 to 1 as triangles of squares, with vertices shared within a side only: positions and triangles."""
+    corners, faces = [], []
+    at = numpy.stack(numpy.meshgrid(*[numpy.linspace(-1, 1, n)] * 2, indexing="ij"), -1).reshape(-1, 2)
+    square = numpy.array([(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
+                          for i in range(n - 1) for j in range(n - 1)])
+    for axis in range(3):
+        for side in (-1, 1):
+            place = numpy.insert(at, axis, side, axis=1)
+            quads = square if (side > 0) == (axis != 1) else square[:, ::-1]
+            faces.append(numpy.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) + sum(map(len, corners)))
+            corners.append(place)
+    return numpy.concatenate(corners), numpy.concatenate(faces)
+
+
+def write_ply(path, vertices, faces, values, form):
+    """`values`: name to (type, numbers)."""
+    names = ["property float x", "property float y", "property float z", *(f"property {t} {n}" for n, (t, _) in values.items())]
+    head = "\n".join(["ply", f"format {form} 1.0", f"element vertex {len(vertices)}", *names, f"element face {len(faces)}",
+                      "property list uchar int vertex_indices", "end_header"]) + "\n"
+    if form == "ascii":
+        rows = numpy.column_stack([vertices, *(v for _, v in values.values())])
+        body = "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
+        body += "".join("3 " + " ".join(map(str, f)) + "\n" for f in faces)
+        path.write_bytes((head + body).encode())
+        return
+    order = "<" if "little" in form else ">"
+    kinds = {"float": "f4", "uchar": "u1", "double": "f8", "short": "i2"}
+    table = numpy.empty(len(vertices), [(a, order + "f4") for a in "xyz"] + [(n, order + kinds[t]) for n, (t, _) in values.items()])
+    for axis, name in enumerate("xyz"):
+        table[name] = vertices[:, axis]
+    for name, (_, numbers) in values.items():
+        table[name] = numbers
+    packed = numpy.empty(len(faces), [("n", "u1"), ("corner", order + "i4", 3)])
+    packed["n"], packed["corner"] = 3, faces
+    path.write_bytes(head.encode() + table.tobytes() + packed.tobytes())
+
+
+def on_nearest_triangle(vertices, faces, values, points):
+    """Of each point the values at the nearest place of all triangles, by brute force: barycentric coordinates inside, and
+    ends of edges otherwise."""
+    corner = vertices[faces]
+    best, found = numpy.full(len(points), numpy.inf), numpy.zeros((len(points), values.shape[1]))
+    for (a, b, c), face in zip(corner, faces):
+        basis = numpy.stack([b - a, c - a], 1)
+        weight = (points - a) @ numpy.linalg.pinv(basis).T
+        weight = numpy.column_stack([1 - weight.sum(1), weight])
+        outside = (weight < 0).any(1)
+        if outside.any():
+            ways = []
+            for k in range(3):
+                p, q = (a, b, c)[k], (a, b, c)[(k + 1) % 3]
+                s = numpy.clip((points[outside] - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+                w = numpy.zeros((outside.sum(), 3))
+                w[:, k], w[:, (k + 1) % 3] = 1 - s, s
+                ways.append(w)
+            far = [numpy.linalg.norm(w @ numpy.array([a, b, c]) - points[outside], axis=1) for w in ways]
+            weight[outside] = numpy.array(ways)[numpy.argmin(far, 0), numpy.arange(outside.sum())]
+        distance = numpy.linalg.norm(weight @ numpy.array([a, b, c]) - points, axis=1)
+        nearer = distance < best - 1e-12
+        best[nearer] = distance[nearer]
+        found[nearer] = weight[nearer] @ values[face]
+    return found
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_vertices_of_a_mesh(carry, tmp_path, form):
+    """Colours, texture coordinates and properties of its own of a PLY file, where the points are nearest to it."""
+    rng = numpy.random.default_rng(29)
+    vertices, faces = patchwork(5)
+    color = rng.integers(0, 256, (len(vertices), 3))
+    uv, heat, number = rng.random((len(vertices), 2)), rng.random(len(vertices)), rng.integers(-99, 99, len(vertices))
+    move = moved((3, 1, 2)) @ rotation(0.5) @ numpy.diag([1.0, -2, 1, 1])
+    write_ply(tmp_path / "cube.ply", vertices, faces, {
+        "s": ("float", uv[:, 0]), "t": ("float", uv[:, 1]), "heat": ("double", heat), "number": ("short", number),
+        **{n: ("uchar", color[:, k]) for k, n in enumerate(("red", "green", "blue"))}}, form)
+    attributes = [{"name": "color", "as": "Cd"}, {"name": "uv"}, {"name": "heat"}, {"name": "number"}]
+    columns, report = carry({"transform": {"surface": {"mesh": {"path": str(tmp_path / "cube.ply"), "resolution": 40}},
+                                           "matrix": [float(v) for v in move.flat]}}, attributes)
+    assert report, columns
+    before = apply(numpy.linalg.inv(move), places(columns))
+    away = numpy.abs(numpy.abs(before) - 1).min(1)  # near an edge of the cube two sides are equally near
+    flat = numpy.sort(numpy.abs(before), 1)[:, 1] < 0.9
+    assert away.max() < 0.06 and flat.sum() > 300
+    expected = on_nearest_triangle(vertices, faces, numpy.column_stack([color / 255, uv, heat, number]), before)
+    close(numpy.stack([columns[f"Cd_{c}"] for c in "rgb"], -1)[flat], expected[flat, :3], 1)
+    close(numpy.stack([columns["uv_s"], columns["uv_t"]], -1)[flat], expected[flat, 3:5], 1)
+    close(columns["heat"][flat], expected[flat, 5], 1)
+    close(columns["number"][flat], expected[flat, 6], 198)
+    assert numpy.abs(columns["green"] - 255 * columns["Cd_g"]).max() < 0.501
+    assert (columns["s"] == columns["uv_s"]).all() and (columns["t"] == columns["uv_t"]).all()
+    assert [a["type"] for a in report["attributes"]] == ["color", "uv", "float", "float"]
+    error, none = carry({"mesh": {"path": str(tmp_path / "cube.ply")}}, [{"name": "wool"}])
+    assert none is None and error["code"] == "attribute_missing"
+    assert '"wool"; its vertices have "color", "uv", ' in error["message"] and '"heat", "number"' in error["message"]
+
+
+def test_a_mesh_beside_a_volume(carry, tmp_path):
+    """Normals and materials of an OBJ file at the points of a fog."""
+    matrix = SPACES["plain"]
+    write_nrrd(tmp_path / "ball.nrrd", ball(), matrix)
+    middle = apply(matrix, numpy.full((1, 3), (SIZE - 1) / 2))[0]
+    vertices, faces = patchwork(12)
+    sphere = vertices / numpy.linalg.norm(vertices, axis=1)[:, None]
+    lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in middle + 0.6 * sphere]
+    lines += [f"vn {x:.9f} {y:.9f} {z:.9f}" for x, y, z in sphere]
+    for half, upper in (("low", False), ("high", True)):
+        lines.append(f"usemtl {half}")
+        lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in f) for f in faces if (sphere[f, 2].mean() > 0) == upper]
+    (tmp_path / "sphere.obj").write_text("\n".join(lines) + "\n")
+    columns, report = carry({"volume": {"path": str(tmp_path / "ball.nrrd"), "isovalue": 0}}, [
+        {"from": str(tmp_path / "sphere.obj"), "name": "normal", "as": "n"},
+        {"from": str(tmp_path / "sphere.obj"), "name": "material"}])
+    assert report, columns
+    outward = places(columns) - middle
+    outward /= numpy.linalg.norm(outward, axis=1)[:, None]
+    assert (vectors(columns, "n") * outward).sum(1).min() > 0.999
+    clear = numpy.abs(outward[:, 2]) > 0.15
+    high = set(columns["material"][clear & (outward[:, 2] > 0)])
+    low = set(columns["material"][clear & (outward[:, 2] < 0)])
+    assert len(high) == len(low) == 1 and high != low
+
+
 # ---- the surface's own geometry
 
 def test_the_part_of_a_combination_and_principal_directions(carry):

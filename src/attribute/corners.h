@@ -1,0 +1,11 @@
+/* corners: attributes of meshes: what their vertices have, at the nearest place of the nearest triangle. As attribute.h. */
+#ifndef HEXAD_ATTRIBUTE_CORNERS_H
+#define HEXAD_ATTRIBUTE_CORNERS_H
+
+#include "attribute/attribute.h"
+
+bool corners_find(const attribute_request *request, point_attribute_kind *kind, int *components, error *e);
+bool corners_read(const attribute_request *request, size_t count, const vec3 *position, double *values,
+                  attribute_counts *counts, error *e);
+
+#endif

@@ -1,0 +1,28 @@
+/* format: the formats of points and of their mesh beside PLY and OpenVDB, as rows of a table. A new one is a file with two functions and a
+ * row in format.c.
+ *
+ * Files are the same bytes for the same points: without dates and paths. Nothing here keeps state.
+ */
+#ifndef HEXAD_FORMATS_FORMAT_H
+#define HEXAD_FORMATS_FORMAT_H
+
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "base/error.h"
+#include "formats/points.h"
+
+typedef struct point_format {
+    const char *file; /* its name in a result */
+    bool colored;     /* it has colors even where no attribute gives them */
+    /* Writes at the beginning of an empty file, which is flushed. `y_up`: which axis of the set points up, y or z. */
+    bool (*write)(FILE *file, const points *set, bool y_up, error *e);
+    /* Reads the file again and compares it with the set. Error: input_damaged where they differ. */
+    bool (*verify)(FILE *file, const points *set, bool y_up, error *e);
+} point_format;
+
+typedef enum format_name { FORMAT_NPZ, FORMAT_GLB, FORMAT_USDA, FORMAT_MESH_USDA, FORMATS } format_name;
+
+extern const point_format formats[FORMATS];
+
+#endif

@@ -1,0 +1,40 @@
+#include "formats/property.h"
+
+/* One of the set's own, if it has it. */
+static void add(property *list, size_t *count, const char *name, property_role role, int components,
+                const void *values, double scale)
+{
+    if (values) list[(*count)++] = (property){name, role, false, components, values, scale, NULL};
+}
+
+size_t property_list(const points *s, property *list)
+{
+    size_t n = 0;
+    add(list, &n, "position", PROPERTY_POSITION, 3, s->position, 1);
+    add(list, &n, "normal", PROPERTY_NORMAL, 3, s->normal, 1);
+    add(list, &n, "color", PROPERTY_COLOR, 3, s->color, 1);
+    add(list, &n, "texture", PROPERTY_UV, 2, s->uv, 1);
+    add(list, &n, "radius", PROPERTY_RADIUS, 1, s->spacing_local, 0.5);
+    add(list, &n, "kappa", PROPERTY_OTHER, 1, s->kappa, 1);
+    add(list, &n, "kappa1", PROPERTY_OTHER, 1, s->kappa1, 1);
+    add(list, &n, "kappa2", PROPERTY_OTHER, 1, s->kappa2, 1);
+    add(list, &n, "alpha", PROPERTY_OTHER, 1, s->alpha, 1);
+    add(list, &n, "energy", PROPERTY_OTHER, 1, s->energy, 1);
+    add(list, &n, "spacing", PROPERTY_OTHER, 1, s->spacing, 1);
+    add(list, &n, "spacing_local", PROPERTY_OTHER, 1, s->spacing_local, 1);
+    add(list, &n, "kappa_scale", PROPERTY_OTHER, 1, s->kappa_scale, 1);
+    list[n++] = (property){"id", PROPERTY_ID, true, 1, NULL, 1, s->id};
+    add(list, &n, "velocity", PROPERTY_VELOCITY, 3, s->velocity, 1);
+    for (size_t k = 0; k < s->attribute_count; k++) {
+        const point_attribute *a = &s->attributes[k];
+        list[n++] = (property){
+            a->name, PROPERTY_OTHER, a->kind == POINT_ATTRIBUTE_INT, a->components, a->values, 1, NULL};
+    }
+    return n;
+}
+
+double property_value(const property *p, size_t point, int component)
+{
+    if (!p->values) return p->ids ? (double)p->ids[point] : (double)point;
+    return p->scale * p->values[(size_t)p->components * point + (size_t)component];
+}

@@ -1,0 +1,167 @@
+"""points.npz, points.glb and points.usda, read by NumPy, Khronos's validator and by their definitions, beside points.ply."""
+import json
+import re
+import shutil
+import struct
+import subprocess
+
+import numpy
+import pytest
+
+from readers import read_columns, read_mesh
+from service import sphere
+from volumes import write_nrrd
+
+FORMATS = {"points_npz": True, "points_glb": True, "points_usda": True}
+
+
+@pytest.fixture
+def run(worker, tmp_path):
+    """Runs a job that must succeed; its directory, its columns and report."""
+    def call(spec, where="out"):
+        done = worker(spec, output=where)
+        assert done.returncode in (0, 10, 11), done.stderr
+        return (tmp_path / where, read_columns((tmp_path / where / "points.ply").read_bytes()),
+                json.loads((tmp_path / where / "report.json").read_text()))
+    return call
+
+
+@pytest.fixture
+def carried(tmp_path):
+    """A sphere whose points carry a number, a colour and a vector."""
+    n = 16
+    rng = numpy.random.default_rng(31)
+    matrix = numpy.diag([0.2, 0.2, 0.2, 1.0])
+    matrix[:3, 3] = -1.5
+    write_nrrd(tmp_path / "heat.nrrd", rng.random((n, n, n)).astype("f4"), matrix)
+    values = rng.random((3, n, n, n)).astype("<f4")
+    vectors = " ".join("(" + ",".join(repr(float(v)) for v in matrix[:3, k]) + ")" for k in range(3))
+    head = ["NRRD0005", "type: float", "dimension: 4", f"sizes: 3 {n} {n} {n}", "encoding: raw", "endian: little",
+            "space: left-posterior-superior", f"space directions: none {vectors}", "space origin: (-1.5,-1.5,-1.5)",
+            "kinds: vector domain domain domain"]
+    (tmp_path / "wind.nrrd").write_bytes(("\n".join(head) + "\n\n").encode() + values.tobytes(order="F"))
+    spec = sphere(500, output={"preview": False, "ply": {"precision": "double"}, **FORMATS})
+    spec["attributes"] = [{"from": str(tmp_path / "heat.nrrd"), "as": "heat"},
+                          {"from": str(tmp_path / "wind.nrrd"), "as": "wind"},
+                          {"from": str(tmp_path / "wind.nrrd"), "as": "Cd", "type": "color"},
+                          {"from": str(tmp_path / "heat.nrrd"), "as": "label", "type": "int"}]
+    return spec
+
+
+def stack(columns, *names):
+    return numpy.stack([columns[name] for name in names], -1)
+
+
+def linear_light(srgb):
+    return numpy.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+# ---- NumPy
+
+def test_arrays_of_numpy(run, carried):
+    where, columns, report = run(carried)
+    with numpy.load(where / "points.npz") as arrays:
+        assert set(arrays) == {"position", "normal", "color", "radius", "kappa", "kappa1", "kappa2", "alpha", "energy", "spacing",
+                               "spacing_local", "id", "heat", "wind", "Cd", "label"}
+        assert (arrays["position"] == stack(columns, *"xyz")).all() and arrays["position"].shape == (500, 3)
+        assert (arrays["wind"] == stack(columns, "wind_x", "wind_y", "wind_z")).all()
+        assert (arrays["color"] == stack(columns, "Cd_r", "Cd_g", "Cd_b")).all()
+        assert (arrays["radius"] == columns["spacing_local"] / 2).all() and arrays["radius"].shape == (500,)
+        assert (arrays["id"] == numpy.arange(500)).all() and arrays["label"].dtype == numpy.int64
+        assert (arrays["heat"] == columns["heat"]).all() and (arrays["label"] == columns["label"]).all()
+    assert [o["name"] for o in report["outputs"]] == ["points.ply", "points.npz", "points.glb", "points.usda"]
+    again, _, _ = run(carried, "again")
+    for name in ("points.npz", "points.glb", "points.usda"):
+        assert (where / name).read_bytes() == (again / name).read_bytes()
+
+
+# ---- glTF
+
+def read_glb(data):
+    """Attributes of the one primitive by name, and the document."""
+    magic, version, length, json_length, kind = struct.unpack_from("<4sII I4s", data)
+    assert (magic, version, length, kind) == (b"glTF", 2, len(data), b"JSON")
+    document = json.loads(data[20:20 + json_length])
+    (size, kind), binary = struct.unpack_from("<I4s", data, 20 + json_length), data[28 + json_length:]
+    assert kind == b"BIN\0" and size == len(binary) == document["buffers"][0]["byteLength"]
+    (primitive,) = document["meshes"][0]["primitives"]
+    assert primitive["mode"] == 0
+    found = {}
+    for name, index in primitive["attributes"].items():
+        accessor = document["accessors"][index]
+        view = document["bufferViews"][accessor["bufferView"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        values = numpy.frombuffer(binary, "<f4", accessor["count"] * width, view["byteOffset"])
+        found[name] = values.reshape(-1, width) if width > 1 else values
+    return found, document
+
+
+def test_points_of_gltf(run, carried):
+    where, columns, _ = run(carried)
+    arrays, document = read_glb((where / "points.glb").read_bytes())
+    assert (arrays["POSITION"] == stack(columns, *"xyz").astype("f4")).all()
+    assert (arrays["NORMAL"] == stack(columns, "nx", "ny", "nz").astype("f4")).all()
+    assert (arrays["_WIND"] == stack(columns, "wind_x", "wind_y", "wind_z").astype("f4")).all()
+    assert (arrays["_HEAT"] == columns["heat"].astype("f4")).all() and (arrays["_ID"] == numpy.arange(500)).all()
+    light = linear_light(numpy.clip(stack(columns, "Cd_r", "Cd_g", "Cd_b"), 0, 1))
+    assert numpy.abs(arrays["COLOR_0"] - light).max() < 1e-6
+    box = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    assert box["min"] == arrays["POSITION"].min(0).tolist() and box["max"] == arrays["POSITION"].max(0).tolist()
+    # the set stands along z, and glTF's y points up
+    x, y, z, w = document["nodes"][0]["rotation"]
+    assert (y, z) == (0, 0) and abs(x + 0.5 ** 0.5) < 1e-9 and abs(w - 0.5 ** 0.5) < 1e-9
+
+
+def test_khronos_finds_no_fault(run, carried, source):
+    validator = source / "tests/formats/validate.js"
+    if not shutil.which("node") or not (source / "tests/formats/node_modules").is_dir():
+        pytest.skip("no validator: run npm ci in tests/formats")
+    for spec in (carried, sphere(300, output={"preview": False, "points_glb": True})):
+        where, _, _ = run(spec)
+        done = subprocess.run(["node", validator, where / "points.glb"], capture_output=True, text=True, timeout=60)
+        report = json.loads(done.stdout)
+        assert (report["issues"]["numErrors"], report["issues"]["numWarnings"]) == (0, 0), report["issues"]
+        assert report["info"]["totalVertexCount"] == (500 if spec is carried else 300)
+
+
+# ---- USD
+
+def read_usda(text):
+    """{declaration: array} of one prim, and the stage's metadata."""
+    assert text.startswith("#usda 1.0\n")
+    found = {}
+    for name, values in re.findall(r"^    (\w+\[\] [\w:]+) = \[(.*)\]", text, re.M):
+        rows = re.findall(r"\(([^)]*)\)", values)
+        found[name] = numpy.array([[float(v) for v in row.split(",")] for row in rows] if rows else
+                                  [float(v) for v in values.split(",")])
+    return found, dict(re.findall(r"^    (\w+) = (\S+)$", text, re.M))
+
+
+def test_points_of_usd(run, carried):
+    where, columns, _ = run(carried)
+    arrays, stage = read_usda((where / "points.usda").read_text())
+    assert stage == {"defaultPrim": '"points"', "metersPerUnit": "1", "upAxis": '"Z"'}
+    assert (arrays["point3f[] points"].astype("f4") == stack(columns, *"xyz").astype("f4")).all()
+    assert (arrays["normal3f[] normals"].astype("f4") == stack(columns, "nx", "ny", "nz").astype("f4")).all()
+    assert (arrays["float[] widths"].astype("f4") == columns["spacing_local"].astype("f4")).all()
+    assert (arrays["int64[] ids"] == numpy.arange(500)).all()
+    assert (arrays["float3[] primvars:wind"].astype("f4") == stack(columns, "wind_x", "wind_y", "wind_z").astype("f4")).all()
+    assert (arrays["int[] primvars:label"] == columns["label"]).all()
+    light = linear_light(numpy.clip(stack(columns, "Cd_r", "Cd_g", "Cd_b"), 0, 1))
+    assert numpy.abs(arrays["color3f[] primvars:displayColor"] - light).max() < 1e-6
+    low, high = arrays["float3[] extent"]
+    radius = columns["spacing_local"][:, None] / 2
+    at = stack(columns, *"xyz")
+    assert numpy.allclose(low, (at - radius).min(0)) and numpy.allclose(high, (at + radius).max(0))
+
+
+def test_the_mesh_of_usd(run):
+    where, _, report = run(sphere(300, output={"preview": False, "mesh": True, "mesh_usda": True}))
+    text = (where / "mesh.usda").read_text()
+    arrays, stage = read_usda(text)
+    assert 'def Mesh "mesh"' in text and 'subdivisionScheme = "none"' in text and stage["defaultPrim"] == '"mesh"'
+    names, vertices, faces = read_mesh((where / "mesh.ply").read_bytes())
+    assert (arrays["int[] faceVertexIndices"].reshape(-1, 3) == faces).all()
+    assert (arrays["int[] faceVertexCounts"] == 3).all() and len(arrays["int[] faceVertexCounts"]) == len(faces)
+    assert (arrays["point3f[] points"].astype("f4") == vertices[:, :3].astype("f4")).all()
+    assert "float[] widths" not in arrays and len(arrays["float[] primvars:radius"]) == 300
